@@ -1,0 +1,145 @@
+"""Where the voxels are: a box of equal, axis-aligned, half-open voxels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class VoxelGrid:
+    """A box of ``shape`` voxels; arrays on it are ``volume[ix, iy, iz]`` in C order.
+
+    Voxels are half-open boxes: a point on a face belongs to the voxel above it, and the upper
+    outer face of the grid belongs to the last voxel.
+
+    Parameters
+    ----------
+    shape : (int, int, int)
+        Number of voxels along x, y, z.
+    spacing : float or (float, float, float)
+        Edge lengths of a voxel, in the rig's length unit.
+    center : (float, float, float)
+        The middle of the box in world coordinates.
+
+    Raises
+    ------
+    ValueError
+        If a count is below one, or a length is not positive and finite.
+
+    Examples
+    --------
+    >>> VoxelGrid((2, 4, 2), 0.5).origin
+    array([-0.25, -0.75, -0.25])
+    """
+
+    shape: tuple[int, int, int]
+    spacing: tuple[float, float, float]
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Normalise to plain tuples, so that grids compare, hash and print as values."""
+        shape = tuple(int(n) for n in self.shape)
+        if len(shape) != 3 or min(shape) < 1 or shape != tuple(self.shape):
+            raise ValueError(f"grid shape: found {self.shape}, expected three whole numbers >= 1")
+        spacing = np.asarray(self.spacing, dtype=np.float64)
+        if spacing.shape not in ((), (3,)):
+            raise ValueError(f"grid spacing: found {self.spacing}, expected one or three lengths")
+        spacing = tuple(np.broadcast_to(spacing, 3).tolist())
+        if not all(math.isfinite(s) and s > 0 for s in spacing):
+            raise ValueError(f"grid spacing: found {self.spacing}, expected positive lengths")
+        center = np.asarray(self.center, dtype=np.float64)
+        if center.shape != (3,) or not np.isfinite(center).all():
+            raise ValueError(f"grid center: found {self.center}, expected three finite numbers")
+        object.__setattr__(self, "shape", shape)
+        object.__setattr__(self, "spacing", spacing)
+        object.__setattr__(self, "center", tuple(center.tolist()))
+
+    @classmethod
+    def from_bounds(cls, shape: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> VoxelGrid:
+        """Return the grid of ``shape`` voxels that fills the box from ``lower`` to ``upper``."""
+        lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
+        if lower.shape != (3,) or upper.shape != (3,) or not (upper > lower).all():
+            raise ValueError(
+                f"grid bounds: found lower {lower.tolist()} and upper {upper.tolist()}, "
+                "expected three coordinates each with upper above lower"
+            )
+        spacing = (upper - lower) / np.asarray(shape)
+        return cls(tuple(shape), tuple(spacing), tuple((lower + upper) / 2))
+
+    @classmethod
+    def from_origin(cls, shape: ArrayLike, spacing: ArrayLike, origin: ArrayLike) -> VoxelGrid:
+        """Return the grid whose voxel (0, 0, 0) is centred at ``origin`` (VTK, ITK, NRRD)."""
+        spacing = np.broadcast_to(np.asarray(spacing, np.float64), 3)
+        center = np.asarray(origin, np.float64) + (np.asarray(shape) - 1) / 2 * spacing
+        return cls(tuple(shape), tuple(spacing), tuple(center))
+
+    @property
+    def size(self) -> int:
+        """Number of voxels."""
+        return math.prod(self.shape)
+
+    @property
+    def extent(self) -> NDArray[np.float64]:
+        """Edge lengths of the whole box, ``(3,)``."""
+        return np.multiply(self.shape, self.spacing)
+
+    @property
+    def lower(self) -> NDArray[np.float64]:
+        """The box's lower outer corner, ``(3,)``."""
+        return np.asarray(self.center) - self.extent / 2
+
+    @property
+    def upper(self) -> NDArray[np.float64]:
+        """The box's upper outer corner, ``(3,)``."""
+        return np.asarray(self.center) + self.extent / 2
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """Centre of voxel (0, 0, 0), ``(3,)``."""
+        return self.lower + np.asarray(self.spacing) / 2
+
+    def to_voxel_units(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return ``points`` ``(..., 3)`` in voxels from the lower corner; faces are integers."""
+        return (np.asarray(points, np.float64) - self.lower) / self.spacing
+
+    def voxel_of(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return the flat voxel index of each of ``points`` ``(..., 3)``; -1 is outside."""
+        position = self.to_voxel_units(points)
+        shape = np.asarray(self.shape)
+        inside = ((position >= 0) & (position <= shape)).all(axis=-1)
+        index = np.floor(np.where(inside[..., None], position, 0.0)).astype(np.int64)
+        index = np.minimum(index, shape - 1)  # the upper outer face belongs to the last voxel
+        _, ny, nz = self.shape
+        flat = (index[..., 0] * ny + index[..., 1]) * nz + index[..., 2]
+        return np.where(inside, flat, -1)
+
+    def axes(self) -> tuple[NDArray[np.float64], ...]:
+        """Return the voxel centres along x, y and z: vectors ``(nx,)``, ``(ny,)``, ``(nz,)``."""
+        return tuple(
+            o + s * np.arange(n)
+            for o, s, n in zip(self.origin, self.spacing, self.shape, strict=True)
+        )
+
+    def centers(self) -> NDArray[np.float64]:
+        """Return the centre of every voxel, ``(nx, ny, nz, 3)``."""
+        return np.stack(np.meshgrid(*self.axes(), indexing="ij"), axis=-1)
+
+    def refined(self, factor: int) -> VoxelGrid:
+        """Return the grid of the same box with voxels ``factor`` times finer along each axis."""
+        if factor < 1 or factor != int(factor):
+            raise ValueError(f"grid refinement: found {factor}, expected a whole number >= 1")
+        shape = tuple(n * int(factor) for n in self.shape)
+        return VoxelGrid(shape, tuple(s / factor for s in self.spacing), self.center)
+
+    def average(self, fine: NDArray, factor: int) -> NDArray:
+        """Return the means over this grid's voxels of a volume on ``self.refined(factor)``."""
+        expected = tuple(n * factor for n in self.shape)
+        if fine.shape != expected:
+            raise ValueError(f"volume to average: found shape {fine.shape}, expected {expected}")
+        nx, ny, nz = self.shape
+        blocks = fine.reshape(nx, factor, ny, factor, nz, factor)
+        return blocks.mean(axis=(1, 3, 5), dtype=np.float64).astype(fine.dtype)

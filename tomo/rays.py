@@ -1,0 +1,150 @@
+"""Straight pieces of lines of sight, grouped by the pixel that they feed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from rigs import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Straight pieces of rays; pixel ``p`` owns the pieces ``pixel_ptr[p]:pixel_ptr[p + 1]``.
+
+    A pixel's projection is the sum over its pieces of ``weight`` times the line integral from
+    ``origins`` along ``directions`` over ``lengths``. One ray a pixel has weight 1; K x K rays a
+    pixel have 1 / K² each; a bent ray is several pieces one behind the other.
+
+    Attributes
+    ----------
+    origins : (N, 3) float64
+        Where each piece starts, in world coordinates.
+    directions : (N, 3) float64
+        Unit vectors.
+    lengths : (N,) float64
+        How long each piece is; infinite for a ray that nothing ends.
+    weight : (N,) float64
+        Quadrature weights.
+    pixel_ptr : (pixels + 1,) int64
+        Where each pixel's pieces begin.
+    """
+
+    origins: NDArray[np.float64]
+    directions: NDArray[np.float64]
+    lengths: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    pixel_ptr: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        """Check shapes and that directions are unit vectors: every tracer relies on it."""
+        n = len(self.origins)
+        for name, shape in (
+            ("origins", (n, 3)),
+            ("directions", (n, 3)),
+            ("lengths", (n,)),
+            ("weight", (n,)),
+        ):
+            found = getattr(self, name)
+            if found.shape != shape or found.dtype != np.float64:
+                raise ValueError(
+                    f"rays {name}: found {found.dtype} {found.shape}, expected float64 {shape}"
+                )
+        if not np.isfinite(self.origins).all():
+            raise ValueError("rays origins: found NaN or infinity, expected finite coordinates")
+        norms = np.linalg.norm(self.directions, axis=1)
+        if not (np.abs(norms - 1) < 1e-9).all():
+            raise ValueError("rays directions: expected unit vectors")
+        if (self.lengths < 0).any() or np.isnan(self.lengths).any():
+            raise ValueError("rays lengths: found a negative or NaN length, expected >= 0")
+        ptr = self.pixel_ptr
+        if ptr.dtype != np.int64 or len(ptr) < 1 or ptr[0] != 0 or ptr[-1] != n:
+            raise ValueError(f"rays pixel_ptr: expected int64 from 0 to the number of pieces, {n}")
+
+    def __len__(self) -> int:
+        """Return the number of straight pieces."""
+        return len(self.origins)
+
+    def __repr__(self) -> str:
+        """Name the sizes: the arrays themselves are too long to print."""
+        return f"<Rays: {self.n_pixels} pixels, {len(self)} pieces>"
+
+    @property
+    def n_pixels(self) -> int:
+        """Number of pixels."""
+        return len(self.pixel_ptr) - 1
+
+    @classmethod
+    def from_lines(
+        cls, origins: ArrayLike, directions: ArrayLike, lengths: ArrayLike = np.inf
+    ) -> Rays:
+        """Return one ray a pixel; ``directions`` ``(N, 3)`` are normalised here."""
+        directions = np.atleast_2d(np.asarray(directions, np.float64))
+        norms = np.linalg.norm(directions, axis=1, keepdims=True)
+        if not (norms > 0).all():
+            raise ValueError("rays directions: found a zero vector, expected non-zero")
+        n = len(directions)
+        origins = np.array(np.broadcast_to(np.asarray(origins, np.float64), (n, 3)))
+        lengths = np.array(np.broadcast_to(np.asarray(lengths, np.float64), (n,)))
+        return cls(origins, directions / norms, lengths, np.ones(n), np.arange(n + 1))
+
+    @classmethod
+    def from_camera(
+        cls, camera: Camera, pixels: NDArray[np.integer] | None = None, supersample: int = 1
+    ) -> Rays:
+        """Return the rays of a camera's pixels, ``supersample`` x ``supersample`` for each.
+
+        Sub-pixel rays sit at the centres of equal squares of the pixel (midpoint rule), so their
+        mean is the mean over the pixel's area to second order.
+
+        Parameters
+        ----------
+        camera : Camera
+        pixels : (P,) int, optional
+            Flat pixel numbers ``row * width + column``; all pixels when None.
+        supersample : int
+            Rays along each side of a pixel.
+
+        Notes
+        -----
+        A pixel that the lens maps from no direction at all (beyond the fold of its distortion
+        polynomial) keeps its row and owns no ray.
+        """
+        if supersample < 1:
+            raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
+        width, height = camera.image_size
+        pixels = np.arange(width * height) if pixels is None else np.asarray(pixels)
+        centres = np.stack([pixels % width, pixels // width], axis=-1)  # (P, 2)
+        steps = (np.arange(supersample) + 0.5) / supersample - 0.5
+        offsets = np.stack(np.meshgrid(steps, steps, indexing="xy"), axis=-1).reshape(-1, 2)
+        uv = (centres[:, None, :] + offsets).reshape(-1, 2)  # (P * K², 2)
+        origins, directions = camera.rays(uv)
+        seen = np.isfinite(directions).all(axis=1)
+        per_pixel = seen.reshape(-1, supersample**2).sum(axis=1)
+        weight = np.repeat(1.0 / np.maximum(per_pixel, 1), per_pixel)
+        return cls(
+            origins[seen],
+            directions[seen],
+            np.full(len(weight), np.inf),
+            weight,
+            np.concatenate([[0], np.cumsum(per_pixel)]).astype(np.int64),
+        )
+
+    @staticmethod
+    def concatenate(parts: Iterable[Rays]) -> Rays:
+        """Return the rays of ``parts`` one after another."""
+        parts = list(parts)
+        offsets = np.cumsum([0] + [len(part) for part in parts])
+        ptr = [part.pixel_ptr[1:] + o for part, o in zip(parts, offsets[:-1], strict=True)]
+        return Rays(
+            np.concatenate([part.origins for part in parts]),
+            np.concatenate([part.directions for part in parts]),
+            np.concatenate([part.lengths for part in parts]),
+            np.concatenate([part.weight for part in parts]),
+            np.concatenate([np.zeros(1, np.int64), *ptr]),
+        )
