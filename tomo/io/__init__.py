@@ -1,0 +1,12 @@
+"""Volumes and images in and out; every file is written whole or not at all."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "atomic": ["atomic_path"],
+        "images": ["read_image", "write_image"],
+        "volumes": ["read_volume", "write_volume"],
+    },
+)
