@@ -24,7 +24,8 @@ class Segments:
         Chord length inside that voxel times the ray's quadrature weight, in the length unit:
         the matrix entry. With one ray a pixel it is the chord itself.
     midpoint : (S, 3) float32 or float64, optional
-        Middle of each crossing in world coordinates (the paper's segment points).
+        Middle of each crossing (the paper's segment points) along the world's axes, measured
+        from the grid's ``center``, so that single precision suffices wherever the grid lies.
     """
 
     ptr: NDArray[np.int64]

@@ -1,0 +1,38 @@
+"""One place that decides how kernels are compiled, threaded and cached.
+
+numba's TBB layer refuses the TBB of many systems with a warning and its ``workqueue`` layer must
+not be entered from two threads, so OpenMP comes first. Compiled code is cached beside the package
+or, where that folder is read-only, in the user's cache; without either it is compiled afresh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numba
+
+numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+
+
+def compiled(*, parallel: bool = False, inline: bool = False) -> Callable[[Callable], Callable]:
+    """Return a decorator that compiles a kernel with IEEE arithmetic (no fast-math).
+
+    Parameters
+    ----------
+    parallel : bool
+        Whether ``numba.prange`` loops run on all cores. Every kernel of the project gives each
+        output element to one iteration, so that results do not depend on the number of threads.
+    inline : bool
+        For small helpers called from inner loops.
+    """
+    options = {"parallel": parallel, "error_model": "numpy", "nogil": True}
+    if inline:
+        options["forceinline"] = True
+
+    def decorate(function: Callable) -> Callable:
+        try:
+            return numba.njit(function, cache=True, **options)
+        except RuntimeError:  # no folder to cache in can be written
+            return numba.njit(function, **options)
+
+    return decorate

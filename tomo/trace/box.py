@@ -1,0 +1,58 @@
+"""Where rays enter and leave the grid's box, in float64."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import VoxelGrid
+from tomo.rays import Rays
+
+
+@dataclass(frozen=True, eq=False)
+class BoxCrossing:
+    """The part of every ray inside the box, in voxel units measured from the lower corner.
+
+    Positions are taken at the entry, so that what follows does not see how far away the camera
+    is: ``position + direction * t`` with ``0 <= t <= length``, ``t`` in world lengths.
+
+    Attributes
+    ----------
+    position : (N, 3) float64
+        Where the ray enters, in voxel units.
+    direction : (N, 3) float64
+        Voxels per unit of world length.
+    length : (N,) float64
+        World length inside the box: the chord; zero for a ray that misses.
+    """
+
+    position: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    length: NDArray[np.float64]
+
+
+def enter_box(rays: Rays, grid: VoxelGrid) -> BoxCrossing:
+    """Clip every ray to the grid's box by the slab method.
+
+    A ray parallel to an axis is inside that axis's slab when it lies between the two outer faces
+    or on one of them. Written without ``0 * inf``: a zero direction component never divides.
+    """
+    position = grid.to_voxel_units(rays.origins)  # (N, 3)
+    direction = rays.directions / grid.spacing  # (N, 3)
+    shape = np.asarray(grid.shape, np.float64)
+    parallel = direction == 0
+    divisor = np.where(parallel, 1.0, direction)
+    with np.errstate(over="ignore"):  # a subnormal component: infinity is the right answer
+        to_lower = (0.0 - position) / divisor
+        to_upper = (shape - position) / divisor
+    between = (position >= 0) & (position <= shape)
+    near = np.where(parallel, np.where(between, -np.inf, np.inf), np.minimum(to_lower, to_upper))
+    far = np.where(parallel, np.where(between, np.inf, -np.inf), np.maximum(to_lower, to_upper))
+    start = np.maximum(near.max(axis=1), 0.0)
+    stop = np.minimum(far.min(axis=1), rays.lengths)
+    inside = stop > start
+    start = np.where(inside, start, 0.0)
+    length = np.where(inside, stop - start, 0.0)
+    return BoxCrossing(position + direction * start[:, None], direction, length)
