@@ -1,0 +1,119 @@
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tomo.io import read_image, write_image
+
+RAMP = np.arange(12, dtype=np.uint8).reshape(3, 4)
+
+
+def test_floats_stay_as_they_are(tmp_path):
+    image = np.random.default_rng(0).normal(size=(5, 7)).astype(np.float32) * 1e3
+    write_image(tmp_path / "a.tif", image)
+    found = read_image(tmp_path / "a.tif")
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, image)
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".png"])
+@pytest.mark.parametrize(("dtype", "full"), [(np.uint8, 255), (np.uint16, 65535)])
+def test_integers_are_scaled_by_their_full_scale(tmp_path, suffix, dtype, full):
+    image = np.array([[0, full], [full // 3, 1]], dtype)
+    write_image(tmp_path / f"a{suffix}", image)
+    np.testing.assert_allclose(read_image(tmp_path / f"a{suffix}"), image / full, rtol=1e-6)
+
+
+def test_bit_depth_is_the_cameras_own_full_scale(tmp_path):
+    write_image(tmp_path / "a.tif", np.array([[0, 4095]], np.uint16))
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif", bit_depth=12), [[0, 1]])
+    with pytest.raises(ValueError, match=r"a\.tif: found a pixel of 4095, expected at most 1023"):
+        read_image(tmp_path / "a.tif", bit_depth=10)
+
+
+def test_jpeg_and_compressed_tiff(tmp_path):
+    image = np.full((16, 16), 128, np.uint8)
+    cv2.imwrite(str(tmp_path / "a.jpg"), image)
+    np.testing.assert_allclose(read_image(tmp_path / "a.jpg"), 128 / 255, atol=0.01)
+    cv2.imwrite(str(tmp_path / "lzw.tif"), image, [cv2.IMWRITE_TIFF_COMPRESSION, 5])
+    np.testing.assert_allclose(read_image(tmp_path / "lzw.tif"), 128 / 255, rtol=1e-6)
+    tifffile.imwrite(tmp_path / "zlib.tif", image, compression="zlib")
+    np.testing.assert_allclose(read_image(tmp_path / "zlib.tif"), 128 / 255, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.jpg"])
+def test_colour_is_refused_with_its_channels(tmp_path, name):
+    cv2.imwrite(str(tmp_path / name), np.zeros((4, 5, 3), np.uint8))
+    with pytest.raises(ValueError, match=rf"{name}: found a colour image.* 3 channels"):
+        read_image(tmp_path / name)
+
+
+def test_nan_is_counted_and_placed_unless_masked(tmp_path):
+    image = np.ones((4, 5), np.float32)
+    image[1, 3] = np.nan
+    image[2, 0] = np.inf
+    write_image(tmp_path / "a.tif", image)
+    with pytest.raises(ValueError, match=r"a\.tif: found 2 NaN.* row 1, column 3"):
+        read_image(tmp_path / "a.tif")
+    usable = np.ones((4, 5), bool)
+    usable[1, 3] = False
+    with pytest.raises(ValueError, match=r"a\.tif: found 1 NaN.* row 2, column 0"):
+        read_image(tmp_path / "a.tif", usable=usable)
+    usable[2, 0] = False
+    found = read_image(tmp_path / "a.tif", usable=usable)
+    assert found[1, 3] == found[2, 0] == 0
+    assert found.sum() == 18
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.jpg", "lzw.tif"])
+@settings(
+    max_examples=20,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(keep=st.floats(0, 0.97))
+def test_a_truncated_file_is_one_line_naming_it(tmp_path, name, keep):
+    part = tmp_path / f"part-{name}"
+    noise = np.random.default_rng(1).integers(0, 255, (40, 40), dtype=np.uint8)
+    if not (tmp_path / name).exists():
+        options = [cv2.IMWRITE_TIFF_COMPRESSION, 5 if "lzw" in name else 1]
+        cv2.imwrite(str(tmp_path / name), noise, options if name.endswith("tif") else [])
+    content = (tmp_path / name).read_bytes()
+    part.write_bytes(content[: int(keep * len(content))])
+    with pytest.raises(ValueError, match=part.name) as caught:
+        read_image(part)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "stored", "message"),
+    [
+        ("pages.tif", np.zeros((3, 4, 5), np.float32), "found 3 pages, expected one"),
+        ("signed.tif", np.zeros((4, 5), np.int16), "found int16 pixels"),
+    ],
+)
+def test_other_tiffs_are_refused(tmp_path, name, stored, message):
+    tifffile.imwrite(tmp_path / name, stored, photometric="minisblack")
+    with pytest.raises(ValueError, match=f"{name}.*{message}"):
+        read_image(tmp_path / name)
+
+
+def test_bad_arguments_of_write(tmp_path):
+    for name, image in [
+        ("a.png", np.zeros((3, 4), np.float32)),
+        ("a.tif", np.zeros((3, 4, 3), np.uint8)),
+        ("a.tif", np.zeros((3, 4), np.int64)),
+        ("a.bmp", RAMP),
+    ]:
+        with pytest.raises(ValueError, match=name):
+            write_image(tmp_path / name, image)
+    assert not list(tmp_path.iterdir())
+
+
+def test_missing_and_unknown_files_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"none\.tif: no such image file"):
+        read_image(tmp_path / "none.tif")
+    with pytest.raises(ValueError, match=r"a\.txt: found suffix '\.txt'"):
+        read_image(tmp_path / "a.txt")

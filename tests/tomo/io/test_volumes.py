@@ -1,0 +1,173 @@
+import base64
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tomo import VoxelGrid
+from tomo.io import read_volume, write_volume
+
+SUFFIXES = [".npz", ".vti", ".nrrd"]
+GRID = VoxelGrid((3, 4, 5), (0.5, 0.25, 1.0), (1.0, -2.0, 0.1))
+VOLUME = np.arange(60, dtype=np.float32).reshape(3, 4, 5)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@settings(
+    max_examples=15,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(
+    shape=st.tuples(*[st.integers(1, 6)] * 3),
+    spacing=st.tuples(*[st.floats(1e-3, 1e3)] * 3),
+    center=st.tuples(*[st.floats(-1e3, 1e3)] * 3),
+    seed=st.integers(0, 99),
+)
+def test_round_trip(tmp_path, suffix, shape, spacing, center, seed):
+    grid = VoxelGrid(shape, spacing, center)
+    data = np.random.default_rng(seed).normal(size=shape).astype(np.float32)
+    path = tmp_path / f"volume{suffix}"
+    write_volume(path, data, grid, "m")
+    found, found_grid, unit = read_volume(path)
+    np.testing.assert_array_equal(found, data)
+    assert found.dtype == np.float32
+    assert found_grid.shape == shape
+    np.testing.assert_allclose(found_grid.spacing, spacing, rtol=1e-12)
+    np.testing.assert_allclose(found_grid.origin, grid.origin, rtol=1e-12, atol=1e-9)
+    assert unit == "m"
+
+
+def test_vti_has_x_fastest_and_the_origin_at_the_first_voxels_centre(tmp_path):
+    path = tmp_path / "volume.vti"
+    write_volume(path, VOLUME, GRID, "mm")
+    content = path.read_bytes()
+    head, _, tail = content.partition(b'encoding="raw">\n_')
+    assert b'WholeExtent="0 2 0 3 0 4"' in head
+    origin = head.split(b'Origin="')[1].split(b'"')[0].split()
+    np.testing.assert_allclose(np.array(origin, float), GRID.origin)
+    assert np.frombuffer(tail[:8], "<u8")[0] == 60 * 4
+    on_disk = np.frombuffer(tail[8 : 8 + 240], "<f4")
+    np.testing.assert_array_equal(on_disk, VOLUME.transpose(2, 1, 0).ravel())
+
+
+def test_nrrd_has_x_fastest(tmp_path):
+    import zlib
+
+    path = tmp_path / "volume.nrrd"
+    write_volume(path, VOLUME, GRID, "mm")
+    head, _, tail = path.read_bytes().partition(b"\n\n")
+    assert b"sizes: 3 4 5" in head
+    assert b'space units: "mm" "mm" "mm"' in head
+    on_disk = np.frombuffer(zlib.decompress(tail, wbits=31), "<f4")
+    np.testing.assert_array_equal(on_disk, VOLUME.transpose(2, 1, 0).ravel())
+
+
+def vti(array, *, where="PointData", attributes="", extent="0 1 0 1 0 1", appended=""):
+    return (
+        f'<VTKFile type="ImageData" byte_order="LittleEndian" {attributes}>'
+        f'<ImageData WholeExtent="{extent}" Origin="0 0 0" Spacing="2 2 2">'
+        f'<Piece Extent="{extent}"><{where}>{array}</{where}></Piece></ImageData>{appended}'
+        "</VTKFile>"
+    )
+
+
+def base64_array(values, compress):
+    raw = np.asarray(values, "<f8").tobytes()
+    if not compress:
+        text = base64.b64encode(np.array(len(raw), "<u4").tobytes() + raw)
+    else:
+        blocks = [zlib.compress(raw[:24]), zlib.compress(raw[24:])]
+        sizes = np.array([2, 24, len(raw) - 24, *map(len, blocks)], "<u4")
+        text = base64.b64encode(sizes.tobytes()) + base64.b64encode(b"".join(blocks))
+    return f'<DataArray type="Float64" format="binary">{text.decode()}</DataArray>'
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_vti_of_other_programs_inline(tmp_path, compress):
+    path = tmp_path / "other.vti"
+    attributes = 'compressor="vtkZLibDataCompressor"' if compress else ""
+    path.write_text(vti(base64_array(np.arange(8), compress), attributes=attributes))
+    data, grid, unit = read_volume(path)
+    np.testing.assert_array_equal(data, np.arange(8).reshape(2, 2, 2).transpose(2, 1, 0))
+    np.testing.assert_allclose(grid.origin, 0)
+    assert unit == "mm"
+
+
+def test_vti_cell_data_has_its_origin_at_the_corner(tmp_path):
+    path = tmp_path / "cells.vti"
+    array = '<DataArray type="Int16" format="ascii">7 8</DataArray>'
+    path.write_text(vti(array, where="CellData", extent="0 2 0 1 0 1"))
+    data, grid, _ = read_volume(path)
+    assert data.ravel().tolist() == [7, 8]
+    np.testing.assert_allclose(grid.lower, 0)
+    np.testing.assert_allclose(grid.upper, [4, 2, 2])
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@settings(
+    max_examples=25,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(keep=st.floats(0, 0.98))
+def test_a_truncated_file_is_one_line_naming_it(tmp_path, suffix, keep):
+    whole, part = tmp_path / f"whole{suffix}", tmp_path / f"part{suffix}"
+    if not whole.exists():
+        write_volume(whole, VOLUME, GRID, "mm")
+    content = whole.read_bytes()
+    part.write_bytes(content[: int(keep * len(content))])
+    with pytest.raises(ValueError, match=f"part{suffix}: ") as caught:
+        read_volume(part)
+    assert "\n" not in str(caught.value)
+
+
+def test_pickles_are_refused(tmp_path):
+    path = tmp_path / "evil.npz"
+    np.savez(path, data=np.array([print], dtype=object), origin=np.zeros(3), spacing=np.ones(3))
+    with pytest.raises(ValueError, match=r"evil\.npz"):
+        read_volume(path)
+
+
+def test_an_nrrd_that_points_at_another_file_is_refused(tmp_path):
+    (tmp_path / "other.raw").write_bytes(VOLUME.tobytes())
+    path = tmp_path / "points.nrrd"
+    path.write_text(
+        "NRRD0005\ntype: float\ndimension: 3\nsizes: 3 4 5\nencoding: raw\nendian: little\n"
+        "data file: other.raw\n"
+    )
+    with pytest.raises(ValueError, match=r"points\.nrrd.*another file"):
+        read_volume(path)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
+def test_a_value_that_is_not_finite_is_refused_and_nothing_is_written(tmp_path, bad):
+    volume = VOLUME.astype(float)
+    volume[1, 2, 3] = bad
+    with pytest.raises(ValueError, match=r"volume\.npz: found 1 NaN.*\(1, 2, 3\)"):
+        write_volume(tmp_path / "volume.npz", volume, GRID)
+    np.savez(tmp_path / "in.npz", data=volume, origin=np.zeros(3), spacing=np.ones(3))
+    with pytest.raises(ValueError, match=r"in\.npz: .*1 NaN.*\(1, 2, 3\)"):
+        read_volume(tmp_path / "in.npz")
+    assert [p.name for p in tmp_path.iterdir()] == ["in.npz"]
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "unit", "message"),
+    [
+        ("v.foo", (3, 4, 5), "mm", r"suffix '\.foo', expected one of \.npz"),
+        ("v.vti", (5, 4, 3), "mm", r"shape \(5, 4, 3\), expected \(3, 4, 5\)"),
+        ("v.nrrd", (3, 4, 5), "m\nm", "length_unit"),
+    ],
+)
+def test_bad_arguments_of_write(tmp_path, name, shape, unit, message):
+    with pytest.raises(ValueError, match=message):
+        write_volume(tmp_path / name, np.zeros(shape), GRID, unit)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"none\.vti: no such volume file"):
+        read_volume(tmp_path / "none.vti")

@@ -1,0 +1,138 @@
+"""VTK ImageData XML, the little of it that one scalar volume needs.
+
+Written: one float32 point array, appended raw, little-endian, 64-bit headers. Read: that, and
+what other programs write: point or cell data, inline (ascii or base64) or appended (raw or
+base64), compressed by zlib or not.
+"""
+
+from __future__ import annotations
+
+import base64
+import re
+import sys
+import zlib
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import VoxelGrid
+
+_NUMBERS = {
+    "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",
+    "Int64": "i8", "UInt64": "u8", "Float32": "f4", "Float64": "f8",
+}  # fmt: skip
+
+
+def write(path: Path, data: NDArray[np.float32], grid: VoxelGrid, length_unit: str) -> None:
+    """Write ``data`` as point data whose points are the voxels' centres."""
+    extent = " ".join(f"0 {n - 1}" for n in grid.shape)
+    origin = " ".join(repr(float(x)) for x in grid.origin)
+    spacing = " ".join(repr(float(x)) for x in grid.spacing)
+    unit = " ".join(str(byte) for byte in (*length_unit.encode(), 0))
+    head = (
+        '<?xml version="1.0"?>\n'
+        '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n'
+        f'  <ImageData WholeExtent="{extent}" Origin="{origin}" Spacing="{spacing}">\n'
+        "    <FieldData>\n"
+        '      <Array type="String" Name="length_unit" NumberOfTuples="1" format="ascii">'
+        f"{unit}</Array>\n"
+        "    </FieldData>\n"
+        f'    <Piece Extent="{extent}">\n'
+        '      <PointData Scalars="emission">\n'
+        '        <DataArray type="Float32" Name="emission" format="appended" offset="0"/>\n'
+        "      </PointData>\n"
+        "    </Piece>\n"
+        "  </ImageData>\n"
+        '  <AppendedData encoding="raw">\n_'
+    )
+    with path.open("wb") as file:
+        file.write(head.encode())
+        file.write(np.array(data.nbytes, "<u8").tobytes())
+        for iz in range(grid.shape[2]):  # slice by slice: x is the fastest axis on disk
+            file.write(np.asfortranarray(data[:, :, iz], dtype="<f4").tobytes(order="F"))
+        file.write(b"\n  </AppendedData>\n</VTKFile>\n")
+
+
+def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
+    """Return values ``(nx, ny, nz)``, the centre of voxel (0, 0, 0), spacing and length unit."""
+    content = path.read_bytes()
+    appended = b""
+    opening = re.search(rb"<AppendedData[^>]*>\s*_", content)
+    if opening:  # raw bytes are no XML: cut them out before parsing
+        closing = content.rfind(b"</AppendedData>")
+        if closing < 0:
+            raise ValueError("found no end of AppendedData, expected one: truncated")
+        appended = content[opening.end() : closing]
+        content = content[: opening.end() - 1] + content[closing:]
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise ValueError("found a document type, expected plain VTK XML")
+    root = ElementTree.fromstring(content)
+    image, piece = root.find("ImageData"), root.find("ImageData/Piece")
+    if root.get("type") != "ImageData" or image is None or piece is None:
+        raise ValueError("expected VTK XML of type ImageData with one piece")
+    direction = np.array(image.get("Direction", "1 0 0 0 1 0 0 0 1").split(), float)
+    if not np.array_equal(direction, np.eye(3).ravel()):
+        raise ValueError("found turned axes (Direction), expected axes along x, y and z")
+
+    first, last = np.array(piece.get("Extent", "").split(), int).reshape(3, 2).T
+    spacing = np.array(image.get("Spacing", "1 1 1").split(), np.float64)
+    origin = np.array(image.get("Origin", "0 0 0").split(), np.float64) + first * spacing
+    shape = last - first + 1
+    array = piece.find("PointData/DataArray")
+    if array is None:
+        array = piece.find("CellData/DataArray")
+        shape, origin = shape - 1, origin + spacing / 2
+    if array is None:
+        raise ValueError("found no DataArray, expected one in PointData or CellData")
+    if array.get("NumberOfComponents", "1") != "1":
+        raise ValueError("found several components a voxel, expected one")
+    values = _values(root, array, appended)
+    if (shape < 1).any() or values.size != np.prod(shape):
+        raise ValueError(f"found {values.size} values, expected {' x '.join(map(str, shape))}")
+    unit = image.find("FieldData/Array[@Name='length_unit']")
+    codes = [] if unit is None else [int(code) for code in (unit.text or "").split()]
+    length_unit = bytes(code for code in codes if code).decode() or "mm"
+    return values.reshape(shape, order="F"), origin, spacing, length_unit
+
+
+def _values(root: ElementTree.Element, array: ElementTree.Element, appended: bytes) -> NDArray:
+    order = {"LittleEndian": "<", "BigEndian": ">"}[root.get("byte_order", sys.byteorder)]
+    dtype = np.dtype(order + _NUMBERS[array.get("type", "")])
+    header = np.dtype(order + _NUMBERS[root.get("header_type", "UInt32")])
+    if array.get("format") == "ascii":
+        return np.array((array.text or "").split(), np.float64)
+    if array.get("format") == "appended":
+        encoded = appended[int(array.get("offset", "0")) :]
+        is_raw = root.find("AppendedData").get("encoding") == "raw"
+    else:
+        encoded, is_raw = (array.text or "").strip().encode(), False
+    compressor = root.get("compressor")
+    if compressor not in (None, "", "vtkZLibDataCompressor"):
+        raise ValueError(f"found compressor {compressor}, expected vtkZLibDataCompressor or none")
+    take = _take_raw if is_raw else _take_base64
+    if not compressor:
+        count = int(np.frombuffer(take(encoded, header.itemsize), header)[0])
+        payload = take(encoded, header.itemsize + count)[header.itemsize :]
+        return np.frombuffer(payload, dtype)
+    # zlib: number of blocks, block size, size of the last block, then each compressed size
+    blocks = int(np.frombuffer(take(encoded, header.itemsize), header)[0])
+    head_size = (3 + blocks) * header.itemsize
+    sizes = np.frombuffer(take(encoded, head_size), header)[3:].astype(int)
+    encoded = encoded[head_size if is_raw else -(-head_size // 3) * 4 :]
+    payload = take(encoded, int(sizes.sum()))
+    stops = np.cumsum(sizes)
+    parts = [payload[a:b] for a, b in zip(stops - sizes, stops, strict=True)]
+    return np.frombuffer(b"".join(map(zlib.decompress, parts)), dtype)
+
+
+def _take_raw(encoded: bytes, count: int) -> bytes:
+    if not 0 <= count <= len(encoded):
+        raise ValueError(f"found {len(encoded)} bytes, expected {count}: truncated")
+    return encoded[:count]
+
+
+def _take_base64(encoded: bytes, count: int) -> bytes:
+    decoded = base64.b64decode(encoded[: -(-max(count, 0) // 3) * 4])
+    return _take_raw(decoded, count)

@@ -1,0 +1,182 @@
+"""Grey images in and out: TIFF, PNG and JPEG as float32, linear in the numbers stored."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo.io.atomic import atomic_path
+
+TIFF_SUFFIXES = (".tif", ".tiff")
+IMAGE_SUFFIXES = (*TIFF_SUFFIXES, ".png", ".jpg", ".jpeg")
+
+
+def read_image(
+    path: str | os.PathLike,
+    bit_depth: int | None = None,
+    usable: NDArray[np.bool_] | None = None,
+) -> NDArray[np.float32]:
+    """Read a grey image.
+
+    Floating-point numbers stay as they are. Integers are divided by their full scale, 255 for
+    8-bit and 65535 for 16-bit storage, so that full scale is 1.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.tif``, ``.tiff``, ``.png``, ``.jpg`` or ``.jpeg``.
+    bit_depth : int, optional
+        Bits the camera really uses: 12 bits stored in 16 are divided by 4095.
+    usable : (rows, columns) bool, optional
+        False where the pixel does not count: there, and only there, NaN and infinity are allowed
+        and become 0.
+
+    Returns
+    -------
+    image : (rows, columns) float32
+
+    Raises
+    ------
+    ValueError
+        If the file is no grey image, is truncated, or holds NaN or infinity in a usable pixel.
+    FileNotFoundError
+        If there is no such file.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in IMAGE_SUFFIXES:
+        expected = ", ".join(IMAGE_SUFFIXES)
+        raise ValueError(
+            f"{path}: image format: found {path.suffix!r}, expected one of {expected}"
+        )
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such image file")
+    decode = _decode_tiff if path.suffix.lower() in TIFF_SUFFIXES else _decode_with_opencv
+    try:
+        content = path.read_bytes()
+        if not content:
+            raise ValueError("the file is empty")
+        stored = decode(content)
+    except Exception as error:  # decoders of foreign bytes may raise anything
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"{path}: not a readable image: {reason}") from error
+    if stored.ndim != 2:
+        raise ValueError(
+            f"{path}: found a colour image of shape {stored.shape}, "
+            f"{stored.shape[-1]} channels, expected a grey one (rows, columns)"
+        )
+    image = _to_float(path, stored, bit_depth)
+    bad = ~np.isfinite(image)
+    if usable is not None and usable.shape == image.shape:
+        image[bad & ~usable] = 0
+        bad &= usable
+    if bad.any():
+        row, column = np.argwhere(bad)[0].tolist()
+        raise ValueError(
+            f"{path}: found {bad.sum()} NaN or infinite pixels, the first at row {row}, "
+            f"column {column}, expected finite values or a mask over them"
+        )
+    return image
+
+
+def write_image(path: str | os.PathLike, image: ArrayLike) -> None:
+    """Write a grey image, whole or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.tif`` or ``.tiff`` for any ``image``; ``.png`` for integers.
+    image : (rows, columns) array
+        Floating-point numbers are stored as float32; uint8 and uint16 as they are.
+
+    Raises
+    ------
+    ValueError
+        If the array is no grey image or the format cannot hold it.
+    """
+    path = Path(path)
+    image = np.asarray(image)
+    if image.ndim != 2 or 0 in image.shape:
+        raise ValueError(f"{path}: found image shape {image.shape}, expected (rows, columns)")
+    if image.dtype.kind == "f":
+        image = image.astype(np.float32, copy=False)
+    elif image.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"{path}: found {image.dtype} pixels, expected float, uint8 or uint16")
+    suffix = path.suffix.lower()
+    if suffix in TIFF_SUFFIXES:
+        import tifffile
+
+        with atomic_path(path) as temporary:
+            tifffile.imwrite(temporary, image, photometric="minisblack", metadata=None)
+    elif suffix == ".png" and image.dtype.kind == "u":
+        import cv2
+
+        encoded = cv2.imencode(".png", image)[1]
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(encoded.tobytes())
+    else:
+        raise ValueError(
+            f"{path}: found {image.dtype} pixels and suffix {suffix!r}, "
+            "expected .tif, or .png for integers"
+        )
+
+
+def _decode_tiff(content: bytes) -> NDArray:
+    import io
+
+    import tifffile
+
+    with tifffile.TiffFile(io.BytesIO(content)) as file:
+        if len(file.pages) != 1:
+            raise ValueError(f"found {len(file.pages)} pages, expected one")
+        page = file.pages[0]
+        if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
+            raise ValueError("found white stored as zero, expected black as zero")
+        ends = [o + n for o, n in zip(page.dataoffsets, page.databytecounts, strict=True)]
+        if max(ends, default=0) > len(content):
+            raise ValueError(f"found {len(content)} bytes, expected {max(ends)}: truncated")
+        if page.compression in _LEFT_TO_OPENCV:
+            return _decode_with_opencv(content)
+        return page.asarray()
+
+
+_LEFT_TO_OPENCV = (5, 7)  # LZW and JPEG: tifffile alone does not decompress them
+
+
+def _decode_with_opencv(content: bytes) -> NDArray:
+    import cv2
+
+    # OpenCV hands back what it could decode of a truncated file, so look for the end mark first
+    if content.startswith(b"\x89PNG") and b"IEND" not in content[-64:]:
+        raise ValueError("found no end mark (IEND): truncated")
+    if content.startswith(b"\xff\xd8") and b"\xff\xd9" not in content[-1024:]:
+        raise ValueError("found no end mark (EOI): truncated")
+    image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise ValueError("found no image in it: damaged or another format")
+    return image
+
+
+def _to_float(path: Path, stored: NDArray, bit_depth: int | None) -> NDArray[np.float32]:
+    if stored.dtype.kind == "f":
+        with np.errstate(over="ignore"):  # too large a number is told as infinity by the caller
+            return stored.astype(np.float32)
+    if stored.dtype == np.bool_:
+        return stored.astype(np.float32)
+    if stored.dtype not in (np.uint8, np.uint16):
+        raise ValueError(
+            f"{path}: found {stored.dtype} pixels, expected uint8, uint16 or floating point"
+        )
+    stored_bits = 8 * stored.dtype.itemsize
+    bits = stored_bits if bit_depth is None else bit_depth
+    if not 1 <= bits <= 16:
+        raise ValueError(f"{path}: bit_depth: found {bit_depth}, expected 1 to 16")
+    full_scale = 2**bits - 1
+    if stored.max(initial=0) > full_scale:
+        raise ValueError(
+            f"{path}: found a pixel of {stored.max()}, "
+            f"expected at most {full_scale} with bit_depth {bits}"
+        )
+    return stored.astype(np.float32) / np.float32(full_scale)
