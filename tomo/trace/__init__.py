@@ -48,4 +48,4 @@ def trace(
     if tracer not in TRACERS:
         raise ValueError(f"tracer: found {tracer!r}, expected one of {', '.join(TRACERS)}")
     module = importlib.import_module(f"tomo.trace.{tracer}")
-    return module.trace(rays, grid, midpoints=midpoints, dtype=np.dtype(dtype))
+    return module.trace(rays, grid, midpoints=midpoints, dtype=dtype)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
@@ -23,7 +23,7 @@ def collect_by_pixel(
     middles: NDArray[np.float64],
     *,
     midpoints: bool,
-    dtype: np.dtype,
+    dtype: DTypeLike,
 ) -> Segments:
     """Return Segments from ``counts`` (N,), ``lengths`` (S,) and ``middles`` (S, 3), ray by ray.
 

@@ -11,6 +11,7 @@ import math
 
 import numba
 import numpy as np
+from numpy.typing import DTypeLike
 
 from tomo._compile import compiled
 from tomo.grid import VoxelGrid
@@ -134,7 +135,7 @@ def _fill(origins, directions, lengths, shape, weights, ptr, voxel, length, midd
 
 
 def trace(
-    rays: Rays, grid: VoxelGrid, *, midpoints: bool = False, dtype: np.dtype = np.dtype("f4")
+    rays: Rays, grid: VoxelGrid, *, midpoints: bool = False, dtype: DTypeLike = np.float32
 ) -> Segments:
     """Trace rays with the compiled walk on all cores; see `tomo.trace.trace`."""
     origins = grid.to_voxel_units(rays.origins)  # (N, 3)

@@ -8,7 +8,7 @@ cuts, and look up the voxel at the middle of each piece.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
@@ -35,7 +35,7 @@ def cut_ray(
 
 
 def trace(
-    rays: Rays, grid: VoxelGrid, *, midpoints: bool = False, dtype: np.dtype = np.dtype("f4")
+    rays: Rays, grid: VoxelGrid, *, midpoints: bool = False, dtype: DTypeLike = np.float32
 ) -> Segments:
     """Trace rays the slow way; see `tomo.trace.trace`."""
     box = enter_box(rays, grid)

@@ -1,0 +1,134 @@
+"""Trace with Open3D's RaycastingScene: intersect rays with the planes between voxels.
+
+Open3D says which planes a ray pierces; how far away each is follows in float64 from the plane's
+number. Its rays are single precision, so three things are done for them: rays start just outside
+the box instead of at the camera, in voxel units relative to the grid's middle; the planes overhang
+the box, so that no ray slips past an edge; and a ray whose number of crossings is not what its
+ends demand (it grazes a plane within single precision) is cut at every plane in float64.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from tomo.grid import VoxelGrid
+from tomo.rays import Rays
+from tomo.segments import Segments
+from tomo.trace._collect import collect_by_pixel
+from tomo.trace.box import BoxCrossing, enter_box
+
+if TYPE_CHECKING:
+    import open3d
+
+logger = logging.getLogger(__name__)
+
+CUTS_AT_ONCE = 2_000_000  # rays times planes: bounds the working memory to some 100 MB
+OVERHANG = 2.0  # voxels by which the planes reach beyond the box
+
+
+def plane_quads(shape: tuple[int, int, int]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """Return the planes between voxels as two triangles each: vertices (V, 3), triangles (T, 3).
+
+    Voxel units relative to the grid's middle; plane ``k`` owns triangles ``2 k`` and ``2 k + 1``;
+    the planes are numbered along x, then y, then z. The outer faces are left out: where a ray
+    enters and leaves the box is known in float64 already.
+    """
+    half = np.asarray(shape, np.float64) / 2
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    quads = []
+    for axis in range(3):
+        others = [a for a in range(3) if a != axis]
+        quad = np.zeros((shape[axis] - 1, 4, 3))
+        quad[:, :, axis] = (np.arange(1, shape[axis]) - half[axis])[:, None]
+        quad[:, :, others] = corners * (half[others] + OVERHANG)
+        quads.append(quad)
+    vertices = np.concatenate(quads).reshape(-1, 3)
+    first = 4 * np.arange(len(vertices) // 4)[:, None]
+    triangles = (first + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
+    return vertices.astype(np.float32), triangles.astype(np.uint32)
+
+
+def _cuts(
+    scene: open3d.t.geometry.RaycastingScene, box: BoxCrossing, shape: tuple[int, int, int]
+) -> NDArray[np.float64]:
+    """Return where every ray is cut, from 0 to its length, sorted: (rays, planes + 2).
+
+    Planes that a ray does not pierce inside the box stand at its length: pieces of no length.
+    """
+    import open3d
+
+    unit = box.direction / np.linalg.norm(box.direction, axis=1, keepdims=True)
+    start = box.position - unit - np.asarray(shape) / 2  # one voxel outside
+    hits = scene.list_intersections(
+        open3d.core.Tensor(np.concatenate([start, unit], axis=1).astype(np.float32))
+    )
+    axis = np.repeat(np.arange(3), [n - 1 for n in shape])  # of each plane
+    coordinate = np.concatenate([np.arange(1, n) for n in shape])
+    pierced = np.zeros((len(unit), len(axis)), bool)  # a diagonal's second hit changes nothing
+    pierced[hits["ray_ids"].numpy(), hits["primitive_ids"].numpy() // 2] = True
+
+    along = box.direction[:, axis]  # (rays, planes)
+    parallel = along == 0
+    with np.errstate(over="ignore"):
+        distance = (coordinate - box.position[:, axis]) / np.where(parallel, 1.0, along)
+    end = box.length[:, None]
+    inside = ~parallel & (distance > 0) & (distance < end)
+    doubtful = (pierced & inside).sum(axis=1) != _expected_crossings(box, shape)
+    pierced[doubtful] = True
+    if doubtful.any():
+        logger.debug("%d of %d rays were cut in float64 alone", doubtful.sum(), len(unit))
+    cuts = np.where(pierced & inside, distance, end)
+    return np.concatenate([np.zeros((len(unit), 1)), np.sort(cuts, axis=1), end], axis=1)
+
+
+def _expected_crossings(box: BoxCrossing, shape: tuple[int, int, int]) -> NDArray[np.int64]:
+    """Return how many planes lie strictly between each ray's entry and exit: (N,)."""
+    ends = np.stack([box.position, box.position + box.direction * box.length[:, None]])
+    ends = np.clip(ends, 0, shape)  # rounding leaves an end on an outer face just beyond it
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    return np.maximum(np.ceil(high) - np.floor(low) - 1, 0).sum(axis=1).astype(np.int64)
+
+
+def trace(
+    rays: Rays, grid: VoxelGrid, *, midpoints: bool = False, dtype: DTypeLike = np.float32
+) -> Segments:
+    """Trace rays through Open3D; see `tomo.trace.trace`.
+
+    Raises
+    ------
+    ImportError
+        Where Open3D or one of its system libraries is missing.
+    """
+    import open3d
+
+    scene = open3d.t.geometry.RaycastingScene()
+    vertices, triangles = plane_quads(grid.shape)
+    if len(triangles) == 0:  # a single voxel: Open3D refuses an empty mesh
+        vertices = np.full((3, 3), 2.0 * OVERHANG, np.float32)
+        triangles = np.array([[0, 1, 2]], np.uint32)
+    scene.add_triangles(open3d.core.Tensor(vertices), open3d.core.Tensor(triangles))
+
+    whole = enter_box(rays, grid)
+    crossing = np.flatnonzero(whole.length > 0)
+    counts = np.zeros(len(rays), np.int64)
+    lengths, middles = [np.zeros(0)], [np.zeros((0, 3))]
+    at_once = max(CUTS_AT_ONCE // sum(grid.shape), 1)
+    for first in range(0, len(crossing), at_once):
+        some = crossing[first : first + at_once]
+        box = BoxCrossing(whole.position[some], whole.direction[some], whole.length[some])
+        cuts = _cuts(scene, box, grid.shape)
+        piece = np.diff(cuts, axis=1)
+        ray, slot = np.nonzero(piece > 0)
+        counts[some] = np.bincount(ray, minlength=len(some))
+        piece = piece[ray, slot]
+        middle = cuts[ray, slot] + piece / 2
+        lengths.append(piece)
+        middles.append(box.position[ray] + box.direction[ray] * middle[:, None])
+    return collect_by_pixel(
+        rays, grid, counts, np.concatenate(lengths), np.concatenate(middles),
+        midpoints=midpoints, dtype=dtype,
+    )  # fmt: skip
