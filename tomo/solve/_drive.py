@@ -1,0 +1,135 @@
+"""What every solver shares: checks, start, history, callback, and the reason it stopped."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo.projector import Projector
+from tomo.reconstruction import Iteration, Reconstruction
+
+Callback = Callable[[int, NDArray[np.float32], float], bool | None]
+"""Called as ``callback(index, volume, relative_residual)`` after each update, and before the
+first with index 0; ``volume`` is flat and must not be changed. Return True to stop."""
+
+States = Iterator[tuple[NDArray[np.float32], float]]
+"""What a solver's generator yields: the flat volume and the norm of its residual."""
+
+
+def check_measured(projector: Projector, measured: ArrayLike) -> NDArray[np.float32]:
+    """Return the measured pixels as a flat float32 vector.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many pixels as the projector has rows, or some are not finite.
+    """
+    measured = np.asarray(measured, np.float32).ravel()
+    if len(measured) != projector.shape[0]:
+        raise ValueError(
+            f"measured: found {len(measured)} pixels, expected the projector's "
+            f"{projector.shape[0]}"
+        )
+    wrong = np.count_nonzero(~np.isfinite(measured))
+    if wrong:
+        raise ValueError(f"measured: found {wrong} NaN or infinite pixels, expected finite ones")
+    return measured
+
+
+def additive_start(projector: Projector, start: ArrayLike | None) -> NDArray[np.float32]:
+    """Return a copy of ``start``, or zeros."""
+    if start is None:
+        return np.zeros(projector.shape[1], np.float32)
+    return _checked_start(projector, start)
+
+
+def multiplicative_start(
+    projector: Projector, measured: NDArray[np.float32], start: ArrayLike | None
+) -> NDArray[np.float32]:
+    """Return a copy of ``start``, or the constant that reproduces the sum of the images.
+
+    Voxels that no ray crosses start at zero: nothing would ever change them.
+    """
+    if start is None:
+        total = projector.row_sums.sum()
+        level = max(float(measured.sum(dtype=np.float64)) / total, 0.0) if total > 0 else 0.0
+        return np.where(projector.column_sums > 0, level, 0.0).astype(np.float32)
+    start = _checked_start(projector, start)
+    if (start < 0).any():
+        raise ValueError("start: found negative voxels, expected none for a multiplicative method")
+    return start
+
+
+def _checked_start(projector: Projector, start: ArrayLike) -> NDArray[np.float32]:
+    start = np.array(start, np.float32)
+    if start.size != projector.shape[1] or not np.isfinite(start).all():
+        raise ValueError(
+            f"start: found shape {start.shape}, expected a finite volume of "
+            f"{projector.grid.shape} voxels"
+        )
+    return start.ravel()
+
+
+def norm(vector: NDArray) -> float:
+    """Return the Euclidean norm, summed in double precision."""
+    return float(np.sqrt(np.dot(vector.astype(np.float64), vector.astype(np.float64))))
+
+
+def drive(
+    states: States,
+    projector: Projector,
+    measured: NDArray[np.float32],
+    *,
+    iterations: int,
+    callback: Callback | None,
+    settings: Mapping[str, Any],
+) -> Reconstruction:
+    """Run a solver's generator for at most ``iterations`` updates and record what happens.
+
+    The generator yields the state after 0, 1, 2 ... updates; each is reported to ``callback``.
+
+    Raises
+    ------
+    ValueError
+        If ``iterations`` is negative.
+    """
+    if iterations < 0:
+        raise ValueError(f"iterations: found {iterations}, expected a whole number >= 0")
+    scale = norm(measured) or 1.0
+    started = time.perf_counter()
+    history: list[Iteration] = []
+    stop_reason = f"all {iterations} iterations done"
+    volume = np.zeros(projector.shape[1], np.float32)
+    for index, (state, residual_norm) in enumerate(states):
+        relative = residual_norm / scale
+        if not np.isfinite(relative):
+            stop_reason = f"diverged at iteration {index}; the volume is that of the one before"
+            break
+        volume = state
+        history.append(Iteration(index, relative, time.perf_counter() - started))
+        if callback is not None and callback(index, volume, relative):
+            stop_reason = f"stopped by the callback at iteration {index}"
+            break
+        if index == iterations:
+            break
+    else:
+        stop_reason = f"converged at iteration {len(history) - 1}"
+    return Reconstruction(
+        volume=volume.reshape(projector.grid.shape).copy(),
+        grid=projector.grid,
+        history=tuple(history),
+        settings={**settings, "iterations": iterations},
+        stop_reason=stop_reason,
+        seconds={"solve": time.perf_counter() - started},
+    )
+
+
+def check_relaxation(relaxation: float) -> float:
+    """Return the relaxation factor; the methods that take one converge for 0 < factor < 2."""
+    if not 0 < relaxation < 2:
+        raise ValueError(f"relaxation: found {relaxation}, expected above 0 and below 2")
+    return float(relaxation)

@@ -1,0 +1,103 @@
+"""ART: the algebraic reconstruction technique, Kaczmarz's method."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tomo._compile import compiled
+from tomo.projector import Projector
+from tomo.reconstruction import Reconstruction
+from tomo.solve._drive import (
+    Callback,
+    States,
+    additive_start,
+    check_measured,
+    check_relaxation,
+    drive,
+    norm,
+)
+
+
+@compiled()
+def _sweep(ptr, voxel, length, measured, order, relaxation, nonnegative, volume):
+    """Project ``volume`` onto each pixel's equation in turn, in place."""
+    for pixel in order:
+        projected = 0.0
+        squares = 0.0
+        for slot in range(ptr[pixel], ptr[pixel + 1]):
+            chord = np.float64(length[slot])
+            projected += chord * volume[voxel[slot]]
+            squares += chord * chord
+        if squares == 0.0:
+            continue
+        step = relaxation * (measured[pixel] - projected) / squares
+        for slot in range(ptr[pixel], ptr[pixel + 1]):
+            moved = volume[voxel[slot]] + step * length[slot]
+            volume[voxel[slot]] = max(moved, 0.0) if nonnegative else moved
+
+
+def art(
+    projector: Projector,
+    measured: ArrayLike,
+    *,
+    iterations: int = 10,
+    start: ArrayLike | None = None,
+    nonnegative: bool = True,
+    relaxation: float = 0.5,
+    seed: int = 0,
+    callback: Callback | None = None,
+) -> Reconstruction:
+    """Solve by ART: ``x <- x + r (b_p - a_p . x) a_p / ||a_p||^2`` for one pixel ``p`` at a time.
+
+    One iteration is one sweep over all pixels, in an order drawn once from ``seed``: rays that
+    follow each other are then nearly independent, which is what makes the method fast. Several
+    rays of one pixel form one equation.
+
+    Parameters
+    ----------
+    projector : Projector
+    measured : (pixels,)
+        The images, flat.
+    iterations : int
+    start : (voxels,), optional
+        Zeros when None.
+    nonnegative : bool
+        Whether every voxel touched is set to ``max(x, 0)``.
+    relaxation : float
+        ``r``; below 1 damps noise.
+    seed : int
+        Of the order of the pixels.
+    callback : callable, optional
+        ``callback(index, volume, relative_residual)``; returns True to stop.
+
+    References
+    ----------
+    Gordon, Bender and Herman, "Algebraic reconstruction techniques (ART)", Journal of Theoretical
+    Biology 29 (1970); Kaczmarz (1937).
+    """
+    measured = check_measured(projector, measured)
+    relaxation = check_relaxation(relaxation)
+    s = projector.segments
+    order = np.random.default_rng(seed).permutation(np.flatnonzero(np.diff(s.ptr)))
+
+    def states() -> States:
+        x = additive_start(projector, start)
+        while True:
+            yield x, norm(measured - projector @ x)
+            x = x.copy()
+            _sweep(s.ptr, s.voxel, s.length, measured, order, relaxation, nonnegative, x)
+
+    return drive(
+        states(),
+        projector,
+        measured,
+        iterations=iterations,
+        callback=callback,
+        settings={
+            "method": "art",
+            "nonnegative": nonnegative,
+            "relaxation": relaxation,
+            "seed": seed,
+        },
+    )

@@ -1,0 +1,78 @@
+"""SART: the simultaneous algebraic reconstruction technique, one view at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tomo.projector import Projector
+from tomo.reconstruction import Reconstruction
+from tomo.solve._drive import (
+    Callback,
+    States,
+    additive_start,
+    check_measured,
+    check_relaxation,
+    drive,
+    norm,
+)
+from tomo.solve.sirt import reciprocal
+
+
+def spread_order(count: int) -> list[int]:
+    """Return ``0 .. count - 1`` so that neighbours in the order are far apart on the ring.
+
+    Steps of the golden section: after any number of views, those used are spread evenly.
+    """
+    golden = (5**0.5 - 1) / 2
+    return [int(n) for n in np.argsort(np.argsort((np.arange(count) * golden) % 1.0))]
+
+
+def sart(
+    projector: Projector,
+    measured: ArrayLike,
+    *,
+    iterations: int = 10,
+    start: ArrayLike | None = None,
+    nonnegative: bool = True,
+    relaxation: float = 1.0,
+    callback: Callback | None = None,
+) -> Reconstruction:
+    """Solve by SART: SIRT's update from one view's rays at a time, views in a spread-out order.
+
+    ``x <- x + r C_v A_v^T R_v (b_v - A_v x)`` for each view ``v``; one iteration is one pass over
+    all views. Parameters are those of `tomo.solve.sirt`.
+
+    References
+    ----------
+    Andersen and Kak, "Simultaneous algebraic reconstruction technique (SART)", Ultrasonic
+    Imaging 6 (1984), equation 33.
+    """
+    measured = check_measured(projector, measured)
+    relaxation = check_relaxation(relaxation)
+    views = [number for number in range(projector.n_views) if np.diff(projector.view_ptr)[number]]
+    blocks = []
+    for position in spread_order(len(views)):
+        number = views[position]
+        block = projector.view(number)
+        pixels = measured[projector.view_ptr[number] : projector.view_ptr[number + 1]]
+        blocks.append((block, pixels, reciprocal(block.row_sums), reciprocal(block.column_sums)))
+
+    def states() -> States:
+        x = additive_start(projector, start)
+        while True:
+            yield x, norm(measured - projector @ x)
+            for block, pixels, per_row, per_column in blocks:
+                residual = pixels - block @ x
+                x = x + relaxation * per_column * (block.T @ (per_row * residual))
+                if nonnegative:
+                    x = np.maximum(x, 0)
+
+    return drive(
+        states(),
+        projector,
+        measured,
+        iterations=iterations,
+        callback=callback,
+        settings={"method": "sart", "nonnegative": nonnegative, "relaxation": relaxation},
+    )
