@@ -1,0 +1,19 @@
+"""Cameras and rigs: where each pixel of each camera looks, and nothing about what it sees.
+
+Names are loaded on first use, so that ``import rigs`` costs nothing that is not needed.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submodules=["formats", "paper"],
+    submod_attrs={
+        "camera": ["Camera", "look_at"],
+        "distortion": ["Distortion"],
+        "file": ["load_rig", "preset", "preset_names", "save_rig"],
+        "optics": ["Optics"],
+        "rig": ["Rig", "Volume"],
+        "virtual": ["arc", "ring"],
+    },
+)

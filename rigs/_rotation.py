@@ -1,0 +1,57 @@
+"""Checks of the numbers that place a camera."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_EXACT = 1e-14  # closer than this a rotation is kept bit by bit
+
+
+def numbers(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
+    """Return ``value`` as a read-only float64 array of ``shape``, or say what it is instead."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{what}: found {value!r}, expected {_wording(shape)}") from None
+    if array.shape != shape:
+        raise ValueError(f"{what}: found shape {array.shape}, expected {_wording(shape)}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{what}: found NaN or infinity, expected finite numbers")
+    array.setflags(write=False)
+    return array
+
+
+def rotation(value: ArrayLike, what: str, tolerance: float = 1e-6) -> NDArray[np.float64]:
+    """Return ``value`` as a read-only rotation matrix ``(3, 3)``.
+
+    Within ``tolerance`` of orthonormal (largest entry of ``R R^T - 1``) it is replaced by the
+    nearest rotation, so that rays and projections agree to the last digits; what is already
+    orthonormal to 1e-14 is kept bit by bit.
+
+    Raises
+    ------
+    ValueError
+        If the matrix is mirrored or further than ``tolerance`` from orthonormal.
+    """
+    R = numbers(value, (3, 3), what)
+    with np.errstate(over="ignore", invalid="ignore"):
+        deviation = float(np.abs(R @ R.T - np.eye(3)).max())
+    if not deviation <= tolerance:
+        raise ValueError(
+            f"{what}: not orthonormal (R times its transpose is off the identity by "
+            f"{deviation:.2g}), expected a rotation within {tolerance:g}"
+        )
+    if np.linalg.det(R) < 0:
+        raise ValueError(f"{what}: mirrored (determinant -1), expected a rotation (+1)")
+    if deviation <= _EXACT:
+        return R
+    left, _, right = np.linalg.svd(R)
+    nearest = left @ right
+    nearest.setflags(write=False)
+    return nearest
+
+
+def _wording(shape: tuple[int, ...]) -> str:
+    """Return the words for an array of numbers of ``shape``."""
+    return f"{' x '.join(str(n) for n in shape)} numbers"

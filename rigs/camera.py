@@ -1,0 +1,291 @@
+"""One calibrated camera: where a point appears, and where a pixel looks."""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs._rotation import numbers, rotation
+from rigs.distortion import Distortion
+from rigs.optics import Optics
+
+STATUSES = ("calibrated", "nominal", "virtual")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Camera:
+    """A camera in OpenCV's convention: ``x_cam = R @ x_world + t``, pixel centres at integers.
+
+    Cameras are values: their arrays are read-only, they compare and hash by content, and their
+    ``repr`` builds them again.
+
+    Parameters
+    ----------
+    name : str
+        Names files and folders too: printable, without slashes.
+    image_size : (int, int)
+        Width and height in pixels.
+    camera_matrix : (3, 3) array_like
+        ``[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`` in pixels; (0, 0) is the centre of the
+        top-left pixel.
+    distortion : Distortion
+    R : (3, 3) array_like
+        Rotation from world to camera axes (x right, y down, z forward). Within 1e-6 of
+        orthonormal it is replaced by the nearest rotation (see ``rigs._rotation.rotation``).
+    t : (3,) array_like
+        Translation, in the rig's length unit.
+    optics : Optics, optional
+        What else is known of the lens.
+    status : {"calibrated", "nominal", "virtual"}
+        How the parameters are known.
+
+    Raises
+    ------
+    ValueError
+        Naming the camera and the field, if a value is none of the above.
+
+    Examples
+    --------
+    >>> camera = Camera("cam00", (9, 9), [[80, 0, 4], [0, 80, 4], [0, 0, 1]], t=[0, 0, 100])
+    >>> camera.project([[0, 0, 0], [10, 0, 0]])[0]
+    array([[ 4.,  4.],
+           [12.,  4.]])
+    """
+
+    name: str
+    image_size: tuple[int, int]
+    camera_matrix: NDArray[np.float64]
+    distortion: Distortion = field(default_factory=Distortion)
+    R: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    t: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    optics: Optics | None = None
+    status: str = "virtual"
+
+    def __post_init__(self) -> None:
+        """Check every field and make its arrays read-only."""
+        _check_name(self.name)
+        what = f"camera {self.name}"
+        if not isinstance(self.distortion, Distortion):
+            raise ValueError(f"{what}: distortion: found {self.distortion!r}, expected Distortion")
+        if self.optics is not None and not isinstance(self.optics, Optics):
+            raise ValueError(f"{what}: optics: found {self.optics!r}, expected Optics or None")
+        if self.status not in STATUSES:
+            raise ValueError(
+                f"{what}: status: found {self.status!r}, expected one of {', '.join(STATUSES)}"
+            )
+        checked = {
+            "image_size": _image_size(self.image_size, what),
+            "camera_matrix": _camera_matrix(self.camera_matrix, what),
+            "R": rotation(self.R, f"{what}: R"),
+            "t": numbers(self.t, (3,), f"{what}: t"),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        """Return the expression that builds this camera again."""
+        return (
+            f"Camera(name={self.name!r}, image_size={self.image_size!r}, "
+            f"camera_matrix={self.camera_matrix.tolist()!r}, distortion={self.distortion!r}, "
+            f"R={self.R.tolist()!r}, t={self.t.tolist()!r}, optics={self.optics!r}, "
+            f"status={self.status!r})"
+        )
+
+    def _values(self) -> tuple:
+        """Return everything that makes the camera what it is, comparable and hashable."""
+        arrays = (self.camera_matrix, self.R, self.t)
+        numbers = tuple(value for array in arrays for value in array.ravel().tolist())
+        return (
+            self.name,
+            self.image_size,
+            numbers,
+            self.distortion,
+            self.optics,
+            self.status,
+        )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Camera):
+            return NotImplemented
+        return self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash(self._values())
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """The centre of projection in world coordinates, ``(3,)``."""
+        return -self.R.T @ self.t
+
+    def project(self, points: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
+        """Return where world points appear.
+
+        Parameters
+        ----------
+        points : (N, 3) array_like
+
+        Returns
+        -------
+        uv : (N, 2) float64
+            Pixel coordinates (column, row), inside the image or not; NaN where not valid.
+        depth : (N,) float64
+            Distance along the optical axis; negative behind the camera.
+        valid : (N,) bool
+            True where the point is in front of the camera and inside the domain of its lens
+            (see `Distortion`). A fisheye also sees what lies beside and behind it.
+        """
+        points = _rows(points, 3, "points to project")
+        in_camera = points @ self.R.T + self.t
+        plane, valid = self.distortion.project(in_camera)
+        (fx, skew, cx), (_, fy, cy) = self.camera_matrix[:2]
+        u = fx * plane[:, 0] + skew * plane[:, 1] + cx
+        return np.stack([u, fy * plane[:, 1] + cy], axis=-1), in_camera[:, 2], valid
+
+    def rays(self, uv: ArrayLike | None = None) -> tuple[NDArray, NDArray]:
+        """Return the lines of sight of pixels, the inverse of `project`.
+
+        Parameters
+        ----------
+        uv : (N, 2) array_like, optional
+            Pixel coordinates (column, row); by default every pixel's centre, row by row.
+
+        Returns
+        -------
+        origins : (N, 3) float64
+            The camera's position, once a ray.
+        directions : (N, 3) float64
+            Unit vectors in the world; NaN where the lens maps no direction to the pixel.
+        """
+        uv = self._pixel_centres() if uv is None else _rows(uv, 2, "pixel coordinates")
+        (fx, skew, cx), (_, fy, cy) = self.camera_matrix[:2]
+        y = (uv[:, 1] - cy) / fy
+        plane = np.stack([(uv[:, 0] - cx - skew * y) / fx, y], axis=-1)
+        directions = self.distortion.unproject(plane) @ self.R
+        return np.tile(self.position, (len(uv), 1)), directions
+
+    def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
+        """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels."""
+        u, v = _rows(uv, 2, "pixel coordinates").T
+        width, height = self.image_size
+        return (u >= -0.5) & (u < width - 0.5) & (v >= -0.5) & (v < height - 0.5)
+
+    def scaled(self, scale: float) -> Camera:
+        """Return the camera of the image resized by ``scale``, pixels as areas: 0.5 halves it.
+
+        A pixel's area keeps its place: ``u' = scale (u + 1/2) - 1/2``. The new size is rounded
+        down: what is left of a pixel at the right and bottom edge is dropped.
+        """
+        if not (math.isfinite(scale) and scale > 0):
+            raise ValueError(f"camera {self.name}: scale: found {scale}, expected positive")
+        width, height = (math.floor(n * scale + 1e-6) for n in self.image_size)
+        if min(width, height) < 1:
+            raise ValueError(
+                f"camera {self.name}: scale: found {scale}, which leaves nothing of "
+                f"{self.image_size[0]} x {self.image_size[1]} pixels"
+            )
+        shift = (scale - 1) / 2
+        resize = np.array([[scale, 0, shift], [0, scale, shift], [0, 0, 1]])
+        return replace(self, image_size=(width, height), camera_matrix=resize @ self.camera_matrix)
+
+    def cropped(self, x: int, y: int, width: int, height: int) -> Camera:
+        """Return the camera of the window whose top-left pixel was column ``x``, row ``y``."""
+        window = (x, y, width, height)
+        fits = all(int(n) == n for n in window) and min(x, y) >= 0 and min(width, height) >= 1
+        if not (fits and x + width <= self.image_size[0] and y + height <= self.image_size[1]):
+            raise ValueError(
+                f"camera {self.name}: crop: found x, y, width, height = {window}, expected a "
+                f"window inside {self.image_size[0]} x {self.image_size[1]} pixels"
+            )
+        matrix = self.camera_matrix - [[0, 0, x], [0, 0, y], [0, 0, 0]]
+        return replace(self, image_size=(int(width), int(height)), camera_matrix=matrix)
+
+    def transformed(self, R: ArrayLike, t: ArrayLike) -> Camera:
+        """Return the camera after the rigid motion ``x_new = R @ x_old + t`` of the world."""
+        R = rotation(R, f"camera {self.name}: motion R")
+        t = numbers(t, (3,), f"camera {self.name}: motion t")
+        turned = self.R @ R.T
+        return replace(self, R=turned, t=self.t - turned @ t)
+
+    def _pixel_centres(self) -> NDArray[np.float64]:
+        """Return every pixel's (column, row), row by row, ``(width * height, 2)``."""
+        width, height = self.image_size
+        rows, columns = np.divmod(np.arange(width * height), width)
+        return np.stack([columns, rows], axis=-1).astype(np.float64)
+
+
+def look_at(
+    position: ArrayLike, target: ArrayLike, up: ArrayLike = (0, 1, 0)
+) -> tuple[NDArray, NDArray]:
+    """Return ``R`` and ``t`` of a camera at ``position`` that sees ``target`` in its middle.
+
+    ``up`` points to the top of the image, as far as the line of sight allows.
+    """
+    position = numbers(position, (3,), "position")
+    forward = numbers(target, (3,), "look_at") - position
+    upward = numbers(up, (3,), "up")
+    distance = np.linalg.norm(forward)
+    if not distance > 0:
+        raise ValueError(f"look_at: found the camera's position {position.tolist()}")
+    forward = forward / distance
+    length = np.linalg.norm(upward)
+    down = -upward / (length if length > 0 else 1.0)
+    down = down - (down @ forward) * forward
+    if not np.linalg.norm(down) > 1e-6:
+        raise ValueError(
+            f"up: found {upward.tolist()}, expected a direction across the line of sight"
+        )
+    down = down / np.linalg.norm(down)
+    R = np.stack([np.cross(down, forward), down, forward])
+    return R, -R @ position
+
+
+def _check_name(name: object) -> None:
+    """Raise unless ``name`` can name a camera, its files and its folder."""
+    is_text = isinstance(name, str) and name == name.strip() and name not in ("", ".", "..")
+    if not is_text or any(c in "/\\" or unicodedata.category(c)[0] == "C" for c in name):
+        raise ValueError(
+            f"camera name: found {name!r}, expected text that can name a folder, without slashes"
+        )
+
+
+def _image_size(size: object, what: str) -> tuple[int, int]:
+    """Return ``size`` as two plain integers."""
+    try:
+        width, height = (int(n) for n in size)
+        is_whole = (width, height) == tuple(size)
+    except (TypeError, ValueError, OverflowError):
+        is_whole = False
+    if not is_whole or min(width, height) < 1 or max(width, height) > 2**20:
+        raise ValueError(
+            f"{what}: image_size: found {size!r}, expected width and height, whole numbers "
+            "from 1 to 1048576"
+        )
+    return width, height
+
+
+def _camera_matrix(matrix: ArrayLike, what: str) -> NDArray[np.float64]:
+    """Return a checked camera matrix ``(3, 3)``."""
+    K = numbers(matrix, (3, 3), f"{what}: camera_matrix")
+    if not (K[0, 0] > 0 and K[1, 1] > 0):
+        raise ValueError(
+            f"{what}: camera_matrix: found focal lengths {K[0, 0]} and {K[1, 1]}, "
+            "expected positive pixels"
+        )
+    if K[1, 0] != 0 or K[2].tolist() != [0, 0, 1]:
+        raise ValueError(
+            f"{what}: camera_matrix: found lower rows {K[1].tolist()} and {K[2].tolist()}, "
+            "expected [0, fy, cy] and [0, 0, 1]"
+        )
+    return K
+
+
+def _rows(values: ArrayLike, columns: int, what: str) -> NDArray[np.float64]:
+    """Return ``values`` as float64 ``(N, columns)``."""
+    array = np.asarray(values, np.float64)
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise ValueError(f"{what}: found shape {array.shape}, expected (N, {columns})")
+    return array

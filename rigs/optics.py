@@ -1,0 +1,49 @@
+"""What is known of a lens beyond where its pixels look: for depth of field and for the record."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+
+@dataclass(frozen=True)
+class Optics:
+    """A lens's figures; each is optional, in the rig's length unit (``f_number`` has none).
+
+    Parameters
+    ----------
+    focal_length : float, optional
+        Of the lens itself; the camera matrix holds the effective one, in pixels.
+    f_number : float, optional
+        Focal length over the diameter of the entrance pupil.
+    focus_distance : float, optional
+        From the camera's centre of projection to the plane in focus.
+    pixel_pitch : float, optional
+        Distance of neighbouring pixels on the sensor.
+
+    Raises
+    ------
+    ValueError
+        If a figure is not a positive finite number.
+    """
+
+    focal_length: float | None = None
+    f_number: float | None = None
+    focus_distance: float | None = None
+    pixel_pitch: float | None = None
+
+    def __post_init__(self) -> None:
+        """Normalise to plain floats, so that optics compare, hash and print as values."""
+        for field in fields(self):
+            found = getattr(self, field.name)
+            if found is None:
+                continue
+            try:
+                value = float(found)
+            except (TypeError, ValueError, OverflowError):
+                value = math.nan
+            if not (math.isfinite(value) and value > 0) or isinstance(found, bool):
+                raise ValueError(
+                    f"optics.{field.name}: found {found!r}, expected a positive number"
+                )
+            object.__setattr__(self, field.name, value)

@@ -1,0 +1,186 @@
+"""An ordered set of cameras round one scene."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs._rotation import numbers, rotation
+from rigs.camera import Camera
+
+
+@dataclass(frozen=True)
+class Volume:
+    """The box of voxels a rig was made for: a suggestion that travels with it.
+
+    Parameters
+    ----------
+    shape : (int, int, int)
+        Number of voxels along x, y, z.
+    spacing : (float, float, float)
+        Edge lengths of a voxel; one length stands for three.
+    center : (float, float, float)
+        The middle of the box.
+    """
+
+    shape: tuple[int, int, int]
+    spacing: tuple[float, float, float]
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Normalise to plain tuples, so that volumes compare, hash and print as values."""
+        shape = numbers(self.shape, (3,), "volume.shape")
+        if (shape < 1).any() or (shape != np.floor(shape)).any():
+            raise ValueError(
+                f"volume.shape: found {self.shape!r}, expected three whole numbers >= 1"
+            )
+        size = (3,) if np.ndim(self.spacing) else ()
+        spacing = np.broadcast_to(numbers(self.spacing, size, "volume.spacing"), 3)
+        if not (spacing > 0).all():
+            raise ValueError(f"volume.spacing: found {self.spacing!r}, expected positive lengths")
+        center = numbers(self.center, (3,), "volume.center")
+        object.__setattr__(self, "shape", tuple(int(n) for n in shape))
+        object.__setattr__(self, "spacing", tuple(spacing.tolist()))
+        object.__setattr__(self, "center", tuple(center.tolist()))
+
+    def corners(self) -> NDArray[np.float64]:
+        """Return the corners of the box, ``(8, 3)``."""
+        half = np.multiply(self.shape, self.spacing) / 2
+        signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        return self.center + signs * half
+
+    def transformed(self, R: NDArray, t: NDArray) -> Volume | None:
+        """Return the box after a rigid motion; None where it would stand askew to the axes."""
+        turn = np.rint(R)
+        if np.abs(R - turn).max() > 1e-9:
+            return None
+        shape, spacing = np.abs(turn) @ self.shape, np.abs(turn) @ self.spacing
+        return Volume(tuple(shape), tuple(spacing), tuple(R @ self.center + t))
+
+
+@dataclass(frozen=True)
+class Rig(Sequence[Camera]):
+    """Cameras in order: ``rig[3]`` and ``rig["cam03"]`` are cameras, ``rig[0::3]`` is a rig.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+        No two of the same name. A rig may be empty.
+    length_unit : str
+        Of every length in the rig.
+    world_frame : str
+        In words: where the origin is and how the axes point.
+    volume : Volume, optional
+        The voxels the rig was made for.
+    calibration : dict, optional
+        Quality figures and provenance, plain data, kept as they are.
+
+    Raises
+    ------
+    ValueError
+        If a name stands twice, or a field is of the wrong kind.
+    """
+
+    cameras: tuple[Camera, ...]
+    length_unit: str = "mm"
+    world_frame: str = ""
+    volume: Volume | None = None
+    calibration: dict[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the fields and take copies of what could change."""
+        cameras = tuple(self.cameras)
+        names = set()
+        for index, camera in enumerate(cameras):
+            if not isinstance(camera, Camera):
+                raise ValueError(f"rig cameras[{index}]: found {camera!r}, expected a Camera")
+            if camera.name in names:
+                raise ValueError(
+                    f"camera {camera.name}: name: found twice, expected once in a rig"
+                )
+            names.add(camera.name)
+        if not isinstance(self.length_unit, str) or not self.length_unit.strip():
+            raise ValueError(f"length_unit: found {self.length_unit!r}, expected a unit, like mm")
+        if not isinstance(self.world_frame, str):
+            raise ValueError(f"world_frame: found {self.world_frame!r}, expected text")
+        if self.volume is not None and not isinstance(self.volume, Volume):
+            raise ValueError(f"volume: found {self.volume!r}, expected Volume or None")
+        object.__setattr__(self, "cameras", cameras)
+        object.__setattr__(self, "calibration", copy.deepcopy(self.calibration))
+
+    def __hash__(self) -> int:
+        return hash((self.cameras, self.length_unit, self.world_frame, self.volume))
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+    def __iter__(self) -> Iterator[Camera]:
+        return iter(self.cameras)
+
+    def __contains__(self, item: object) -> bool:
+        """Say whether ``item``, a camera or a name, is in the rig."""
+        return item in self.names if isinstance(item, str) else item in self.cameras
+
+    @overload
+    def __getitem__(self, key: int | str) -> Camera: ...
+
+    @overload
+    def __getitem__(self, key: slice) -> Rig: ...
+
+    def __getitem__(self, key: int | str | slice) -> Camera | Rig:
+        """Return a camera by number or name, or the rig of a slice of the cameras."""
+        if isinstance(key, slice):
+            return replace(self, cameras=self.cameras[key])
+        if isinstance(key, str):
+            return self.cameras[self._index(key)]
+        return self.cameras[key]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The cameras' names, in order."""
+        return tuple(camera.name for camera in self.cameras)
+
+    def without(self, *names: str) -> Rig:
+        """Return the rig of all other cameras."""
+        left_out = {self._index(name) for name in names}
+        kept = (camera for i, camera in enumerate(self.cameras) if i not in left_out)
+        return replace(self, cameras=tuple(kept))
+
+    def transformed(self, R: ArrayLike, t: ArrayLike) -> Rig:
+        """Return the rig after the rigid motion ``x_new = R @ x_old + t`` of the world.
+
+        The volume moves along while its faces stay parallel to the axes, else it is dropped.
+        """
+        R, t = rotation(R, "motion R"), numbers(t, (3,), "motion t")
+        return replace(
+            self,
+            cameras=tuple(camera.transformed(R, t) for camera in self.cameras),
+            volume=self.volume and self.volume.transformed(R, t),
+        )
+
+    def footprint(self, point: ArrayLike = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
+        """Return each camera's pixel size at ``point``, ``(cameras,)``, lenses taken as pinholes.
+
+        Depth over focal length, the geometric mean of both axes; NaN behind the camera.
+        """
+        point = numbers(point, (3,), "point")
+        sizes = []
+        for camera in self.cameras:
+            depth = float(camera.R[2] @ point + camera.t[2])
+            focal = math.sqrt(camera.camera_matrix[0, 0] * camera.camera_matrix[1, 1])
+            sizes.append(depth / focal if depth > 0 else math.nan)
+        return np.array(sizes, np.float64)
+
+    def _index(self, name: str) -> int:
+        """Return the place of the camera called ``name``."""
+        try:
+            return self.names.index(name)
+        except ValueError:
+            known = ", ".join(self.names) or "none"
+            raise ValueError(f"camera {name}: not in the rig, expected one of {known}") from None
