@@ -131,18 +131,21 @@ class Projector(LinearOperator):
         """Return the projector of one view."""
         return self.rows(int(self.view_ptr[number]), int(self.view_ptr[number + 1]))
 
+    def subset(self, views: Sequence[int]) -> Projector:
+        """Return the projector of some views, in the order given."""
+        pixels = self.pixels_of(views)
+        counts = [0, *(self.view_ptr[v + 1] - self.view_ptr[v] for v in views)]
+        return Projector(self.segments.take(pixels), self.grid, np.cumsum(counts))
+
     def pixels_of(self, views: Sequence[int]) -> NDArray[np.int64]:
         """Return the pixel numbers of ``views``, one view after another."""
         spans = [np.arange(self.view_ptr[v], self.view_ptr[v + 1]) for v in views]
         return np.concatenate([np.zeros(0, np.int64), *spans])
 
-    def subset(self, views: Sequence[int]) -> Projector:
-        """Return the projector of some views, in the order given."""
-        parts = [
-            self.segments.rows(int(self.view_ptr[v]), int(self.view_ptr[v + 1])) for v in views
-        ]
-        view_ptr = np.cumsum([0] + [part.n_pixels for part in parts])
-        return Projector(Segments.concatenate(parts), self.grid, view_ptr)
+    def take(self, pixels: NDArray[np.integer]) -> Projector:
+        """Return the projector of some pixels, given in ascending order; views stay views."""
+        view_ptr = np.searchsorted(pixels, self.view_ptr)
+        return Projector(self.segments.take(pixels), self.grid, view_ptr)
 
     def to_scipy(self) -> scipy.sparse.csr_array:
         """Return the matrix as scipy's CSR; the entries are shared, duplicates are kept."""

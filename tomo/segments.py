@@ -76,6 +76,14 @@ class Segments:
         midpoint = None if self.midpoint is None else self.midpoint[inside]
         return Segments(ptr - ptr[0], self.voxel[inside], self.length[inside], midpoint)
 
+    def take(self, pixels: NDArray[np.integer]) -> Segments:
+        """Return copies of the segments of some pixels, in the order given."""
+        counts = self.ptr[pixels + 1] - self.ptr[pixels]
+        ptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        slots = np.repeat(self.ptr[pixels] - ptr[:-1], counts) + np.arange(ptr[-1])
+        midpoint = None if self.midpoint is None else self.midpoint[slots]
+        return Segments(ptr, self.voxel[slots], self.length[slots], midpoint)
+
     @staticmethod
     def concatenate(parts: list[Segments]) -> Segments:
         """Return the segments of ``parts`` one after another."""
