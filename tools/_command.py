@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import rich.console
 import typer
+
+if TYPE_CHECKING:
+    from rigs import Rig
+    from tomo import VoxelGrid
 
 console = rich.console.Console(stderr=True)
 
@@ -27,3 +35,112 @@ def bad_input_in_one_line() -> Iterator[None]:
 def print_json(result: dict) -> None:
     """Print one JSON object on stdout."""
     sys.stdout.write(json.dumps(result, indent=2) + "\n")
+
+
+@contextmanager
+def progress_bar(what: str) -> Iterator[Callable[[int, int, str], None]]:
+    """Show a bar on stderr; call what is yielded with done, total and a word on where it is."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f}%"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[where]}"),
+    )
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task(what, total=None, where="")
+
+        def show(done: int, total: int, where: str = "") -> None:
+            progress.update(task, completed=done, total=total, where=where)
+
+        yield show
+
+
+def parse_grid_shape(text: str, option: str = "--grid") -> tuple[int, int, int]:
+    """Return the counts of ``30x140x30``."""
+    match = re.fullmatch(r"(\d{1,9})x(\d{1,9})x(\d{1,9})", text.strip().lower(), re.ASCII)
+    if match is None:
+        raise ValueError(f"{option}: found {text!r}, expected three counts like 30x140x30")
+    return tuple(int(n) for n in match.groups())
+
+
+def parse_triple(text: str, option: str) -> tuple[float, float, float]:
+    """Return the numbers of ``x,y,z``; they may start with a minus sign."""
+    numbers = _numbers(text)
+    if numbers is None or len(numbers) != 3:
+        raise ValueError(f"{option}: found {text!r}, expected three numbers like -1.5,0,2")
+    return tuple(numbers)
+
+
+def parse_spacing(text: str, option: str = "--spacing") -> tuple[float, float, float]:
+    """Return the edge lengths of ``0.5`` or ``0.5,0.5,1``."""
+    numbers = _numbers(text)
+    if numbers is None or len(numbers) not in (1, 3) or min(numbers) <= 0:
+        raise ValueError(f"{option}: found {text!r}, expected lengths like 0.5 or 0.5,0.5,1")
+    return tuple(numbers * (3 // len(numbers)))
+
+
+def _numbers(text: str) -> list[float] | None:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        return None
+    return numbers if all(math.isfinite(number) for number in numbers) else None
+
+
+def parse_grid(
+    shape: str | None,
+    spacing: str | None = None,
+    center: str | None = None,
+    lower: str | None = None,
+    upper: str | None = None,
+    default: VoxelGrid | None = None,
+) -> VoxelGrid:
+    """Return the grid that options name; what they leave out is as in ``default``.
+
+    Either ``lower`` and ``upper`` with a shape, or any of shape, spacing and center.
+    """
+    from tomo import VoxelGrid
+
+    if lower is not None or upper is not None:
+        if lower is None or upper is None or spacing is not None or center is not None:
+            raise ValueError(
+                "--lower and --upper: expected both, without --spacing and --center beside them"
+            )
+        shape = parse_grid_shape(shape) if shape else default and default.shape
+        if shape is None:
+            raise ValueError("--grid: found none, expected counts like 30x140x30")
+        bounds = parse_triple(lower, "--lower"), parse_triple(upper, "--upper")
+        return VoxelGrid.from_bounds(shape, *bounds)
+    if default is None and (shape is None or spacing is None):
+        raise ValueError(
+            "--grid and --spacing: found neither them nor a volume in the rig, "
+            "expected both, like --grid 30x140x30 --spacing 0.5"
+        )
+    return VoxelGrid(
+        parse_grid_shape(shape) if shape else default.shape,
+        parse_spacing(spacing) if spacing else default.spacing,
+        parse_triple(center, "--center") if center else default.center if default else (0, 0, 0),
+    )
+
+
+def load_rig_or_preset(text: str) -> Rig:
+    """Return the rig of a file, or the preset of that name."""
+    from rigs import load_rig, preset, preset_names
+
+    if text in preset_names():
+        return preset(text)
+    if not Path(text).exists():
+        known = ", ".join(preset_names())
+        raise FileNotFoundError(f"{text}: no such rig file, and no preset; presets are {known}")
+    return load_rig(text)
+
+
+def grid_of_rig(rig: Rig) -> VoxelGrid | None:
+    """Return the voxels the rig was made for; None where it names none."""
+    from tomo import VoxelGrid
+
+    volume = rig.volume
+    return None if volume is None else VoxelGrid(volume.shape, volume.spacing, volume.center)

@@ -48,9 +48,7 @@ def read_image(
     path = Path(path)
     if path.suffix.lower() not in IMAGE_SUFFIXES:
         expected = ", ".join(IMAGE_SUFFIXES)
-        raise ValueError(
-            f"{path}: image format: found {path.suffix!r}, expected one of {expected}"
-        )
+        raise ValueError(f"{path}: found suffix {path.suffix!r}, expected one of {expected}")
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such image file")
     decode = _decode_tiff if path.suffix.lower() in TIFF_SUFFIXES else _decode_with_opencv
@@ -171,8 +169,8 @@ def _to_float(path: Path, stored: NDArray, bit_depth: int | None) -> NDArray[np.
         )
     stored_bits = 8 * stored.dtype.itemsize
     bits = stored_bits if bit_depth is None else bit_depth
-    if not 1 <= bits <= 16:
-        raise ValueError(f"{path}: bit_depth: found {bit_depth}, expected 1 to 16")
+    if not 1 <= bits <= stored_bits:
+        raise ValueError(f"{path}: bit_depth: found {bit_depth}, expected 1 to {stored_bits}")
     full_scale = 2**bits - 1
     if stored.max(initial=0) > full_scale:
         raise ValueError(

@@ -1,0 +1,43 @@
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+import hypothesis
+import pytest
+from typer.testing import CliRunner
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Examples differ from run to run only where a test asks for it: a failure is a failure of the code
+hypothesis.settings.register_profile("project", deadline=None, derandomize=True, max_examples=50)
+hypothesis.settings.load_profile("project")
+
+
+@pytest.fixture(scope="session")
+def run_tool():
+    """Return a function that runs ``tools/NAME.py`` in this process.
+
+    ``run_tool("simulate", "--rig", path)`` returns exit_code, stdout and stderr.
+    """
+    sys.path.append(str(ROOT / "tools"))
+
+    def run(name, *arguments):
+        spec = importlib.util.spec_from_file_location(
+            f"tool_{name}", ROOT / "tools" / f"{name}.py"
+        )
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return CliRunner().invoke(module.app, [str(a) for a in arguments])
+
+    yield run
+    sys.path.remove(str(ROOT / "tools"))
+
+
+@pytest.fixture(scope="session")
+def test_data():
+    """Return the folder of real image sets, or skip: it is no part of the project."""
+    folder = Path(os.environ.get("TOMO_TEST_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no real image sets at {folder}; TOMO_TEST_DATA names another folder")
+    return folder

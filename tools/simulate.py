@@ -1,0 +1,121 @@
+"""Simulate the images that a rig's cameras take of a known emission; write them as a scan."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from _command import (
+    bad_input_in_one_line,
+    grid_of_rig,
+    load_rig_or_preset,
+    parse_grid,
+    print_json,
+    progress_bar,
+)
+
+app = typer.Typer(add_completion=False)
+
+_VOLUME_FILES = (".npz", ".vti", ".nrrd")
+
+
+@app.command()
+def simulate(
+    rig: Annotated[str, typer.Option(help="A rig.yaml, or the name of a preset.")],
+    phantom: Annotated[str, typer.Option(help="A phantom's name, or a volume file.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The scan folder to write.")],
+    grid: Annotated[
+        str | None, typer.Option(help="Voxels, like 30x140x30; the rig's volume when absent.")
+    ] = None,
+    spacing: Annotated[
+        str | None, typer.Option(help="A voxel's edge lengths: 0.5 or 0.5,0.5,1.")
+    ] = None,
+    center: Annotated[str | None, typer.Option(help="The middle of the grid: x,y,z.")] = None,
+    supersample: Annotated[int, typer.Option(help="K x K rays a pixel.", min=1, max=64)] = 1,
+    refine: Annotated[
+        int, typer.Option(help="Project voxels so many times finer.", min=1, max=64)
+    ] = 1,
+    noise: Annotated[float, typer.Option(help="White noise, fraction of the maximum.")] = 0.0,
+    photons: Annotated[
+        float | None, typer.Option(help="Photon noise: photons in the brightest pixel.")
+    ] = None,
+    read_noise: Annotated[float, typer.Option(help="Electrons, beside --photons.")] = 0.0,
+    bits: Annotated[int | None, typer.Option(help="Quantise to 8, 12 or 16 bits.")] = None,
+    seed: Annotated[int, typer.Option(help="Of the phantom and of the noise.", min=0)] = 0,
+    tracer: Annotated[str, typer.Option(help="march, raycast or reference.")] = "march",
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Simulate the images that a rig's cameras take of a phantom, and write them as a scan."""
+    started = time.perf_counter()
+    with bad_input_in_one_line():
+        import tomo
+
+        loaded = load_rig_or_preset(rig)
+        volume = _read_volume(phantom, loaded.length_unit)
+        default = volume[1] if volume else grid_of_rig(loaded)
+        voxels = parse_grid(grid, spacing, center, default=default)
+        field = _field(phantom, volume, voxels, seed)
+        with progress_bar("simulate") as progress:
+            scan = tomo.simulate(
+                loaded,
+                field,
+                voxels,
+                supersample=supersample,
+                refine=refine,
+                noise=noise,
+                photons=photons,
+                read_noise=read_noise,
+                bits=bits,
+                seed=seed,
+                tracer=tracer,
+                progress=progress,
+            )
+        written = scan.save(out)
+    if json:
+        print_json(
+            {
+                "scan": str(written),
+                "cameras": list(scan.images),
+                "grid": {
+                    "shape": list(voxels.shape),
+                    "spacing": list(voxels.spacing),
+                    "center": list(voxels.center),
+                },
+                "maximum": max(float(image.max()) for image in scan.images.values()),
+                "settings": dict(scan.settings),
+                "seconds": time.perf_counter() - started,
+            }
+        )
+
+
+def _read_volume(phantom: str, length_unit: str) -> tuple | None:
+    """Return data and grid when ``phantom`` is a volume file, None when it is a name."""
+    from phantoms import names
+    from tomo.io import read_volume
+
+    if phantom in names():
+        return None
+    if Path(phantom).suffix.lower() not in _VOLUME_FILES:
+        known = ", ".join(names())
+        raise ValueError(f"--phantom: found {phantom!r}, expected a volume file or one of {known}")
+    data, grid, unit = read_volume(phantom)
+    if unit != length_unit:
+        raise ValueError(
+            f"{phantom}: length_unit: found {unit!r}, expected {length_unit!r}, the rig's"
+        )
+    return data, grid
+
+
+def _field(phantom: str, volume: tuple | None, voxels: object, seed: int) -> object:
+    """Return the field; a named phantom is made for the box of the grid."""
+    from phantoms import SampledField, create
+
+    if volume is not None:
+        return SampledField(*volume)
+    return create(phantom, seed, voxels.extent, voxels.center)
+
+
+if __name__ == "__main__":
+    app()
