@@ -1,0 +1,21 @@
+"""Ground truth: emission fields in continuous space that any grid can sample or average.
+
+A field is any callable that maps points ``(..., 3)`` to values ``(...)``; those made here are
+frozen values, so that two of them with equal parameters compare equal and print as the code that
+makes them.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "blobs": ["GaussianBlobs"],
+        "catalogue": ["create", "names"],
+        "field": ["BoxField", "Field", "FlameField"],
+        "homogeneous": ["RandomHomogeneous"],
+        "jet": ["JetFlame"],
+        "sampling": ["SampledField", "sample"],
+        "turbulent": ["TurbulentFlame"],
+    },
+)

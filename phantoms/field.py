@@ -1,0 +1,145 @@
+"""What a phantom is: a field in space, and the box that the flames live in."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+#: The box, in mm, that flames are described in; any other box holds the same flame, stretched.
+REFERENCE_EXTENT = (15.0, 70.0, 15.0)
+
+_POINTS_AT_ONCE = 4096  # keeps the points x modes intermediates inside a core's cache
+_MARGIN = 1 / 30  # of the extent, dark at each face: one 0.5 mm voxel across the reference box
+_RAMP = 1 / 12  # of the extent, over which emission grows from the dark margin to its full value
+
+
+class Field(Protocol):
+    """Anything that gives an emission, >= 0, at every point of space."""
+
+    def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the values ``(...)`` at ``points`` ``(..., 3)`` in world coordinates."""
+        ...
+
+
+@dataclass(frozen=True)
+class BoxField(ABC):
+    """A field made for a box, whose members a seed selects.
+
+    Subclasses describe themselves in the reference box of 15 x 70 x 15 mm centred at the origin,
+    y being the flame's axis, upwards; the box asked for holds the same field, stretched.
+
+    Parameters
+    ----------
+    seed : int
+        Selects the member of the family; equal seeds give bit-identical fields.
+    extent : (float, float, float)
+        Edge lengths of the box in world units.
+    center : (float, float, float)
+        The middle of the box in world coordinates.
+
+    Raises
+    ------
+    ValueError
+        If the seed is not a whole number >= 0, or the box is not one.
+    """
+
+    seed: int = 0
+    extent: tuple[float, float, float] = REFERENCE_EXTENT
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Normalise to plain numbers, so that fields compare, hash and print as values."""
+        name = type(self).__name__
+        object.__setattr__(self, "seed", checked_seed(name, self.seed))
+        extent, center = checked_box(name, self.extent, self.center)
+        object.__setattr__(self, "extent", extent)
+        object.__setattr__(self, "center", center)
+
+    @abstractmethod
+    def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the emission ``(...)``, float64, at ``points`` ``(..., 3)``."""
+
+    def _in_extents(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return ``points`` ``(..., 3)`` in extents from the middle: faces are at -1/2, +1/2."""
+        return (points - self.center) / self.extent
+
+
+class FlameField(BoxField):
+    """A smooth field in a box that fades to darkness before it reaches the faces.
+
+    The emission is multiplied by a C² window that is exactly zero outside the box and within 1/30
+    of the extent from each face, and one from 7/60 of the extent inwards.
+    """
+
+    def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the emission ``(...)``, float64, at ``points`` ``(..., 3)``."""
+        points = as_points(points)
+        flat = points.reshape(-1, 3)
+        values = np.zeros(len(flat))
+        for start in range(0, len(flat), _POINTS_AT_ONCE):
+            part = slice(start, start + _POINTS_AT_ONCE)
+            unit = self._in_extents(flat[part])
+            window = _window(unit)
+            lit = window > 0
+            if lit.any():
+                emission = self._emission(unit[lit] * REFERENCE_EXTENT)
+                values[part][lit] = emission * window[lit]
+        return values.reshape(points.shape[:-1])
+
+    @abstractmethod
+    def _emission(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the emission ``(N,)`` at ``points`` ``(N, 3)`` of the reference box."""
+
+
+def as_points(points: ArrayLike) -> NDArray[np.float64]:
+    """Return ``points`` as float64, or say what is wrong with their shape."""
+    points = np.asarray(points, np.float64)
+    if points.ndim < 1 or points.shape[-1] != 3:
+        raise ValueError(f"points: found shape {points.shape}, expected (..., 3)")
+    return points
+
+
+def checked_seed(name: str, seed: int) -> int:
+    """Return ``seed`` as a plain int, or raise a ValueError that names the field."""
+    if int(seed) != seed or seed < 0:
+        raise ValueError(f"{name} seed: found {seed!r}, expected a whole number >= 0")
+    return int(seed)
+
+
+def checked_box(
+    name: str, extent: ArrayLike, center: ArrayLike
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Return a box as plain tuples, or raise a ValueError that names the field."""
+    edges, middle = np.asarray(extent, np.float64), np.asarray(center, np.float64)
+    if edges.shape != (3,) or not (np.isfinite(edges).all() and (edges > 0).all()):
+        raise ValueError(f"{name} extent: found {extent}, expected three positive lengths")
+    if middle.shape != (3,) or not np.isfinite(middle).all():
+        raise ValueError(f"{name} center: found {center}, expected three finite numbers")
+    return tuple(edges.tolist()), tuple(middle.tolist())
+
+
+def smoothstep(x: ArrayLike) -> NDArray[np.float64]:
+    """Return 0 below 0, 1 above 1 and between them ``6x⁵ - 15x⁴ + 10x³``, which is C²."""
+    x = np.clip(x, 0.0, 1.0)
+    return x * x * x * (x * (6.0 * x - 15.0) + 10.0)
+
+
+def bump(square: ArrayLike) -> NDArray[np.float64]:
+    """Return the C³ profile ``(1 - u²)⁴`` for ``u² = square`` below 1, and exactly 0 beyond.
+
+    Its full width at half maximum is 0.798 in ``u``. Compact support, where a Gaussian would have
+    tails, makes the dark parts of a flame exactly dark, as its images' backgrounds are.
+    """
+    inside = np.maximum(1.0 - np.asarray(square), 0.0)
+    inside = inside * inside
+    return inside * inside
+
+
+def _window(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the fade ``(N,)`` to darkness at the faces; ``unit`` ``(N, 3)`` is in extents."""
+    depth = (0.5 - _MARGIN - np.abs(unit)) / _RAMP
+    return smoothstep(depth).prod(axis=-1)
