@@ -55,7 +55,7 @@ def test_flames_fade_continuously_towards_the_faces(name, points):
         max(np.abs(field(points + step * np.eye(3)[axis]) - base).max() for axis in range(3))
         for step in steps
     ]
-    assert changes[0] < 0.05
+    assert changes[0] < 0.06  # less than 3 a millimetre: no front thinner than a voxel
     assert changes[1] / changes[0] == pytest.approx(0.5, abs=0.05)
     assert changes[2] / changes[1] == pytest.approx(0.5, abs=0.05)
 
