@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from phantoms import Field, sample
 from tomo import noise as noises
+from tomo._visible import pixels_that_see
 from tomo.grid import VoxelGrid
 from tomo.projector import Projector
 from tomo.rays import Rays
 from tomo.trace import trace
-from tomo.trace.box import enter_box
 
 if TYPE_CHECKING:
-    from rigs import Camera, Rig
+    from rigs import Rig
 
 _CROSSINGS_AT_ONCE = 8_000_000  # about 100 MiB of segments, whatever the images' size
 _RAYS_AT_ONCE = 2**19
@@ -128,7 +128,7 @@ def simulate(
     ValueError
         If an argument is out of range, or no camera sees the grid.
     """
-    _check_noise(noise, photons, read_noise, bits)
+    _check(supersample, noise, photons, read_noise, bits)
     fine_grid = grid.refined(refine)
     fine = sample(field, fine_grid, _SMALLEST_REFINEMENT)  # (nx R, ny R, nz R)
     seen = {camera.name: pixels_that_see(camera, grid) for camera in rig}
@@ -185,34 +185,6 @@ def simulate(
     )
 
 
-def pixels_that_see(camera: Camera, grid: VoxelGrid) -> NDArray[np.int64]:
-    """Return, ascending, the pixels ``row * width + column`` whose area may see the grid's box.
-
-    Notes
-    -----
-    A pixel is kept when its central ray meets the box grown by ``D tan(a)``, where ``D`` is the
-    distance to the box's farthest corner and ``a`` bounds the angle between a pixel's central ray
-    and its corners: none that sees the box is lost, some that miss it narrowly stay.
-    """
-    origins, directions = camera.rays()
-    width, height = camera.image_size
-    image = directions.reshape(height, width, 3)
-    steps = [np.diff(image, axis=axis).reshape(-1, 3) for axis in (0, 1)]
-    squares = np.concatenate([np.einsum("ij,ij->i", step, step) for step in steps])
-    angle = math.sqrt(np.nanmax(squares, initial=0.0))  # to the corners: 0.71 of a step
-    corners = np.stack(np.meshgrid(*zip(grid.lower, grid.upper, strict=True)), -1).reshape(-1, 3)
-    distance = np.linalg.norm(corners - camera.position, axis=1).max()
-    margin = distance * math.tan(min(angle, 1.0))
-    grown = VoxelGrid((1, 1, 1), tuple(grid.extent + 2 * margin), grid.center)
-    known = np.flatnonzero(np.isfinite(directions).all(axis=1))
-    kept = []
-    for start in range(0, len(known), _RAYS_AT_ONCE):
-        some = known[start : start + _RAYS_AT_ONCE]
-        crossing = enter_box(Rays.from_lines(origins[some], directions[some]), grown)
-        kept.append(some[crossing.length > 0])
-    return np.concatenate([np.zeros(0, np.int64), *kept])
-
-
 def _chunks(pixels: NDArray, grid: VoxelGrid, supersample: int) -> Iterator[NDArray]:
     """Cut ``pixels`` so that the rays of each part cross a bounded number of voxels."""
     rays = min(_CROSSINGS_AT_ONCE // sum(grid.shape), _RAYS_AT_ONCE)
@@ -221,8 +193,12 @@ def _chunks(pixels: NDArray, grid: VoxelGrid, supersample: int) -> Iterator[NDAr
         yield pixels[start : start + size]
 
 
-def _check_noise(noise: float, photons: float | None, read_noise: float, bits: int | None) -> None:
+def _check(
+    supersample: int, noise: float, photons: float | None, read_noise: float, bits: int | None
+) -> None:
     """Check what would otherwise only fail after all the tracing."""
+    if supersample < 1 or supersample != int(supersample):
+        raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
     if not (math.isfinite(noise) and noise >= 0):
         raise ValueError(f"noise: found {noise}, expected a fraction >= 0")
     if photons is not None and not (math.isfinite(photons) and photons > 0):

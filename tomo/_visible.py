@@ -1,0 +1,46 @@
+"""Which pixels of a camera can see a box at all, without missing one."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import VoxelGrid
+from tomo.rays import Rays
+from tomo.trace.box import enter_box
+
+if TYPE_CHECKING:
+    from rigs import Camera
+
+_RAYS_AT_ONCE = 2**19
+
+
+def pixels_that_see(camera: Camera, grid: VoxelGrid) -> NDArray[np.int64]:
+    """Return, ascending, the pixels ``row * width + column`` whose area may see the grid's box.
+
+    Notes
+    -----
+    A pixel is kept when its central ray meets the box grown by ``D tan(a)``, where ``D`` is the
+    distance to the box's farthest corner and ``a`` bounds the angle between a pixel's central ray
+    and its corners: none that sees the box is lost, some that miss it narrowly stay.
+    """
+    origins, directions = camera.rays()
+    width, height = camera.image_size
+    image = directions.reshape(height, width, 3)
+    steps = [np.diff(image, axis=axis).reshape(-1, 3) for axis in (0, 1)]
+    squares = np.concatenate([np.einsum("ij,ij->i", step, step) for step in steps])
+    angle = math.sqrt(np.nanmax(squares, initial=0.0))  # to the corners: 0.71 of a step
+    corners = np.stack(np.meshgrid(*zip(grid.lower, grid.upper, strict=True)), -1).reshape(-1, 3)
+    distance = np.linalg.norm(corners - camera.position, axis=1).max()
+    margin = distance * math.tan(min(angle, 1.0))
+    grown = VoxelGrid((1, 1, 1), tuple(grid.extent + 2 * margin), grid.center)
+    known = np.flatnonzero(np.isfinite(directions).all(axis=1))
+    kept = []
+    for start in range(0, len(known), _RAYS_AT_ONCE):
+        some = known[start : start + _RAYS_AT_ONCE]
+        crossing = enter_box(Rays.from_lines(origins[some], directions[some]), grown)
+        kept.append(some[crossing.length > 0])
+    return np.concatenate([np.zeros(0, np.int64), *kept])
