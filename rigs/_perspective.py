@@ -17,6 +17,7 @@ _WIDEST = math.radians(89.9)  # how far off the axis a fold is looked for
 _RADIAL_STEPS = 1024
 _DIRECTIONS = 256
 _TOLERANCE = 4e-14  # of a solved image coordinate, relative to 1 + its radius
+_CLOSE = 2e-15  # where Newton's method stops
 
 
 def project(coefficients: tuple[float, ...], points: NDArray) -> tuple[NDArray, NDArray]:
@@ -54,8 +55,8 @@ def _distorted(full: tuple[float, ...], pinhole: NDArray) -> tuple[NDArray, NDAr
     inside = np.isfinite(pinhole).all(axis=1)
     image = pinhole
     if any(full[:12]):
-        image, jacobian, pole_free = lens(full, pinhole)
-        inside &= pole_free & (_determinant(jacobian) > 0) & _before_fold(full, pinhole)
+        image, in_domain = _lens_in_domain(full, pinhole)
+        inside &= in_domain
     if any(full[12:]):
         image = _homography(_tilt_matrix(full), image)
     return image, inside & np.isfinite(image).all(axis=1)
@@ -109,6 +110,18 @@ def lens(full: tuple[float, ...], pinhole: NDArray) -> tuple[NDArray, NDArray, N
     return image, jacobian, bottom > 0
 
 
+def _lens_in_domain(full: tuple[float, ...], pinhole: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the image ``(N, 2)`` of an untilted lens and whether ``pinhole`` is in its domain."""
+    image, jacobian, pole_free = lens(full, pinhole)
+    inside = pole_free & (_determinant(jacobian) > 0) & _before_fold(full, pinhole)
+    return image, inside
+
+
+def _is_round(full: tuple[float, ...]) -> bool:
+    """Say whether the untilted lens is the same all round its axis."""
+    return not any(full[2:4] + full[8:12])
+
+
 def _determinant(jacobian: NDArray) -> NDArray:
     """Return the determinants ``(...,)`` of ``(..., 2, 2)``."""
     with np.errstate(over="ignore", invalid="ignore"):
@@ -137,7 +150,7 @@ def fold_angles(coefficients: tuple[float, ...]) -> tuple[float, ...]:
     the radial denominator stops being positive: looked for on a fine ladder of angles, then
     bisected to the last bit.
     """
-    is_round = not any(coefficients[2:4] + coefficients[8:12])
+    is_round = _is_round(coefficients)
     steps = _RADIAL_STEPS * (16 if is_round else 1)
     turns = np.arange(1 if is_round else _DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
     towards = np.stack([np.cos(turns), np.sin(turns)], axis=-1)  # (directions, 2)
@@ -160,45 +173,55 @@ def fold_angles(coefficients: tuple[float, ...]) -> tuple[float, ...]:
 def _undistorted(full: tuple[float, ...], image: NDArray) -> NDArray[np.float64]:
     """Return the points ``(N, 2)`` inside the domain that the lens maps to ``image``, or NaN.
 
-    Newton's method from the inverse of the radial part; a step is halved until it stays inside
-    the domain and comes closer. OpenCV's own fixed-point iteration leaves a third of a pixel in
-    the corners of a wide lens and does not notice folds.
+    Newton's method from the inverse of the radial part; where that fails and the lens is not
+    round, once more from the nearest of a fan of points that covers the domain.
     """
     solved = np.full_like(image, np.nan)
     todo = np.flatnonzero(np.isfinite(image).all(axis=1))
-    target = image[todo]
-    point = _radial_start(full, target)
+    solved[todo] = _newton(full, image[todo], _radial_start(full, image[todo]))
+    if not _is_round(full):
+        todo = todo[np.isnan(solved[todo, 0])]
+        if len(todo):
+            solved[todo] = _newton(full, image[todo], _nearest_start(full, image[todo]))
+    return solved
+
+
+def _newton(full: tuple[float, ...], target: NDArray, start: NDArray) -> NDArray[np.float64]:
+    """Return the points ``(N, 2)`` mapped to ``target``, by Newton's method; NaN on failure.
+
+    A step is halved until it stays inside the domain and comes closer. OpenCV's own fixed-point
+    iteration leaves a third of a pixel in the corners of a wide lens and does not notice folds.
+    """
+    point = start.copy()
     error = np.linalg.norm(lens(full, point)[0] - target, axis=1)
-    tiny = 1e-16 * (1 + np.linalg.norm(target, axis=1))
-    active = np.flatnonzero(error > tiny)
+    scale = 1 + np.linalg.norm(target, axis=1)
+    active = np.flatnonzero(error > _CLOSE * scale)
     for _ in range(60):
         if not len(active):
             break
         here, jacobian, _ = lens(full, point[active])
         step = _solve(jacobian, here - target[active])
-        reach = np.ones(len(active))
+        reach = 1.0
         moved = np.zeros(len(active), bool)
         for _ in range(24):
             waiting = np.flatnonzero(~moved)
             rows = active[waiting]
-            trial = point[rows] - reach[waiting, None] * step[waiting]
-            trial_image, trial_jacobian, pole_free = lens(full, trial)
+            trial = point[rows] - reach * step[waiting]
+            trial_image, inside = _lens_in_domain(full, trial)
             with np.errstate(over="ignore", invalid="ignore"):
                 trial_error = np.linalg.norm(trial_image - target[rows], axis=1)
-            better = pole_free & (_determinant(trial_jacobian) > 0) & (trial_error < error[rows])
-            better &= _before_fold(full, trial)
+            better = inside & (trial_error < error[rows])
             point[rows[better]] = trial[better]
             error[rows[better]] = trial_error[better]
             moved[waiting[better]] = True
-            reach[waiting[~better]] /= 2
+            # What is within rounding already and does not improve will not.
+            moved[waiting[error[rows] <= _TOLERANCE * scale[rows]]] = True
+            reach /= 2
             if moved.all():
                 break
-        active = active[moved]
-        active = active[error[active] > tiny[active]]
-    found = error <= _TOLERANCE * (1 + np.linalg.norm(target, axis=1))
-    found &= _distorted((*full[:12], 0.0, 0.0), point)[1]
-    solved[todo[found]] = point[found]
-    return solved
+        active = active[moved & (error[active] > _CLOSE * scale[active])]
+    found = (error <= _TOLERANCE * scale) & _lens_in_domain(full, point)[1]
+    return np.where(found[:, None], point, np.nan)
 
 
 def _radial_start(full: tuple[float, ...], image: NDArray) -> NDArray[np.float64]:
@@ -212,11 +235,25 @@ def _radial_start(full: tuple[float, ...], image: NDArray) -> NDArray[np.float64
     angle = np.interp(target, radii, angles)
     point = image * (np.tan(angle) / np.where(target > 0, target, 1.0))[:, None]
     for _ in range(60):
-        outside = ~_distorted((*full[:12], 0.0, 0.0), point)[1]
+        outside = ~_lens_in_domain(full, point)[1]
         if not outside.any():
             break
         point[outside] *= 0.9
     return point
+
+
+def _nearest_start(full: tuple[float, ...], image: NDArray) -> NDArray[np.float64]:
+    """Return the point of a fan over the domain whose image is nearest to each of ``image``."""
+    from scipy.spatial import cKDTree
+
+    limits = np.array(fold_angles(full[:12]))[:, None]
+    angles = np.minimum(limits, _WIDEST) * np.linspace(0.0, 1.0, 257)[1:-1]  # (directions, 255)
+    turns = np.arange(len(limits))[:, None] * (2 * np.pi / len(limits))
+    fan = np.tan(angles)[..., None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    fan = fan.reshape(-1, 2)
+    fan_image, inside = _lens_in_domain(full, fan)
+    _, nearest = cKDTree(fan_image[inside]).query(image)
+    return fan[inside][nearest]
 
 
 def _solve(jacobian: NDArray, residual: NDArray) -> NDArray[np.float64]:

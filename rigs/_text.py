@@ -1,0 +1,131 @@
+"""Text files in and out: errors that name the file, and nothing half-written."""
+
+from __future__ import annotations
+
+import datetime
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+_MAX_BYTES = 16 * 2**20
+_MAX_DEPTH = 32
+
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def read_text(path: str | os.PathLike) -> str:
+    """Return the UTF-8 text of the file at ``path``.
+
+    Raises
+    ------
+    FileNotFoundError, IsADirectoryError
+        In one line that names the file.
+    ValueError
+        If it is not UTF-8, or larger than 16 MiB.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise IsADirectoryError(f"{path}: found a folder, expected a file")
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file")
+    with path.open("rb") as file:
+        data = file.read(_MAX_BYTES + 1)
+    if len(data) > _MAX_BYTES:
+        raise ValueError(f"{path}: found more than {_MAX_BYTES >> 20} MiB, expected a text file")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(
+            f"{path}: found a byte that is not UTF-8 at {error.start}, expected UTF-8 text"
+        ) from None
+
+
+def write_text(path: str | os.PathLike, text: str) -> None:
+    """Write ``text`` as UTF-8 under a temporary name beside ``path``, then rename it."""
+    path = Path(path)
+    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)  # mkstemp's own mode lets nobody else read
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def read_yaml_mapping(path: str | os.PathLike) -> dict[str, Any]:
+    """Return the plain data of a YAML file whose top level is a mapping.
+
+    Aliases are refused (a few lines of them stand for any amount of data), so are keys that
+    stand twice. Dates become text.
+    """
+    text = read_text(path)
+    try:
+        loader = _Loader(text)
+        try:
+            node = loader.get_single_node()
+            if node is not None:
+                _check_nodes(node, path)
+            data = None if node is None else loader.construct_document(node)
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        where = f" at line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise ValueError(f"{path}: broken YAML{where}: {error.problem}") from None
+    except yaml.YAMLError as error:
+        raise ValueError(f"{path}: broken YAML: {' '.join(str(error).split())}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: broken YAML: nested too deeply") from None
+    except (ValueError, OverflowError, TypeError, KeyError, AttributeError) as error:
+        if str(error).startswith(f"{path}: "):
+            raise
+        raise ValueError(f"{path}: broken YAML: {' '.join(str(error).split())}") from None
+    if data is None:
+        raise ValueError(f"{path}: found an empty file, expected a YAML mapping")
+    if not isinstance(data, dict):
+        raise ValueError(f"{path}: found {type(data).__name__}, expected a YAML mapping")
+    return _plain(data)
+
+
+def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
+    """Refuse aliases, repeated keys and deep nesting, before anything is built from them."""
+    seen: set[int] = set()
+    waiting = [(root, 0)]
+    while waiting:
+        node, depth = waiting.pop()
+        line = node.start_mark.line + 1
+        if id(node) in seen:
+            raise ValueError(f"{path}: found a YAML alias to line {line}, expected plain values")
+        if depth > _MAX_DEPTH:
+            raise ValueError(f"{path}: broken YAML at line {line}: nested too deeply")
+        seen.add(id(node))
+        if isinstance(node, yaml.SequenceNode):
+            waiting += [(child, depth + 1) for child in node.value]
+        elif isinstance(node, yaml.MappingNode):
+            keys = set()
+            for key, value in node.value:
+                if not isinstance(key, yaml.ScalarNode):
+                    raise ValueError(f"{path}: broken YAML at line {line}: a key is no plain text")
+                if key.value in keys:
+                    raise ValueError(f"{path}: {key.value}: found twice in one mapping")
+                keys.add(key.value)
+                waiting += [(key, depth + 1), (value, depth + 1)]
+
+
+def _plain(value: Any) -> Any:
+    """Return ``value`` with dates as text and every key as text."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (datetime.date, datetime.datetime)):
+        return value.isoformat()
+    if isinstance(value, bytes):
+        return value.hex()
+    return value
