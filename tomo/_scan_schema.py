@@ -36,7 +36,7 @@ def _one_or_each(expected: str, accepts: Callable[[Any], bool]) -> Any:
         each = value if isinstance(value, dict) else {None: value}
         for camera, one in each.items():
             if (camera is None and isinstance(value, dict)) or not accepts(one):
-                where = "" if camera is None else f"camera {camera}: "
+                where = "" if camera is None else f"camera {_plain(camera)}: "
                 found = reprlib.repr(one)
                 raise ValueError(f"{where}found {found}, expected {expected} or one per camera")
         return value
@@ -110,8 +110,7 @@ def parse_scan_file(path: Path) -> ScanFile:
 
 def _first_problem(error: ValidationError) -> str:
     problem = error.errors(include_url=False)[0]
-    where = ".".join(str(part) for part in problem["loc"])
-    where = where.encode("unicode_escape").decode()
+    where = ".".join(_plain(part) for part in problem["loc"])
     if problem["type"] == "missing":
         return f"{where}: found none, expected one"
     if problem["type"] == "extra_forbidden":
@@ -120,3 +119,8 @@ def _first_problem(error: ValidationError) -> str:
         return f"{where}: {problem['ctx']['error']}"
     expected = problem["msg"].removeprefix("Input should be ")
     return f"{where}: found {reprlib.repr(problem['input'])}, expected {expected}"
+
+
+def _plain(name: Any) -> str:
+    """Return a name from the file fit for one line."""
+    return str(name).encode("unicode_escape").decode()

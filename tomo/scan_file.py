@@ -61,6 +61,8 @@ def _load_transforms(path: Path) -> Scan:
 def _load_scan_file(path: Path) -> Scan:
     content = parse_scan_file(path)
     rig = load_rig(_inside(path, content.rig, "rig"))
+    for frame in content.frames:
+        _check_cameras(path, f"frame {frame.name!r}", frame.images, rig)
     frames = tuple(
         Frame(
             frame.name,
@@ -71,8 +73,6 @@ def _load_scan_file(path: Path) -> Scan:
         )
         for frame in content.frames
     )
-    for frame in frames:
-        _check_cameras(path, f"frame {frame.name!r}", frame.images, rig)
     corrections = {}
     for name, value in content.corrections.model_dump().items():
         if isinstance(value, dict):
