@@ -129,6 +129,30 @@ def requirements():
     return [line for line in listed.splitlines() if line.strip()]
 
 
+DISTRIBUTIONS = {
+    "cv2": "opencv-contrib-python-headless",
+    "lazy_loader": "lazy-loader",
+    "nrrd": "pynrrd",
+    "skimage": "scikit-image",
+    "yaml": "pyyaml",
+}
+
+
+def test_what_is_imported_is_required():
+    """What only comes along with another dependency may stay away with its next release."""
+    used = set()
+    files = [path for _, path in modules()] + sorted((ROOT / "tools").glob("*.py"))
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                used |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                used.add(node.module.split(".")[0])
+    used -= {*sys.stdlib_module_names, *PACKAGES, "_command"}
+    wanted = {re.match(r"[\w.-]+", line).group().lower() for line in requirements()}
+    assert {DISTRIBUTIONS.get(name, name) for name in used} <= wanted
+
+
 def test_constraints_pin_every_dependency():
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     pins = dict(line.split("==") for line in lines if line and not line.startswith("#"))

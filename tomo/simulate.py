@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _CROSSINGS_AT_ONCE = 8_000_000  # about 100 MiB of segments, whatever the images' size
 _RAYS_AT_ONCE = 2**19
+_BYTES_PER_VOXEL = 12  # the volume, and the double-precision means of the truth
 _SMALLEST_REFINEMENT = 2  # sub-points along a fine voxel's edge for its mean
 
 
@@ -130,6 +131,7 @@ def simulate(
     """
     _check(supersample, noise, photons, read_noise, bits)
     fine_grid = grid.refined(refine)
+    _check_memory(fine_grid)
     fine = sample(field, fine_grid, _SMALLEST_REFINEMENT)  # (nx R, ny R, nz R)
     seen = {camera.name: pixels_that_see(camera, grid) for camera in rig}
     total = sum(len(pixels) for pixels in seen.values())
@@ -191,6 +193,23 @@ def _chunks(pixels: NDArray, grid: VoxelGrid, supersample: int) -> Iterator[NDAr
     size = max(1, rays // supersample**2)
     for start in range(0, len(pixels), size):
         yield pixels[start : start + size]
+
+
+def _check_memory(fine_grid: VoxelGrid) -> None:
+    """Refuse voxels that the memory cannot hold, before anything is allocated."""
+    import psutil
+
+    needed, available = _BYTES_PER_VOXEL * fine_grid.size, psutil.virtual_memory().available
+    if needed > available:
+        shrink = (0.8 * available / needed) ** (1 / 3)
+        shape, fits = (
+            "x".join(str(n) for n in counts)
+            for counts in (fine_grid.shape, (max(int(n * shrink), 1) for n in fine_grid.shape))
+        )
+        raise ValueError(
+            f"grid {shape}, refinement included: would take about {needed / 1e9:,.1f} GB, found "
+            f"{available / 1e9:,.1f} GB free; {fits} voxels would fit"
+        )
 
 
 def _check(

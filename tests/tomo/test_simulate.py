@@ -158,3 +158,9 @@ def test_a_volume_that_no_camera_sees_is_refused():
     elsewhere = VoxelGrid((3, 3, 3), 1.0, (0.0, 5000.0, 0.0))
     with pytest.raises(ValueError, match="no camera that sees the grid"):
         simulate(RIG, BLOBS, elsewhere)
+
+
+def test_a_grid_that_does_not_fit_says_what_would():
+    huge = VoxelGrid((30_000, 140_000, 30_000), 1e-4)
+    with pytest.raises(ValueError, match=r"60000x280000x60000.* GB.* free; \d+x\d+x\d+ voxels"):
+        simulate(RIG, BLOBS, huge, refine=2)

@@ -1,0 +1,149 @@
+"""The set-up of demo.sh and test.sh, run against a stand-in for Python that records its calls."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+TOOLS = Path(__file__).resolve().parents[2] / "tools"
+SCRIPTS = sorted(TOOLS.glob("*.sh"))
+
+# As Python: its version suffices; `-m venv` makes .venv with itself; the rest it only records.
+FAKE_PYTHON = """#!/bin/sh
+echo "$*" | head -n 1 >>"$CALLS"
+case "$*" in
+  *version_info\\ \\<*) exit "${OLD:-0}" ;;
+  *"import ensurepip, venv"*) exit "${NO_VENV:-0}" ;;
+  *"%d.%d"*) echo 3.11 ;;
+  *"-m venv"*) mkdir -p .venv/bin && cp "$FAKE" .venv/bin/python ;;
+  *"-m pip"*) exit "${NO_PIP:-0}" ;;
+  *ctypes*) for package in $MISSING; do echo "$package"; done ;;
+esac
+"""
+FAKE_ID = "#!/bin/sh\necho ${FAKE_UID:-1000}\n"
+FAKE_APT = '#!/bin/sh\necho "apt-get $*" >>"$CALLS"\n'
+
+
+@pytest.fixture
+def project(tmp_path):
+    """Return a function that runs a script of a project of its own, and the file of calls."""
+    root = tmp_path / "a project"
+    (root / "tools").mkdir(parents=True)
+    for script in SCRIPTS:
+        shutil.copy(script, root / "tools")
+    for name in ("setup.cfg", "pyproject.toml", "constraints.txt"):
+        (root / name).write_text("")
+    commands = tmp_path / "commands"
+    commands.mkdir()
+    for name, text in [("python3.11", FAKE_PYTHON), ("id", FAKE_ID), ("apt-get", FAKE_APT)]:
+        (commands / name).write_text(text)
+        (commands / name).chmod(0o755)
+    for name in ["sh", "cat", "cksum", "cp", "dirname", "head", "mkdir", "rm", "uname"]:
+        (commands / name).symlink_to(shutil.which(name))
+    calls = tmp_path / "calls"
+
+    def run(script="test.sh", *arguments, **variables):
+        calls.write_text("")
+        env = {"PATH": str(commands), "CALLS": str(calls), "FAKE": str(commands / "python3.11")}
+        done = subprocess.run(
+            [shutil.which("sh"), f"tools/{script}", *arguments],
+            cwd=root,
+            env=env | variables,
+            capture_output=True,
+            text=True,
+        )
+        return done, calls.read_text()
+
+    run.root, run.commands = root, commands
+    return run
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
+def test_the_scripts_parse(script):
+    subprocess.run(["sh", "-n", script], check=True)
+
+
+def test_set_up_then_tests_with_the_arguments(project):
+    done, calls = project("test.sh", "tests/rigs", "-x")
+    assert done.returncode == 0, done.stderr
+    assert "-m venv --clear .venv" in calls
+    assert "-m pip install -q -c constraints.txt -e .[dev]" in calls
+    assert calls.splitlines()[-1] == "-m pytest tests/rigs -x"
+
+
+def test_the_second_time_installs_nothing_until_the_pins_change(project):
+    project()
+    done, calls = project()
+    assert done.returncode == 0
+    assert "-m venv" not in calls
+    assert "-m pip" not in calls
+    (project.root / "constraints.txt").write_text("numpy==2\n")
+    assert "-m pip install" in project()[1]
+
+
+def test_an_install_that_failed_is_done_again(project):
+    done, _ = project(NO_PIP="1")
+    assert done.returncode == 2
+    assert "pip could not install" in done.stderr
+    assert "-m pip install" in project()[1]
+
+
+def test_without_python_it_says_what_to_install(project):
+    (project.commands / "python3.11").unlink()
+    done, _ = project()
+    assert done.returncode == 2
+    assert "sudo apt-get install -y python3 python3-venv" in done.stderr
+    assert not (project.root / ".venv").exists()
+
+
+def test_a_python_that_is_too_old_is_not_taken(project):
+    done, calls = project(OLD="1")
+    assert done.returncode == 2
+    assert "no Python 3.11 or newer" in done.stderr
+    assert "-m venv" not in calls
+
+
+def test_without_venv_it_names_the_package(project):
+    done, _ = project(NO_VENV="1")
+    assert done.returncode == 2
+    assert "sudo apt-get install -y python3.11-venv" in done.stderr
+
+
+def test_missing_libraries_are_installed_by_root(project):
+    done, calls = project(MISSING="libgl1 libusb-1.0-0", FAKE_UID="0")
+    assert done.returncode == 0, done.stderr
+    assert "apt-get update" in calls
+    assert "apt-get install -q -y libgl1 libusb-1.0-0" in calls
+
+
+def test_missing_libraries_are_named_to_others(project):
+    done, calls = project(MISSING="libgl1 libusb-1.0-0")
+    assert done.returncode == 2
+    assert "run: sudo apt-get install -y libgl1 libusb-1.0-0" in done.stderr
+    assert "apt-get" not in calls
+
+
+def test_the_demo_simulates_reconstructs_and_names_its_files(project):
+    done, calls = project("demo.sh")
+    assert done.returncode == 0, done.stderr
+    tools = [line.split()[0] for line in calls.splitlines() if line.startswith("tools/")]
+    assert tools[:2] == ["tools/simulate.py", "tools/reconstruct.py"]
+    assert {"tools/visualize_rig.py", "tools/visualize_volume.py"} <= set(tools)
+    assert "out/demo/report.html" in done.stderr
+
+
+def test_the_demo_stops_where_a_step_fails(project):
+    project()
+    python = project.root / ".venv/bin/python"
+    python.write_text(FAKE_PYTHON + 'case "$*" in tools/simulate*) exit 2 ;; esac\n')
+    done, calls = project("demo.sh")
+    assert done.returncode == 2
+    assert "reconstruct.py" not in calls
+
+
+def test_every_library_of_open3d_is_looked_for():
+    """The stand-in cannot check the list itself."""
+    text = (TOOLS / "_setup.sh").read_text()
+    for package in ["libusb-1.0-0", "libgl1", "libegl1", "libx11-6", "libgomp1"]:
+        assert f'"{package}"' in text
