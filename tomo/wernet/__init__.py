@@ -1,0 +1,18 @@
+"""WERNet: the voxels' weights along a ray are learnt together with the voxels.
+
+Pan, Li, Xu, "Weight Encode Reconstruction Network for Computed Tomography in a Semi-Case-Wise
+and Learning-Based Way", arXiv 2010.00893. PyTorch is loaded on first use of a name below.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "encoder": ["VARIANTS", "WeightEncoder", "load_encoder", "save_encoder"],
+        "model": ["WERNet"],
+        "product": ["weighted_sum"],
+        "samples": ["RaySamples", "SampleBatch", "epoch_batches"],
+        "training": ["TrainingDivergedError", "wernet_paper"],
+    },
+)

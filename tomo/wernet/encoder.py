@@ -1,0 +1,178 @@
+"""The voxel weight encoder: from a ray's 6 x N column block to N weights."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import torch
+from torch import nn
+from torch.nn import functional
+
+from tomo.io.atomic import atomic_path
+
+VARIANTS = ("no-bias", "bias-mask", "batch-norm")
+_FORMAT, _VERSION = "wernet-encoder", 1
+_SLOPE = 0.01  # of the Leaky ReLU below zero: PyTorch's default, the paper names none
+
+
+class _MaskedBatchNorm(nn.Module):
+    """Batch normalisation of ``(rays, channels, width)`` whose statistics ignore the padding.
+
+    Ordinary batch normalisation counts the padded zeros: mean and variance would then depend on
+    how long the longest ray of the batch is. Running statistics are kept as PyTorch does it.
+    """
+
+    def __init__(self, channels: int, momentum: float = 0.1, epsilon: float = 1e-5):
+        super().__init__()
+        self.momentum, self.epsilon = momentum, epsilon
+        self.weight = nn.Parameter(torch.ones(channels))
+        self.bias = nn.Parameter(torch.zeros(channels))
+        self.register_buffer("running_mean", torch.zeros(channels))
+        self.register_buffer("running_var", torch.ones(channels))
+
+    def forward(self, x: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        """Return the normalised entries; what it gives in the padding is left to be masked."""
+        if self.training:
+            count = mask.sum()
+            mean = (x * mask).sum(dim=(0, 2)) / count
+            x = x - mean[:, None]
+            variance = (x.square() * mask).sum(dim=(0, 2)) / count
+            with torch.no_grad():
+                unbiased = variance * (count / (count - 1).clamp(min=1))
+                self.running_mean.lerp_(mean, self.momentum)
+                self.running_var.lerp_(unbiased, self.momentum)
+        else:
+            x, variance = x - self.running_mean[:, None], self.running_var
+        scale = self.weight * torch.rsqrt(variance + self.epsilon)
+        return torch.addcmul(self.bias[:, None], x, scale[:, None])
+
+
+class WeightEncoder(nn.Module):
+    """1-D convolutions along the ray: 6 rows in, one weight >= 0 for every segment out.
+
+    ``blocks`` times (convolution, normalisation, Leaky ReLU, mask), then a convolution to one
+    channel, squared. Convolutions have kernel 3 and padding 1, so ``N`` segments stay ``N``.
+
+    Parameters
+    ----------
+    variant : {"batch-norm", "bias-mask", "no-bias"}
+        What stands between a convolution and its Leaky ReLU: batch normalisation, a bias, or
+        nothing. The last convolution has a bias except with "no-bias".
+    blocks : int
+        Number of hidden blocks.
+    channels : int
+        Channels of the hidden blocks (the paper: 32).
+    seed : int
+        Of the initial weights (PyTorch's uniform distribution for convolutions). The global
+        random state is neither read nor changed.
+
+    Notes
+    -----
+    All variants are masked after every layer. For "bias-mask" the paper says so. "no-bias" would
+    keep an all-zero column zero, but a kernel of three carries the last segment one column into
+    the padding at every layer, and back at the next; "batch-norm" shifts the padding like
+    everything else. Masked, a ray's weights do not depend on the rays it shares a batch with
+    (batch statistics aside).
+    """
+
+    def __init__(
+        self,
+        variant: str = "batch-norm",
+        *,
+        blocks: int = 3,
+        channels: int = 32,
+        seed: int = 0,
+    ):
+        super().__init__()
+        if variant not in VARIANTS:
+            raise ValueError(f"variant: found {variant!r}, expected one of {', '.join(VARIANTS)}")
+        for name, found in (("blocks", blocks), ("channels", channels)):
+            if found < 1 or found != int(found):
+                raise ValueError(f"{name}: found {found}, expected a whole number >= 1")
+        self.variant, self.blocks, self.channels = variant, int(blocks), int(channels)
+        generator = torch.Generator().manual_seed(seed)
+        widths = [6] + [self.channels] * self.blocks
+        self.hidden = nn.ModuleList(
+            _convolution(before, after, variant == "bias-mask", generator)
+            for before, after in pairwise(widths)
+        )
+        self.norms = nn.ModuleList(
+            _MaskedBatchNorm(width) for width in widths[1:] if variant == "batch-norm"
+        )
+        self.last = _convolution(widths[-1], 1, variant != "no-bias", generator)
+
+    def forward(self, features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        """Return the weights ``(rays, N)``: at least zero, zero where ``mask`` is zero.
+
+        Parameters
+        ----------
+        features : (rays, 6, N) float
+        mask : (rays, 1, N) float
+            One on a segment, zero on the padding.
+        """
+        x = features
+        for i, convolution in enumerate(self.hidden):
+            x = convolution(x)
+            if self.variant == "batch-norm":
+                x = self.norms[i](x, mask)
+            x = functional.leaky_relu(x, _SLOPE) * mask
+        return (self.last(x) * mask).square()[:, 0]
+
+
+def _convolution(before: int, after: int, bias: bool, generator: torch.Generator) -> nn.Conv1d:
+    # skip_init: the ordinary constructor draws from the global random state.
+    layer = nn.utils.skip_init(nn.Conv1d, before, after, 3, padding=1, bias=bias)
+    bound = (3 * before) ** -0.5
+    for parameter in layer.parameters():
+        nn.init.uniform_(parameter, -bound, bound, generator=generator)
+    return layer
+
+
+def save_encoder(encoder: WeightEncoder, path: str | Path) -> None:
+    """Write an encoder, with what it takes to build it again, to ``path`` (``.pt``)."""
+    content = {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "variant": encoder.variant,
+        "blocks": encoder.blocks,
+        "channels": encoder.channels,
+        "state": {name: value.cpu() for name, value in encoder.state_dict().items()},
+    }
+    with atomic_path(path) as temporary:
+        torch.save(content, temporary)
+
+
+def load_encoder(path: str | Path) -> WeightEncoder:
+    """Read an encoder that `save_encoder` wrote; code in the file is never run.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file is not an encoder, or is one of another version.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such file, expected an encoder")
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # torch raises half a dozen kinds for a file it cannot read
+        raise ValueError(
+            f"{path}: found a file that cannot be read ({type(error).__name__}), "
+            "expected an encoder written by save_encoder"
+        ) from error
+    if not isinstance(content, dict) or content.get("format") != _FORMAT:
+        raise ValueError(f"{path}: format: found no {_FORMAT!r}, expected an encoder")
+    if content.get("version") != _VERSION:
+        raise ValueError(f"{path}: version: found {content.get('version')!r}, expected {_VERSION}")
+    try:
+        encoder = WeightEncoder(
+            content["variant"], blocks=content["blocks"], channels=content["channels"]
+        )
+        encoder.load_state_dict(content["state"])
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        reason = str(error).splitlines()[0]
+        raise ValueError(f"{path}: found an encoder that does not fit itself: {reason}") from error
+    return encoder

@@ -1,0 +1,54 @@
+"""WERNet itself: the voxels and the encoder, trained together."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+
+from tomo.wernet.encoder import WeightEncoder
+from tomo.wernet.product import weighted_sum
+from tomo.wernet.samples import SampleBatch
+
+
+class WERNet(nn.Module):
+    """Projections from voxels that are parameters and weights that an encoder gives.
+
+    ``p = sum_j encoder(ray)_j x[voxel_j]`` over the segments ``j`` of a ray.
+
+    Parameters
+    ----------
+    encoder : WeightEncoder
+        Used as it is, not copied.
+    voxels : (voxels,) float
+        Initial values, flat; copied.
+    normalise_gradient : bool
+        See `tomo.wernet.product.weighted_sum`.
+    freeze_encoder : bool
+        Give the encoder no gradient, and its batch normalisation the running statistics.
+    """
+
+    def __init__(
+        self,
+        encoder: WeightEncoder,
+        voxels: torch.Tensor,
+        normalise_gradient: bool = True,
+        freeze_encoder: bool = False,
+    ):
+        super().__init__()
+        self.encoder = encoder
+        self.voxels = nn.Parameter(voxels.detach().clone())
+        self.normalise_gradient = normalise_gradient
+        self.freeze_encoder = freeze_encoder
+
+    def train(self, mode: bool = True) -> WERNet:
+        """Switch between training and evaluation; a frozen encoder stays in evaluation."""
+        super().train(mode)
+        if self.freeze_encoder:
+            self.encoder.eval()
+        return self
+
+    def forward(self, batch: SampleBatch) -> torch.Tensor:
+        """Return the projections of a batch's rays, ``(rays,)``."""
+        with torch.set_grad_enabled(torch.is_grad_enabled() and not self.freeze_encoder):
+            weights = self.encoder(batch.features, batch.mask)
+        return weighted_sum(weights, self.voxels, batch.voxel, self.normalise_gradient)

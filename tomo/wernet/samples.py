@@ -1,0 +1,197 @@
+"""The network's input: one column block of impacting voxels and segment points a ray."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
+
+from tomo.grid import VoxelGrid
+from tomo.segments import Segments
+
+
+@dataclass(frozen=True, eq=False)
+class SampleBatch:
+    """Some rays' segments, padded with zeros to the longest of these rays.
+
+    Attributes
+    ----------
+    features : (rays, 6, width) float32
+        Scaled voxel indices x, y, z, then scaled segment midpoints x, y, z; zero in the padding.
+    voxel : (rays, width) int64
+        Flat index of each voxel; the padding repeats a voxel of the same ray.
+    mask : (rays, 1, width) float32
+        One on a segment, zero on the padding.
+    measured : (rays,) float32
+        What each ray's pixel measured.
+    """
+
+    features: torch.Tensor
+    voxel: torch.Tensor
+    mask: torch.Tensor
+    measured: torch.Tensor
+
+    def __repr__(self) -> str:
+        """Name the sizes: the tensors themselves are too long to print."""
+        rays, _, width = self.features.shape
+        return f"<SampleBatch: {rays} rays, padded to {width} segments>"
+
+
+@dataclass(frozen=True, eq=False)
+class RaySamples:
+    """The segments of every ray that crosses the grid, on one device, in packed form.
+
+    Make one with `from_segments`. A batch is cut out of it by `batch`, which alone is padded:
+    the whole set in padded form would take about twice the memory.
+
+    Attributes
+    ----------
+    pixel : (rays,) int64
+        Row of each ray in the segments' ``ptr``; pixels without a segment are left out.
+    start, count : (rays,) int64
+        Where each ray's segments begin, and how many there are.
+    voxel : (S,) int32 or int64
+        Flat voxel index of each segment.
+    midpoint : (S, 3) float32
+        Scaled midpoints.
+    index : (voxels, 3) float32
+        Scaled voxel indices of every voxel of the grid.
+    measured : (rays,) float32
+
+    Notes
+    -----
+    The paper feeds indices and coordinates and leaves their scale open. Here both are counted in
+    voxels from the middle of the grid and divided by half the number of voxels along the grid's
+    longest axis::
+
+        index    -> (i - (n - 1) / 2) / (max(shape) / 2)
+        midpoint -> (m - center) / spacing / (max(shape) / 2)
+
+    so that all six rows lie in [-1, 1], a midpoint at a voxel's centre has the value of its
+    index, and one step along any axis is the same number.
+    """
+
+    pixel: torch.Tensor
+    start: torch.Tensor
+    count: torch.Tensor
+    voxel: torch.Tensor
+    midpoint: torch.Tensor
+    index: torch.Tensor
+    measured: torch.Tensor
+
+    def __len__(self) -> int:
+        """Return the number of rays that have a segment."""
+        return len(self.pixel)
+
+    def __repr__(self) -> str:
+        """Name the sizes: the tensors themselves are too long to print."""
+        return f"<RaySamples: {len(self)} rays, {len(self.voxel)} segments>"
+
+    @classmethod
+    def from_segments(
+        cls,
+        segments: Segments,
+        grid: VoxelGrid,
+        measured: ArrayLike,
+        device: torch.device | str = "cpu",
+    ) -> RaySamples:
+        """Return the samples of ``segments``, which must have midpoints.
+
+        Parameters
+        ----------
+        segments : Segments
+            Traced with ``midpoints=True``.
+        grid : VoxelGrid
+            The grid they were traced on.
+        measured : (pixels,) float
+            Projections in the order of the segments' pixels.
+        device : torch.device or str
+
+        Raises
+        ------
+        ValueError
+            If there are no midpoints, no segments at all, or the sizes do not match.
+        """
+        if segments.midpoint is None:
+            raise ValueError(
+                "segments midpoint: found none, expected (S, 3): trace with midpoints=True"
+            )
+        if len(segments) == 0:
+            raise ValueError("segments: found none, expected at least one ray through the grid")
+        measured = np.asarray(measured, np.float32)
+        if measured.shape != (segments.n_pixels,):
+            raise ValueError(
+                f"measured: found shape {measured.shape}, expected ({segments.n_pixels},)"
+            )
+        half = max(grid.shape) / 2
+        # Scaled in float64: a world coordinate may be large against the voxels.
+        midpoint = (segments.midpoint - np.asarray(grid.center)) / np.asarray(grid.spacing) / half
+        axes = [(np.arange(n) - (n - 1) / 2) / half for n in grid.shape]
+        index = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        counts = np.diff(segments.ptr)
+        pixel = np.flatnonzero(counts)
+
+        def move(array: np.ndarray) -> torch.Tensor:
+            # A copy, so that nothing here aliases an array that belongs to somebody else.
+            return torch.tensor(array, device=device)
+
+        return cls(
+            pixel=move(pixel),
+            start=move(segments.ptr[pixel]),
+            count=move(counts[pixel]),
+            voxel=move(segments.voxel),
+            midpoint=move(midpoint.astype(np.float32)),
+            index=move(index.astype(np.float32)),
+            measured=move(measured[pixel]),
+        )
+
+    def batch(self, rays: torch.Tensor, width: int | None = None) -> SampleBatch:
+        """Return the rays numbered ``rays`` ``(B,)``, padded to the longest of them.
+
+        Parameters
+        ----------
+        rays : (B,) int64
+            Numbers in ``0 .. len(self) - 1``.
+        width : int, optional
+            Pad to this many segments instead; at least the longest ray's count.
+        """
+        rays = rays.to(self.start.device)
+        count = self.count[rays][:, None]  # (B, 1)
+        longest = int(count.max())
+        if width is not None and width < longest:
+            raise ValueError(f"width: found {width}, expected at least {longest}")
+        columns = torch.arange(width or longest, device=count.device)
+        inside = columns < count  # (B, width)
+        entry = self.start[rays][:, None] + torch.minimum(columns, count - 1)
+        voxel = self.voxel[entry].long()
+        features = torch.cat([self.index[voxel], self.midpoint[entry]], dim=-1)  # (B, width, 6)
+        mask = inside.to(features.dtype)[:, None, :]
+        return SampleBatch(
+            features=features.transpose(1, 2) * mask,
+            voxel=voxel,
+            mask=mask,
+            measured=self.measured[rays],
+        )
+
+    def crossed(self) -> torch.Tensor:
+        """Return ``(voxels,)`` bool: the voxels that at least one ray crosses."""
+        crossed = torch.zeros(len(self.index), dtype=torch.bool, device=self.voxel.device)
+        crossed[self.voxel.long()] = True
+        return crossed
+
+
+def epoch_batches(
+    n_rays: int, samples_per_batch: int, rays_per_sample: int, generator: torch.Generator
+) -> Iterator[torch.Tensor]:
+    """Yield the rays of each batch of one epoch: every ray once, in a random order.
+
+    A sample is ``rays_per_sample`` rays and a batch ``samples_per_batch`` samples, so one step
+    of the optimiser sees their product (the paper: 32 samples of 100 rays). The rays are dealt
+    out anew every epoch; the last batch is what is left. The numbers come from ``generator``, on
+    the CPU, so that the order does not depend on the device.
+    """
+    order = torch.randperm(n_rays, generator=generator)
+    yield from order.split(samples_per_batch * rays_per_sample)
