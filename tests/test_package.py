@@ -12,16 +12,17 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("phantoms", "rigs", "tomo")
 HEAVY = ("torch", "open3d", "matplotlib", "plotly", "numba", "cv2", "trimesh", "scipy", "pydantic")
 
-# DESIGN: imports point down this list of floors, never up, never sideways out of a floor's package
+# DESIGN: imports point down this list of floors, never up. What no floor names is on the top one.
 FLOORS = [
     {"rigs"},
-    {"tomo.grid", "tomo._compile"},
-    {"phantoms"},
+    {"tomo.grid", "tomo._compile", "tomo.metrics", "tomo.noise"},
+    {"phantoms", "tomo.io"},
     {"tomo.rays", "tomo.segments"},
     {"tomo.trace", "tomo._visible"},
-    {"tomo.projector", "tomo.support", "tomo.smooth_basis"},
+    {"tomo.projector", "tomo.support", "tomo.smooth_basis", "tomo.linear_system"},
     {"tomo.solve", "tomo.wernet", "tomo.reconstruction"},
-    {"tomo.simulate", "tomo.reconstruct", "tomo.view", "tomo.scan_file"},
+    {"tomo.scan", "tomo.scan_file", "tomo._scan_schema"},
+    {"tomo.simulate", "tomo.reconstruct", "tomo.view"},
 ]
 
 
@@ -89,7 +90,7 @@ def floor(name):
         for member in members:
             if name == member or name.startswith(member + "."):
                 return number, member
-    return None, name
+    return len(FLOORS) - 1, name
 
 
 def test_imports_point_down():
@@ -98,9 +99,7 @@ def test_imports_point_down():
         here, home = floor(module)
         for name in imported(path, module):
             there, target = floor(name)
-            if here is None or there is None or home == target:
-                continue
-            if there > here:
+            if there > here and home != target:
                 upward.append(f"{module} imports {name}")
     assert not upward
 
