@@ -139,7 +139,8 @@ class Camera:
             (see `Distortion`). A fisheye also sees what lies beside and behind it.
         """
         points = _rows(points, 3, "points to project")
-        in_camera = points @ self.R.T + self.t
+        with np.errstate(invalid="ignore", over="ignore"):  # NaN and infinity are not valid
+            in_camera = points @ self.R.T + self.t
         plane, valid = self.distortion.project(in_camera)
         (fx, skew, cx), (_, fy, cy) = self.camera_matrix[:2]
         u = fx * plane[:, 0] + skew * plane[:, 1] + cx

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -232,13 +231,12 @@ class _Dumper(yaml.SafeDumper):
         on_one_line = not any(isinstance(item, (list, tuple, dict)) for item in data)
         return self.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=on_one_line)
 
+    def _text(self, data: str) -> yaml.Node:
+        # PyYAML would write line breaks as they are, and read some of them as others.
+        style = '"' if len(data.splitlines()) > 1 or data != data.rstrip() else None
+        return self.represent_scalar("tag:yaml.org,2002:str", data, style=style)
 
+
+_Dumper.add_representer(str, _Dumper._text)
 _Dumper.add_representer(list, _Dumper._list)
 _Dumper.add_representer(tuple, _Dumper._list)
-
-
-def load_rig_or_preset(name: str | os.PathLike) -> Rig:
-    """Return the rig in the file ``name``, or the preset of that name where there is no file."""
-    if not Path(name).exists() and str(name) in preset_names():
-        return preset(str(name))
-    return load_rig(name)

@@ -1,0 +1,5 @@
+"""Foreign formats, one module each; their conventions end here."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["transforms"])

@@ -1,0 +1,144 @@
+"""One entry of a ``transforms.json``: its camera, in our conventions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs._rotation import rotation
+from rigs.camera import Camera
+from rigs.distortion import Distortion
+
+_RADIAL, _TANGENTIAL = tuple(f"k{i}" for i in range(1, 7)), ("p1", "p2")
+#: The lens keys that each of the format's camera models uses, and our model; all others must be 0.
+_MODELS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "SIMPLE_PINHOLE": ("none", ()),
+    "PINHOLE": ("none", ()),
+    "SIMPLE_RADIAL": ("brown", ("k1",)),
+    "RADIAL": ("brown", ("k1", "k2")),
+    "OPENCV": ("brown", ("k1", "k2", "p1", "p2", "k3")),
+    "FULL_OPENCV": ("rational", ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
+    "OPENCV_FISHEYE": ("fisheye", ("k1", "k2", "k3", "k4")),
+}
+_SLOTS = {
+    "brown": ("k1", "k2", "p1", "p2", "k3"),
+    "rational": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    "fisheye": ("k1", "k2", "k3", "k4"),
+}
+_RIGID = 1e-4  # largest deviation from orthonormal of a rotation that passed through float32
+
+
+def entry_camera(entry: Mapping[str, Any], shared: Mapping[str, Any]) -> Camera:
+    """Return the camera of one entry, under a name that stands for any."""
+    values = {**{k: v for k, v in shared.items() if k != "frames"}, **entry}
+    if "transform_matrix" not in entry:
+        raise ValueError("transform_matrix: missing, expected a 4 x 4 camera-to-world matrix")
+    R, t = _pose(entry["transform_matrix"])
+    distortion = _distortion(values)
+    width, height = (_positive(values, key) for key in ("w", "h"))
+    if width != int(width) or height != int(height):
+        raise ValueError(f"w, h: found {width} and {height}, expected whole numbers of pixels")
+    fx, fy = _focal_lengths(entry, shared, width, height, distortion.model)
+    cx = _number(values, "cx", width / 2) - 0.5  # the format's pixel centres are at halves
+    cy = _number(values, "cy", height / 2) - 0.5
+    K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+    try:
+        size = (int(width), int(height))
+        return Camera("entry", size, K, distortion, R, t, status="calibrated")
+    except ValueError as error:
+        raise ValueError(str(error).removeprefix("camera entry: ")) from None
+
+
+def _pose(matrix: object) -> tuple[NDArray, NDArray]:
+    """Return OpenCV's world-to-camera ``R`` and ``t`` of OpenGL's camera-to-world matrix."""
+    try:
+        pose = np.array(matrix, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pose = np.zeros(0)
+    if pose.shape not in ((4, 4), (3, 4)) or not np.isfinite(pose).all():
+        raise ValueError(
+            f"transform_matrix: found {shortened(matrix)}, expected 4 x 4 finite numbers"
+        )
+    if pose.shape == (4, 4) and np.abs(pose[3] - [0, 0, 0, 1]).max() > 1e-9:
+        raise ValueError(
+            f"transform_matrix: found last row {pose[3].tolist()}, expected [0, 0, 0, 1]"
+        )
+    turn = rotation(pose[:3, :3], "transform_matrix", _RIGID)
+    R = np.diag([1.0, -1.0, -1.0]) @ turn.T
+    return R, -R @ pose[:3, 3]
+
+
+def _distortion(values: Mapping[str, Any]) -> Distortion:
+    """Return the lens of an entry."""
+    lens = {key: _number(values, key, 0.0) for key in _RADIAL + _TANGENTIAL}
+    given = values.get("camera_model")
+    if given is None:
+        given = "OPENCV_FISHEYE" if values.get("is_fisheye") else "OPENCV"
+    if not isinstance(given, str) or given not in _MODELS:
+        raise ValueError(
+            f"camera_model: found {shortened(given)}, expected one of {', '.join(_MODELS)}"
+        )
+    model, used = _MODELS[given]
+    for key, value in lens.items():
+        if value != 0 and key not in used:
+            raise ValueError(f"{key}: found {value}, expected 0 for camera_model {given}")
+    if model == "none" or (model == "brown" and not any(lens.values())):
+        return Distortion()
+    return Distortion(model, tuple(lens[key] for key in _SLOTS[model]))
+
+
+def _focal_lengths(
+    entry: Mapping[str, Any], shared: Mapping[str, Any], width: float, height: float, model: str
+) -> tuple[float, float]:
+    """Return the focal lengths in pixels; the entry's own keys win over the file's."""
+    for values in (entry, shared):
+        if "fl_x" in values:
+            fx = _positive(values, "fl_x")
+            return fx, _positive(values, "fl_y") if "fl_y" in values else fx
+        if "camera_angle_x" in values:
+            if model == "fisheye":
+                raise ValueError("fl_x: missing, expected it beside a fisheye's camera_angle_x")
+            fx = _from_angle(values, "camera_angle_x", width)
+            has_y = "camera_angle_y" in values
+            return fx, _from_angle(values, "camera_angle_y", height) if has_y else fx
+    raise ValueError("fl_x: missing, expected fl_x or camera_angle_x")
+
+
+def _from_angle(values: Mapping[str, Any], key: str, size: float) -> float:
+    """Return the focal length in pixels of a field of view over ``size`` pixels."""
+    angle = _positive(values, key)
+    if angle >= math.pi:
+        raise ValueError(f"{key}: found {angle}, expected less than pi radians")
+    return size / 2 / math.tan(angle / 2)
+
+
+def _number(values: Mapping[str, Any], key: str, default: float | None = None) -> float:
+    """Return the finite number under ``key``."""
+    found = values.get(key, default)
+    if found is None:
+        raise ValueError(f"{key}: missing, expected a number")
+    try:
+        number = math.nan if isinstance(found, (bool, str)) else float(found)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{key}: found {shortened(found)}, expected a finite number")
+    return number
+
+
+def _positive(values: Mapping[str, Any], key: str) -> float:
+    """Return the positive number under ``key``."""
+    number = _number(values, key)
+    if not number > 0:
+        raise ValueError(f"{key}: found {number}, expected a positive number")
+    return number
+
+
+def shortened(value: object) -> str:
+    """Return what was found, not longer than a line can bear."""
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
