@@ -1,0 +1,180 @@
+"""The report of a reconstruction: one HTML page that carries its pictures and loads nothing."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from importlib import resources
+
+from tomo.io.atomic import atomic_path
+from tomo.metrics import cosine_distance, nrmse
+from tomo.view.results import Picture, Results, draw
+
+_TITLES = {
+    "rig": "Cameras and volume",
+    "views": "Measured and re-projected images",
+    "slices": "Reconstructed volume",
+    "convergence": "Convergence",
+    "difference": "Comparison of volumes",
+}
+
+
+def write_report(
+    path: str | os.PathLike,
+    report: Mapping,
+    results: Results,
+    pictures: Sequence[Picture] | None = None,
+) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    path : path-like
+        ``report.html``.
+    report : mapping
+        The contents of ``report.json``; what it lacks is left out.
+    results : Results
+        Volumes, views and histories.
+    pictures : sequence of Picture, optional
+        What `draw` gave for these results; drawn here when None.
+    """
+    import jinja2
+
+    pictures = draw(results) if pictures is None else pictures
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    template = resources.files("tomo.view").joinpath("report.html").read_text(encoding="utf-8")
+    shown = {
+        picture.name: {
+            "title": _TITLES.get(picture.name, picture.name),
+            "data": base64.b64encode(picture.png).decode("ascii"),
+            "caption": picture.caption,
+            "alt": picture.alt,
+        }
+        for picture in pictures
+    }
+    text = environment.from_string(template).render(
+        method=str(report.get("method", results.method)),
+        headline=_headline(report),
+        pictures=shown,
+        views=_view_rows(report, results),
+        comparisons=_comparison_rows(results),
+        details=_details(report),
+    )
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _number(value: object, digits: int = 3) -> str:
+    """Return a number as text: whole ones in groups of three, others with few digits."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    if not math.isfinite(value):
+        return "not defined"
+    if float(value).is_integer() and abs(value) >= 1:
+        return f"{int(value):,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
+    return f"{value:.{digits}g}"
+
+
+def _headline(report: Mapping) -> list[tuple[str, str, str]]:
+    """Return the page's first figures: (value, name, what it means)."""
+    quality = report.get("quality") or {}
+    seconds = report.get("seconds") or {}
+    held_out = report.get("held_out") or {}
+    rows = []
+    if "cosine_distance" in quality:
+        value = _number(quality["cosine_distance"])
+        rows.append((value, "cosine distance", "from the truth; 0 is equal up to brightness"))
+    if "nrmse" in quality:
+        rows.append(
+            (_number(quality["nrmse"]), "NRMSE", "root mean square error over the truth's")
+        )
+    for key, name, unit in (("psnr", "held-out PSNR", " dB"), ("ssim", "held-out SSIM", "")):
+        values = [figures[key] for figures in held_out.values() if key in figures]
+        if values:
+            text = _number(sum(values) / len(values)) + unit
+            rows.append((text, name, f"mean of {len(values)} view(s) never used"))
+    if "relative_residual" in report:
+        value = f"{report['relative_residual']:.2%}"
+        rows.append((value, "relative residual", "of the re-projected images"))
+    for key, name in (("solve", "to solve"), ("total", "in total")):
+        if key in seconds:
+            rows.append((f"{seconds[key]:.3g} s", name, "wall time"))
+    for key, name, words in (
+        ("rays", "rays", "lines of sight used"),
+        ("segments", "segments", "crossings of rays with voxels"),
+        ("voxels", "voxels", "in the grid"),
+        ("active_voxels", "active voxels", "that can be non-zero"),
+    ):
+        if key in report:
+            rows.append((_number(report[key]), name, words))
+    if report.get("peak_memory_mb"):
+        rows.append((f"{report['peak_memory_mb']:,.0f} MB", "peak memory", "of the process"))
+    return rows
+
+
+def _view_rows(report: Mapping, results: Results) -> list[dict]:
+    """Return one row a view, held-out ones first."""
+    held_out, listed = report.get("held_out") or {}, report.get("views") or {}
+    rows = []
+    for view in sorted(results.views, key=lambda v: not v.held_out):
+        figures = {**listed.get(view.name, {}), **held_out.get(view.name, {})}
+        residual = figures.get("relative_residual", view.relative_residual)
+        rows.append(
+            {
+                "name": view.name,
+                "held_out": view.held_out,
+                "relative_residual": f"{residual:.2%}" if math.isfinite(residual) else "dark",
+                "bar": min(100.0, 100 * residual) if math.isfinite(residual) else 0.0,
+                **{
+                    k: _number(figures[k]) if k in figures else ""
+                    for k in ("gain", "psnr", "ssim")
+                },
+            }
+        )
+    return rows
+
+
+def _comparison_rows(results: Results) -> list[tuple[str, str, str]]:
+    """Return cosine distance and NRMSE of every volume, when there is a truth."""
+    if results.truth is None:
+        return []
+    return [
+        (
+            label,
+            _number(cosine_distance(volume, results.truth)),
+            _number(nrmse(volume, results.truth)),
+        )
+        for label, volume in ((results.method, results.volume), *results.comparisons)
+    ]
+
+
+def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return the tables at the end: seconds, settings, versions, and whatever else there is."""
+    tables = []
+    for key, title in (
+        ("seconds", "Time (s)"),
+        ("quality", "Against the truth"),
+        ("settings", "Settings"),
+        ("versions", "Versions"),
+    ):
+        values = report.get(key)
+        if isinstance(values, Mapping) and values:
+            tables.append((title, [(str(k), _plain(v)) for k, v in values.items()]))
+    rest = [
+        (key.replace("_", " "), _plain(report[key]))
+        for key in ("method", "seed", "stop_reason", "first_use_seconds")
+        if report.get(key) is not None
+    ]
+    return [("Run", rest), *tables] if rest else tables
+
+
+def _plain(value: object) -> str:
+    """Return a setting as text."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return _number(value, 6)
+    return value if isinstance(value, str) else json.dumps(value, default=str, ensure_ascii=False)

@@ -1,0 +1,237 @@
+"""The figures of a reconstruction: made once, written as PNG files and shown in the report."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Rig
+from tomo.grid import VoxelGrid
+from tomo.io.atomic import atomic_path
+from tomo.view.figures import png_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One camera's image beside its re-projection.
+
+    Attributes
+    ----------
+    name : str
+        The camera's.
+    measured, reprojected : (rows, columns) float
+        In one unit.
+    mask : (rows, columns) bool, optional
+        True where a pixel is usable.
+    held_out : bool
+        Whether the reconstruction never saw this view.
+    """
+
+    name: str
+    measured: NDArray
+    reprojected: NDArray
+    mask: NDArray | None = None
+    held_out: bool = False
+
+    def __post_init__(self) -> None:
+        """Check that the images fit on each other."""
+        for field in ("reprojected", "mask"):
+            other = getattr(self, field)
+            if other is not None and other.shape != self.measured.shape:
+                raise ValueError(
+                    f"view {self.name}: {field}: found shape {other.shape}, expected the "
+                    f"measured image's {self.measured.shape}"
+                )
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Which pixels count, ``(rows, columns)``."""
+        finite = np.isfinite(self.measured) & np.isfinite(self.reprojected)
+        return finite if self.mask is None else finite & self.mask
+
+    @property
+    def relative_residual(self) -> float:
+        """``||measured - reprojected|| / ||measured||`` of usable pixels; NaN if all are dark."""
+        measured = self.measured[self.usable].astype(np.float64)
+        norm = float(np.linalg.norm(measured))
+        difference = measured - self.reprojected[self.usable]
+        return float(np.linalg.norm(difference)) / norm if norm > 0 else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Convergence:
+    """How one method went, one entry an iteration.
+
+    Attributes
+    ----------
+    label : str
+        The method.
+    iterations, relative_residual, seconds : (N,) sequences
+    cosine_distance : (N,) sequence, optional
+        Against a truth.
+    """
+
+    label: str
+    iterations: Sequence[float]
+    relative_residual: Sequence[float]
+    seconds: Sequence[float]
+    cosine_distance: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        """Check that all columns are equally long."""
+        n = len(self.iterations)
+        for field in ("relative_residual", "seconds", "cosine_distance"):
+            column = getattr(self, field)
+            if column is not None and len(column) != n:
+                raise ValueError(
+                    f"history {self.label}: {field}: found {len(column)} entries, expected {n}"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Everything the figures and the report show.
+
+    Attributes
+    ----------
+    rig : Rig
+    grid : VoxelGrid
+    volume : (nx, ny, nz)
+        What was reconstructed.
+    views : sequence of View, or of mappings with its fields
+    history : sequence of Convergence, or of mappings with its fields
+    truth : (nx, ny, nz), optional
+    comparisons : sequence of (label, volume)
+        What other methods made of the same images.
+    method : str
+        What to call the reconstruction in figures.
+    """
+
+    rig: Rig
+    grid: VoxelGrid
+    volume: NDArray
+    views: Sequence[View | Mapping] = ()
+    history: Sequence[Convergence | Mapping] = ()
+    truth: NDArray | None = None
+    comparisons: Sequence[tuple[str, NDArray]] = ()
+    method: str = "reconstruction"
+
+    def __post_init__(self) -> None:
+        """Take mappings for views and histories too, and check shapes."""
+        views = tuple(v if isinstance(v, View) else View(**v) for v in self.views)
+        history = tuple(
+            h if isinstance(h, Convergence) else Convergence(**h) for h in self.history
+        )
+        object.__setattr__(self, "views", views)
+        object.__setattr__(self, "history", history)
+        volumes = [("volume", self.volume), *self.comparisons]
+        if self.truth is not None:
+            volumes.append(("truth", self.truth))
+        for name, volume in volumes:
+            if volume.shape != self.grid.shape:
+                raise ValueError(
+                    f"results {name}: found shape {volume.shape}, expected the grid's "
+                    f"{self.grid.shape}"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure as PNG, with the words that go with it."""
+
+    name: str
+    png: bytes
+    caption: str
+    alt: str
+
+    def __repr__(self) -> str:
+        """Name the size: the bytes themselves are too long to print."""
+        return f"<Picture {self.name!r}: {len(self.png)} bytes>"
+
+
+def draw(results: Results) -> tuple[Picture, ...]:
+    """Return the figures: rig, slices, views, convergence, difference; empty ones are left out."""
+    from tomo.view import result_figures
+    from tomo.view.rig_picture import draw_rig
+    from tomo.view.volume_picture import draw_volume
+
+    rig, grid, unit = results.rig, results.grid, results.rig.length_unit
+    recipes: list[tuple[bool, str, Callable[[], Figure], str, str]] = [
+        (
+            len(rig) > 0,
+            "rig",
+            lambda: draw_rig(rig, grid, results.volume, title="Cameras and volume"),
+            "The cameras at true scale, and the volume close up. Colours tell whether a camera "
+            "stands above, level with or below the volume; the arrows show where each looks.",
+            f"Perspective drawing of {len(rig)} cameras around the reconstructed volume.",
+        ),
+        (
+            True,
+            "slices",
+            lambda: draw_volume(
+                results.volume, grid, length_unit=unit, title=f"Reconstruction, {results.method}"
+            ),
+            "The reconstructed emission: planes through the middle of the volume, its integrals "
+            "along the three axes, and surfaces of equal emission.",
+            "Three slices, three projections and nested surfaces of the reconstructed volume.",
+        ),
+        (
+            bool(results.views),
+            "views",
+            lambda: result_figures.draw_views(results.views),
+            "Measured images, the volume projected back into the same cameras, and the "
+            "difference. Held-out views, which the reconstruction never saw, come first. "
+            "Grey pixels were not used.",
+            "For each view: measured image, re-projected image and their difference.",
+        ),
+        (
+            any(len(course.iterations) for course in results.history),
+            "convergence",
+            lambda: result_figures.draw_convergence(results.history),
+            "How far the re-projected images are from the measured ones after each iteration"
+            + (", and how far the volume is from the truth." if _has_cosine(results) else "."),
+            "Line plots of relative residual against iteration and against time.",
+        ),
+        (
+            results.truth is not None or bool(results.comparisons),
+            "difference",
+            lambda: result_figures.draw_difference(results),
+            "Volumes beside each other on one colour scale"
+            + (
+                ", with their differences from the truth below."
+                if results.truth is not None
+                else "."
+            ),
+            "Middle planes of every volume, side by side on one colour scale.",
+        ),
+    ]
+    return tuple(
+        Picture(name, png_bytes(make()), caption, alt)
+        for wanted, name, make, caption, alt in recipes
+        if wanted
+    )
+
+
+def write_pictures(folder: str | os.PathLike, pictures: Sequence[Picture]) -> list[Path]:
+    """Write each picture as ``NAME.png`` into ``folder``; return the paths."""
+    paths = []
+    for picture in pictures:
+        path = Path(folder) / f"{picture.name}.png"
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(picture.png)
+        paths.append(path)
+    return paths
+
+
+def _has_cosine(results: Results) -> bool:
+    """Tell if any method's distance from the truth is known."""
+    return any(course.cosine_distance is not None for course in results.history)

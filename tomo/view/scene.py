@@ -1,0 +1,129 @@
+"""What there is to see: named, coloured triangle meshes and labels, in world coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Colour = tuple[float, float, float]
+
+
+def rgb(colour: str) -> Colour:
+    """Return ``"#rrggbb"`` as three numbers in 0..1."""
+    return tuple(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A triangle mesh of one colour.
+
+    Attributes
+    ----------
+    name : str
+        What it shows, e.g. the camera's name.
+    group : str
+        What it is switched on and off with, e.g. ``"cameras"``.
+    vertices : (V, 3) float64
+        World coordinates.
+    triangles : (T, 3) int
+        Vertex indices.
+    colour : (3,) tuple
+        Red, green, blue in 0..1.
+    opacity : float
+        1 is opaque.
+    """
+
+    name: str
+    group: str
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.integer]
+    colour: Colour
+    opacity: float = 1.0
+
+    def __repr__(self) -> str:
+        """Name the sizes: the arrays themselves are too long to print."""
+        return f"<Mesh {self.name!r} of {self.group!r}: {len(self.triangles)} triangles>"
+
+    def normals(self) -> NDArray[np.float64]:
+        """Return unit vertex normals ``(V, 3)``: the area-weighted means of the faces around."""
+        a, b, c = (self.vertices[self.triangles[:, i]] for i in range(3))
+        faces = np.cross(b - a, c - a)  # twice the area times the normal
+        sums = np.zeros_like(self.vertices)
+        for i in range(3):
+            np.add.at(sums, self.triangles[:, i], faces)
+        return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
+
+    def merged(self, other: Mesh) -> Mesh:
+        """Return both meshes as one, with this one's name and looks."""
+        return replace(
+            self,
+            vertices=np.concatenate([self.vertices, other.vertices]),
+            triangles=np.concatenate([self.triangles, other.triangles + len(self.vertices)]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Label:
+    """A text at a point; moved by ``outward`` it stands clear of what it names.
+
+    Attributes
+    ----------
+    text : str
+    group : str
+        What it is switched on and off with, e.g. ``"names"``.
+    position : (3,) float64
+        World coordinates.
+    outward : (3,) float64
+        A world displacement; still pictures use its direction and count in pixels.
+    colour : (3,) tuple
+    """
+
+    text: str
+    group: str
+    position: NDArray[np.float64]
+    outward: NDArray[np.float64]
+    colour: Colour = (0.11, 0.15, 0.2)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Meshes and labels in one world; what the three writers draw."""
+
+    meshes: tuple[Mesh, ...] = ()
+    labels: tuple[Label, ...] = ()
+    length_unit: str = "mm"
+
+    def __add__(self, other: Scene) -> Scene:
+        """Return the scene that holds both."""
+        return replace(self, meshes=self.meshes + other.meshes, labels=self.labels + other.labels)
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the groups, in order of appearance."""
+        return tuple(dict.fromkeys(part.group for part in (*self.meshes, *self.labels)))
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Lower and upper corner of all meshes, ``(2, 3)``."""
+        if not self.meshes:
+            raise ValueError("scene: found no mesh, expected at least one to have bounds")
+        vertices = [mesh.vertices for mesh in self.meshes if len(mesh.vertices)]
+        lowers = [v.min(axis=0) for v in vertices]
+        uppers = [v.max(axis=0) for v in vertices]
+        return np.stack([np.min(lowers, axis=0), np.max(uppers, axis=0)])
+
+    def only(self, groups: Iterable[str]) -> Scene:
+        """Return the parts that belong to ``groups``."""
+        wanted = set(groups)
+        return replace(
+            self,
+            meshes=tuple(mesh for mesh in self.meshes if mesh.group in wanted),
+            labels=tuple(label for label in self.labels if label.group in wanted),
+        )
+
+    def without(self, *groups: str) -> Scene:
+        """Return the parts that belong to none of ``groups``."""
+        return self.only(set(self.groups) - set(groups))

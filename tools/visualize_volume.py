@@ -1,0 +1,51 @@
+"""Draw a volume: PNG for papers, HTML to turn around and switch on and off, GLB for viewers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from _command import bad_input_in_one_line
+from _picture import check_outputs
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def visualize_volume(
+    volume: Annotated[Path, typer.Argument(help="A volume file: .npz, .vti or .nrrd.")],
+    out: Annotated[
+        list[Path], typer.Option("--out", "-o", help=".png, .html or .glb; may stand repeatedly.")
+    ],
+    title: Annotated[str | None, typer.Option(help="Stands above the picture.")] = None,
+) -> None:
+    """Draw a volume's middle planes, line integrals and surfaces of equal emission."""
+    with bad_input_in_one_line():
+        check_outputs(out)
+        from tomo.io import read_volume
+        from tomo.view.isosurface import isosurface_scene
+        from tomo.view.rig_scene import volume_scene
+
+        data, grid, unit = read_volume(volume)
+        heading = title if title is not None else volume.stem
+        scene = None
+        for path in out:
+            if path.suffix.lower() == ".png":
+                from tomo.view import write_volume_picture
+
+                write_volume_picture(path, data, grid, length_unit=unit, title=heading)
+                continue
+            scene = scene or volume_scene(grid, unit) + isosurface_scene(data, grid, unit)
+            if path.suffix.lower() == ".html":
+                from tomo.view import write_html
+
+                write_html(path, scene, title=heading, volume=data, grid=grid)
+            else:
+                from tomo.view import write_glb
+
+                write_glb(path, scene)
+
+
+if __name__ == "__main__":
+    app()
