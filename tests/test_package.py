@@ -140,14 +140,15 @@ DISTRIBUTIONS = {
 def test_what_is_imported_is_required():
     """What only comes along with another dependency may stay away with its next release."""
     used = set()
-    files = [path for _, path in modules()] + sorted((ROOT / "tools").glob("*.py"))
+    tools = sorted((ROOT / "tools").glob("*.py"))
+    files = [path for _, path in modules()] + tools
     for path in files:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Import):
                 used |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
                 used.add(node.module.split(".")[0])
-    used -= {*sys.stdlib_module_names, *PACKAGES, "_command"}
+    used -= {*sys.stdlib_module_names, *PACKAGES, *(path.stem for path in tools)}
     wanted = {re.match(r"[\w.-]+", line).group().lower() for line in requirements()}
     assert {DISTRIBUTIONS.get(name, name) for name in used} <= wanted
 
