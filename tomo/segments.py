@@ -84,6 +84,12 @@ class Segments:
         midpoint = None if self.midpoint is None else self.midpoint[slots]
         return Segments(ptr, self.voxel[slots], self.length[slots], midpoint)
 
+    def without_empty(self) -> tuple[Segments, NDArray[np.int64]]:
+        """Return the pixels that cross a voxel, and their numbers; the entries are shared."""
+        kept = np.flatnonzero(np.diff(self.ptr))
+        ptr = np.append(self.ptr[kept], self.ptr[-1])
+        return Segments(ptr, self.voxel, self.length, self.midpoint), kept
+
     @staticmethod
     def concatenate(parts: list[Segments]) -> Segments:
         """Return the segments of ``parts`` one after another."""

@@ -82,6 +82,10 @@ class SmoothBasis(LinearOperator):
         """Return the projector of one view."""
         return SmoothBasis(self.projector.view(number), self.width)
 
+    def take(self, pixels: NDArray[np.integer]) -> SmoothBasis:
+        """Return the projector of some pixels, given in ascending order; views stay views."""
+        return SmoothBasis(self.projector.take(pixels), self.width)
+
     def subset(self, views: Sequence[int]) -> SmoothBasis:
         """Return the projector of some views, in the order given."""
         return SmoothBasis(self.projector.subset(views), self.width)

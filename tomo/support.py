@@ -1,0 +1,121 @@
+"""What the scene needs, before anything is traced: memory, and whether the volume is in view."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import psutil
+
+from rigs import Camera
+from tomo.grid import VoxelGrid
+from tomo.rays import Rays
+from tomo.trace.box import enter_box
+
+BYTES_PER_SEGMENT = 16  # voxel and length, by rows and again by columns
+BYTES_PER_MIDPOINT = 36  # float64 while traced, float32 kept
+BYTES_PER_VOXEL = 64  # the volume, its updates and sums, and the column pointers
+SAMPLED_RAYS = 2_000  # a camera: enough for a few per cent
+
+
+@dataclass(frozen=True)
+class MemoryNeed:
+    """An estimate of what a reconstruction with a stored matrix takes.
+
+    Attributes
+    ----------
+    rays : int
+        Lines of sight that meet the grid.
+    segments : int
+        Crossings of rays with voxels.
+    voxels : int
+    nbytes : int
+    """
+
+    rays: int
+    segments: int
+    voxels: int
+    nbytes: int
+
+
+def estimate_memory(
+    cameras: list[Camera] | tuple[Camera, ...],
+    grid: VoxelGrid,
+    *,
+    supersample: int = 1,
+    midpoints: bool = False,
+) -> MemoryNeed:
+    """Estimate the memory of tracing all pixels of some cameras, from a sample of their rays.
+
+    A ray through ``a``, ``b``, ``c`` voxel widths along x, y, z crosses about ``a + b + c + 1``
+    voxels.
+    """
+    rays = segments = 0.0
+    for camera in cameras:
+        pixels = math.prod(camera.image_size)
+        step = max(pixels // SAMPLED_RAYS, 1)
+        sample = Rays.from_camera(camera, np.arange(0, pixels, step))
+        box = enter_box(sample, grid)
+        share = pixels / math.ceil(pixels / step) * supersample**2
+        inside = box.length > 0
+        crossings = np.abs(box.direction[inside] * box.length[inside, None]).sum(axis=1) + 1
+        rays += share * inside.sum()
+        segments += share * crossings.sum()
+    per_segment = BYTES_PER_SEGMENT + (BYTES_PER_MIDPOINT if midpoints else 0)
+    nbytes = per_segment * segments + BYTES_PER_VOXEL * grid.size
+    return MemoryNeed(round(rays), round(segments), grid.size, round(nbytes))
+
+
+def check_memory(
+    cameras: list[Camera] | tuple[Camera, ...],
+    grid: VoxelGrid,
+    *,
+    supersample: int = 1,
+    midpoints: bool = False,
+    available: int | None = None,
+) -> MemoryNeed:
+    """Refuse a grid that the memory cannot hold, before anything is allocated.
+
+    Parameters
+    ----------
+    available : int, optional
+        Bytes that may be used; what the system has free when None.
+
+    Raises
+    ------
+    ValueError
+        Saying how much the grid would take, how much there is, and what grid would fit.
+    """
+    need = estimate_memory(cameras, grid, supersample=supersample, midpoints=midpoints)
+    available = psutil.virtual_memory().available if available is None else available
+    if need.nbytes <= available:
+        return need
+    coarser = _coarser_grid_that_fits(need, grid, available)
+    spacing = " x ".join(f"{s:.4g}" for s in coarser.spacing)
+    raise ValueError(
+        f"grid {_by(grid.shape)}: would take about {_gigabytes(need.nbytes)} "
+        f"({need.rays:,} rays, {need.segments:,} crossings), found {_gigabytes(available)} free; "
+        f"{_by(coarser.shape)} voxels of {spacing} would fit"
+    )
+
+
+def _coarser_grid_that_fits(need: MemoryNeed, grid: VoxelGrid, available: int) -> VoxelGrid:
+    """Return the grid of the same box, voxels enlarged alike, that takes 80 % of the memory."""
+    per_voxels = BYTES_PER_VOXEL * need.voxels
+    per_crossings = max(need.nbytes - per_voxels, 0)
+    low, high = 0.0, 1.0
+    for _ in range(60):  # bisection: voxels go with the cube of the resolution, crossings linearly
+        middle = (low + high) / 2
+        fits = per_voxels * middle**3 + per_crossings * middle <= 0.8 * available
+        low, high = (middle, high) if fits else (low, middle)
+    shape = tuple(max(math.floor(n * low), 1) for n in grid.shape)
+    return VoxelGrid.from_bounds(shape, grid.lower, grid.upper)
+
+
+def _gigabytes(nbytes: int) -> str:
+    return f"{nbytes / 1e9:,.1f} GB"
+
+
+def _by(shape: tuple[int, int, int]) -> str:
+    return "x".join(str(n) for n in shape)
