@@ -22,6 +22,11 @@ def new_figure(width: float, height: float, dpi: int = 160) -> Figure:
     return figure
 
 
+def plain(text: str) -> str:
+    """Return ``text`` such that matplotlib takes none of it as mathematics."""
+    return text.replace("$", r"\$")
+
+
 def png_bytes(figure: Figure) -> bytes:
     """Return the figure as PNG; the same figure always gives the same bytes."""
     buffer = io.BytesIO()

@@ -62,6 +62,7 @@ class LabelPlacer:
             ha="center",
             va="center",
             zorder=6,
+            parse_math=False,
             **style,
         )
         width, height = self._measure(written)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.metrics import cosine_distance, nrmse
-from tomo.view.figures import new_figure
+from tomo.view.figures import new_figure, plain
 from tomo.view.volume_picture import middle_planes, show_plane
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def draw_convergence(history: Sequence[Convergence]) -> Figure:
                     linewidth=1.4,
                     marker="o",
                     markersize=2.6 if positive.sum() <= 60 else 0,
-                    label=_short(course.label),
+                    label=plain(_short(course.label)),
                 )
             _style(axes)
             axes.set_xlabel("iteration" if abscissa == "iterations" else "time (s)", fontsize=8)

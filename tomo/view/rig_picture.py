@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.view import frame
-from tomo.view.figures import new_figure, save_figure
+from tomo.view.figures import new_figure, plain, save_figure
 from tomo.view.rig_scene import (
     Target,
     colour_of,
@@ -207,13 +207,18 @@ def _captions(
     )
     plural = "cameras" if len(rig) > 1 else "camera"
     words = f"{len(rig)} {plural}, {apart} {unit} from the centre"
-    figure.text(0.012, 0.925, words, fontsize=8.5, color=_MUTED, va="center")
+    figure.text(0.012, 0.925, plain(words), fontsize=8.5, color=_MUTED, va="center")
     if grid is not None:
         size = " × ".join(f"{length:.4g}" for length in grid.extent)
         counts = " × ".join(str(n) for n in grid.shape)
         figure.text(0.64, 0.965, "Close-up of the volume", fontsize=9.5, weight="bold", color=_INK)
         figure.text(
-            0.64, 0.945, f"{size} {unit}, {counts} voxels", fontsize=8, color=_MUTED, va="top"
+            0.64,
+            0.945,
+            plain(f"{size} {unit}, {counts} voxels"),
+            fontsize=8,
+            color=_MUTED,
+            va="top",
         )
     entries = {}
     for camera in rig:

@@ -202,7 +202,7 @@ def _camera_scene(camera: Camera, target: Target, typical: float, up: Up) -> Sce
             Mesh(camera.name, "cameras", *face, colour, 0.25),
             Mesh(camera.name, "sight lines", *line, tuple(0.45 + 0.55 * c for c in colour)),
         ),
-        (Label(camera.name, "names", position, 0.045 * away, colour),),
+        (Label(camera.name, "names", position, 0.085 * away, colour),),
     )
 
 

@@ -49,7 +49,7 @@ def show_scene(
             edge.mean(axis=0),
             normal,
             gap=32,
-            turns=(0.0, 10.0, -10.0),
+            turns=(0.0, 15.0, -15.0, 40.0, -40.0, 65.0, -65.0, 90.0, -90.0),
             reaches=(1.0, 1.3, 1.6, 2.0, 2.5, 3.0),
             fontsize=8,
             colour=_INK,

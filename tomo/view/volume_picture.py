@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.view import frame
-from tomo.view.figures import new_figure, save_figure
+from tomo.view.figures import new_figure, plain, save_figure
 from tomo.view.isosurface import isosurface_scene
 from tomo.view.rig_scene import volume_scene
 from tomo.view.shapes import box_corners
@@ -160,6 +160,7 @@ def show_plane(
     axes.tick_params(labelsize=6.5, colors=_MUTED, length=2.5, pad=2)
     for spine in axes.spines.values():
         spine.set(color="#9aa5b1", linewidth=0.6)
+    length_unit = plain(length_unit)
     axes.set_xlabel(f"{frame.NAMES[level]} ({length_unit})", fontsize=7.5, color=_INK, labelpad=2)
     axes.set_ylabel(
         f"{frame.NAMES[upright]} ({length_unit})", fontsize=7.5, color=_INK, labelpad=1
@@ -225,7 +226,7 @@ def _block(
         bar = figure.add_axes(rect)
         figure.colorbar(image, cax=bar)
         bar.tick_params(labelsize=6.5, colors=_MUTED, length=2, pad=2)
-        bar.set_ylabel(words, fontsize=7.5, color=_INK, labelpad=3)
+        bar.set_ylabel(plain(words), fontsize=7.5, color=_INK, labelpad=3)
         bar.yaxis.set_major_locator(MaxNLocator(max(2, int(h / 0.35))))
     figure.text(x0 / width, (y0 + 0.16) / height, heading, fontsize=8.5, color=_INK, va="center")
 

@@ -1,0 +1,147 @@
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from rigs import Camera, Rig, look_at
+from tomo.grid import VoxelGrid
+from tomo.view import Convergence, Results, View, draw, write_pictures, write_report
+from tomo.view.result_figures import views_to_show
+
+GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75))
+HOSTILE = "<script>alert(1)<"
+
+
+@pytest.fixture(scope="module")
+def results():
+    rng = np.random.default_rng(0)
+    cameras = []
+    for name, angle in (("cam00", 0.0), (HOSTILE, 1.0)):
+        R, t = look_at([100 * np.sin(angle), 0, 100 * np.cos(angle)], [0, 0, 0])
+        cameras.append(Camera(name, (9, 16), [[80, 0, 4], [0, 80, 8], [0, 0, 1]], R=R, t=t))
+    truth = np.exp(-(GRID.centers() ** 2).sum(axis=-1) / 4).astype(np.float32)
+    image = rng.random((16, 9)).astype(np.float32)
+    return Results(
+        Rig(tuple(cameras)),
+        GRID,
+        truth * 1.1,
+        [View("cam00", image, image * 0.9), View(HOSTILE, image, image, held_out=True)],
+        [
+            {
+                "label": HOSTILE,
+                "iterations": [1, 2],
+                "relative_residual": [0.5, 0.1],
+                "seconds": [0.1, 0.2],
+                "cosine_distance": [0.3, 0.2],
+            }
+        ],
+        truth=truth,
+        comparisons=[("other", truth * 0)],
+        method="cgls",
+    )
+
+
+@pytest.fixture(scope="module")
+def pictures(results):
+    return draw(results)
+
+
+REPORT = {
+    "method": "cgls",
+    "relative_residual": 0.1234,
+    "seconds": {"solve": 1.25, "total": 2.5},
+    "quality": {"cosine_distance": 0.00123, "nrmse": 0.05},
+    "held_out": {HOSTILE: {"psnr": 31.25, "ssim": 0.91, "cosine": 0.99}},
+    "views": {"cam00": {"relative_residual": 0.1, "gain": 1.02}},
+    "voxels": 126000,
+    "seed": 7,
+    "versions": {"numpy": "2.0"},
+    "settings": {"note": "</script><script>alert(2)</script>", "hold_out": [HOSTILE]},
+}
+
+
+class Tags(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.found, self.text = [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@pytest.fixture
+def page(tmp_path, results, pictures):
+    write_report(tmp_path / "report.html", REPORT, results, pictures)
+    parser = Tags()
+    parser.feed((tmp_path / "report.html").read_text(encoding="utf-8"))
+    return parser
+
+
+def test_report_loads_nothing_and_runs_nothing(page):
+    assert not [tag for tag, _ in page.found if tag in ("script", "link", "iframe", "object")]
+    sources = [attrs["src"] for tag, attrs in page.found if tag == "img"]
+    assert len(sources) == 5
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+    assert all(attrs.get("alt") for tag, attrs in page.found if tag == "img")
+
+
+def test_hostile_names_are_shown_as_text(page):
+    text = "".join(page.text)
+    assert f"{HOSTILE} (held out)" in text
+    assert "</script><script>alert(2)</script>" in text
+
+
+def test_report_shows_its_figures(page):
+    text = " ".join(page.text)
+    for shown in ("0.00123", "12.34%", "31.2 dB", "0.91", "1.02", "2.5 s", "126\u202f000"):
+        assert shown in text
+    assert re.search(r"seed\s+7", text)
+
+
+def test_report_does_with_little(tmp_path):
+    volume = np.zeros(GRID.shape, np.float32)
+    write_report(tmp_path / "report.html", {}, Results(Rig(()), GRID, volume))
+    assert "Reconstructed volume" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_pictures_are_written_as_they_are_shown(tmp_path, pictures):
+    paths = write_pictures(tmp_path / "new", pictures)
+    assert {p.name for p in paths} == {
+        "rig.png",
+        "slices.png",
+        "views.png",
+        "convergence.png",
+        "difference.png",
+    }
+    for path, picture in zip(paths, pictures, strict=True):
+        assert path.read_bytes() == picture.png
+        assert picture.png.startswith(b"\x89PNG")
+
+
+def test_relative_residual_counts_usable_pixels_only():
+    measured = np.array([[3.0, 4.0, np.nan, 50.0]])
+    mask = np.array([[True, True, True, False]])
+    view = View("a", measured, np.array([[3.0, 3.0, 1.0, 0.0]]), mask)
+    assert view.relative_residual == pytest.approx(1 / 5)
+    assert np.isnan(View("a", np.zeros((2, 2)), np.ones((2, 2))).relative_residual)
+
+
+def test_held_out_views_are_shown_first_and_the_others_spread():
+    image = np.ones((2, 2))
+    views = [View(f"{i}", image, image, held_out=i == 20) for i in range(33)]
+    names = [int(v.name) for v in views_to_show(views, 5)]
+    assert names[0] == 20
+    assert names[1:] == [0, 8, 16, 25]
+
+
+def test_parts_that_do_not_fit_are_told():
+    with pytest.raises(ValueError, match="view a: mask: found shape"):
+        View("a", np.ones((2, 2)), np.ones((2, 2)), np.ones((3, 2), bool))
+    with pytest.raises(ValueError, match="history sirt: seconds: found 1"):
+        Convergence("sirt", [1, 2], [0.1, 0.2], [0.3])
+    with pytest.raises(ValueError, match="results truth: found shape"):
+        Results(Rig(()), GRID, np.zeros(GRID.shape), truth=np.zeros((1, 1, 1)))
