@@ -75,9 +75,9 @@ class LabelPlacer:
             # the text's box touches the circle of radius reach * gap from outside
             centre = anchor + way * reach * gap + way * (np.abs(way) @ [width / 2, height / 2])
             box = (
-                centre[0] - width / 2 - 1,
+                centre[0] - width / 2 - 4,
                 centre[1] - height / 2 - 1,
-                centre[0] + width / 2 + 1,
+                centre[0] + width / 2 + 4,
                 centre[1] + height / 2 + 1,
             )
             if self._is_free(box):

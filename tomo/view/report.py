@@ -129,14 +129,15 @@ def _view_rows(report: Mapping, results: Results) -> list[dict]:
                 "name": view.name,
                 "held_out": view.held_out,
                 "relative_residual": f"{residual:.2%}" if math.isfinite(residual) else "dark",
-                "bar": min(100.0, 100 * residual) if math.isfinite(residual) else 0.0,
+                "bar": residual if math.isfinite(residual) else 0.0,
                 **{
                     k: _number(figures[k]) if k in figures else ""
                     for k in ("gain", "psnr", "ssim")
                 },
             }
         )
-    return rows
+    longest = max((row["bar"] for row in rows), default=0.0) or 1.0
+    return [{**row, "bar": 100 * row["bar"] / longest} for row in rows]
 
 
 def _comparison_rows(results: Results) -> list[tuple[str, str, str]]:

@@ -40,11 +40,11 @@ def draw_views(views: Sequence[View]) -> Figure:
     aspect = float(np.median([v.measured.shape[1] / v.measured.shape[0] for v in shown]))
     across = min(len(shown), 3 if aspect < 0.8 else 2)
     down = math.ceil(len(shown) / across)
-    width, pad, bar_room, heading = 10.4, 0.28, 0.75, 0.52
-    image_width = ((width - bar_room - pad) / across - pad) / 3 - 0.04
+    width, pad, bar_room, heading = 10.4, 0.28, 0.72, 0.52
+    image_width = (width / across - pad) / 3 - 0.04
     image_height = min(image_width / aspect, 4.2)
     image_width = min(image_width, image_height * aspect)
-    height = down * (image_height + heading) + 0.15
+    height = down * (image_height + heading) + bar_room
     figure = new_figure(width, height)
     scaled = [_in_percent(view) for view in shown]
     spread = [np.abs(r[np.isfinite(r)]) for _, _, r in scaled]
@@ -81,17 +81,13 @@ def draw_views(views: Sequence[View]) -> Figure:
             color="#c2500f" if view.held_out else _INK,
             parse_math=False,
         )
-    x = (pad / 2 + across * block) / width
-    bar_height = min(image_height, 3.0) * 0.46
-    top = height - heading
-    for k, (image, words) in enumerate(
-        zip(images, ("% of the view's maximum", "difference, % of maximum"), strict=True)
-    ):
-        y = top - image_height + (1 - k) * (image_height - bar_height)
-        bar = figure.add_axes((x, y / height, 0.09 / width, bar_height / height))
-        figure.colorbar(image, cax=bar)
-        bar.tick_params(labelsize=6, colors=_MUTED, length=2, pad=2)
-        bar.set_ylabel(words, fontsize=6, color=_INK, labelpad=2)
+    words = ("image, % of the view's maximum", "difference, % of the view's maximum")
+    for k, image in enumerate(images):
+        rect = ((pad / 2 + k * 3.4) / width, 0.36 / height, 2.6 / width, 0.09 / height)
+        bar = figure.add_axes(rect)
+        figure.colorbar(image, cax=bar, orientation="horizontal")
+        bar.tick_params(labelsize=6.5, colors=_MUTED, length=2, pad=2)
+        bar.set_xlabel(words[k], fontsize=7, color=_INK, labelpad=2)
     return figure
 
 
@@ -137,6 +133,9 @@ def draw_convergence(history: Sequence[Convergence]) -> Figure:
             axes.set_xlabel("iteration" if abscissa == "iterations" else "time (s)", fontsize=8)
             axes.set_ylabel(words, fontsize=8)
             axes.set_yscale("log")
+            ends = [max(course.seconds) for course in history if len(course.seconds)]
+            if abscissa == "seconds" and max(ends, default=0) > 20 * min(ends, default=0) > 0:
+                axes.set_xscale("log")  # a slow method would squeeze the quick ones to a line
     if len(history) > 1:
         handles, labels = panels[0][0].get_legend_handles_labels()
         figure.legend(
@@ -215,7 +214,7 @@ def draw_difference(results: Results) -> Figure:
         bar = figure.add_axes(rect)
         figure.colorbar(image, cax=bar)
         bar.tick_params(labelsize=6.5, colors=_MUTED, length=2, pad=2)
-        bar.set_ylabel("difference from truth" if row else "emission", fontsize=7.5, color=_INK)
+        bar.set_ylabel("difference" if row else "emission", fontsize=7.5, color=_INK)
     return figure
 
 

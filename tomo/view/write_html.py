@@ -59,7 +59,7 @@ def write_html(
     up : Up, optional
         Which axis points upward.
     grid : VoxelGrid, optional
-        Adds buttons that show the whole scene or the box alone.
+        Adds buttons that show the whole rig or the box alone.
     volume : (nx, ny, nz), optional
         Adds its three middle planes, switched off at first.
     leave_out : tuple of str
@@ -102,7 +102,9 @@ def write_html(
         margin={"l": 0, "r": 0, "t": 60, "b": 0},
         template="plotly_white",
         font={"color": "#1b2733"},
-        updatemenus=_buttons(scene, grid) if grid is not None else [],
+        updatemenus=_buttons(scene, grid)
+        if grid is not None and "cameras" in scene.groups
+        else [],
     )
     body = figure.to_html(
         full_html=False,
@@ -216,7 +218,7 @@ def _aspect(bounds: NDArray) -> dict[str, float]:
 
 def _ticks(bounds: NDArray) -> dict[str, int]:
     """Return how many numbers each drawn axis has room for."""
-    return {name: max(2, round(7 * length)) for name, length in _aspect(bounds).items()}
+    return {name: max(4, round(8 * length)) for name, length in _aspect(bounds).items()}
 
 
 def _buttons(scene: Scene, grid: VoxelGrid) -> list[dict]:
