@@ -43,6 +43,7 @@ def write_report(
     """
     import jinja2
 
+    report = _without_nulls(report)
     pictures = draw(results) if pictures is None else pictures
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -67,6 +68,15 @@ def write_report(
     )
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def _without_nulls(values: Mapping) -> dict:
+    """Return ``values`` without what is None at any depth: JSON's way to say not known."""
+    return {
+        key: _without_nulls(value) if isinstance(value, Mapping) else value
+        for key, value in values.items()
+        if value is not None
+    }
 
 
 def _number(value: object, digits: int = 3) -> str:

@@ -104,7 +104,9 @@ def test_report_shows_its_figures(page):
 
 def test_report_does_with_little(tmp_path):
     volume = np.zeros(GRID.shape, np.float32)
-    write_report(tmp_path / "report.html", {}, Results(Rig(()), GRID, volume))
+    unknown = {"relative_residual": None, "seed": None, "held_out": {"a": {"psnr": None}}}
+    for report in ({}, unknown):
+        write_report(tmp_path / "report.html", report, Results(Rig(()), GRID, volume))
     assert "Reconstructed volume" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
