@@ -7,15 +7,26 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=["io", "metrics", "noise", "solve", "support", "trace", "view", "wernet"],
+    submodules=[
+        "io",
+        "metrics",
+        "noise",
+        "reconstruct",
+        "simulate",
+        "solve",
+        "trace",
+        "view",
+        "wernet",
+    ],
     submod_attrs={
         "grid": ["VoxelGrid"],
+        "linear_system": ["LinearSystem"],
         "projector": ["Projector", "dot_test"],
         "rays": ["Rays"],
-        "reconstruct": ["reconstruct"],
-        "reconstruction": ["Reconstruction"],
-        "scan": ["Scan"],
+        "reconstruction": ["Iteration", "Reconstruction"],
+        "scan": ["Corrections", "Frame", "Scan"],
+        "scan_file": ["save_scan"],
         "segments": ["Segments"],
-        "simulate": ["simulate"],
+        "smooth_basis": ["SmoothBasis"],
     },
 )

@@ -83,15 +83,20 @@ class Rays:
     def from_lines(
         cls, origins: ArrayLike, directions: ArrayLike, lengths: ArrayLike = np.inf
     ) -> Rays:
-        """Return one ray a pixel; ``directions`` ``(N, 3)`` are normalised here."""
+        """Return one ray a pixel from ``origins`` and ``directions``, ``(N, 3)`` or ``(3,)``.
+
+        Directions are normalised here; a single origin, direction or length serves all rays.
+        """
+        origins = np.atleast_2d(np.asarray(origins, np.float64))
         directions = np.atleast_2d(np.asarray(directions, np.float64))
         norms = np.linalg.norm(directions, axis=1, keepdims=True)
         if not (norms > 0).all():
             raise ValueError("rays directions: found a zero vector, expected non-zero")
-        n = len(directions)
-        origins = np.array(np.broadcast_to(np.asarray(origins, np.float64), (n, 3)))
+        n = max(len(origins), len(directions))
+        origins = np.array(np.broadcast_to(origins, (n, 3)))
+        directions = np.array(np.broadcast_to(directions / norms, (n, 3)))
         lengths = np.array(np.broadcast_to(np.asarray(lengths, np.float64), (n,)))
-        return cls(origins, directions / norms, lengths, np.ones(n), np.arange(n + 1))
+        return cls(origins, directions, lengths, np.ones(n), np.arange(n + 1))
 
     @classmethod
     def from_camera(

@@ -50,7 +50,7 @@ def simulate(
     """Simulate the images that a rig's cameras take of a phantom, and write them as a scan."""
     started = time.perf_counter()
     with bad_input_in_one_line():
-        import tomo
+        from tomo.simulate import simulate as simulate_scan
 
         loaded = load_rig_or_preset(rig)
         volume = _read_volume(phantom, loaded.length_unit)
@@ -58,7 +58,7 @@ def simulate(
         voxels = parse_grid(grid, spacing, center, default=default)
         field = _field(phantom, volume, voxels, seed)
         with progress_bar("simulate") as progress:
-            scan = tomo.simulate(
+            scan = simulate_scan(
                 loaded,
                 field,
                 voxels,

@@ -6,8 +6,9 @@ import pytest
 from phantoms import GaussianBlobs, SampledField, sample
 from rigs import Camera, Rig
 from rigs.camera import look_at
-from tomo import Rays, VoxelGrid, simulate
+from tomo import Rays, VoxelGrid
 from tomo._visible import pixels_that_see
+from tomo.simulate import simulate
 from tomo.trace.box import enter_box
 
 GRID = VoxelGrid((6, 8, 6), 1.0, (0.5, -1.0, 2.0))

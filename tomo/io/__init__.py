@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "atomic": ["atomic_path"],
-        "images": ["read_image", "write_image"],
+        "images": ["is_integer_image", "read_image", "write_image"],
         "volumes": ["read_volume", "write_volume"],
     },
 )

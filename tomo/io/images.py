@@ -79,6 +79,17 @@ def read_image(
     return image
 
 
+def is_integer_image(path: str | os.PathLike) -> bool:
+    """Return whether a readable image file holds integers, which `read_image` scales to 0..1."""
+    path = Path(path)
+    if path.suffix.lower() not in TIFF_SUFFIXES:
+        return True
+    import tifffile
+
+    with tifffile.TiffFile(path) as file:
+        return file.pages[0].dtype.kind in "biu"
+
+
 def write_image(path: str | os.PathLike, image: ArrayLike) -> None:
     """Write a grey image, whole or not at all.
 

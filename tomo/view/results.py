@@ -8,63 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.io.atomic import atomic_path
+from tomo.outcome import View
 from tomo.view.figures import png_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """One camera's image beside its re-projection.
-
-    Attributes
-    ----------
-    name : str
-        The camera's.
-    measured, reprojected : (rows, columns) float
-        In one unit.
-    mask : (rows, columns) bool, optional
-        True where a pixel is usable.
-    held_out : bool
-        Whether the reconstruction never saw this view.
-    """
-
-    name: str
-    measured: NDArray
-    reprojected: NDArray
-    mask: NDArray | None = None
-    held_out: bool = False
-
-    def __post_init__(self) -> None:
-        """Check that the images fit on each other."""
-        for field in ("reprojected", "mask"):
-            other = getattr(self, field)
-            if other is not None and other.shape != self.measured.shape:
-                raise ValueError(
-                    f"view {self.name}: {field}: found shape {other.shape}, expected the "
-                    f"measured image's {self.measured.shape}"
-                )
-
-    @property
-    def usable(self) -> NDArray[np.bool_]:
-        """Which pixels count, ``(rows, columns)``."""
-        finite = np.isfinite(self.measured) & np.isfinite(self.reprojected)
-        return finite if self.mask is None else finite & self.mask
-
-    @property
-    def relative_residual(self) -> float:
-        """``||measured - reprojected|| / ||measured||`` of usable pixels; NaN if all are dark."""
-        measured = self.measured[self.usable].astype(np.float64)
-        norm = float(np.linalg.norm(measured))
-        difference = measured - self.reprojected[self.usable]
-        return float(np.linalg.norm(difference)) / norm if norm > 0 else float("nan")
 
 
 @dataclass(frozen=True, eq=False)

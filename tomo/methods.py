@@ -1,0 +1,68 @@
+"""The reconstruction methods by name, and what each needs."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from tomo import solve, wernet
+from tomo.reconstruction import Reconstruction
+
+AUTO = "auto"
+_WERNET = {"wernet-paper": "wernet_paper"}
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method that can be asked for by name.
+
+    Attributes
+    ----------
+    name : str
+        ``auto`` chooses between the classic ones by views left out.
+    needs_midpoints : bool
+        Whether it needs the middle of every crossing.
+    """
+
+    name: str
+    needs_midpoints: bool = False
+
+    @property
+    def solver(self) -> Callable[..., Reconstruction]:
+        """The solver itself, imported now; ``auto`` has none of its own."""
+        if self.name in _WERNET:
+            return getattr(wernet, _WERNET[self.name])
+        return getattr(solve, self.name)
+
+    def arguments(self, *, device: str, seed: int, iterations: int | None) -> dict[str, object]:
+        """Return those of the arguments that the solver takes.
+
+        Raises
+        ------
+        ValueError
+            If a device is asked for that the method cannot run on.
+        """
+        known = inspect.signature(self.solver).parameters
+        if "device" not in known and device != "cpu":
+            raise ValueError(f"device: found {device!r}, expected cpu for method {self.name}")
+        given = {"device": device, "seed": seed, "iterations": iterations}
+        return {k: v for k, v in given.items() if k in known and v is not None}
+
+
+def method_names() -> tuple[str, ...]:
+    """Return the names that `method_named` knows."""
+    return (AUTO, *solve.METHODS, *_WERNET)
+
+
+def method_named(name: str) -> Method:
+    """Return the method called ``name``.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+    """
+    if name not in method_names():
+        raise ValueError(f"method: found {name!r}, expected one of {', '.join(method_names())}")
+    return Method(name, needs_midpoints=name in _WERNET)

@@ -1,0 +1,66 @@
+"""The output folder of a reconstruction: volumes, pictures, report.html and report.json."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+from tomo.io import write_volume
+from tomo.io.atomic import atomic_path
+from tomo.outcome import Outcome
+from tomo.reconstruction import Reconstruction
+from tomo.view.report import write_report
+from tomo.view.results import Convergence, Results, draw, write_pictures
+
+VOLUME_FILES = ("volume.npz", "volume.vti", "volume.nrrd")
+
+
+def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
+    """Write everything about a reconstruction into a folder; return the paths.
+
+    ``report.json`` comes last: where it stands, the rest is complete.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    report_file = folder / "report.json"
+    report_file.unlink(missing_ok=True)
+    found = outcome.reconstruction
+    paths = [folder / name for name in VOLUME_FILES]
+    for path in paths:
+        write_volume(path, found.volume, found.grid, outcome.rig.length_unit)
+    report = outcome.report()
+    results = results_of(outcome)
+    pictures = draw(results)
+    paths += write_pictures(folder, pictures)
+    write_report(folder / "report.html", report, results, pictures)
+    with atomic_path(report_file) as temporary:
+        temporary.write_text(json.dumps(report, indent=2, allow_nan=False) + "\n", "utf-8")
+    return [*paths, folder / "report.html", report_file]
+
+
+def results_of(outcome: Outcome) -> Results:
+    """Return what the figures show of a whole reconstruction."""
+    found = outcome.reconstruction
+    return Results(
+        rig=outcome.rig,
+        grid=found.grid,
+        volume=found.volume,
+        views=outcome.views,
+        history=[_convergence(r, outcome) for r in (found, *outcome.comparisons)],
+        truth=outcome.truth,
+        comparisons=[(other.settings["method"], other.volume) for other in outcome.comparisons],
+        method=found.settings["method"],
+    )
+
+
+def _convergence(found: Reconstruction, outcome: Outcome) -> Convergence:
+    method = found.settings["method"]
+    distances = outcome.cosine_distances.get(method, ())
+    return Convergence(
+        label=method,
+        iterations=[entry.index for entry in found.history],
+        relative_residual=[entry.relative_residual for entry in found.history],
+        seconds=[entry.seconds for entry in found.history],
+        cosine_distance=distances if len(distances) == len(found.history) else None,
+    )

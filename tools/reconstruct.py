@@ -1,0 +1,122 @@
+"""Reconstruct the emission in every voxel from the images of calibrated cameras."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from _command import bad_input_in_one_line, console, parse_grid, print_json, progress_bar
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def reconstruct(
+    out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write.")],
+    scan: Annotated[
+        Path | None, typer.Argument(help="A scan folder, scan.yaml or transforms.json.")
+    ] = None,
+    rig: Annotated[Path | None, typer.Option(help="Instead of SCAN: a rig.yaml ...")] = None,
+    images: Annotated[
+        Path | None, typer.Option(help="... and a folder <camera>/<frame>.tif")
+    ] = None,
+    method: Annotated[
+        str, typer.Option(help="auto, art, cgls, mart, mlem, sart, sirt or wernet-paper.")
+    ] = "auto",
+    grid: Annotated[str | None, typer.Option(help="Voxels, like 30x140x30.")] = None,
+    spacing: Annotated[str | None, typer.Option(help="A voxel's edges: 0.5 or 0.5,0.5,1.")] = None,
+    center: Annotated[str | None, typer.Option(help="The middle of the grid: x,y,z.")] = None,
+    lower: Annotated[str | None, typer.Option(help="Or its lower corner: x,y,z ...")] = None,
+    upper: Annotated[str | None, typer.Option(help="... and its upper corner.")] = None,
+    frame: Annotated[str | None, typer.Option(help="The moment; the first if absent.")] = None,
+    hold_out: Annotated[
+        list[str] | None, typer.Option(help="A camera to predict only; may be repeated.")
+    ] = None,
+    scale: Annotated[int, typer.Option(help="Shrink images by area means.", min=1)] = 1,
+    iterations: Annotated[int | None, typer.Option(help="Of the method.", min=0)] = None,
+    compare: Annotated[
+        list[str] | None, typer.Option(help="METHOD[:ITERATIONS] beside it; may be repeated.")
+    ] = None,
+    supersample: Annotated[int, typer.Option(help="K x K rays a pixel.", min=1, max=64)] = 1,
+    tracer: Annotated[str, typer.Option(help="march, raycast or reference.")] = "march",
+    skip: Annotated[bool, typer.Option(help="Leave out what cannot matter.")] = True,
+    device: Annotated[str, typer.Option(help="For WERNet: cpu, cuda ...")] = "cpu",
+    seed: Annotated[int, typer.Option(help="Of everything random.", min=0)] = 0,
+    time_limit: Annotated[float | None, typer.Option(help="Seconds for the solver.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the report on stdout.")] = False,
+) -> None:
+    """Reconstruct the emission in every voxel from the images of calibrated cameras."""
+    with bad_input_in_one_line():
+        from tomo.reconstruct import reconstruct as run
+        from tomo.view.outcome_files import write_outcome
+
+        loaded = _load(scan, rig, images).scaled(scale)
+        asked = any(option is not None for option in (grid, spacing, center, lower, upper))
+        voxels = (
+            parse_grid(grid, spacing, center, lower, upper, default=loaded.grid) if asked else None
+        )
+        with progress_bar("reconstruct") as progress:
+            outcome = run(
+                loaded,
+                voxels,
+                method=method,
+                frame=frame,
+                hold_out=tuple(hold_out or ()),
+                iterations=iterations,
+                compare=[_comparison(text) for text in compare or ()],
+                tracer=tracer,
+                skip=skip,
+                supersample=supersample,
+                device=device,
+                seed=seed,
+                time_limit=time_limit,
+                progress=progress,
+            )
+        write_outcome(out, outcome)
+        report = outcome.report()
+    for warning in outcome.warnings:
+        console.print(f"warning: {warning}", style="yellow", markup=False)
+    console.print(_summary(report, out), markup=False)
+    if json:
+        print_json(report)
+
+
+def _load(scan: Path | None, rig: Path | None, images: Path | None) -> object:
+    from tomo import Scan
+
+    if scan is not None and rig is None and images is None:
+        return Scan.load(scan)
+    if scan is None and rig is not None and images is not None:
+        return Scan.from_images(rig, images)
+    raise ValueError("SCAN: expected either a scan, or --rig and --images together")
+
+
+def _comparison(text: str) -> tuple[str, int | None]:
+    """Return method and iterations of ``METHOD[:ITERATIONS]``."""
+    match = re.fullmatch(r"([\w-]+)(?::(\d{1,6}))?", text, re.ASCII)
+    if match is None:
+        raise ValueError(f"--compare: found {text!r}, expected METHOD or METHOD:ITERATIONS")
+    return match[1], int(match[2]) if match[2] else None
+
+
+def _summary(report: dict, out: Path) -> str:
+    """Return the headline: what was done, how well it fits, and where it is."""
+    lines = [
+        f"{report['method']}: relative residual {report['relative_residual']:.4g}, "
+        f"{report['rays']:,} rays, {report['segments']:,} crossings, "
+        f"solved in {report['seconds']['solve']:.1f} s of {report['seconds']['total']:.1f} s"
+    ]
+    if report["quality"]:
+        lines.append(", ".join(f"{k} {v:.3g}" for k, v in report["quality"].items()))
+    for camera, figures in report["held_out"].items():
+        lines.append(
+            f"held out {camera}: " + ", ".join(f"{k} {v:.4g}" for k, v in figures.items())
+        )
+    lines.append(f"open {out / 'report.html'}")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    app()
