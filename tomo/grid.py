@@ -103,8 +103,14 @@ class VoxelGrid:
         return self.lower + np.asarray(self.spacing) / 2
 
     def to_voxel_units(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Return ``points`` ``(..., 3)`` in voxels from the lower corner; faces are integers."""
-        return (np.asarray(points, np.float64) - self.lower) / self.spacing
+        """Return ``points`` ``(..., 3)`` in voxels from the lower corner; faces are integers.
+
+        What lies on or below `upper` is never above ``shape``, however the division rounds: else
+        the upper outer face of most grids would not be theirs.
+        """
+        points = np.asarray(points, np.float64)
+        position = (points - self.lower) / self.spacing
+        return np.where(points <= self.upper, np.minimum(position, self.shape), position)
 
     def voxel_of(self, points: ArrayLike) -> NDArray[np.int64]:
         """Return the flat voxel index of each of ``points`` ``(..., 3)``; -1 is outside."""

@@ -20,17 +20,17 @@ def collect_by_pixel(
     grid: VoxelGrid,
     counts: NDArray[np.int64],
     lengths: NDArray[np.float64],
+    index: NDArray[np.int64],
     middles: NDArray[np.float64],
     *,
     midpoints: bool,
     dtype: DTypeLike,
 ) -> Segments:
-    """Return Segments from ``counts`` (N,), ``lengths`` (S,) and ``middles`` (S, 3), ray by ray.
+    """Return Segments from what was found ray by ray.
 
-    ``middles`` are in voxel units; the voxel of a crossing is the one its middle lies in, so that
-    a ray along a face belongs to the voxel above, and to the last one on the upper outer face.
+    ``counts`` (N,) crossings of each ray, their ``lengths`` (S,), the ``index`` (S, 3) of their
+    voxels and their ``middles`` (S, 3) in voxel units.
     """
-    index = np.clip(np.floor(middles), 0, np.asarray(grid.shape) - 1).astype(np.int64)
     voxel = np.ravel_multi_index(tuple(index.T), grid.shape).astype(voxel_dtype(grid))
     ray_ptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     weighted = lengths * np.repeat(rays.weight, counts)

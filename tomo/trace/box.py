@@ -23,7 +23,8 @@ class BoxCrossing:
     position : (N, 3) float64
         Where the ray enters, in voxel units.
     direction : (N, 3) float64
-        Voxels per unit of world length.
+        Voxels per unit of world length; zero where the ray does not get from one
+        floating-point position to the next: a rotation by 90 degrees leaves 6e-17, not zero.
     length : (N,) float64
         World length inside the box: the chord; zero for a ray that misses.
     """
@@ -31,6 +32,14 @@ class BoxCrossing:
     position: NDArray[np.float64]
     direction: NDArray[np.float64]
     length: NDArray[np.float64]
+
+    def first_voxel(self, shape: tuple[int, int, int]) -> NDArray[np.int64]:
+        """Return the indices of the voxel that each ray moves into, ``(N, 3)``.
+
+        On a face that is the voxel ahead; along a face the one above, or the last one.
+        """
+        below = np.where(self.direction < 0, np.ceil(self.position) - 1, np.floor(self.position))
+        return np.clip(below, 0, np.asarray(shape) - 1).astype(np.int64)
 
 
 def enter_box(rays: Rays, grid: VoxelGrid) -> BoxCrossing:
@@ -55,4 +64,6 @@ def enter_box(rays: Rays, grid: VoxelGrid) -> BoxCrossing:
     inside = stop > start
     start = np.where(inside, start, 0.0)
     length = np.where(inside, stop - start, 0.0)
-    return BoxCrossing(position + direction * start[:, None], direction, length)
+    position = position + direction * start[:, None]
+    still = position + direction * length[:, None] == position
+    return BoxCrossing(position, np.where(still, 0.0, direction), length)

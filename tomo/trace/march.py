@@ -31,9 +31,13 @@ def _first_voxel(position, direction, count):
 
 
 @compiled(inline=True)
-def _distance_to_exit(voxel, step, position, direction):
-    """Return how far along the ray the face lies through which it leaves ``voxel``."""
-    if step == 0:
+def _distance_to_next(voxel, step, position, direction, count):
+    """Return how far along the ray the face lies through which it enters the next voxel.
+
+    The outer face is no such face: the chord of the box ends there, and its length is known from
+    outside; found again from within, where rays graze the face, it would be off by rounding.
+    """
+    if step == 0 or voxel + step < 0 or voxel + step >= count:
         return np.inf
     face = voxel + 1 if step > 0 else voxel
     return (face - position) / direction
@@ -49,6 +53,12 @@ def _clip(position, direction, count, start, stop):
     lower = (0.0 - position) / direction
     upper = (count - position) / direction
     return max(start, min(lower, upper)), min(stop, max(lower, upper))
+
+
+@compiled(inline=True)
+def _moving(position, direction, length):
+    """Return ``direction``, or zero when the ray stays at ``position`` all along ``length``."""
+    return 0.0 if position + direction * length == position else direction
 
 
 @compiled()
@@ -70,12 +80,13 @@ def _walk(origin, direction, stop, shape, weight, at, voxel, length, middle):
     # Measured from the entry, so that what follows does not see how far away the camera is.
     x, y, z = origin[0] + dx * start, origin[1] + dy * start, origin[2] + dz * start
     end = stop - start
+    dx, dy, dz = _moving(x, dx, end), _moving(y, dy, end), _moving(z, dz, end)
     ix, step_x = _first_voxel(x, dx, nx)
     iy, step_y = _first_voxel(y, dy, ny)
     iz, step_z = _first_voxel(z, dz, nz)
-    next_x = _distance_to_exit(ix, step_x, x, dx)
-    next_y = _distance_to_exit(iy, step_y, y, dy)
-    next_z = _distance_to_exit(iz, step_z, z, dz)
+    next_x = _distance_to_next(ix, step_x, x, dx, nx)
+    next_y = _distance_to_next(iy, step_y, y, dy, ny)
+    next_z = _distance_to_next(iz, step_z, z, dz, nz)
 
     count = 0
     here = 0.0
@@ -98,19 +109,13 @@ def _walk(origin, direction, stop, shape, weight, at, voxel, length, middle):
             return count
         if there == next_x:
             ix += step_x
-            if ix < 0 or ix >= nx:
-                return count
-            next_x = _distance_to_exit(ix, step_x, x, dx)
+            next_x = _distance_to_next(ix, step_x, x, dx, nx)
         elif there == next_y:
             iy += step_y
-            if iy < 0 or iy >= ny:
-                return count
-            next_y = _distance_to_exit(iy, step_y, y, dy)
+            next_y = _distance_to_next(iy, step_y, y, dy, ny)
         else:
             iz += step_z
-            if iz < 0 or iz >= nz:
-                return count
-            next_z = _distance_to_exit(iz, step_z, z, dz)
+            next_z = _distance_to_next(iz, step_z, z, dz, nz)
 
 
 @compiled(parallel=True)

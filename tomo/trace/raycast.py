@@ -28,6 +28,7 @@ logger = logging.getLogger(__name__)
 
 CUTS_AT_ONCE = 2_000_000  # rays times planes: bounds the working memory to some 100 MB
 OVERHANG = 2.0  # voxels by which the planes reach beyond the box
+NEAR = 1e-6  # voxels from a ray's end to a plane, below which its crossings are found in float64
 
 
 def plane_quads(shape: tuple[int, int, int]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
@@ -54,14 +55,16 @@ def plane_quads(shape: tuple[int, int, int]) -> tuple[NDArray[np.float32], NDArr
 
 def _cuts(
     scene: open3d.t.geometry.RaycastingScene, box: BoxCrossing, shape: tuple[int, int, int]
-) -> NDArray[np.float64]:
-    """Return where every ray is cut, from 0 to its length, sorted: (rays, planes + 2).
+) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+    """Return where every ray is cut, sorted, and the axis of the plane that cuts it there.
 
-    Planes that a ray does not pierce inside the box stand at its length: pieces of no length.
+    Both (rays, planes + 2), from the entry at 0 to the ray's length; ends have axis -1. Planes
+    that a ray does not pierce inside the box stand at its length: pieces of no length.
     """
     import open3d
 
-    unit = box.direction / np.linalg.norm(box.direction, axis=1, keepdims=True)
+    norm = np.linalg.norm(box.direction, axis=1, keepdims=True)
+    unit = box.direction / np.where(norm == 0, 1.0, norm)  # zero: too short to move at all
     start = box.position - unit - np.asarray(shape) / 2  # one voxel outside
     hits = scene.list_intersections(
         open3d.core.Tensor(np.concatenate([start, unit], axis=1).astype(np.float32))
@@ -81,16 +84,24 @@ def _cuts(
     pierced[doubtful] = True
     if doubtful.any():
         logger.debug("%d of %d rays were cut in float64 alone", doubtful.sum(), len(unit))
-    cuts = np.where(pierced & inside, distance, end)
-    return np.concatenate([np.zeros((len(unit), 1)), np.sort(cuts, axis=1), end], axis=1)
+    cuts = np.concatenate([np.zeros_like(end), np.where(pierced & inside, distance, end), end], 1)
+    order = np.argsort(cuts, axis=1, kind="stable")
+    axis = np.concatenate([[-1], axis, [-1]]).astype(np.int8)
+    return np.take_along_axis(cuts, order, axis=1), axis[order]
 
 
 def _expected_crossings(box: BoxCrossing, shape: tuple[int, int, int]) -> NDArray[np.int64]:
-    """Return how many planes lie strictly between each ray's entry and exit: (N,)."""
+    """Return how many planes lie strictly between each ray's entry and exit: (N,).
+
+    -1 where an end is so near a plane that rounding would decide whether the plane counts.
+    """
     ends = np.stack([box.position, box.position + box.direction * box.length[:, None]])
     ends = np.clip(ends, 0, shape)  # rounding leaves an end on an outer face just beyond it
     low, high = ends.min(axis=0), ends.max(axis=0)
-    return np.maximum(np.ceil(high) - np.floor(low) - 1, 0).sum(axis=1).astype(np.int64)
+    expected = np.maximum(np.ceil(high) - np.floor(low) - 1, 0).sum(axis=1).astype(np.int64)
+    plane = np.round(ends)
+    near = (np.abs(ends - plane) < NEAR) & (plane > 0) & (plane < shape)
+    return np.where(near.any(axis=(0, 2)), -1, expected)
 
 
 def trace(
@@ -115,20 +126,24 @@ def trace(
     whole = enter_box(rays, grid)
     crossing = np.flatnonzero(whole.length > 0)
     counts = np.zeros(len(rays), np.int64)
-    lengths, middles = [np.zeros(0)], [np.zeros((0, 3))]
+    lengths, indices, middles = [np.zeros(0)], [np.zeros((0, 3), np.int64)], [np.zeros((0, 3))]
     at_once = max(CUTS_AT_ONCE // sum(grid.shape), 1)
     for first in range(0, len(crossing), at_once):
         some = crossing[first : first + at_once]
         box = BoxCrossing(whole.position[some], whole.direction[some], whole.length[some])
-        cuts = _cuts(scene, box, grid.shape)
+        cuts, axis = _cuts(scene, box, grid.shape)
         piece = np.diff(cuts, axis=1)
         ray, slot = np.nonzero(piece > 0)
         counts[some] = np.bincount(ray, minlength=len(some))
         piece = piece[ray, slot]
         middle = cuts[ray, slot] + piece / 2
         lengths.append(piece)
+        passed = [np.cumsum(axis == a, axis=1)[ray, slot] for a in range(3)]  # planes of each axis
+        step = np.sign(box.direction).astype(np.int64)
+        first_voxel = box.first_voxel(grid.shape)
+        indices.append(first_voxel[ray] + step[ray] * np.stack(passed, axis=1))
         middles.append(box.position[ray] + box.direction[ray] * middle[:, None])
     return collect_by_pixel(
-        rays, grid, counts, np.concatenate(lengths), np.concatenate(middles),
-        midpoints=midpoints, dtype=dtype,
+        rays, grid, counts, np.concatenate(lengths), np.concatenate(indices),
+        np.concatenate(middles), midpoints=midpoints, dtype=dtype,
     )  # fmt: skip

@@ -1,8 +1,9 @@
 """The oracle: Siddon's algorithm, one ray at a time, in float64.
 
 Siddon, "Fast calculation of the exact radiological path for a three-dimensional CT array",
-Medical Physics 12 (1985), equations 2 to 13: cut the ray at every plane between voxels, sort the
-cuts, and look up the voxel at the middle of each piece.
+Medical Physics 12 (1985), equations 2 to 13: cut the ray at every plane between voxels and sort
+the cuts. The voxel of each piece follows from the planes passed, not from where its middle lies:
+the middle of a short piece beside a plane may round to the plane's other side.
 """
 
 from __future__ import annotations
@@ -17,21 +18,21 @@ from tomo.trace._collect import collect_by_pixel
 from tomo.trace.box import enter_box
 
 
-def cut_ray(
+def planes_ahead(
     position: NDArray[np.float64],
     direction: NDArray[np.float64],
     length: float,
     shape: tuple[int, int, int],
-) -> NDArray[np.float64]:
-    """Return where a ray is cut, from 0 to ``length``: the sorted distances ``(cuts,)``."""
-    cuts = [np.array([0.0, length])]
+) -> list[NDArray[np.float64]]:
+    """Return how far away the planes between voxels are that a ray passes: one array an axis."""
+    ahead = []
     for axis in range(3):
-        if direction[axis] == 0:
-            continue
-        with np.errstate(over="ignore"):
-            at_planes = (np.arange(1, shape[axis]) - position[axis]) / direction[axis]
-        cuts.append(at_planes[(at_planes > 0) & (at_planes < length)])
-    return np.unique(np.concatenate(cuts))
+        distance = np.zeros(0)
+        if direction[axis] != 0:
+            with np.errstate(over="ignore"):
+                distance = (np.arange(1, shape[axis]) - position[axis]) / direction[axis]
+        ahead.append(np.sort(distance[(distance > 0) & (distance < length)]))
+    return ahead
 
 
 def trace(
@@ -39,21 +40,28 @@ def trace(
 ) -> Segments:
     """Trace rays the slow way; see `tomo.trace.trace`."""
     box = enter_box(rays, grid)
-    counts, lengths, middles = [], [], []
-    for position, direction, length in zip(box.position, box.direction, box.length, strict=True):
+    first = box.first_voxel(grid.shape)  # (N, 3)
+    step = np.sign(box.direction).astype(np.int64)  # (N, 3)
+    counts, lengths, indices, middles = [], [], [], []
+    for ray, length in enumerate(box.length):
         if length == 0:
             counts.append(0)
             continue
-        cuts = cut_ray(position, direction, length, grid.shape)
-        middle = (cuts[:-1] + cuts[1:]) / 2
-        counts.append(len(middle))
+        position, direction = box.position[ray], box.direction[ray]
+        ahead = planes_ahead(position, direction, length, grid.shape)
+        cuts = np.unique(np.concatenate([[0.0, length], *ahead]))
+        passed = [np.searchsorted(distance, cuts[:-1], side="right") for distance in ahead]
+        counts.append(len(cuts) - 1)
         lengths.append(np.diff(cuts))
+        indices.append(first[ray] + step[ray] * np.stack(passed, axis=1))  # (segments, 3)
+        middle = (cuts[:-1] + cuts[1:]) / 2
         middles.append(position + direction * middle[:, None])  # (segments, 3), voxel units
     return collect_by_pixel(
         rays,
         grid,
         np.array(counts, np.int64),
         np.concatenate([np.zeros(0), *lengths]),
+        np.concatenate([np.zeros((0, 3), np.int64), *indices]),
         np.concatenate([np.zeros((0, 3)), *middles]),
         midpoints=midpoints,
         dtype=dtype,
