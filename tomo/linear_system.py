@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,15 +14,17 @@ from tomo.grid import VoxelGrid
 from tomo.projector import Projector
 from tomo.rays import Rays
 from tomo.segments import Segments
-from tomo.support import check_memory
+from tomo.support import check_memory, point_in_view
 from tomo.trace import trace
-
-logger = logging.getLogger(__name__)
 
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, where)``."""
 
 RAYS_AT_ONCE = 1_000_000  # bounds the rays' own memory to some 100 MB
+
+
+class VolumeNotSeenError(ValueError):
+    """No usable pixel of any camera sees the volume."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,9 @@ class LinearSystem:
         Raises
         ------
         ValueError
-            If the matrix would not fit in memory, or no camera sees the grid.
+            If the matrix would not fit in memory.
+        VolumeNotSeenError
+            If no usable pixel of any camera sees the grid.
         """
         check_memory(tuple(rig), grid, supersample=supersample, midpoints=midpoints)
         parts, pixels = [], []
@@ -92,8 +95,6 @@ class LinearSystem:
                 rays = Rays.from_camera(camera, usable[first : first + at_once], supersample)
                 chunks.append(trace(rays, grid, tracer, midpoints=midpoints))
             segments = Segments.concatenate(chunks)
-            if len(segments) == 0:
-                logger.warning("camera %s: none of its usable pixels sees the volume", camera.name)
             if skip:
                 segments, kept = segments.without_empty()
                 usable = usable[kept]
@@ -102,13 +103,18 @@ class LinearSystem:
         if progress:
             progress(len(rig), len(rig), "")
         if sum(len(part) for part in parts) == 0:
-            raise ValueError(
-                f"grid from {_point(grid.lower)} to {_point(grid.upper)}: no usable pixel of any "
-                "camera sees it, expected a box in view of the rig"
-            )
+            raise VolumeNotSeenError(_not_seen(rig, grid))
         view_ptr = np.cumsum([0] + [part.n_pixels for part in parts])
         projector = Projector(Segments.concatenate(parts), grid, view_ptr)
         return cls(projector, rig, tuple(pixels))
+
+    @property
+    def blind(self) -> tuple[str, ...]:
+        """The cameras of which no usable pixel sees the volume."""
+        crossings = np.diff(self.projector.segments.ptr[self.projector.view_ptr])
+        return tuple(
+            name for name, found in zip(self.rig.names, crossings, strict=True) if not found
+        )
 
     def flatten(self, images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
         """Return the pixels that take part, view after view: ``(pixels,)``."""
@@ -126,6 +132,20 @@ class LinearSystem:
             image[kept] = flat[start:stop]
             images.append(image.reshape(height, width))
         return images
+
+
+def _not_seen(rig: Rig, grid: VoxelGrid) -> str:
+    cameras = ", ".join(rig.names) if len(rig) <= 3 else f"the {len(rig)} cameras"
+    message = (
+        f"grid from {_point(grid.lower)} to {_point(grid.upper)} {rig.length_unit}: no usable "
+        f"pixel of {cameras} sees it, expected a box in view"
+    )
+    aim = point_in_view(rig)
+    return (
+        message
+        if aim is None
+        else f"{message}: the middles of the images meet near " + _point(aim)
+    )
 
 
 def _point(coordinates: NDArray[np.float64]) -> str:

@@ -122,8 +122,9 @@ class Outcome:
         What the user should know before trusting the volume.
     settings : mapping
         What was asked for.
-    cosine_distances : mapping
-        For each method, its distance from the truth after each iteration, where there is one.
+    cosine_distances : tuple of tuple of float
+        Of the reconstruction and then of each comparison: the distance from the truth at each
+        entry of its history; empty without a truth.
     """
 
     reconstruction: Reconstruction
@@ -137,7 +138,7 @@ class Outcome:
     first_use_seconds: float = 0.0
     warnings: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
-    cosine_distances: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    cosine_distances: tuple[tuple[float, ...], ...] = ()
 
     def report(self) -> dict[str, Any]:
         """Return the contents of ``report.json``: plain numbers, strings, lists and mappings."""

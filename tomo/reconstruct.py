@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import logging
+import inspect
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from tomo import metrics
 from tomo.grid import VoxelGrid
 from tomo.io import is_integer_image, read_volume
-from tomo.linear_system import LinearSystem
-from tomo.methods import AUTO, Method, method_named
+from tomo.linear_system import LinearSystem, VolumeNotSeenError
+from tomo.methods import AUTO, Method, method_named, method_names
 from tomo.outcome import Outcome, View, peak_memory, quality
 from tomo.projector import Projector
 from tomo.rays import Rays
@@ -24,8 +24,6 @@ from tomo.reconstruction import Reconstruction
 from tomo.scan import Images, Masks, Scan
 from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
 from tomo.trace import trace
-
-logger = logging.getLogger(__name__)
 
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, where)``."""
@@ -72,11 +70,12 @@ def reconstruct(
     supersample : int
         Rays along each side of a pixel.
     device : str
-        For WERNet: cpu, cuda ...
+        For WERNet: cpu, cuda ... The classic methods, also beside it, run on the CPU.
     seed : int
         Of everything random.
     time_limit : float, optional
-        Seconds after which the solver stops at its current iteration.
+        Seconds after which each solver stops at its current iteration, but not before its
+        first; what ``auto`` takes to choose comes on top.
     progress : callable, optional
         ``progress(done, total, where)``.
 
@@ -87,11 +86,17 @@ def reconstruct(
     """
     started = time.perf_counter()
     main = method_named(method)
-    others = [(method_named(name), count) for name, count in compare]
-    _refuse_auto(others)
+    others = [(_comparison(name), count) for name, count in compare]
+    _check_numbers(seed, time_limit)
+    _check_device(device, [main, *(other for other, _ in others)])
+    _check_hold_out(hold_out, scan)
     grid = grid if grid is not None else scan.grid
     if grid is None:
-        raise ValueError(f"{scan.source}: grid: found none, expected one here or in the scan")
+        raise ValueError(
+            f"{scan.source}: grid: found none in the scan or its rig, expected one: "
+            "--grid with --spacing, or with --lower and --upper"
+        )
+    truth, warnings = _read_truth(scan, grid)
     training = scan.without(*hold_out) if hold_out else scan
     training_images, training_masks = training.read(frame)
     judged = scan.only(*hold_out) if hold_out else None
@@ -100,20 +105,22 @@ def reconstruct(
 
     first_use = _warm_up(tracer)
     tracing = time.perf_counter()
-    system = LinearSystem.from_rig(
-        training.rig,
-        grid,
-        masks=training_masks,
-        tracer=tracer,
-        skip=skip,
-        supersample=supersample,
-        midpoints=main.needs_midpoints or any(m.needs_midpoints for m, _ in others),
-        progress=progress,
-    )
+    needs_midpoints = main.needs_midpoints or any(m.needs_midpoints for m, _ in others)
+    how: dict[str, Any] = {"tracer": tracer, "supersample": supersample, "progress": progress}
+    try:
+        system = LinearSystem.from_rig(
+            training.rig, grid, masks=training_masks, skip=skip, midpoints=needs_midpoints, **how
+        )
+    except VolumeNotSeenError as error:
+        held_out = f"; held out: {', '.join(hold_out)}" if hold_out else ""
+        raise VolumeNotSeenError(f"{scan.source}: {error}{held_out}") from None
+    judged_system = _held_out_system(judged, grid, held_out_masks, how)
+    warnings += _warnings_of_views(system, judged_system)
     traced = time.perf_counter()
 
     measured = system.flatten(training_images)
-    truth, warnings = _read_truth(scan, grid)
+    if not (measured > 0).any():
+        warnings.append("no usable pixel that sees the volume is above 0: the volume is empty")
     run = _Run(system.projector, measured, truth, device, seed, time_limit, progress)
     found = run.solve(main, iterations)
     solved = time.perf_counter()
@@ -121,7 +128,9 @@ def reconstruct(
     compared = time.perf_counter()
 
     views = _views(system, found.volume, training_images, training_masks)
-    views += _held_out_views(judged, found, held_out_images, held_out_masks, tracer, supersample)
+    if judged_system is not None:
+        judged_views = _views(judged_system, found.volume, held_out_images, held_out_masks)
+        views += [replace(view, held_out=True) for view in judged_views]
     order = {name: place for place, name in enumerate(scan.rig.names)}
     segments, column_sums = system.projector.segments, system.projector.column_sums
     unseen = int(np.count_nonzero(column_sums == 0))
@@ -167,13 +176,55 @@ def reconstruct(
         first_use_seconds=first_use,
         warnings=tuple(warnings),
         settings=settings,
-        cosine_distances=run.cosine_distances,
+        cosine_distances=tuple(run.cosine_distances),
     )
 
 
-def _refuse_auto(others: Sequence[tuple[Method, int | None]]) -> None:
-    if any(other.name == AUTO for other, _ in others):
-        raise ValueError("compare: found auto, expected the name of one method")
+def _comparison(name: str) -> Method:
+    known = [one for one in method_names() if one != AUTO]
+    if name not in known:
+        raise ValueError(f"compare: found {name!r}, expected one of {', '.join(known)}")
+    return method_named(name)
+
+
+def _check_numbers(seed: int, time_limit: float | None) -> None:
+    if not 0 <= seed < 2**63:
+        raise ValueError(f"seed: found {seed}, expected a whole number from 0 to 2^63 - 1")
+    if time_limit is not None and not time_limit > 0:
+        raise ValueError(f"time_limit: found {time_limit}, expected seconds above 0")
+
+
+def _check_device(device: str, methods: Sequence[Method]) -> None:
+    """Refuse a device that none of the methods runs on, or that is not there."""
+    if device == "cpu":
+        return
+    if not any(_takes_device(method) for method in methods):
+        raise ValueError(
+            f"device: found {device!r}, expected cpu for method {methods[0].name}: "
+            "only wernet-paper runs on others"
+        )
+    from tomo.wernet.training import _usable
+
+    _usable(device)
+
+
+def _takes_device(method: Method) -> bool:
+    return method.name != AUTO and "device" in inspect.signature(method.solver).parameters
+
+
+def _check_hold_out(hold_out: Sequence[str], scan: Scan) -> None:
+    names = scan.rig.names
+    for name in hold_out:
+        if name not in names:
+            raise ValueError(
+                f"{scan.source}: hold_out: found camera {name!r}, "
+                f"expected one of {', '.join(names)}"
+            )
+    if set(hold_out) == set(names):
+        raise ValueError(
+            f"{scan.source}: hold_out: found all {len(names)} cameras, expected at least one "
+            "left to reconstruct from"
+        )
 
 
 def _warm_up(tracer: str) -> float:
@@ -207,7 +258,7 @@ class _Run:
         self.seed = seed
         self.time_limit = math.inf if time_limit is None else time_limit
         self.progress = progress
-        self.cosine_distances: dict[str, tuple[float, ...]] = {}
+        self.cosine_distances: list[tuple[float, ...]] = []
 
     def solve(self, method: Method, iterations: int | None) -> Reconstruction:
         """Run one method; its quality against the truth comes with it."""
@@ -217,28 +268,27 @@ class _Run:
         def watch(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
             if self.truth is not None:
                 distances.append(metrics.cosine_distance(volume, self.truth.ravel()))
-            if self.progress and total:
+            if self.progress:
                 self.progress(index, total, name)
-            return time.perf_counter() - started > self.time_limit
+            return index > 0 and time.perf_counter() - solving > self.time_limit
 
         if method.name == AUTO:
-            if self.device != "cpu":
-                raise ValueError(f"device: found {self.device!r}, expected cpu for method auto")
             choice = choose_by_held_out_views(
                 self.projector, self.measured, progress=self.progress
             )
             if iterations is not None:
                 choice = replace(choice, iterations=iterations)
-            name, total = choice.method, choice.iterations
+            name, total, solving = choice.method, choice.iterations, time.perf_counter()
             found = solve_as_chosen(self.projector, self.measured, choice, callback=watch)
             extra: dict[str, Any] = {"chosen_by": "auto", "tried": choice.tried}
         else:
-            arguments = method.arguments(device=self.device, seed=self.seed, iterations=iterations)
-            name, total = method.name, iterations
+            device = self.device if _takes_device(method) else "cpu"
+            arguments = method.arguments(device=device, seed=self.seed, iterations=iterations)
+            default = inspect.signature(method.solver).parameters["iterations"].default
+            name, total, solving = method.name, arguments.get("iterations", default), started
             found = method.solver(self.projector, self.measured, callback=watch, **arguments)
             extra = {}
-        name = found.settings["method"]
-        self.cosine_distances[name] = tuple(distances)
+        self.cosine_distances.append(tuple(distances))
         return replace(
             found,
             settings={**found.settings, **extra},
@@ -252,12 +302,33 @@ def _read_truth(scan: Scan, grid: VoxelGrid) -> tuple[NDArray[np.float32] | None
     if scan.truth is None:
         return None, []
     data, truth_grid, _ = read_volume(scan.truth)
-    same = truth_grid.shape == grid.shape and np.allclose(
-        [truth_grid.lower, truth_grid.upper], [grid.lower, grid.upper], atol=1e-6 * grid.spacing[0]
-    )
-    if same:
+    apart = np.abs([truth_grid.lower - grid.lower, truth_grid.upper - grid.upper]).max()
+    if truth_grid.shape == grid.shape and apart <= 1e-6 * min(grid.spacing):
         return data, []
     return None, [f"{scan.truth.name}: the truth is on another grid: no quality figures"]
+
+
+def _held_out_system(
+    judged: Scan | None, grid: VoxelGrid, masks: Masks, how: dict[str, Any]
+) -> LinearSystem | None:
+    """Trace the cameras that are only judged, before anything is solved in vain."""
+    if judged is None:
+        return None
+    try:
+        return LinearSystem.from_rig(judged.rig, grid, masks=masks, **how)
+    except VolumeNotSeenError as error:
+        raise VolumeNotSeenError(
+            f"{judged.source}: hold_out: nothing to judge by: {error}"
+        ) from None
+
+
+def _warnings_of_views(*systems: LinearSystem | None) -> list[str]:
+    return [
+        f"camera {name}: none of its usable pixels sees the volume"
+        for system in systems
+        if system is not None
+        for name in system.blind
+    ]
 
 
 def _views(
@@ -268,22 +339,6 @@ def _views(
         View(camera.name, image, seen, mask)
         for camera, image, seen, mask in zip(system.rig, images, reprojected, masks, strict=True)
     ]
-
-
-def _held_out_views(
-    judged: Scan | None,
-    found: Reconstruction,
-    images: Images,
-    masks: Masks,
-    tracer: str,
-    supersample: int,
-) -> list[View]:
-    """Return the views of held-out cameras, of which every usable pixel is judged."""
-    if judged is None:
-        return []
-    system = LinearSystem.from_rig(judged.rig, found.grid, tracer=tracer, supersample=supersample)
-    views = _views(system, found.volume, images, masks)
-    return [replace(view, held_out=True) for view in views]
 
 
 def _data_range(scan: Scan, frame: str | None, images: Images) -> float:

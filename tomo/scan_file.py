@@ -17,6 +17,7 @@ from tomo._scan_schema import parse_scan_file
 from tomo.grid import VoxelGrid
 from tomo.io import atomic_path, write_image, write_volume
 from tomo.io.images import IMAGE_SUFFIXES
+from tomo.io.volumes import check_length_unit
 from tomo.scan import Corrections, Frame, Scan
 
 if TYPE_CHECKING:
@@ -194,6 +195,8 @@ def save_scan(
     folder = Path(folder)
     if truth is not None and grid is None:
         raise ValueError(f"{folder}: truth: found no grid, expected the one that it lies on")
+    if truth is not None:
+        check_length_unit(rig.length_unit)
     for frame, images in frames.items():
         for camera, image in images.items():
             _check_image(folder, frame, camera, np.shape(image), rig)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import psutil
+from numpy.typing import NDArray
 
-from rigs import Camera
+from rigs import Camera, Rig
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
 from tomo.trace.box import enter_box
@@ -92,23 +93,58 @@ def check_memory(
     if need.nbytes <= available:
         return need
     coarser = _coarser_grid_that_fits(need, grid, available)
-    spacing = " x ".join(f"{s:.4g}" for s in coarser.spacing)
+    advice = "no grid would fit: use smaller images (--scale) or fewer rays a pixel"
+    if coarser is not None:
+        spacing = " x ".join(f"{s:.4g}" for s in coarser.spacing)
+        advice = f"{_by(coarser.shape)} voxels of {spacing} would fit"
     raise ValueError(
         f"grid {_by(grid.shape)}: would take about {_gigabytes(need.nbytes)} "
         f"({need.rays:,} rays, {need.segments:,} crossings), found {_gigabytes(available)} free; "
-        f"{_by(coarser.shape)} voxels of {spacing} would fit"
+        f"{advice}"
     )
 
 
-def _coarser_grid_that_fits(need: MemoryNeed, grid: VoxelGrid, available: int) -> VoxelGrid:
-    """Return the grid of the same box, voxels enlarged alike, that takes 80 % of the memory."""
+def point_in_view(rig: Rig) -> NDArray[np.float64] | None:
+    """Return the point nearest to all cameras' middle rays, in least squares: where a rig looks.
+
+    None where they are parallel, or pass each other by more than a tenth of their length.
+    """
+    across, positions = [], []
+    for camera in rig:
+        middle = (np.array([camera.image_size], np.float64) - 1) / 2
+        _, directions = camera.rays(middle)
+        if np.isfinite(directions).all():
+            across.append(np.eye(3) - np.outer(directions[0], directions[0]))
+            positions.append(camera.position)
+    matrix = np.sum(across, axis=0) if across else np.zeros((3, 3))
+    if np.linalg.matrix_rank(matrix, tol=1e-6 * len(rig)) < 3:
+        return None
+    point = np.linalg.solve(matrix, sum(a @ p for a, p in zip(across, positions, strict=True)))
+    away = point - positions  # (cameras, 3)
+    missed = np.linalg.norm([a @ d for a, d in zip(across, away, strict=True)], axis=1)
+    length = np.linalg.norm(away, axis=1).mean()
+    if missed.mean() > 0.1 * length:
+        return None
+    digits = 6 - math.ceil(math.log10(length)) if length > 0 else 6  # no more than it is worth
+    return np.round(point, digits) + 0.0
+
+
+def _coarser_grid_that_fits(need: MemoryNeed, grid: VoxelGrid, available: int) -> VoxelGrid | None:
+    """Return the grid of the same box, voxels enlarged alike, that takes 80 % of the memory.
+
+    None if even one voxel, which every ray crosses once, takes more.
+    """
     per_voxels = BYTES_PER_VOXEL * need.voxels
-    per_crossings = max(need.nbytes - per_voxels, 0)
+    all_crossings = max(need.nbytes - per_voxels, 0)
+    first_crossings = all_crossings * min(need.rays / max(need.segments, 1), 1.0)
+    per_crossings = all_crossings - first_crossings
     low, high = 0.0, 1.0
     for _ in range(60):  # bisection: voxels go with the cube of the resolution, crossings linearly
         middle = (low + high) / 2
-        fits = per_voxels * middle**3 + per_crossings * middle <= 0.8 * available
-        low, high = (middle, high) if fits else (low, middle)
+        taken = per_voxels * middle**3 + per_crossings * middle + first_crossings
+        low, high = (middle, high) if taken <= 0.8 * available else (low, middle)
+    if low == 0:
+        return None
     shape = tuple(max(math.floor(n * low), 1) for n in grid.shape)
     return VoxelGrid.from_bounds(shape, grid.lower, grid.upper)
 

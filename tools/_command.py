@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -20,16 +21,46 @@ if TYPE_CHECKING:
 
 console = rich.console.Console(stderr=True)
 
+_ABOUT_A_PATH = (
+    FileNotFoundError,
+    FileExistsError,
+    IsADirectoryError,
+    NotADirectoryError,
+    PermissionError,
+)
+
 
 @contextmanager
 def bad_input_in_one_line() -> Iterator[None]:
     """Turn the library's errors about input into one line on stderr and exit code 2."""
     try:
         yield
-    except (ValueError, FileNotFoundError, IsADirectoryError, NotADirectoryError) as error:
+    except (ValueError, *_ABOUT_A_PATH) as error:
         message = " ".join(str(error).split())
         typer.echo(f"error: {message}", err=True)
         raise typer.Exit(2) from None
+
+
+def check_output_folder(folder: Path) -> None:
+    """Raise unless there is such a folder or it can be made: better now than after the work."""
+    existing = folder.absolute()
+    while not existing.exists():
+        existing = existing.parent
+    if not existing.is_dir():
+        raise NotADirectoryError(f"{existing}: is a file, expected a folder to write into")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise PermissionError(f"{existing}: nothing can be written there")
+
+
+def check_output_volume(folder: Path, rig: Rig, source: object) -> None:
+    """Raise unless volumes in the unit of a rig from ``source`` can be written into the folder."""
+    from tomo.io.volumes import check_length_unit
+
+    check_output_folder(folder)
+    try:
+        check_length_unit(rig.length_unit)
+    except ValueError as error:
+        raise ValueError(f"{source}: {error}") from None
 
 
 def print_json(result: dict) -> None:
@@ -116,8 +147,8 @@ def parse_grid(
         return VoxelGrid.from_bounds(shape, *bounds)
     if default is None and (shape is None or spacing is None):
         raise ValueError(
-            "--grid and --spacing: found neither them nor a volume in the rig, "
-            "expected both, like --grid 30x140x30 --spacing 0.5"
+            "--grid and --spacing: expected both, like --grid 30x140x30 --spacing 0.5, "
+            "as neither scan nor rig says where the volume is"
         )
     return VoxelGrid(
         parse_grid_shape(shape) if shape else default.shape,

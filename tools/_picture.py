@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from _command import check_output_folder
+
 SUFFIXES = (".png", ".html", ".glb")
 
 
@@ -17,3 +19,4 @@ def check_outputs(paths: Iterable[Path]) -> None:
             )
         if path.is_dir():
             raise IsADirectoryError(f"{path}: is a folder, expected a file to write")
+        check_output_folder(path.parent)

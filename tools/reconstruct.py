@@ -7,7 +7,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from _command import bad_input_in_one_line, console, parse_grid, print_json, progress_bar
+from _command import (
+    bad_input_in_one_line,
+    check_output_volume,
+    console,
+    parse_grid,
+    print_json,
+    progress_bar,
+)
 
 app = typer.Typer(add_completion=False)
 
@@ -52,7 +59,9 @@ def reconstruct(
         from tomo.reconstruct import reconstruct as run
         from tomo.view.outcome_files import write_outcome
 
+        comparisons = [_comparison(text) for text in compare or ()]
         loaded = _load(scan, rig, images).scaled(scale)
+        check_output_volume(out, loaded.rig, loaded.source)
         asked = any(option is not None for option in (grid, spacing, center, lower, upper))
         voxels = (
             parse_grid(grid, spacing, center, lower, upper, default=loaded.grid) if asked else None
@@ -65,7 +74,7 @@ def reconstruct(
                 frame=frame,
                 hold_out=tuple(hold_out or ()),
                 iterations=iterations,
-                compare=[_comparison(text) for text in compare or ()],
+                compare=comparisons,
                 tracer=tracer,
                 skip=skip,
                 supersample=supersample,
@@ -77,8 +86,8 @@ def reconstruct(
         write_outcome(out, outcome)
         report = outcome.report()
     for warning in outcome.warnings:
-        console.print(f"warning: {warning}", style="yellow", markup=False)
-    console.print(_summary(report, out), markup=False)
+        console.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
+    console.print(_summary(report, out), markup=False, soft_wrap=True)
     if json:
         print_json(report)
 

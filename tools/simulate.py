@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from _command import (
     bad_input_in_one_line,
+    check_output_volume,
     grid_of_rig,
     load_rig_or_preset,
     parse_grid,
@@ -53,6 +54,7 @@ def simulate(
         from tomo.simulate import simulate as simulate_scan
 
         loaded = load_rig_or_preset(rig)
+        check_output_volume(out, loaded, rig)
         volume = _read_volume(phantom, loaded.length_unit)
         default = volume[1] if volume else grid_of_rig(loaded)
         voxels = parse_grid(grid, spacing, center, default=default)

@@ -88,8 +88,10 @@ def write_volume(
     data = np.asarray(data)
     if data.shape != grid.shape:
         raise ValueError(f"{path}: found volume shape {data.shape}, expected {grid.shape}")
-    if not length_unit.isprintable() or len(length_unit.split()) != 1 or '"' in length_unit:
-        raise ValueError(f"{path}: length_unit: found {length_unit!r}, expected one word")
+    try:
+        check_length_unit(length_unit)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
     with np.errstate(over="ignore"):
         data = np.ascontiguousarray(data, dtype=np.float32)
     try:
@@ -98,6 +100,12 @@ def write_volume(
         raise ValueError(f"{path}: {error}") from None
     with atomic_path(path) as temporary:
         writer(temporary, data, grid, length_unit)
+
+
+def check_length_unit(length_unit: str) -> None:
+    """Raise ValueError unless every format can hold the unit: one word, as in ``mm``."""
+    if not length_unit.isprintable() or len(length_unit.split()) != 1 or '"' in length_unit:
+        raise ValueError(f"length_unit: found {length_unit!r}, expected one word, like mm")
 
 
 def _check_finite(data: NDArray[np.float32]) -> None:

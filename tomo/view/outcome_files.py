@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 from tomo.io import write_volume
@@ -13,13 +15,16 @@ from tomo.reconstruction import Reconstruction
 from tomo.view.report import write_report
 from tomo.view.results import Convergence, Results, draw, write_pictures
 
+PICTURES = ("rig", "slices", "views", "convergence", "difference")
+
 VOLUME_FILES = ("volume.npz", "volume.vti", "volume.nrrd")
 
 
 def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
     """Write everything about a reconstruction into a folder; return the paths.
 
-    ``report.json`` comes last: where it stands, the rest is complete.
+    ``report.json`` comes last: where it stands, the rest is complete. Pictures of an earlier
+    outcome that this one does not have are removed.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -33,6 +38,9 @@ def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
     results = results_of(outcome)
     pictures = draw(results)
     paths += write_pictures(folder, pictures)
+    for name in PICTURES:
+        if folder / f"{name}.png" not in paths:
+            (folder / f"{name}.png").unlink(missing_ok=True)
     write_report(folder / "report.html", report, results, pictures)
     with atomic_path(report_file) as temporary:
         temporary.write_text(json.dumps(report, indent=2, allow_nan=False) + "\n", "utf-8")
@@ -47,18 +55,21 @@ def results_of(outcome: Outcome) -> Results:
         grid=found.grid,
         volume=found.volume,
         views=outcome.views,
-        history=[_convergence(r, outcome) for r in (found, *outcome.comparisons)],
+        history=[
+            _convergence(one, distances)
+            for one, distances in zip_longest(
+                (found, *outcome.comparisons), outcome.cosine_distances, fillvalue=()
+            )
+        ],
         truth=outcome.truth,
         comparisons=[(other.settings["method"], other.volume) for other in outcome.comparisons],
         method=found.settings["method"],
     )
 
 
-def _convergence(found: Reconstruction, outcome: Outcome) -> Convergence:
-    method = found.settings["method"]
-    distances = outcome.cosine_distances.get(method, ())
+def _convergence(found: Reconstruction, distances: Sequence[float]) -> Convergence:
     return Convergence(
-        label=method,
+        label=found.settings["method"],
         iterations=[entry.index for entry in found.history],
         relative_residual=[entry.relative_residual for entry in found.history],
         seconds=[entry.seconds for entry in found.history],
