@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -28,7 +29,7 @@ def check_measured(projector: Projector, measured: ArrayLike) -> NDArray[np.floa
     ValueError
         If there are not as many pixels as the projector has rows, or some are not finite.
     """
-    measured = np.asarray(measured, np.float32).ravel()
+    measured = _as_float32(measured).ravel()
     if len(measured) != projector.shape[0]:
         raise ValueError(
             f"measured: found {len(measured)} pixels, expected the projector's "
@@ -40,11 +41,17 @@ def check_measured(projector: Projector, measured: ArrayLike) -> NDArray[np.floa
     return measured
 
 
-def additive_start(projector: Projector, start: ArrayLike | None) -> NDArray[np.float32]:
-    """Return a copy of ``start``, or zeros."""
+def additive_start(
+    projector: Projector, start: ArrayLike | None, nonnegative: bool
+) -> NDArray[np.float32]:
+    """Return a copy of ``start``, or zeros; ``nonnegative`` sets what is below zero to zero.
+
+    Without that a voxel that no ray crosses would stay negative to the end.
+    """
     if start is None:
         return np.zeros(projector.shape[1], np.float32)
-    return _checked_start(projector, start)
+    start = _checked_start(projector, start)
+    return np.maximum(start, 0) if nonnegative else start
 
 
 def multiplicative_start(
@@ -65,7 +72,7 @@ def multiplicative_start(
 
 
 def _checked_start(projector: Projector, start: ArrayLike) -> NDArray[np.float32]:
-    start = np.array(start, np.float32)
+    start = _as_float32(start).copy()
     if start.size != projector.shape[1] or not np.isfinite(start).all():
         raise ValueError(
             f"start: found shape {start.shape}, expected a finite volume of "
@@ -74,9 +81,28 @@ def _checked_start(projector: Projector, start: ArrayLike) -> NDArray[np.float32
     return start.ravel()
 
 
+def _as_float32(array: ArrayLike) -> NDArray[np.float32]:
+    """Return ``array`` in single precision; what is too large becomes infinite, for checks."""
+    with np.errstate(over="ignore"):
+        return np.asarray(array).astype(np.float32, copy=False)
+
+
 def norm(vector: NDArray) -> float:
-    """Return the Euclidean norm, summed in double precision."""
-    return float(np.sqrt(np.dot(vector.astype(np.float64), vector.astype(np.float64))))
+    """Return the Euclidean norm, summed in double precision.
+
+    Not by BLAS, whose sums depend on the number of threads.
+    """
+    return float(np.sqrt(np.sum(np.square(vector, dtype=np.float64))))
+
+
+def unit_of(vector: NDArray[np.float32]) -> np.float32:
+    """Return the power of two next below the largest magnitude; 1 for a vector of zeros.
+
+    Dividing by it is exact, and keeps what grows with the square of the intensity or with the
+    size of the system inside the range of single precision.
+    """
+    largest = float(np.abs(vector).max(initial=0.0))
+    return np.float32(2.0 ** (math.frexp(largest)[1] - 1)) if largest > 0 else np.float32(1)
 
 
 def drive(
@@ -95,9 +121,9 @@ def drive(
     Raises
     ------
     ValueError
-        If ``iterations`` is negative.
+        If ``iterations`` is not a whole number or negative.
     """
-    if iterations < 0:
+    if not (iterations >= 0 and iterations % 1 == 0):
         raise ValueError(f"iterations: found {iterations}, expected a whole number >= 0")
     scale = norm(measured) or 1.0
     started = time.perf_counter()

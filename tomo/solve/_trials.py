@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tomo import solve
 from tomo.projector import Projector
 from tomo.smooth_basis import SmoothBasis
+from tomo.solve._drive import norm
 
 CHECKPOINTS = (1, 2, 3, 4, 5, 7, 10, 14, 20, 28, 40, 57, 80, 113)
 """The numbers of iterations at which a trial is judged."""
@@ -85,7 +86,7 @@ class Trial:
                 return False
             at = CHECKPOINTS.index(index)
             seen = self.left_out @ (basis.blur(volume) if basis else volume)
-            errors[at] = np.sum((seen - self.left_out_pixels) ** 2, dtype=np.float64)
+            errors[at] = norm(seen - self.left_out_pixels) ** 2
             if at < 2:
                 return False
             settled = errors[at] > SETTLED * errors[at - 1]

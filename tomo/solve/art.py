@@ -17,6 +17,7 @@ from tomo.solve._drive import (
     drive,
     norm,
 )
+from tomo.solve._rows import merged_rows
 
 
 @compiled()
@@ -63,7 +64,7 @@ def art(
     start : (voxels,), optional
         Zeros when None.
     nonnegative : bool
-        Whether every voxel touched is set to ``max(x, 0)``.
+        Whether the start and every voxel touched are set to ``max(x, 0)``.
     relaxation : float
         ``r``; below 1 damps noise.
     seed : int
@@ -78,15 +79,15 @@ def art(
     """
     measured = check_measured(projector, measured)
     relaxation = check_relaxation(relaxation)
-    s = projector.segments
-    order = np.random.default_rng(seed).permutation(np.flatnonzero(np.diff(s.ptr)))
+    rows = merged_rows(projector.segments, projector.shape[1])
+    order = np.random.default_rng(seed).permutation(np.flatnonzero(np.diff(rows[0])))
 
     def states() -> States:
-        x = additive_start(projector, start)
+        x = additive_start(projector, start, nonnegative)
         while True:
             yield x, norm(measured - projector @ x)
             x = x.copy()
-            _sweep(s.ptr, s.voxel, s.length, measured, order, relaxation, nonnegative, x)
+            _sweep(*rows, measured, order, relaxation, nonnegative, x)
 
     return drive(
         states(),

@@ -7,7 +7,17 @@ from numpy.typing import ArrayLike
 
 from tomo.projector import Projector
 from tomo.reconstruction import Reconstruction
-from tomo.solve._drive import Callback, States, additive_start, check_measured, drive, norm
+from tomo.solve._drive import (
+    Callback,
+    States,
+    additive_start,
+    check_measured,
+    drive,
+    norm,
+    unit_of,
+)
+
+SINGLE_PRECISION = float(np.finfo(np.float32).eps)
 
 
 def cgls(
@@ -48,17 +58,18 @@ def cgls(
     measured = check_measured(projector, measured)
 
     def states() -> States:
-        x = additive_start(projector, start)
-        residual = measured - projector @ x
+        unit = unit_of(measured)
+        x = additive_start(projector, start, nonnegative=False) / unit
+        residual = measured / unit - projector @ x
         gradient = projector.T @ residual
         direction = gradient
         gamma = gamma_start = norm(gradient) ** 2
         while True:
-            yield (np.maximum(x, 0) if nonnegative else x), norm(residual)
+            yield unit * (np.maximum(x, 0) if nonnegative else x), float(unit) * norm(residual)
             image = projector @ direction
             curvature = norm(image) ** 2
             # At the limit of single precision there is no direction left to go.
-            if curvature == 0 or gamma <= gamma_start * np.finfo(np.float32).eps ** 2:
+            if curvature == 0 or gamma <= gamma_start * SINGLE_PRECISION**2:
                 return
             step = np.float32(gamma / curvature)
             x = x + step * direction

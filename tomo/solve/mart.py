@@ -17,6 +17,7 @@ from tomo.solve._drive import (
     multiplicative_start,
     norm,
 )
+from tomo.solve._rows import merged_rows
 from tomo.solve.mlem import check_nonnegative
 
 
@@ -80,15 +81,15 @@ def mart(
     measured = check_measured(projector, measured)
     relaxation = check_relaxation(relaxation)
     counts = np.maximum(measured, 0)
-    s = projector.segments
-    order = np.random.default_rng(seed).permutation(np.flatnonzero(np.diff(s.ptr)))
+    rows = merged_rows(projector.segments, projector.shape[1])
+    order = np.random.default_rng(seed).permutation(np.flatnonzero(np.diff(rows[0])))
 
     def states() -> States:
         x = multiplicative_start(projector, counts, start)
         while True:
             yield x, norm(measured - projector @ x)
             x = x.copy()
-            _sweep(s.ptr, s.voxel, s.length, counts, order, relaxation, x)
+            _sweep(*rows, counts, order, relaxation, x)
 
     return drive(
         states(),

@@ -11,9 +11,13 @@ from tomo.solve._drive import Callback, States, check_measured, drive, multiplic
 from tomo.solve.sirt import reciprocal
 
 
-def ratio(measured: NDArray[np.float32], projected: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return ``measured / projected``, and 1 (no change) where nothing is projected."""
-    return np.divide(measured, projected, out=np.ones_like(measured), where=projected > 0)
+def ratio(measured: NDArray[np.float32], projected: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return ``measured / projected``, and 1 (no change) where nothing is projected.
+
+    In double precision: the faint tail of a flame, 1e-40, would overflow a single.
+    """
+    one = np.ones(len(measured))
+    return np.divide(measured, projected, out=one, where=projected > 0, dtype=np.float64)
 
 
 def mlem(
@@ -75,7 +79,7 @@ def mlem(
                 if subsets > 1:
                     projected = block @ x
                 factor = per_column * (block.T @ ratio(seen, projected))
-                x = x * np.where(per_column > 0, factor, np.float32(1))
+                x = (x * np.where(per_column > 0, factor, 1.0)).astype(np.float32)
 
     return drive(
         states(),
@@ -92,8 +96,11 @@ def interleaved(count: int, parts: int) -> list[NDArray[np.int64]]:
 
     Dealt out by the golden section, so that no part falls into step with the images' rows.
     """
-    if not 1 <= parts <= max(count, 1):
-        raise ValueError(f"subsets: found {parts}, expected 1 to the number of pixels, {count}")
+    if not (1 <= parts <= max(count, 1) and parts % 1 == 0):
+        raise ValueError(
+            f"subsets: found {parts}, expected a whole number from 1 to that of pixels, {count}"
+        )
+    parts = int(parts)
     golden = (5**0.5 - 1) / 2
     part = np.floor((np.arange(count) * golden) % 1.0 * parts).astype(np.int64)
     return [np.flatnonzero(part == number) for number in range(parts)]

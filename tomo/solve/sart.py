@@ -59,7 +59,7 @@ def sart(
         blocks.append((block, pixels, reciprocal(block.row_sums), reciprocal(block.column_sums)))
 
     def states() -> States:
-        x = additive_start(projector, start)
+        x = additive_start(projector, start, nonnegative)
         while True:
             yield x, norm(measured - projector @ x)
             for block, pixels, per_row, per_column in blocks:

@@ -47,7 +47,7 @@ def sirt(
     start : (voxels,), optional
         Zeros when None.
     nonnegative : bool
-        Whether each update ends with ``x <- max(x, 0)``.
+        Whether the start and each update become ``max(x, 0)``.
     relaxation : float
         ``r``.
     callback : callable, optional
@@ -63,7 +63,7 @@ def sirt(
     per_row, per_column = reciprocal(projector.row_sums), reciprocal(projector.column_sums)
 
     def states() -> States:
-        x = additive_start(projector, start)
+        x = additive_start(projector, start, nonnegative)
         while True:
             residual = measured - projector @ x
             yield x, norm(residual)

@@ -19,8 +19,9 @@ from tomo import solve
 from tomo.projector import Projector
 from tomo.reconstruction import Reconstruction
 from tomo.smooth_basis import SmoothBasis
-from tomo.solve._drive import Callback, check_measured
+from tomo.solve._drive import Callback, check_measured, norm
 from tomo.solve._trials import CHECKPOINTS, Trial, views_to_leave_out
+from tomo.solve.mlem import interleaved
 
 METHODS = {"mlem": 40, "sart": 10}
 """The candidates and the most iterations each is given: Poisson, and least squares."""
@@ -56,7 +57,8 @@ class Choice:
         Of the smooth basis, in voxels; 0 is none.
     iterations : int
     held_out_residual : float
-        Relative residual of the left-out views at that choice; NaN if none could be left out.
+        Relative residual of the left-out views at that choice (relative to all views should those
+        be dark); NaN if none could be left out.
     settings : mapping
         Further arguments of the method.
     reason : str
@@ -101,14 +103,14 @@ def choose_by_held_out_views(
         return Choice(*FALLBACK, math.nan, reason=reason)
     stride = max(math.ceil(len(projector.segments) / SEGMENTS_A_TRIAL), 1)
     if stride > 1:
-        thinned = np.arange(0, projector.shape[0], stride)
+        thinned = interleaved(projector.shape[0], stride)[0]
         projector, measured = projector.take(thinned), measured[thinned]
     trials = [
         Trial.leaving_out(left_out, views, projector, measured)
         for left_out in views_to_leave_out(views)
     ]
     settings = {"mlem": {"subsets": _subsets(projector)}, "sart": {}}
-    scale = sum(np.sum(trial.left_out_pixels**2, dtype=np.float64) for trial in trials)
+    scale = sum(norm(trial.left_out_pixels) ** 2 for trial in trials) or norm(measured) ** 2
     tried: list[Candidate] = []
     total = len(METHODS) + len(WIDTHS) - 1
 

@@ -1,0 +1,222 @@
+"""The choice of method, smoothness and stop, judged against phantoms it was not designed on."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import phantoms
+import rigs
+from tomo import noise
+from tomo.grid import VoxelGrid
+from tomo.projector import Projector
+from tomo.rays import Rays
+from tomo.solve import _trials, stopping
+from tomo.solve.stopping import Choice, choose_by_held_out_views, solve_as_chosen
+from tomo.trace import trace
+
+SEED = 11
+WIDTH, HEIGHT = 44, 60
+PIXELS = WIDTH * HEIGHT
+
+
+@pytest.fixture(scope="module")
+def projector():
+    """Return sixteen cameras that all see the whole grid, two pixels to a voxel."""
+    grid = VoxelGrid((14, 24, 14), 1.0)
+    rig = rigs.ring(16, distance=300.0, image_size=(WIDTH, HEIGHT), footprint=0.5)
+    rays = Rays.concatenate([Rays.from_camera(camera) for camera in rig])
+    return Projector(trace(rays, grid), grid, np.arange(17) * PIXELS)
+
+
+@pytest.fixture(scope="module")
+def cases(projector):
+    """Return clean and noisy images of a phantom sampled on finer voxels."""
+    grid, made = projector.grid, {}
+    for name in ("jet", "turbulent"):
+        field = phantoms.create(name, seed=SEED, extent=grid.extent)
+        truth = phantoms.sample(field, grid, refine=2)
+        clean = projector @ truth.ravel()
+        for fraction in (0.0, 0.1, 0.3):
+            images = noise.gaussian(clean, fraction, np.random.default_rng(SEED))
+            images = images.astype(np.float32)
+            choice = choose_by_held_out_views(projector, images)
+            made[name, fraction] = SimpleNamespace(truth=truth, images=images, choice=choice)
+    return made
+
+
+def _true_error(projector, case, method, width, iterations):
+    settings = {"subsets": stopping._subsets(projector)} if method == "mlem" else {}
+    choice = Choice(method, width, iterations, 0.0, settings)
+    volume = solve_as_chosen(projector, case.images, choice).volume
+    return np.linalg.norm(volume - case.truth) / np.linalg.norm(case.truth)
+
+
+@pytest.mark.parametrize("name", ["jet", "turbulent"])
+def test_noise_asks_for_an_earlier_stop_and_then_for_smoothness(cases, name):
+    clean, noisy, noisiest = (cases[name, fraction].choice for fraction in (0.0, 0.1, 0.3))
+    assert clean.width == 0
+    assert clean.iterations == stopping.METHODS[clean.method]  # as many as it may
+    assert noisy.width > 0 or noisy.iterations < 0.6 * stopping.METHODS[noisy.method]
+    assert noisiest.width > 0
+    assert clean.held_out_residual < noisy.held_out_residual < noisiest.held_out_residual
+
+
+@pytest.mark.parametrize("name", ["jet", "turbulent"])
+@pytest.mark.parametrize("fraction", [0.0, 0.1, 0.3])
+def test_the_choice_is_nearly_the_truest_of_those_tried(projector, cases, name, fraction):
+    case = cases[name, fraction]
+    choice = case.choice
+    errors = [_true_error(projector, case, *candidate[:3]) for candidate in case.choice.tried]
+    chosen = _true_error(projector, case, choice.method, choice.width, choice.iterations)
+    assert len(errors) >= 3
+    assert max(errors) > 1.05 * min(errors)  # there was something to choose
+    assert chosen <= 1.3 * min(errors)
+    assert chosen < {0.0: 0.06, 0.1: 0.4, 0.3: 0.6}[fraction]
+
+
+def test_the_choice_is_the_best_predicting_of_those_tried(cases):
+    for case in cases.values():
+        choice = case.choice
+        best = min(choice.tried, key=lambda candidate: candidate[3])
+        found = (choice.method, choice.width, choice.iterations, choice.held_out_residual)
+        assert found == best
+        assert f"{best[3]:.4f}" in choice.reason
+
+
+def test_the_choice_is_the_same_each_time_and_for_every_brightness(projector, cases):
+    case = cases["turbulent", 0.1]
+    for factor in (1.0, 2.0**-80, 2.0**80):
+        again = choose_by_held_out_views(projector, case.images * np.float32(factor))
+        assert (again.method, again.width, again.iterations) == (
+            case.choice.method,
+            case.choice.width,
+            case.choice.iterations,
+        )
+        assert again.held_out_residual == pytest.approx(case.choice.held_out_residual, rel=1e-6)
+
+
+@pytest.mark.parametrize("views", [[3], [3, 9]])
+def test_with_fewer_than_three_views_the_fallback_says_why(projector, cases, views):
+    images = cases["jet", 0.1].images[projector.pixels_of(views)]
+    choice = choose_by_held_out_views(projector.subset(views), images)
+    assert (choice.method, choice.width, choice.iterations) == stopping.FALLBACK
+    assert "too few views" in choice.reason
+    assert np.isnan(choice.held_out_residual)
+    found = solve_as_chosen(projector.subset(views), images, choice)
+    assert np.isfinite(found.volume).all()
+    assert found.stop_reason.endswith(choice.reason)
+
+
+def test_views_without_pixels_do_not_count(projector, cases):
+    views = [3, 9]
+    images = cases["jet", 0.1].images[projector.pixels_of(views)]
+    two = projector.subset(views)
+    padded = Projector(two.segments, two.grid, [0, 0, PIXELS, PIXELS, 2 * PIXELS])
+    assert "too few views" in choose_by_held_out_views(padded, images).reason
+
+
+def test_three_views_are_enough_to_choose(projector, cases):
+    views = [0, 5, 11]
+    images = cases["jet", 0.1].images[projector.pixels_of(views)]
+    choice = choose_by_held_out_views(projector.subset(views), images)
+    assert choice.tried
+    assert np.isfinite(choice.held_out_residual)
+
+
+def test_dark_images_get_the_fallback_and_a_dark_volume(projector):
+    images = np.zeros(projector.shape[0])
+    choice = choose_by_held_out_views(projector, images)
+    assert (choice.method, choice.width, choice.iterations) == stopping.FALLBACK
+    assert "dark" in choice.reason
+    np.testing.assert_array_equal(solve_as_chosen(projector, images, choice).volume, 0)
+
+
+@pytest.mark.parametrize("dark", [[2, 10], [6, 14], [2, 6, 10, 14]])
+def test_a_choice_is_made_though_the_left_out_views_are_dark(projector, cases, dark):
+    images = cases["jet", 0.0].images.copy()
+    images[projector.pixels_of(dark)] = 0
+    choice = choose_by_held_out_views(projector, images)
+    assert np.isfinite(choice.held_out_residual)
+    assert choice.iterations >= 1
+
+
+def test_bad_images_are_refused(projector):
+    with pytest.raises(ValueError, match="measured: found 3 pixels"):
+        choose_by_held_out_views(projector, np.ones(3))
+    images = np.ones(projector.shape[0])
+    images[5] = np.nan
+    with pytest.raises(ValueError, match="measured: found 1 NaN"):
+        choose_by_held_out_views(projector, images)
+
+
+def test_large_systems_are_thinned_evenly_over_rows_and_columns(projector, cases, monkeypatch):
+    seen = []
+
+    class Spy(_trials.Trial):
+        @classmethod
+        def leaving_out(cls, left_out, views, thinned, measured):
+            seen.append((thinned, measured))
+            return super().leaving_out(left_out, views, thinned, measured)
+
+    case = cases["jet", 0.0]
+    limit = len(projector.segments) // 4 + 1
+    monkeypatch.setattr(stopping, "SEGMENTS_A_TRIAL", limit)
+    monkeypatch.setattr(stopping, "Trial", Spy)
+    choice = choose_by_held_out_views(projector, case.images)
+    thinned, measured = seen[0]
+    assert len(thinned.segments) == pytest.approx(limit, rel=0.02)
+    assert thinned.n_views == projector.n_views
+    assert np.diff(thinned.view_ptr) == pytest.approx(PIXELS / 4, rel=0.02)
+    # Pixels and rows still belong together: the truth predicts them
+    np.testing.assert_array_equal(thinned @ case.truth.ravel(), measured)
+    kept = np.isin(np.arange(len(case.images)), stopping.interleaved(len(case.images), 4)[0])
+    np.testing.assert_array_equal(case.images[kept], measured)
+    by_column = kept.reshape(-1, WIDTH).sum(axis=0)
+    assert by_column.min() > 0.8 * by_column.mean()
+    assert choice.method == case.choice.method
+    assert choice.width == 0
+
+
+def test_small_systems_are_not_thinned(projector, cases, monkeypatch):
+    def refuse(*_):
+        raise AssertionError("thinned")
+
+    monkeypatch.setattr(Projector, "take", refuse)
+    monkeypatch.setattr(stopping, "_subsets", lambda _: 1)
+    choose_by_held_out_views(projector, cases["jet", 0.3].images)
+
+
+def test_progress_counts_up_to_the_end(projector, cases):
+    told = []
+    choose_by_held_out_views(
+        projector, cases["turbulent", 0.1].images, progress=lambda *news: told.append(news)
+    )
+    done = [news[0] for news in told]
+    assert done == sorted(done)
+    assert told[0][0] == 0
+    assert told[-1][0] == told[-1][1]
+    assert all("choosing" in news[2] for news in told[:-1])
+
+
+def test_what_was_chosen_is_run_and_reported_as_the_volume_itself(projector, cases):
+    case, seen = cases["turbulent", 0.3], []
+    found = solve_as_chosen(
+        projector, case.images, case.choice, callback=lambda *news: seen.append(news)
+    )
+    assert case.choice.width > 0
+    assert found.settings["method"] == case.choice.method
+    assert found.settings["iterations"] == case.choice.iterations
+    assert found.settings["smooth_width"] == case.choice.width
+    np.testing.assert_array_equal(seen[-1][1], found.volume.ravel())
+    assert found.volume.min() >= 0
+    misfit = case.images - projector @ found.volume.ravel().astype(float)
+    expected = np.linalg.norm(misfit) / np.linalg.norm(case.images)
+    assert found.relative_residual == pytest.approx(expected, rel=1e-4)
+
+
+def test_more_crossings_a_voxel_allow_more_subsets(projector):
+    few = stopping._subsets(projector.subset([0, 8]))
+    many = stopping._subsets(projector)
+    assert 1 <= few < many <= stopping.MOST_SUBSETS
+    assert len(projector.segments) / projector.shape[1] / many >= stopping.CROSSINGS_A_VOXEL

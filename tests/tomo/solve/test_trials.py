@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+
+from tomo import solve
+from tomo.smooth_basis import SmoothBasis
+from tomo.solve._trials import CHECKPOINTS, HOPELESS, SETTLED, Trial, views_to_leave_out
+
+VIEWS = list(range(9))
+
+
+@pytest.fixture(scope="module")
+def noisy(ring_system):
+    noise = np.random.default_rng(0).standard_normal(len(ring_system.measured))
+    return (ring_system.measured + 0.1 * ring_system.measured.max() * noise).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def trial(ring_system, noisy):
+    return Trial.leaving_out([2, 6], VIEWS, ring_system.projector, noisy)
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 8, 9, 11, 16, 33, 100])
+def test_two_trials_leave_out_different_views_and_keep_most(count):
+    views = list(range(10, 10 + count))
+    first, second = views_to_leave_out(views)
+    assert first
+    assert second
+    assert not set(first) & set(second)
+    assert set(first) | set(second) <= set(views)
+    assert max(len(first), len(second)) <= max(count / 5, 1)
+
+
+def test_a_trial_holds_no_pixel_of_the_left_out_or_unnamed_views_for_training(ring_system):
+    projector, measured = ring_system.projector, ring_system.measured.copy()
+    for view in (1, 3, 5):  # left out: 3 and 5; never named: 1
+        measured[projector.pixels_of([view])] = 1e30
+    views = [0, 2, 3, 4, 5, 6, 7, 8]
+    found = Trial.leaving_out([3, 5], views, projector, measured)
+    assert found.training.n_views == 6
+    assert found.training_pixels.max() < 1e30
+    np.testing.assert_array_equal(found.left_out_pixels, np.full(640, 1e30, np.float32))
+    x = ring_system.truth.ravel()
+    np.testing.assert_array_equal(found.training @ x, found.training_pixels)
+    np.testing.assert_array_equal(
+        found.left_out @ x, ring_system.measured[projector.pixels_of([3, 5])]
+    )
+
+
+@pytest.mark.parametrize("method", ["mlem", "sart"])
+@pytest.mark.parametrize("width", [0.0, 0.75])
+def test_the_errors_are_those_of_runs_of_just_so_many_iterations(trial, method, width):
+    errors = trial.squared_errors(method, width, {"iterations": 5})
+    basis = SmoothBasis(trial.training, width) if width else None
+    for at in np.flatnonzero(np.isfinite(errors)):
+        found = getattr(solve, method)(
+            basis or trial.training, trial.training_pixels, iterations=CHECKPOINTS[at]
+        ).volume.ravel()
+        seen = trial.left_out @ (basis.blur(found) if basis else found)
+        expected = np.sum((seen.astype(float) - trial.left_out_pixels) ** 2)
+        assert errors[at] == pytest.approx(expected, rel=1e-5)
+    assert np.isinf(errors[5:]).all()
+
+
+def test_a_trial_ends_where_its_error_settles(trial):
+    errors = trial.squared_errors("sart", 0.0, {"iterations": 40})
+    reached = np.flatnonzero(np.isfinite(errors))
+    last = reached[-1]
+    assert 2 <= last < CHECKPOINTS.index(40)
+    assert errors[last] > SETTLED * errors[last - 1]
+    assert all(errors[k] <= SETTLED * errors[k - 1] for k in range(2, last))
+
+
+def test_a_trial_far_behind_its_rival_ends_at_once(trial):
+    alone = trial.squared_errors("mlem", 0.0, {"iterations": 40})
+    ahead = trial.squared_errors("mlem", 0.0, {"iterations": 40}, rival=alone / (2 * HOPELESS))
+    level = trial.squared_errors("mlem", 0.0, {"iterations": 40}, rival=alone)
+    assert np.isfinite(alone).sum() > 3
+    assert np.isfinite(ahead).sum() == 3
+    np.testing.assert_array_equal(level, alone)
+
+
+@pytest.mark.parametrize("factor", [2.0**-80, 2.0**80])
+def test_squared_errors_neither_overflow_nor_vanish(ring_system, noisy, trial, factor):
+    scaled = Trial.leaving_out([2, 6], VIEWS, ring_system.projector, noisy * np.float32(factor))
+    expected = trial.squared_errors("sart", 0.0, {"iterations": 10})
+    found = scaled.squared_errors("sart", 0.0, {"iterations": 10})
+    np.testing.assert_allclose(found, expected * factor**2, rtol=1e-6)
