@@ -49,8 +49,8 @@ def estimate_memory(
 ) -> MemoryNeed:
     """Estimate the memory of tracing all pixels of some cameras, from a sample of their rays.
 
-    A ray through ``a``, ``b``, ``c`` voxel widths along x, y, z crosses about ``a + b + c + 1``
-    voxels.
+    A ray through ``a``, ``b``, ``c`` voxel widths along x, y, z meets on average ``a + b + c``
+    planes between voxels, the two faces of the box by which it comes and goes counted half each.
     """
     rays = segments = 0.0
     for camera in cameras:
@@ -60,7 +60,7 @@ def estimate_memory(
         box = enter_box(sample, grid)
         share = pixels / math.ceil(pixels / step) * supersample**2
         inside = box.length > 0
-        crossings = np.abs(box.direction[inside] * box.length[inside, None]).sum(axis=1) + 1
+        crossings = np.abs(box.direction[inside] * box.length[inside, None]).sum(axis=1)
         rays += share * inside.sum()
         segments += share * crossings.sum()
     per_segment = BYTES_PER_SEGMENT + (BYTES_PER_MIDPOINT if midpoints else 0)
@@ -132,20 +132,18 @@ def point_in_view(rig: Rig) -> NDArray[np.float64] | None:
 def _coarser_grid_that_fits(need: MemoryNeed, grid: VoxelGrid, available: int) -> VoxelGrid | None:
     """Return the grid of the same box, voxels enlarged alike, that takes 80 % of the memory.
 
-    None if even one voxel, which every ray crosses once, takes more.
+    None if even a single layer of voxels takes more.
     """
     per_voxels = BYTES_PER_VOXEL * need.voxels
-    all_crossings = max(need.nbytes - per_voxels, 0)
-    first_crossings = all_crossings * min(need.rays / max(need.segments, 1), 1.0)
-    per_crossings = all_crossings - first_crossings
+    per_crossings = max(need.nbytes - per_voxels, 0)
     low, high = 0.0, 1.0
     for _ in range(60):  # bisection: voxels go with the cube of the resolution, crossings linearly
         middle = (low + high) / 2
-        taken = per_voxels * middle**3 + per_crossings * middle + first_crossings
+        taken = per_voxels * middle**3 + per_crossings * middle
         low, high = (middle, high) if taken <= 0.8 * available else (low, middle)
-    if low == 0:
+    shape = tuple(math.floor(n * low) for n in grid.shape)
+    if min(shape) < 1:
         return None
-    shape = tuple(max(math.floor(n * low), 1) for n in grid.shape)
     return VoxelGrid.from_bounds(shape, grid.lower, grid.upper)
 
 

@@ -1,0 +1,97 @@
+import re
+
+import numpy as np
+import pytest
+
+from rigs import Camera, Rig, arc, ring
+from rigs.camera import look_at
+from tomo import LinearSystem, VoxelGrid
+from tomo.support import BYTES_PER_VOXEL, check_memory, estimate_memory, point_in_view
+
+GRID = VoxelGrid((12, 30, 12), 0.7, (1.0, 2.0, 3.0))
+RIG = ring(
+    5, distance=150.0, image_size=(48, 64), footprint=0.5, center=GRID.center, pitch_degrees=20.0
+)
+
+
+@pytest.mark.parametrize("supersample", [1, 2])
+def test_the_estimate_is_close_to_what_tracing_finds(supersample):
+    need = estimate_memory(tuple(RIG), GRID, supersample=supersample)
+    system = LinearSystem.from_rig(RIG, GRID, supersample=supersample)
+    assert need.segments == pytest.approx(len(system.projector.segments), rel=0.02)
+    assert need.rays == pytest.approx(system.projector.shape[0] * supersample**2, rel=0.05)
+    assert need.voxels == GRID.size
+    arrays = system.projector.segments.voxel.nbytes + system.projector.segments.length.nbytes
+    arrays += sum(part.nbytes for part in system.projector._columns)
+    assert need.nbytes >= arrays
+
+
+def test_a_part_of_the_rays_is_enough_for_the_estimate(monkeypatch):
+    whole = estimate_memory(tuple(RIG), GRID)
+    monkeypatch.setattr("tomo.support.SAMPLED_RAYS", 300)
+    assert estimate_memory(tuple(RIG), GRID).segments == pytest.approx(whole.segments, rel=0.1)
+
+
+def test_midpoints_take_more():
+    assert (
+        estimate_memory(tuple(RIG), GRID, midpoints=True).nbytes
+        > estimate_memory(tuple(RIG), GRID).nbytes
+    )
+
+
+@pytest.mark.parametrize("share", [0.9, 0.5, 0.1, 0.02])
+@pytest.mark.parametrize("refinement", [1, 10])
+def test_the_grid_said_to_fit_fits(share, refinement):
+    grid = GRID.refined(refinement)  # crossings weigh most, then voxels
+    cameras = tuple(RIG)
+    need = estimate_memory(cameras, grid)
+    available = int(share * need.nbytes)
+    assert check_memory(cameras, grid, available=need.nbytes) == need
+    with pytest.raises(ValueError, match="would take about") as caught:
+        check_memory(cameras, grid, available=available)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(f"grid {'x'.join(map(str, grid.shape))}: would take about")
+    advice = re.search(r"(\d+)x(\d+)x(\d+) voxels of (\S+) x (\S+) x (\S+) would fit", message)
+    if advice is None:
+        assert "no grid would fit: use smaller images" in message
+        floor = check_memory(cameras, VoxelGrid((1, 1, 1), tuple(grid.extent), grid.center))
+        assert floor.nbytes > 0.7 * available
+        return
+    shape = tuple(int(n) for n in advice.groups()[:3])
+    fits = VoxelGrid.from_bounds(shape, grid.lower, grid.upper)
+    assert [float(s) for s in advice.groups()[3:]] == pytest.approx(fits.spacing, rel=1e-3)
+    needed = check_memory(cameras, fits, available=available).nbytes
+    # nor is the advice needlessly coarse: rounding down costs small grids most
+    finer = VoxelGrid.from_bounds(tuple(n + 1 for n in shape), grid.lower, grid.upper)
+    assert estimate_memory(cameras, finer).nbytes > 0.6 * available >= 0.6 * needed
+
+
+def test_voxels_beyond_any_memory_are_counted_without_overflow():
+    grid = VoxelGrid((999_999_999,) * 3, 1e-8, GRID.center)
+    need = estimate_memory(tuple(RIG), grid)
+    assert need.nbytes == pytest.approx(BYTES_PER_VOXEL * 1e27, rel=1e-6)
+    with pytest.raises(ValueError, match="would fit"):
+        check_memory(tuple(RIG), grid)
+
+
+@pytest.mark.parametrize("center", [(0, 0, 0), (1e4, -2.0, 3.5)])
+def test_where_a_rig_looks(center):
+    rig = ring(4, 40.0, 800.0, image_size=(30, 20), footprint=1.0, center=center)
+    np.testing.assert_allclose(point_in_view(rig), center, atol=1e-3)
+
+
+def test_where_no_middle_rays_meet():
+    assert point_in_view(RIG[0:1]) is None
+    assert point_in_view(Rig(())) is None
+    K = np.array([[100.0, 0, 9.5], [0, 100, 9.5], [0, 0, 1]])
+    outward = []
+    for number, place in enumerate(np.eye(3) * 50):  # three walls of a box, facing askew
+        R, t = look_at(place, place + np.roll(place, 1), (1, 1, 1))
+        outward.append(Camera(f"cam{number}", (20, 20), K, R=R, t=t))
+    assert point_in_view(Rig(tuple(outward))) is None
+
+
+def test_an_arc_looks_at_its_center():
+    rig = arc(5, 30.0, 500.0, image_size=(20, 20), footprint=1.0, center=(1.0, 2.0, 3.0))
+    np.testing.assert_allclose(point_in_view(rig), (1, 2, 3), atol=1e-3)
