@@ -11,7 +11,6 @@ $python tools/simulate.py --rig paper33_pitch --phantom turbulent \
     --supersample 3 --refine 2 --seed 1 -o "$out/scan"
 
 say "== reconstruct it"
-# TO ADAPT when tools/reconstruct.py settles how a second method stands in the same report
 $python tools/reconstruct.py "$out/scan" -o "$out" --compare wernet-paper:3
 
 say "== draw the rig with the volume, and the volume"

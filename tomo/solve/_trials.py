@@ -17,7 +17,7 @@ from tomo.solve._drive import norm
 CHECKPOINTS = (1, 2, 3, 4, 5, 7, 10, 14, 20, 28, 40, 57, 80, 113)
 """The numbers of iterations at which a trial is judged."""
 
-SETTLED = 0.99
+SETTLED = 0.97
 HOPELESS = 1.5
 """Factors on the squared error that end a trial."""
 
@@ -74,9 +74,9 @@ class Trial:
     ) -> NDArray[np.float64]:
         """Return the squared error of the left-out views at every checkpoint: (checkpoints,).
 
-        From the third checkpoint on the run ends when the error falls by less than one per cent
-        from one checkpoint to the next, or is far above that of ``rival``, another run of the
-        same method, at the same place. Checkpoints not reached are infinite.
+        From the third checkpoint on the run ends when the error falls by less than three per cent
+        from one checkpoint to the next, or is far above what ``rival`` has at the same place.
+        Checkpoints not reached are infinite.
         """
         errors = np.full(len(CHECKPOINTS), np.inf)
         basis = SmoothBasis(self.training, width) if width else None

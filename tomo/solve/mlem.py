@@ -8,7 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from tomo.projector import Projector
 from tomo.reconstruction import Reconstruction
 from tomo.solve._drive import Callback, States, check_measured, drive, multiplicative_start, norm
-from tomo.solve.sirt import reciprocal
+
+BARELY_SEEN = 0.01
+"""Share of the median voxel's column sum below which an update is damped."""
 
 
 def ratio(measured: NDArray[np.float32], projected: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -53,8 +55,8 @@ def mlem(
 
     Notes
     -----
-    A voxel that a subset does not see keeps its value in that subset's update. The subsets hold a
-    second copy of the matrix.
+    A voxel that a subset barely sees is kept from running away by `sensitivity`. The subsets hold
+    a second copy of the matrix.
 
     References
     ----------
@@ -68,18 +70,18 @@ def mlem(
     blocks = []
     for pixels in interleaved(len(counts), subsets):
         block = projector.take(pixels) if subsets > 1 else projector
-        blocks.append((block, counts[pixels], reciprocal(block.column_sums)))
+        blocks.append((block, counts[pixels], *sensitivity(block.column_sums)))
 
     def states() -> States:
         x = multiplicative_start(projector, counts, start)
         while True:
             projected = projector @ x
             yield x, norm(measured - projected)
-            for block, seen, per_column in blocks:
+            for block, seen, per_column, missing in blocks:
                 if subsets > 1:
                     projected = block @ x
-                factor = per_column * (block.T @ ratio(seen, projected))
-                x = (x * np.where(per_column > 0, factor, 1.0)).astype(np.float32)
+                factor = per_column * (block.T @ ratio(seen, projected) + missing)
+                x = (x * factor).astype(np.float32)
 
     return drive(
         states(),
@@ -89,6 +91,22 @@ def mlem(
         callback=callback,
         settings={"method": "mlem", "nonnegative": True, "subsets": subsets},
     )
+
+
+def sensitivity(
+    column_sums: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what an update is divided by, as a factor, and what it lacks: ``(voxels,)`` each.
+
+    A voxel that rays barely graze could grow without bound on noise that it has next to no part
+    in. It is treated as if the length that it lacks to a hundredth of the median voxel's were
+    seen by rays that agree with it: ``x (A^T ratio + m) / (A^T 1 + m)``, which leaves every fixed
+    point and every well-seen voxel as it is. A voxel that no ray crosses keeps its value.
+    """
+    seen = column_sums[column_sums > 0]
+    floor = BARELY_SEEN * float(np.median(seen)) if len(seen) else 1.0
+    missing = np.maximum(floor - column_sums, 0)
+    return 1 / (column_sums + missing), missing
 
 
 def interleaved(count: int, parts: int) -> list[NDArray[np.int64]]:

@@ -23,8 +23,11 @@ from tomo.solve._drive import Callback, check_measured, norm
 from tomo.solve._trials import CHECKPOINTS, Trial, views_to_leave_out
 from tomo.solve.mlem import interleaved
 
-METHODS = {"mlem": 40, "sart": 10}
+METHODS = {"mlem": 28, "sart": 28}
 """The candidates and the most iterations each is given: Poisson, and least squares."""
+
+PATIENCE = 7
+"""Iterations after which a method is given up when it is far behind another."""
 
 WIDTHS = (0.0, 0.75, 1.5, 2.25, 3.0)
 """Standard deviations of the smooth basis tried, in voxels."""
@@ -33,7 +36,7 @@ CROSSINGS_A_VOXEL = 12
 MOST_SUBSETS = 12
 """MLEM runs in ordered subsets that still have as many rays through the average voxel."""
 
-SEGMENTS_A_TRIAL = 40_000_000
+SEGMENTS_A_TRIAL = 30_000_000
 """Pixels of larger systems are thinned evenly to this many crossings while choosing."""
 
 FALLBACK = ("mlem", 1.0, 20)
@@ -130,9 +133,12 @@ def choose_by_held_out_views(
         tried.append((method, width, CHECKPOINTS[stop], residual))
         return tried[-1], errors
 
-    best, errors = min(
-        (attempt(method, WIDTHS[0]) for method in METHODS), key=lambda found: found[0][3]
-    )
+    first, *others = METHODS
+    best, errors = attempt(first, WIDTHS[0])
+    for method in others:
+        candidate, candidate_errors = attempt(method, WIDTHS[0], [_patient(e) for e in errors])
+        if candidate[3] < best[3]:
+            best, errors = candidate, candidate_errors
     for width in WIDTHS[1:]:
         candidate, candidate_errors = attempt(best[0], width, errors)
         if candidate[3] >= best[3]:
@@ -142,6 +148,14 @@ def choose_by_held_out_views(
         progress(total, total, "")
     reason = f"left-out views are predicted best so (relative residual {best[3]:.4f})"
     return Choice(*best, settings[best[0]], reason, tuple(tried))
+
+
+def _patient(errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what another method must come near: the best of ``errors``, after some iterations.
+
+    Iterations of different methods are not worth the same, so the first few do not count.
+    """
+    return np.where(np.array(CHECKPOINTS) < PATIENCE, np.inf, errors.min())
 
 
 def _subsets(projector: Projector) -> int:

@@ -146,7 +146,8 @@ def draw_convergence(history: Sequence[Convergence]) -> Figure:
             fontsize=8,
             frameon=False,
         )
-    figure.tight_layout(rect=(0, 0, 1, 1 - (0.32 / figure.get_figheight())))
+    legend_height = 0.32 if len(history) > 1 else 0.0
+    figure.tight_layout(rect=(0, 0, 1, 1 - (legend_height / figure.get_figheight())))
     return figure
 
 
@@ -229,7 +230,7 @@ def _few_ticks(axes: Axes, width: float, height: float) -> None:
 def _style(axes: Axes) -> None:
     """Give a plot thin grey lines."""
     axes.grid(True, which="major", color="#e3e7eb", linewidth=0.7)
-    axes.tick_params(labelsize=7.5, colors=_MUTED)
+    axes.tick_params(which="both", labelsize=7.5, colors=_MUTED)
     for side, spine in axes.spines.items():
         spine.set_visible(side in ("left", "bottom"))
         spine.set_color("#9aa5b1")
