@@ -67,15 +67,16 @@ class VoxelGrid:
                 f"grid bounds: found lower {lower.tolist()} and upper {upper.tolist()}, "
                 "expected three coordinates each with upper above lower"
             )
-        spacing = (upper - lower) / np.asarray(shape)
-        return cls(tuple(shape), tuple(spacing), tuple((lower + upper) / 2))
+        shape = cls(tuple(shape), 1.0).shape  # checked before anything is divided by it
+        return cls(shape, tuple((upper - lower) / shape), tuple((lower + upper) / 2))
 
     @classmethod
     def from_origin(cls, shape: ArrayLike, spacing: ArrayLike, origin: ArrayLike) -> VoxelGrid:
         """Return the grid whose voxel (0, 0, 0) is centred at ``origin`` (VTK, ITK, NRRD)."""
         spacing = np.broadcast_to(np.asarray(spacing, np.float64), 3)
+        shape = cls(tuple(shape), tuple(spacing)).shape
         center = np.asarray(origin, np.float64) + (np.asarray(shape) - 1) / 2 * spacing
-        return cls(tuple(shape), tuple(spacing), tuple(center))
+        return cls(shape, tuple(spacing), tuple(center))
 
     @property
     def size(self) -> int:

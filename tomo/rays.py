@@ -92,10 +92,11 @@ class Rays:
         norms = np.linalg.norm(directions, axis=1, keepdims=True)
         if not (norms > 0).all():
             raise ValueError("rays directions: found a zero vector, expected non-zero")
-        n = max(len(origins), len(directions))
+        lengths = np.atleast_1d(np.asarray(lengths, np.float64))
+        n = max(len(origins), len(directions), len(lengths)) if len(origins) else 0
         origins = np.array(np.broadcast_to(origins, (n, 3)))
         directions = np.array(np.broadcast_to(directions / norms, (n, 3)))
-        lengths = np.array(np.broadcast_to(np.asarray(lengths, np.float64), (n,)))
+        lengths = np.array(np.broadcast_to(lengths, (n,)))
         return cls(origins, directions, lengths, np.ones(n), np.arange(n + 1))
 
     @classmethod

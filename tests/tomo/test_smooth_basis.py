@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+
+from tomo.grid import VoxelGrid
+from tomo.projector import Projector, dot_test
+from tomo.rays import Rays
+from tomo.smooth_basis import SmoothBasis
+from tomo.trace import trace
+
+GRID = VoxelGrid((9, 14, 7), (0.5, 0.4, 0.6), (0.3, -0.2, 0.1))
+WIDTHS = pytest.mark.parametrize("width", [0.3, 0.8, 2.5])
+
+
+@pytest.fixture(scope="module")
+def projector():
+    rng = np.random.default_rng(0)
+    directions = rng.standard_normal((400, 3))
+    points = rng.uniform(GRID.lower - 0.5, GRID.upper + 0.5, (400, 3))
+    segments = trace(Rays.from_lines(points - 20 * directions, directions), GRID)
+    return Projector(segments, GRID, [0, 100, 100, 250, 400])
+
+
+def kernel(width):
+    """Return the blur along one axis as a matrix a vector longer than any axis is long."""
+    radius = int(3 * width + 0.5)
+    weights = np.exp(-(np.arange(-radius, radius + 1) ** 2) / (2 * width**2))
+    return weights / weights.sum()
+
+
+def slow_blur(volume, width):
+    """Return the blur by sums over shifted copies, nothing outside."""
+    weights = kernel(width)
+    radius = len(weights) // 2
+    for axis in range(3):
+        padded = np.pad(volume, [(radius, radius) if a == axis else (0, 0) for a in range(3)])
+        n = volume.shape[axis]
+        volume = sum(w * np.take(padded, np.arange(n) + k, axis) for k, w in enumerate(weights))
+    return volume
+
+
+def derived(projector, width):
+    smooth = SmoothBasis(projector, width)
+    pixels = np.arange(0, 400, 3)
+    return {
+        "whole": (smooth, projector),
+        "subset": (smooth.subset([3, 0]), projector.subset([3, 0])),
+        "take": (smooth.take(pixels), projector.take(pixels)),
+        "view": (smooth.view(2), projector.view(2)),
+    }
+
+
+@WIDTHS
+@pytest.mark.parametrize("name", ["whole", "subset", "take", "view"])
+@pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-6)])
+def test_the_adjoint_matches(projector, width, name, dtype, bound):
+    smooth, _ = derived(projector, width)[name]
+    assert max(dot_test(smooth, seed, dtype) for seed in range(20)) < bound
+
+
+@WIDTHS
+@pytest.mark.parametrize("name", ["whole", "subset", "take", "view"])
+def test_it_projects_the_blurred_coefficients(projector, width, name):
+    smooth, plain = derived(projector, width)[name]
+    coefficients = np.random.default_rng(1).random(GRID.shape)
+    expected = plain @ slow_blur(coefficients, width).ravel()
+    np.testing.assert_allclose(smooth @ coefficients.ravel(), expected, rtol=0, atol=1e-12)
+    assert smooth.shape == plain.shape
+    assert smooth.n_views == plain.n_views
+    np.testing.assert_array_equal(smooth.view_ptr, plain.view_ptr)
+
+
+@WIDTHS
+def test_a_blob_stands_at_its_voxels_centre_and_loses_nothing_inside(projector, width):
+    grid = VoxelGrid((41, 41, 41), 1.0)
+    smooth = SmoothBasis(Projector(projector.segments.rows(0, 0), grid), width)
+    point = np.zeros(grid.shape)
+    point[20, 19, 22] = 5.0
+    blob = smooth.blur(point)
+    assert blob.shape == grid.shape
+    assert blob.sum() == pytest.approx(5, rel=1e-12)
+    assert np.unravel_index(blob.argmax(), grid.shape) == (20, 19, 22)
+    variance = np.average((np.arange(41) - 22) ** 2, weights=blob.sum(axis=(0, 1)))
+    offsets = np.arange(len(kernel(width))) - len(kernel(width)) // 2
+    assert variance == pytest.approx(np.average(offsets**2, weights=kernel(width)))
+    assert (blob >= 0).all()
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_the_result_has_the_type_of_the_argument(projector, dtype):
+    smooth = SmoothBasis(projector, 1.0)
+    assert (smooth @ np.ones(GRID.size, dtype)).dtype == dtype
+    assert (smooth.T @ np.ones(400, dtype)).dtype == dtype
+
+
+def test_row_sums_and_column_sums(projector):
+    smooth = SmoothBasis(projector, 0.8)
+    matrix = np.stack([smooth.T @ row for row in np.eye(400)])  # (pixels, voxels)
+    np.testing.assert_allclose(smooth.row_sums, matrix.sum(axis=1), atol=1e-10)
+    np.testing.assert_allclose(smooth.column_sums, matrix.sum(axis=0), atol=1e-10)
+
+
+def test_a_grid_one_voxel_thin():
+    grid = VoxelGrid((1, 6, 1), 1.0)
+    rays = Rays.from_lines(grid.center - np.array([5, 1.2, 0]), [[1, 0.1, 0], [1, 0.4, 0.02]])
+    smooth = SmoothBasis(Projector(trace(rays, grid), grid), 1.5)
+    assert len(smooth.projector.segments) >= 2
+    assert max(dot_test(smooth, seed) for seed in range(10)) < 1e-12
+
+
+@pytest.mark.parametrize("width", [0, -1, float("nan")])
+def test_a_width_that_is_none_is_refused(projector, width):
+    with pytest.raises(ValueError, match="smooth basis width: found"):
+        SmoothBasis(projector, width)
+
+
+def test_its_repr_names_the_width(projector):
+    assert repr(SmoothBasis(projector, 0.75)).endswith("width=0.75)")
