@@ -1,0 +1,225 @@
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from phantoms import create
+from rigs import ring
+from tomo import Scan, VoxelGrid
+from tomo.io import read_volume, write_volume
+from tomo.reconstruct import reconstruct
+from tomo.simulate import simulate
+
+TOOL = Path(__file__).parents[2] / "tools" / "reconstruct.py"
+GRID = VoxelGrid((8, 14, 8), (1.0, 1.0, 1.2), (10.0, 0.0, -3.0))
+VOLUMES = ("volume.npz", "volume.vti", "volume.nrrd")
+PICTURES = {"rig.png", "slices.png", "views.png", "convergence.png", "difference.png"}
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("simulated") / "scan"
+    rig = ring(5, distance=150.0, image_size=(24, 32), footprint=0.7, center=GRID.center)
+    field = create("jet", 2, GRID.extent, GRID.center)
+    simulate(rig, field, GRID, supersample=2, refine=2).save(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def done(run_tool, scan, tmp_path_factory):
+    """Return the folder and the result of one whole run."""
+    out = tmp_path_factory.mktemp("done") / "deep" / "out"
+    options = ("--hold-out", "cam02", "--compare", "sirt:3", "--json")
+    result = run_tool("reconstruct", scan, *options, "-o", out)
+    assert result.exit_code == 0, result.stderr
+    return out, result
+
+
+def test_everything_promised_is_there_and_nothing_else(done):
+    out, _ = done
+    names = {path.name for path in out.iterdir()}
+    assert names == {*VOLUMES, *PICTURES, "report.json", "report.html"}
+
+
+def test_the_volumes_are_equal_and_on_the_grid(done):
+    out, _ = done
+    loaded = [read_volume(out / name) for name in VOLUMES]
+    for data, grid, unit in loaded:
+        np.testing.assert_array_equal(data, loaded[0][0])
+        assert grid.shape == GRID.shape
+        np.testing.assert_allclose(grid.lower, GRID.lower, atol=1e-9)
+        np.testing.assert_allclose(grid.spacing, GRID.spacing, rtol=1e-12)
+        assert unit == "mm"
+    with np.load(out / "volume.npz", allow_pickle=False) as archive:
+        assert set(archive) == {"data", "origin", "spacing", "length_unit"}
+
+
+def test_the_report_is_printed_written_and_true(done, scan):
+    out, result = done
+    report = json.loads(result.stdout)
+    assert report == json.loads((out / "report.json").read_text("utf-8"))
+    truth, _, _ = read_volume(Scan.load(scan).truth)
+    data = read_volume(out / "volume.npz")[0].astype(np.float64)
+    cosine = np.vdot(data, truth) / np.linalg.norm(data) / np.linalg.norm(truth)
+    assert report["quality"]["cosine_distance"] == pytest.approx(1 - cosine, abs=1e-6)
+    assert report["quality"]["cosine_distance"] < 0.05
+    assert list(report["held_out"]) == ["cam02"]
+    assert report["held_out"]["cam02"]["psnr"] > 25
+    assert [one["method"] for one in report["comparisons"]] == ["sirt"]
+
+
+def test_the_summary_is_on_stderr_one_line_a_fact(done):
+    out, result = done
+    lines = result.stderr.splitlines()
+    assert f"open {out / 'report.html'}" in lines
+    assert sum(line.startswith("held out cam02: psnr ") for line in lines) == 1
+
+
+def test_report_json_is_written_last(done):
+    out, _ = done
+    last = (out / "report.json").stat().st_mtime_ns
+    assert all(path.stat().st_mtime_ns <= last for path in out.iterdir())
+
+
+def test_an_interrupted_run_leaves_no_report_json(run_tool, scan, tmp_path, monkeypatch):
+    options = ("--method", "sirt", "--iterations", "2", "-o", tmp_path / "out")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "report.json").write_text("{}")  # of an earlier run
+
+    def fail(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tomo.view.outcome_files.write_pictures", fail)
+    assert run_tool("reconstruct", scan, *options).exit_code != 0
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert "report.json" not in names
+    assert not any(name.startswith(".") for name in names)
+
+
+def test_the_page_needs_nothing_beside_it(done):
+    out, _ = done
+    page = (out / "report.html").read_text("utf-8")
+    for source in re.findall(r"""<(?:img|script|iframe)[^>]*?\ssrc=["']([^"']{0,40})""", page):
+        assert source.startswith("data:")
+    assert not re.findall(r"<link[^>]*href=[\"']?(?!data:)", page)
+    assert page.count("data:image/png;base64,") >= len(PICTURES)
+    assert "cam02" in page
+
+
+def test_pictures_are_pictures(done):
+    out, _ = done
+    for name in PICTURES:
+        image = cv2.imread(str(out / name))
+        assert min(image.shape[:2]) > 200
+        assert image.std() > 5
+
+
+def test_a_picture_of_an_earlier_run_does_not_stay(run_tool, scan, tmp_path):
+    options = ("--method", "sirt", "--iterations", "2", "-o", tmp_path)
+    (tmp_path / "difference.png").write_bytes(b"from a truth, which this run has not")
+    (tmp_path / "mine.png").write_bytes(b"")
+    other = ("--lower", "6,-7,-8", "--upper", "14,7,2", "--grid", "4x7x4")
+    assert run_tool("reconstruct", scan, *options, *other).exit_code == 0
+    assert not (tmp_path / "difference.png").exists()
+    assert (tmp_path / "mine.png").exists()
+    assert read_volume(tmp_path / "volume.vti")[1].shape == (4, 7, 4)
+
+
+def test_options_reach_the_run(run_tool, scan, tmp_path):
+    options = ("--grid", "4x7x4", "--spacing", "2,2,2.4", "--center", "10,0,-3")
+    options += ("--method", "mart", "--iterations", "3", "--seed", "7", "--no-skip")
+    options += ("--scale", "2", "--supersample", "2", "--tracer", "reference")
+    options += ("--hold-out", "cam00", "--hold-out", "cam04", "--frame", "frame_000")
+    done = run_tool("reconstruct", scan, *options, "--json", "-o", tmp_path)
+    assert done.exit_code == 0, done.stderr
+    report = json.loads(done.stdout)
+    expected = {
+        "method": "mart",
+        "iterations": 3,
+        "seed": 7,
+        "skip": False,
+        "scale": 2,
+        "supersample": 2,
+        "tracer": "reference",
+        "hold_out": ["cam00", "cam04"],
+        "frame": "frame_000",
+        "grid": {"shape": [4, 7, 4], "spacing": [2.0, 2.0, 2.4], "center": [10.0, 0.0, -3.0]},
+    }
+    assert {key: report["settings"][key] for key in expected} == expected
+    assert report["warnings"] == ["truth.npz: the truth is on another grid: no quality figures"]
+    assert report["rays"] == 3 * 12 * 16
+
+
+def test_a_rig_and_a_folder_of_images(run_tool, scan, tmp_path):
+    given = ("--rig", scan / "rig.yaml", "--images", scan / "images")
+    options = ("--method", "sirt", "--iterations", "3")
+    box = ("--grid", "8x14x8", "--spacing", "1,1,1.2", "--center", "10,0,-3")
+    done = run_tool("reconstruct", *given, *box, *options, "-o", tmp_path)
+    assert done.exit_code == 0, done.stderr
+    data, grid, _ = read_volume(tmp_path / "volume.npz")
+    expected = reconstruct(Scan.load(scan), method="sirt", iterations=3).reconstruction.volume
+    np.testing.assert_array_equal(data, expected)
+    np.testing.assert_allclose(grid.lower, GRID.lower)
+
+
+def test_a_reconstruction_can_be_simulated_again(run_tool, done, scan, tmp_path):
+    rig, volume = scan / "rig.yaml", done[0] / "volume.nrrd"
+    options = ("--rig", rig, "--phantom", volume, "--supersample", "2")
+    again = run_tool("simulate", *options, "-o", tmp_path / "again")
+    assert again.exit_code == 0, again.stderr
+    seen, first = Scan.load(tmp_path / "again").images(), Scan.load(scan).images()
+    assert np.linalg.norm(np.subtract(seen, first)) < 0.3 * np.linalg.norm(first)
+
+
+def test_in_a_process_of_its_own(scan, tmp_path):
+    command = [sys.executable, TOOL, scan, "-o", tmp_path, "--method", "sirt", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["method"] == "sirt"
+    assert "Traceback" not in done.stderr
+
+
+def test_help_names_every_method(run_tool):
+    from tomo.methods import method_names
+
+    done = run_tool("reconstruct", "--help")
+    assert done.exit_code == 0
+    assert all(name in done.stdout for name in method_names())
+
+
+def test_a_truth_that_cannot_be_read_is_told_before_the_work(run_tool, scan, tmp_path):
+    content = (scan / "scan.yaml").read_text("utf-8").replace("truth.npz", "other.npz")
+    folder = tmp_path / "scan"
+    folder.mkdir()
+    (folder / "images").symlink_to(scan / "images")
+    (folder / "scan.yaml").write_text(content, "utf-8")
+    (folder / "rig.yaml").write_bytes((scan / "rig.yaml").read_bytes())
+    write_volume(folder / "other.npz", np.ones((2, 2, 2)), VoxelGrid((2, 2, 2), 1.0))
+    (folder / "other.npz").write_bytes(b"PK")
+    done = run_tool("reconstruct", folder, "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_real_plume(run_tool, test_data, tmp_path):
+    """The acceptance run at half its resolution, on the real images of five cameras."""
+    scan = test_data / "scalarflow" / "transforms.json"
+    if not scan.is_file():
+        pytest.skip(f"no {scan}")
+    box = ("--lower", "0.0818,-0.0446,-0.4958", "--upper", "0.5727,0.6917,-0.0049")
+    options = ("--frame", "frame_090", "--hold-out", "cam02", "--scale", "12")
+    options += ("--grid", "32x48x32", *box, "--json")
+    done = run_tool("reconstruct", scan, *options, "-o", tmp_path)
+    assert done.exit_code == 0, done.stderr
+    report = json.loads(done.stdout)
+    figures = report["held_out"]["cam02"]
+    assert figures["data_range"] == 1
+    assert figures["psnr"] > 29.0
+    assert figures["ssim"] > 0.90
+    assert report["settings"]["chosen_by"] == "auto"
+    assert report["seconds"]["total"] < 60
