@@ -14,8 +14,10 @@ import numba
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 
 
-def compiled(*, parallel: bool = False, inline: bool = False) -> Callable[[Callable], Callable]:
-    """Return a decorator that compiles a kernel with IEEE arithmetic (no fast-math).
+def compiled(
+    *, parallel: bool = False, inline: bool = False, reassociate: bool = False
+) -> Callable[[Callable], Callable]:
+    """Return a decorator that compiles a kernel with IEEE arithmetic.
 
     Parameters
     ----------
@@ -24,10 +26,15 @@ def compiled(*, parallel: bool = False, inline: bool = False) -> Callable[[Calla
         output element to one iteration, so that results do not depend on the number of threads.
     inline : bool
         For small helpers called from inner loops.
+    reassociate : bool
+        Whether sums may be taken in another order, so that a loop over one vectorises; NaN and
+        infinity keep their meaning. The order is fixed by the compiled code, not by the threads.
     """
     options = {"parallel": parallel, "error_model": "numpy", "nogil": True}
     if inline:
         options["forceinline"] = True
+    if reassociate:
+        options["fastmath"] = {"reassoc", "nsz", "contract"}
 
     def decorate(function: Callable) -> Callable:
         try:

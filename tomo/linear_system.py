@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo.grid import VoxelGrid
+from tomo.on_the_fly import OnTheFlyProjector
 from tomo.projector import Projector
 from tomo.rays import Rays
-from tomo.segments import Segments
-from tomo.support import check_memory, point_in_view
+from tomo.support import STORED, choose_form, point_in_view
 from tomo.trace import trace
+from tomo.trace.box import enter_box
+from tomo.viewed import ViewedOperator
 
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, where)``."""
@@ -33,17 +35,21 @@ class LinearSystem:
 
     Attributes
     ----------
-    projector : Projector
+    projector : Projector or OnTheFlyProjector
         One row a pixel, grouped by view.
     rig : Rig
         The cameras, one a view.
     pixels : tuple of (P_v,) int64
         For each view the flat pixel numbers ``row * width + column`` of its rows.
+    form, reason : str
+        Whether the projector is stored or computed on the fly, and why.
     """
 
-    projector: Projector
+    projector: ViewedOperator
     rig: Rig
     pixels: tuple[NDArray[np.int64], ...]
+    form: str = STORED
+    reason: str = ""
 
     @classmethod
     def from_rig(
@@ -56,6 +62,8 @@ class LinearSystem:
         skip: bool = True,
         supersample: int = 1,
         midpoints: bool = False,
+        form: str = "auto",
+        needs_matrix: bool = False,
         progress: Progress | None = None,
     ) -> LinearSystem:
         """Trace the usable pixels of every camera of a rig.
@@ -73,6 +81,11 @@ class LinearSystem:
             Rays along each side of a pixel.
         midpoints : bool
             Whether to keep the middle of every crossing (WERNet needs them).
+        form : {"auto", "stored", "on-the-fly"}
+            Of the projector; ``auto`` stores the matrix where it fits in memory. On the fly, the
+            tracer is not used.
+        needs_matrix : bool
+            Whether the method goes through the matrix's entries: then only a stored one will do.
         progress : callable, optional
 
         Raises
@@ -82,7 +95,14 @@ class LinearSystem:
         VolumeNotSeenError
             If no usable pixel of any camera sees the grid.
         """
-        check_memory(tuple(rig), grid, supersample=supersample, midpoints=midpoints)
+        form, reason = choose_form(
+            tuple(rig),
+            grid,
+            wanted=form,
+            needs_matrix=needs_matrix or midpoints,
+            supersample=supersample,
+            midpoints=midpoints,
+        )
         parts, pixels = [], []
         for number, camera in enumerate(rig):
             if progress:
@@ -90,28 +110,34 @@ class LinearSystem:
             usable = np.arange(math.prod(camera.image_size))
             if masks is not None:
                 usable = np.flatnonzero(masks[number])
-            chunks = []
+            chunks, kept = [], []
             for first in range(0, max(len(usable), 1), at_once := RAYS_AT_ONCE // supersample**2):
-                rays = Rays.from_camera(camera, usable[first : first + at_once], supersample)
-                chunks.append(trace(rays, grid, tracer, midpoints=midpoints))
-            segments = Segments.concatenate(chunks)
-            if skip:
-                segments, kept = segments.without_empty()
-                usable = usable[kept]
-            parts.append(segments)
-            pixels.append(usable)
+                some = usable[first : first + at_once]
+                rays = Rays.from_camera(camera, some, supersample)
+                if form == STORED:
+                    part = trace(rays, grid, tracer, midpoints=midpoints)
+                    part, seeing = part.without_empty() if skip else (part, slice(None))
+                else:
+                    seeing = pixels_inside(rays, grid) if skip else np.arange(len(some))
+                    part = rays.take(seeing)
+                chunks.append(part)
+                kept.append(some[seeing])
+            parts.append(type(chunks[0]).concatenate(chunks))
+            pixels.append(np.concatenate(kept))
         if progress:
             progress(len(rig), len(rig), "")
-        if sum(len(part) for part in parts) == 0:
-            raise VolumeNotSeenError(_not_seen(rig, grid))
         view_ptr = np.cumsum([0] + [part.n_pixels for part in parts])
-        projector = Projector(Segments.concatenate(parts), grid, view_ptr)
-        return cls(projector, rig, tuple(pixels))
+        kind = Projector if form == STORED else OnTheFlyProjector
+        projector = kind(type(parts[0]).concatenate(parts), grid, view_ptr)
+        if projector.n_crossings == 0:
+            raise VolumeNotSeenError(_not_seen(rig, grid))
+        return cls(projector, rig, tuple(pixels), form, reason)
 
     @property
     def blind(self) -> tuple[str, ...]:
         """The cameras of which no usable pixel sees the volume."""
-        crossings = np.diff(self.projector.segments.ptr[self.projector.view_ptr])
+        views = range(self.projector.n_views)
+        crossings = [self.projector.view(number).n_crossings for number in views]
         return tuple(
             name for name, found in zip(self.rig.names, crossings, strict=True) if not found
         )
@@ -132,6 +158,12 @@ class LinearSystem:
             image[kept] = flat[start:stop]
             images.append(image.reshape(height, width))
         return images
+
+
+def pixels_inside(rays: Rays, grid: VoxelGrid) -> NDArray[np.int64]:
+    """Return the numbers of the pixels of which a ray meets the grid."""
+    inside = np.append(0, np.cumsum(enter_box(rays, grid).length > 0))
+    return np.flatnonzero(np.diff(inside[rays.pixel_ptr]))
 
 
 def _not_seen(rig: Rig, grid: VoxelGrid) -> str:

@@ -11,6 +11,7 @@ from tomo.reconstruction import Reconstruction
 
 AUTO = "auto"
 _WERNET = {"wernet-paper": "wernet_paper"}
+_BY_PIXEL = ("art", "mart")
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,13 @@ class Method:
         ``auto`` chooses between the classic ones by views left out.
     needs_midpoints : bool
         Whether it needs the middle of every crossing.
+    needs_matrix : bool
+        Whether it goes through the matrix's entries, so that only a stored one will do.
     """
 
     name: str
     needs_midpoints: bool = False
+    needs_matrix: bool = False
 
     @property
     def solver(self) -> Callable[..., Reconstruction]:
@@ -65,4 +69,5 @@ def method_named(name: str) -> Method:
     """
     if name not in method_names():
         raise ValueError(f"method: found {name!r}, expected one of {', '.join(method_names())}")
-    return Method(name, needs_midpoints=name in _WERNET)
+    learns = name in _WERNET
+    return Method(name, needs_midpoints=learns, needs_matrix=learns or name in _BY_PIXEL)

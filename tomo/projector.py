@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 
 import numba
@@ -14,6 +13,7 @@ from scipy.sparse.linalg import LinearOperator
 from tomo._compile import compiled
 from tomo.grid import VoxelGrid
 from tomo.segments import Segments
+from tomo.viewed import ViewedOperator, as_float
 
 
 @compiled(parallel=True)
@@ -45,7 +45,7 @@ def _transpose(ptr, voxel, length, voxel_ptr, pixel, transposed):
             place[v] += 1
 
 
-class Projector(LinearOperator):
+class Projector(ViewedOperator):
     """The stored projection matrix: entry (pixel, voxel) is the chord length.
 
     Parameters
@@ -73,22 +73,16 @@ class Projector(LinearOperator):
         self, segments: Segments, grid: VoxelGrid, view_ptr: ArrayLike | None = None
     ) -> None:
         self.segments = segments
-        self.grid = grid
-        n_pixels = segments.n_pixels
-        self.view_ptr = np.asarray([0, n_pixels] if view_ptr is None else view_ptr, np.int64)
-        steps = np.diff(self.view_ptr)
-        if self.view_ptr[0] != 0 or self.view_ptr[-1] != n_pixels or (steps < 0).any():
-            raise ValueError(f"view_ptr: expected ascending from 0 to {n_pixels} pixels")
-        super().__init__(dtype=segments.length.dtype, shape=(n_pixels, grid.size))
+        super().__init__(segments.n_pixels, grid, view_ptr, segments.length.dtype)
 
     def __repr__(self) -> str:
         """Name the sizes."""
         return f"<Projector: {self.n_views} views, {self.shape[0]} pixels, {self.grid}>"
 
     @property
-    def n_views(self) -> int:
-        """Number of views."""
-        return len(self.view_ptr) - 1
+    def n_crossings(self) -> int:
+        """How many crossings of rays with voxels are stored."""
+        return len(self.segments)
 
     @cached_property
     def _columns(self) -> tuple[NDArray, NDArray, NDArray]:
@@ -102,62 +96,28 @@ class Projector(LinearOperator):
         return voxel_ptr, pixel, length
 
     def _matvec(self, x: NDArray) -> NDArray:
-        x = _as_float(x.ravel())
+        x = as_float(x.ravel())
         images = np.zeros(self.shape[0], x.dtype)
         _gather(self.segments.ptr, self.segments.voxel, self.segments.length, x, images)
         return images
 
     def _rmatvec(self, y: NDArray) -> NDArray:
-        y = _as_float(y.ravel())
+        y = as_float(y.ravel())
         volume = np.zeros(self.shape[1], y.dtype)
         _gather(*self._columns, y, volume)
         return volume
-
-    @cached_property
-    def row_sums(self) -> NDArray[np.float64]:
-        """Length of every pixel's rays inside the grid, ``(pixels,)``: ``A 1``."""
-        return self @ np.ones(self.shape[1])
-
-    @cached_property
-    def column_sums(self) -> NDArray[np.float64]:
-        """Length of all rays inside every voxel, ``(voxels,)``: ``A^T 1``; zero is unseen."""
-        return self.T @ np.ones(self.shape[0])
 
     def rows(self, start: int, stop: int) -> Projector:
         """Return the projector of pixels ``start:stop``; the entries are shared, not copied."""
         return Projector(self.segments.rows(start, stop), self.grid)
 
-    def view(self, number: int) -> Projector:
-        """Return the projector of one view."""
-        return self.rows(int(self.view_ptr[number]), int(self.view_ptr[number + 1]))
-
-    def subset(self, views: Sequence[int]) -> Projector:
-        """Return the projector of some views, in the order given."""
-        pixels = self.pixels_of(views)
-        counts = [0, *(self.view_ptr[v + 1] - self.view_ptr[v] for v in views)]
-        return Projector(self.segments.take(pixels), self.grid, np.cumsum(counts))
-
-    def pixels_of(self, views: Sequence[int]) -> NDArray[np.int64]:
-        """Return the pixel numbers of ``views``, one view after another."""
-        spans = [np.arange(self.view_ptr[v], self.view_ptr[v + 1]) for v in views]
-        return np.concatenate([np.zeros(0, np.int64), *spans])
-
-    def take(self, pixels: NDArray[np.integer]) -> Projector:
-        """Return the projector of some pixels, given in ascending order; views stay views."""
-        view_ptr = np.searchsorted(pixels, self.view_ptr)
+    def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> Projector:
         return Projector(self.segments.take(pixels), self.grid, view_ptr)
 
     def to_scipy(self) -> scipy.sparse.csr_array:
         """Return the matrix as scipy's CSR; the entries are shared, duplicates are kept."""
         s = self.segments
         return scipy.sparse.csr_array((s.length, s.voxel, s.ptr), shape=self.shape)
-
-
-def _as_float(vector: NDArray) -> NDArray:
-    """Return float32 and float64 as they are, everything else as float64."""
-    if vector.dtype in (np.float32, np.float64):
-        return np.ascontiguousarray(vector)
-    return vector.astype(np.float64)
 
 
 def dot_test(operator: LinearOperator, seed: int = 0, dtype: DTypeLike = np.float64) -> float:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._groups import take_groups
+
 if TYPE_CHECKING:
     from rigs import Camera
 
@@ -139,6 +141,13 @@ class Rays:
             np.full(len(weight), np.inf),
             weight,
             np.concatenate([[0], np.cumsum(per_pixel)]).astype(np.int64),
+        )
+
+    def take(self, pixels: NDArray[np.integer]) -> Rays:
+        """Return the rays of some pixels, in the order given."""
+        ptr, kept = take_groups(self.pixel_ptr, pixels)
+        return Rays(
+            self.origins[kept], self.directions[kept], self.lengths[kept], self.weight[kept], ptr
         )
 
     @staticmethod

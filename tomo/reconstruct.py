@@ -39,6 +39,7 @@ def reconstruct(
     iterations: int | None = None,
     compare: Sequence[tuple[str, int | None]] = (),
     tracer: str = "march",
+    projector: str = "auto",
     skip: bool = True,
     supersample: int = 1,
     device: str = "cpu",
@@ -65,6 +66,8 @@ def reconstruct(
     compare : sequence of (method, iterations)
         Further methods to run on the same rays, for the report.
     tracer : {"march", "raycast", "reference"}
+    projector : {"auto", "stored", "on-the-fly"}
+        Whether the matrix is stored; ``auto`` stores it where it fits in memory.
     skip : bool
         Whether to leave out what cannot matter: pixels whose rays miss the grid.
     supersample : int
@@ -105,11 +108,22 @@ def reconstruct(
 
     first_use = _warm_up(tracer)
     tracing = time.perf_counter()
-    needs_midpoints = main.needs_midpoints or any(m.needs_midpoints for m, _ in others)
-    how: dict[str, Any] = {"tracer": tracer, "supersample": supersample, "progress": progress}
+    methods = [main, *(other for other, _ in others)]
+    how: dict[str, Any] = {
+        "tracer": tracer,
+        "supersample": supersample,
+        "form": projector,
+        "progress": progress,
+    }
     try:
         system = LinearSystem.from_rig(
-            training.rig, grid, masks=training_masks, skip=skip, midpoints=needs_midpoints, **how
+            training.rig,
+            grid,
+            masks=training_masks,
+            skip=skip,
+            midpoints=any(one.needs_midpoints for one in methods),
+            needs_matrix=any(one.needs_matrix for one in methods),
+            **how,
         )
     except VolumeNotSeenError as error:
         held_out = f"; held out: {', '.join(hold_out)}" if hold_out else ""
@@ -132,8 +146,7 @@ def reconstruct(
         judged_views = _views(judged_system, found.volume, held_out_images, held_out_masks)
         views += [replace(view, held_out=True) for view in judged_views]
     order = {name: place for place, name in enumerate(scan.rig.names)}
-    segments, column_sums = system.projector.segments, system.projector.column_sums
-    unseen = int(np.count_nonzero(column_sums == 0))
+    unseen = int(np.count_nonzero(system.projector.column_sums == 0))
     if unseen:
         share = unseen / grid.size
         warnings.append(
@@ -145,6 +158,7 @@ def reconstruct(
         "hold_out": list(hold_out),
         "iterations": iterations,
         "tracer": tracer,
+        "projector": {"form": system.form, "reason": system.reason},
         "skip": skip,
         "supersample": supersample,
         "scale": scan.shrink,
@@ -162,7 +176,7 @@ def reconstruct(
         comparisons=comparisons,
         counts={
             "rays": system.projector.shape[0],
-            "segments": len(segments),
+            "segments": system.projector.n_crossings,
             "voxels": grid.size,
             "active_voxels": grid.size - unseen,
         },

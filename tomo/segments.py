@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._groups import take_groups
+
 
 @dataclass(frozen=True, eq=False)
 class Segments:
@@ -78,9 +80,7 @@ class Segments:
 
     def take(self, pixels: NDArray[np.integer]) -> Segments:
         """Return copies of the segments of some pixels, in the order given."""
-        counts = self.ptr[pixels + 1] - self.ptr[pixels]
-        ptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        slots = np.repeat(self.ptr[pixels] - ptr[:-1], counts) + np.arange(ptr[-1])
+        ptr, slots = take_groups(self.ptr, pixels)
         midpoint = None if self.midpoint is None else self.midpoint[slots]
         return Segments(ptr, self.voxel[slots], self.length[slots], midpoint)
 

@@ -11,23 +11,19 @@ emission tomography", IEEE Transactions on Nuclear Science 32 (1985).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
-from scipy.sparse.linalg import LinearOperator
 
-from tomo.projector import Projector
+from tomo.viewed import ViewedOperator
 
 
-class SmoothBasis(LinearOperator):
+class SmoothBasis(ViewedOperator):
     """The projector ``A G`` of Gaussian blobs at the voxel centres.
 
     Parameters
     ----------
-    projector : Projector
+    projector : ViewedOperator
         ``A``.
     width : float
         Standard deviation of the blobs in voxels; above zero.
@@ -38,14 +34,12 @@ class SmoothBasis(LinearOperator):
     nothing, so ``G`` is symmetric and the adjoint is exact.
     """
 
-    def __init__(self, projector: Projector, width: float) -> None:
+    def __init__(self, projector: ViewedOperator, width: float) -> None:
         if not width > 0:
             raise ValueError(f"smooth basis width: found {width}, expected above 0 voxels")
         self.projector = projector
         self.width = float(width)
-        self.grid = projector.grid
-        self.view_ptr = projector.view_ptr
-        super().__init__(dtype=projector.dtype, shape=projector.shape)
+        super().__init__(projector.shape[0], projector.grid, projector.view_ptr, projector.dtype)
 
     def __repr__(self) -> str:
         """Return the call that makes it."""
@@ -64,28 +58,13 @@ class SmoothBasis(LinearOperator):
         return self.blur(self.projector.T @ y.ravel())
 
     @property
-    def n_views(self) -> int:
-        """Number of views."""
-        return self.projector.n_views
+    def n_crossings(self) -> int:
+        """How many crossings of rays with voxels there are."""
+        return self.projector.n_crossings
 
-    @cached_property
-    def row_sums(self) -> NDArray[np.float64]:
-        """Projection of coefficients that are all one, ``(pixels,)``."""
-        return self @ np.ones(self.shape[1])
+    def rows(self, start: int, stop: int) -> SmoothBasis:
+        """Return the projector of pixels ``start:stop`` as one view."""
+        return SmoothBasis(self.projector.rows(start, stop), self.width)
 
-    @cached_property
-    def column_sums(self) -> NDArray[np.float64]:
-        """Back-projection of images that are all one, ``(voxels,)``."""
-        return self.T @ np.ones(self.shape[0])
-
-    def view(self, number: int) -> SmoothBasis:
-        """Return the projector of one view."""
-        return SmoothBasis(self.projector.view(number), self.width)
-
-    def take(self, pixels: NDArray[np.integer]) -> SmoothBasis:
-        """Return the projector of some pixels, given in ascending order; views stay views."""
-        return SmoothBasis(self.projector.take(pixels), self.width)
-
-    def subset(self, views: Sequence[int]) -> SmoothBasis:
-        """Return the projector of some views, in the order given."""
-        return SmoothBasis(self.projector.subset(views), self.width)
+    def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> SmoothBasis:
+        return SmoothBasis(self.projector._taken(pixels, view_ptr), self.width)

@@ -14,15 +14,19 @@ from tomo.grid import VoxelGrid
 from tomo.rays import Rays
 from tomo.trace.box import enter_box
 
-BYTES_PER_SEGMENT = 16  # voxel and length, by rows and again by columns
+STORED, ON_THE_FLY = "stored", "on-the-fly"
+"""The forms of a projector: `tomo.projector` and `tomo.on_the_fly`."""
+
+BYTES_PER_SEGMENT = 56  # by rows and by columns, and copies in trials and ordered subsets
 BYTES_PER_MIDPOINT = 36  # float64 while traced, float32 kept
+BYTES_PER_RAY = 260  # on the fly: 64, as much again while they are made, and copies as above
 BYTES_PER_VOXEL = 64  # the volume, its updates and sums, and the column pointers
 SAMPLED_RAYS = 2_000  # a camera: enough for a few per cent
 
 
 @dataclass(frozen=True)
 class MemoryNeed:
-    """An estimate of what a reconstruction with a stored matrix takes.
+    """An estimate of what a reconstruction takes.
 
     Attributes
     ----------
@@ -44,13 +48,13 @@ def estimate_memory(
     cameras: list[Camera] | tuple[Camera, ...],
     grid: VoxelGrid,
     *,
+    form: str = STORED,
     supersample: int = 1,
     midpoints: bool = False,
 ) -> MemoryNeed:
-    """Estimate the memory of tracing all pixels of some cameras, from a sample of their rays.
+    """Estimate the memory of reconstructing from all pixels of some cameras.
 
-    A ray through ``a``, ``b``, ``c`` voxel widths along x, y, z meets on average ``a + b + c``
-    planes between voxels, the two faces of the box by which it comes and goes counted half each.
+    Rays and crossings are counted on a sample of the rays; ``form`` is that of the projector.
     """
     rays = segments = 0.0
     for camera in cameras:
@@ -60,11 +64,12 @@ def estimate_memory(
         box = enter_box(sample, grid)
         share = pixels / math.ceil(pixels / step) * supersample**2
         inside = box.length > 0
-        crossings = np.abs(box.direction[inside] * box.length[inside, None]).sum(axis=1)
+        crossings = box.planes_between(grid.shape)[inside] + 1
         rays += share * inside.sum()
         segments += share * crossings.sum()
     per_segment = BYTES_PER_SEGMENT + (BYTES_PER_MIDPOINT if midpoints else 0)
-    nbytes = per_segment * segments + BYTES_PER_VOXEL * grid.size
+    matrix = per_segment * segments if form == STORED else BYTES_PER_RAY * rays
+    nbytes = matrix + BYTES_PER_VOXEL * grid.size
     return MemoryNeed(round(rays), round(segments), grid.size, round(nbytes))
 
 
@@ -72,6 +77,7 @@ def check_memory(
     cameras: list[Camera] | tuple[Camera, ...],
     grid: VoxelGrid,
     *,
+    form: str = STORED,
     supersample: int = 1,
     midpoints: bool = False,
     available: int | None = None,
@@ -88,7 +94,7 @@ def check_memory(
     ValueError
         Saying how much the grid would take, how much there is, and what grid would fit.
     """
-    need = estimate_memory(cameras, grid, supersample=supersample, midpoints=midpoints)
+    need = estimate_memory(cameras, grid, form=form, supersample=supersample, midpoints=midpoints)
     available = psutil.virtual_memory().available if available is None else available
     if need.nbytes <= available:
         return need
@@ -102,6 +108,52 @@ def check_memory(
         f"({need.rays:,} rays, {need.segments:,} crossings), found {_gigabytes(available)} free; "
         f"{advice}"
     )
+
+
+def choose_form(
+    cameras: list[Camera] | tuple[Camera, ...],
+    grid: VoxelGrid,
+    *,
+    wanted: str = "auto",
+    needs_matrix: bool = False,
+    supersample: int = 1,
+    midpoints: bool = False,
+    available: int | None = None,
+) -> tuple[str, str]:
+    """Return the form of projector that fits in memory, and why it.
+
+    A stored matrix is the fastest; where it does not fit, chord lengths are computed anew at
+    every product.
+
+    Parameters
+    ----------
+    wanted : {"auto", "stored", "on-the-fly"}
+    needs_matrix : bool
+        Whether the method goes through the matrix's entries, so that only a stored one will do.
+    available : int, optional
+        Bytes that may be used; what the system has free when None.
+
+    Raises
+    ------
+    ValueError
+        If the form is unknown, cannot serve the method, or does not fit.
+    """
+    forms = ("auto", STORED, ON_THE_FLY)
+    if wanted not in forms:
+        raise ValueError(f"projector: found {wanted!r}, expected one of {', '.join(forms)}")
+    if wanted == ON_THE_FLY and needs_matrix:
+        raise ValueError(
+            "projector: found on-the-fly, expected stored: the method needs the matrix's entries"
+        )
+    available = psutil.virtual_memory().available if available is None else available
+    arguments = {"supersample": supersample, "available": available}
+    stored = estimate_memory(cameras, grid, supersample=supersample, midpoints=midpoints)
+    takes = f"the matrix takes about {_gigabytes(stored.nbytes)} of {_gigabytes(available)} free"
+    if wanted == STORED or needs_matrix or (wanted == "auto" and stored.nbytes <= available):
+        check_memory(cameras, grid, midpoints=midpoints, **arguments)
+        return STORED, takes
+    check_memory(cameras, grid, form=ON_THE_FLY, **arguments)
+    return ON_THE_FLY, takes if wanted == "auto" else "asked for"
 
 
 def point_in_view(rig: Rig) -> NDArray[np.float64] | None:

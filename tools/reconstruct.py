@@ -48,6 +48,9 @@ def reconstruct(
     ] = None,
     supersample: Annotated[int, typer.Option(help="K x K rays a pixel.", min=1, max=64)] = 1,
     tracer: Annotated[str, typer.Option(help="march, raycast or reference.")] = "march",
+    projector: Annotated[
+        str, typer.Option(help="auto, stored (fastest) or on-the-fly (little memory).")
+    ] = "auto",
     skip: Annotated[bool, typer.Option(help="Leave out what cannot matter.")] = True,
     device: Annotated[str, typer.Option(help="For WERNet: cpu, cuda ...")] = "cpu",
     seed: Annotated[int, typer.Option(help="Of everything random.", min=0)] = 0,
@@ -76,6 +79,7 @@ def reconstruct(
                 iterations=iterations,
                 compare=comparisons,
                 tracer=tracer,
+                projector=projector,
                 skip=skip,
                 supersample=supersample,
                 device=device,

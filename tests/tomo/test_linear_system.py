@@ -130,3 +130,14 @@ def test_progress_names_every_camera():
 def test_images_of_other_numbers_are_refused(system):
     with pytest.raises(ValueError, match="argument"):
         system.flatten([np.zeros((20, 24), np.float32)] * 2)
+
+
+def test_on_the_fly_is_the_same_system():
+    stored = LinearSystem.from_rig(RIG, GRID, form="stored")
+    flying = LinearSystem.from_rig(RIG, GRID, form="on-the-fly")
+    assert (stored.form, flying.form) == ("stored", "on-the-fly")
+    assert flying.blind == stored.blind
+    for mine, theirs in zip(flying.pixels, stored.pixels, strict=True):
+        assert np.array_equal(mine, theirs)
+    x = np.random.default_rng(0).random(GRID.size)
+    assert flying.projector @ x == pytest.approx(stored.projector @ x, rel=1e-5)

@@ -6,7 +6,13 @@ import pytest
 from rigs import Camera, Rig, arc, ring
 from rigs.camera import look_at
 from tomo import LinearSystem, VoxelGrid
-from tomo.support import BYTES_PER_VOXEL, check_memory, estimate_memory, point_in_view
+from tomo.support import (
+    BYTES_PER_VOXEL,
+    check_memory,
+    choose_form,
+    estimate_memory,
+    point_in_view,
+)
 
 GRID = VoxelGrid((12, 30, 12), 0.7, (1.0, 2.0, 3.0))
 RIG = ring(
@@ -95,3 +101,28 @@ def test_where_no_middle_rays_meet():
 def test_an_arc_looks_at_its_center():
     rig = arc(5, 30.0, 500.0, image_size=(20, 20), footprint=1.0, center=(1.0, 2.0, 3.0))
     np.testing.assert_allclose(point_in_view(rig), (1, 2, 3), atol=1e-3)
+
+
+def test_the_matrix_is_stored_where_it_fits_and_computed_on_the_fly_where_not():
+    cameras, grid = tuple(RIG), GRID.refined(4)
+    stored = estimate_memory(cameras, grid).nbytes
+    flying = estimate_memory(cameras, grid, form="on-the-fly").nbytes
+    assert flying < 0.7 * stored
+    assert choose_form(cameras, grid, available=stored)[0] == "stored"
+    form, reason = choose_form(cameras, grid, available=stored - 1)
+    assert form == "on-the-fly"
+    assert "the matrix takes about" in reason
+    with pytest.raises(ValueError, match="would take about"):
+        choose_form(cameras, grid, available=flying - 1)
+
+
+def test_what_is_asked_for_is_given_or_refused():
+    cameras, enough = tuple(RIG), 10**12
+    assert choose_form(cameras, GRID, wanted="on-the-fly", available=enough)[0] == "on-the-fly"
+    assert choose_form(cameras, GRID, wanted="stored", available=enough)[0] == "stored"
+    with pytest.raises(ValueError, match="needs the matrix's entries"):
+        choose_form(cameras, GRID, wanted="on-the-fly", needs_matrix=True, available=enough)
+    with pytest.raises(ValueError, match="projector: found 'fast', expected one of auto, stored"):
+        choose_form(cameras, GRID, wanted="fast", available=enough)
+    with pytest.raises(ValueError, match="would take about"):
+        choose_form(cameras, GRID, needs_matrix=True, available=1000)

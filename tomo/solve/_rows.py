@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compile import compiled
-from tomo.segments import Segments
+from tomo.projector import Projector
+from tomo.viewed import ViewedOperator
 
 
 @compiled()
@@ -36,14 +37,25 @@ def _merge(ptr, voxel, length, row_ptr, place, merged_voxel, merged_length):
 
 
 def merged_rows(
-    segments: Segments, n_voxels: int
+    projector: ViewedOperator,
 ) -> tuple[NDArray[np.int64], NDArray[np.integer], NDArray[np.floating]]:
     """Return ``ptr, voxel, length`` of the rows with each voxel at most once in each.
 
     Several rays of one pixel cross the same voxel and leave an entry each. Their sum is the
     matrix's entry ``a_pv``; a method that takes ``||a_p||^2`` or ``max a_p`` of the parts instead
     steps as many times too far as there are rays. Without repeats nothing is copied.
+
+    Raises
+    ------
+    ValueError
+        If the projector stores no matrix.
     """
+    if not isinstance(projector, Projector):
+        raise ValueError(
+            f"projector: found {type(projector).__name__}, expected a stored Projector: the "
+            "method goes through the matrix's entries"
+        )
+    segments, n_voxels = projector.segments, projector.shape[1]
     row_ptr = np.zeros_like(segments.ptr)
     _merged_counts(segments.ptr, segments.voxel, np.full(n_voxels, -1), row_ptr)
     if row_ptr[-1] == len(segments):

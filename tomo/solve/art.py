@@ -79,7 +79,7 @@ def art(
     """
     measured = check_measured(projector, measured)
     relaxation = check_relaxation(relaxation)
-    rows = merged_rows(projector.segments, projector.shape[1])
+    rows = merged_rows(projector)
     order = np.random.default_rng(seed).permutation(np.flatnonzero(np.diff(rows[0])))
 
     def states() -> States:

@@ -81,7 +81,7 @@ def mart(
     measured = check_measured(projector, measured)
     relaxation = check_relaxation(relaxation)
     counts = np.maximum(measured, 0)
-    rows = merged_rows(projector.segments, projector.shape[1])
+    rows = merged_rows(projector)
     order = np.random.default_rng(seed).permutation(np.flatnonzero(np.diff(rows[0])))
 
     def states() -> States:

@@ -104,7 +104,7 @@ def choose_by_held_out_views(
     if len(views) < 3 or not measured.any():
         reason = "too few views to leave any out" if measured.any() else "the images are dark"
         return Choice(*FALLBACK, math.nan, reason=reason)
-    stride = max(math.ceil(len(projector.segments) / SEGMENTS_A_TRIAL), 1)
+    stride = max(math.ceil(projector.n_crossings / SEGMENTS_A_TRIAL), 1)
     if stride > 1:
         thinned = interleaved(projector.shape[0], stride)[0]
         projector, measured = projector.take(thinned), measured[thinned]
@@ -160,7 +160,7 @@ def _patient(errors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _subsets(projector: Projector) -> int:
     """Return how many ordered subsets leave each enough rays through the average voxel."""
-    crossings = len(projector.segments) / projector.shape[1]
+    crossings = projector.n_crossings / projector.shape[1]
     return int(np.clip(crossings / CROSSINGS_A_VOXEL, 1, MOST_SUBSETS))
 
 

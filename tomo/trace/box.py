@@ -41,6 +41,16 @@ class BoxCrossing:
         below = np.where(self.direction < 0, np.ceil(self.position) - 1, np.floor(self.position))
         return np.clip(below, 0, np.asarray(shape) - 1).astype(np.int64)
 
+    def planes_between(self, shape: tuple[int, int, int]) -> NDArray[np.int64]:
+        """Return how many planes lie strictly between each ray's entry and exit: (N,).
+
+        A ray inside the box crosses one voxel more, fewer where it passes edges or corners.
+        """
+        ends = np.stack([self.position, self.position + self.direction * self.length[:, None]])
+        ends = np.clip(ends, 0, shape)  # rounding leaves an end on an outer face just beyond it
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        return np.maximum(np.ceil(high) - np.floor(low) - 1, 0).sum(axis=1).astype(np.int64)
+
 
 def enter_box(rays: Rays, grid: VoxelGrid) -> BoxCrossing:
     """Clip every ray to the grid's box by the slab method.

@@ -80,7 +80,8 @@ def _cuts(
         distance = (coordinate - box.position[:, axis]) / np.where(parallel, 1.0, along)
     end = box.length[:, None]
     inside = ~parallel & (distance > 0) & (distance < end)
-    doubtful = (pierced & inside).sum(axis=1) != _expected_crossings(box, shape)
+    doubtful = (pierced & inside).sum(axis=1) != box.planes_between(shape)
+    doubtful |= _ends_near_plane(box, shape)
     pierced[doubtful] = True
     if doubtful.any():
         logger.debug("%d of %d rays were cut in float64 alone", doubtful.sum(), len(unit))
@@ -90,18 +91,13 @@ def _cuts(
     return np.take_along_axis(cuts, order, axis=1), axis[order]
 
 
-def _expected_crossings(box: BoxCrossing, shape: tuple[int, int, int]) -> NDArray[np.int64]:
-    """Return how many planes lie strictly between each ray's entry and exit: (N,).
-
-    -1 where an end is so near a plane that rounding would decide whether the plane counts.
-    """
+def _ends_near_plane(box: BoxCrossing, shape: tuple[int, int, int]) -> NDArray[np.bool_]:
+    """Say of each ray whether rounding would decide if the plane at one of its ends counts."""
     ends = np.stack([box.position, box.position + box.direction * box.length[:, None]])
-    ends = np.clip(ends, 0, shape)  # rounding leaves an end on an outer face just beyond it
-    low, high = ends.min(axis=0), ends.max(axis=0)
-    expected = np.maximum(np.ceil(high) - np.floor(low) - 1, 0).sum(axis=1).astype(np.int64)
+    ends = np.clip(ends, 0, shape)
     plane = np.round(ends)
     near = (np.abs(ends - plane) < NEAR) & (plane > 0) & (plane < shape)
-    return np.where(near.any(axis=(0, 2)), -1, expected)
+    return near.any(axis=(0, 2))
 
 
 def trace(

@@ -1,8 +1,11 @@
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tomo.segments import Segments
+from tomo import Projector, Rays, Segments, SmoothBasis, VoxelGrid
+from tomo.on_the_fly import OnTheFlyProjector
+from tomo.solve import art, mart
 from tomo.solve._rows import merged_rows
 
 
@@ -13,7 +16,9 @@ def test_the_merged_rows_are_the_same_matrix_with_every_voxel_once_in_a_row(seed
     ptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     voxel = random.integers(0, 5, ptr[-1]).astype(np.int32)
     length = random.random(ptr[-1]).astype(np.float32)
-    merged_ptr, merged_voxel, merged_length = merged_rows(Segments(ptr, voxel, length), 5)
+    merged_ptr, merged_voxel, merged_length = merged_rows(
+        Projector(Segments(ptr, voxel, length), VoxelGrid((5, 1, 1), 1.0))
+    )
     for row in range(6):
         expected = np.zeros(5)
         np.add.at(expected, voxel[ptr[row] : ptr[row + 1]], length[ptr[row] : ptr[row + 1]])
@@ -26,6 +31,17 @@ def test_the_merged_rows_are_the_same_matrix_with_every_voxel_once_in_a_row(seed
 
 def test_rows_without_repeats_are_not_copied(ring_system):
     segments = ring_system.projector.segments
-    _, voxel, length = merged_rows(segments, ring_system.projector.shape[1])
+    _, voxel, length = merged_rows(ring_system.projector)
     assert voxel is segments.voxel
     assert length is segments.length
+
+
+@pytest.mark.parametrize("solve", [art, mart])
+def test_methods_that_go_pixel_by_pixel_need_the_matrix(solve, ring_system):
+    rays = Rays.from_lines([-9.0, 0, 0], [1.0, 0, 0])
+    flying = OnTheFlyProjector(rays, VoxelGrid((2, 2, 2), 1.0))
+    with pytest.raises(ValueError, match="found OnTheFlyProjector, expected a stored"):
+        solve(flying, [1.0])
+    smooth = SmoothBasis(ring_system.projector, 1.0)
+    with pytest.raises(ValueError, match="found SmoothBasis, expected a stored"):
+        solve(smooth, np.ones(smooth.shape[0]))
