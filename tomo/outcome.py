@@ -85,7 +85,7 @@ class View:
             "cosine": metrics.cosine_similarity(reprojected, measured),
             "data_range": data_range,
         }
-        if min(measured.shape) >= 7:  # the window of SSIM
+        if min(measured.shape) >= 7 and measured.any():  # the window of SSIM; dark is 0 / 0
             figures["ssim"] = metrics.ssim(reprojected, measured, data_range=data_range)
         return figures
 

@@ -217,9 +217,9 @@ def _check_device(device: str, methods: Sequence[Method]) -> None:
             f"device: found {device!r}, expected cpu for method {methods[0].name}: "
             "only wernet-paper runs on others"
         )
-    from tomo.wernet.training import _usable
+    from tomo.wernet import usable_device
 
-    _usable(device)
+    usable_device(device)
 
 
 def _takes_device(method: Method) -> bool:

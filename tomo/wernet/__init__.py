@@ -13,6 +13,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "model": ["WERNet"],
         "product": ["weighted_sum"],
         "samples": ["RaySamples", "SampleBatch", "epoch_batches"],
-        "training": ["TrainingDivergedError", "wernet_paper"],
+        "training": ["TrainingDivergedError", "usable_device", "wernet_paper"],
     },
 )

@@ -159,7 +159,7 @@ def wernet_paper(
         raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder=")
     grid = projector.grid
     measured = _finite("measured", measured, projector.shape[0])
-    place = _usable(device)
+    place = usable_device(device)
     scale = float(measured.max(initial=0.0)) or 1.0
     samples = RaySamples.from_segments(projector.segments, grid, measured / scale, place)
 
@@ -271,7 +271,14 @@ def _finite(name: str, values: ArrayLike, size: int) -> NDArray[np.float64]:
     return values
 
 
-def _usable(device: str | torch.device) -> torch.device:
+def usable_device(device: str | torch.device) -> torch.device:
+    """Return the device, once a tensor has been made on it.
+
+    Raises
+    ------
+    ValueError
+        If there is no such device here.
+    """
     try:
         place = torch.device(device)
         torch.zeros(1, device=place).item()
