@@ -91,7 +91,8 @@ class LinearSystem:
         Raises
         ------
         ValueError
-            If the matrix would not fit in memory.
+            If the system would not fit in memory, the form or the tracer is unknown, the form
+            cannot serve the method, or ``supersample`` is below one.
         VolumeNotSeenError
             If no usable pixel of any camera sees the grid.
         """
@@ -111,7 +112,8 @@ class LinearSystem:
             if masks is not None:
                 usable = np.flatnonzero(masks[number])
             chunks, kept = [], []
-            for first in range(0, max(len(usable), 1), at_once := RAYS_AT_ONCE // supersample**2):
+            at_once = max(RAYS_AT_ONCE // max(supersample, 1) ** 2, 1)
+            for first in range(0, max(len(usable), 1), at_once):
                 some = usable[first : first + at_once]
                 rays = Rays.from_camera(camera, some, supersample)
                 if form == STORED:

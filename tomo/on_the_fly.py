@@ -55,11 +55,14 @@ class OnTheFlyProjector(ViewedOperator):
     edge; a ray nearly parallel to a face passes it up to as much sooner or later as it is oblique,
     which moves length between the two neighbours. Forward and adjoint compute the same lengths
     (`tomo.trace.slabs`), so that they are each other's transpose to rounding. Results do not
-    depend on the number of threads.
+    depend on the number of threads; the adjoint uses at most one thread a layer of voxels along x.
     """
 
     def __init__(self, rays: Rays, grid: VoxelGrid, view_ptr: ArrayLike | None = None) -> None:
-        course = _Course(enter_box(rays, grid), rays.weight, rays.pixel_ptr)
+        box = enter_box(rays, grid)
+        moving = box.direction.any(axis=1)  # a piece too short to move has no slabs to count
+        box = BoxCrossing(box.position, box.direction, np.where(moving, box.length, 0.0))
+        course = _Course(box, rays.weight, rays.pixel_ptr)
         self._set(course, grid, view_ptr)
 
     def _set(self, course: _Course, grid: VoxelGrid, view_ptr: ArrayLike | None) -> None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import platform
-import resource
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -192,12 +190,6 @@ def quality(volume: NDArray, truth: NDArray | None) -> dict[str, float]:
         "nrmse": metrics.nrmse(volume, truth),
         "total_ratio": float(volume.sum(dtype=np.float64)) / total if total else math.nan,
     }
-
-
-def peak_memory() -> int:
-    """Return the process's largest resident memory so far, in bytes."""
-    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return largest if sys.platform == "darwin" else largest * 1024
 
 
 def versions() -> dict[str, str]:

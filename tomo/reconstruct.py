@@ -13,17 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo import metrics
+from tomo._memory import peak_memory
 from tomo.grid import VoxelGrid
 from tomo.io import is_integer_image, read_volume
 from tomo.linear_system import LinearSystem, VolumeNotSeenError
 from tomo.methods import AUTO, Method, method_named, method_names
-from tomo.outcome import Outcome, View, peak_memory, quality
+from tomo.on_the_fly import OnTheFlyProjector
+from tomo.outcome import Outcome, View, quality
 from tomo.projector import Projector
 from tomo.rays import Rays
 from tomo.reconstruction import Reconstruction
 from tomo.scan import Images, Masks, Scan
 from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
+from tomo.support import STORED
 from tomo.trace import trace
+from tomo.viewed import ViewedOperator
 
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, where)``."""
@@ -66,6 +70,7 @@ def reconstruct(
     compare : sequence of (method, iterations)
         Further methods to run on the same rays, for the report.
     tracer : {"march", "raycast", "reference"}
+        Of a stored matrix.
     projector : {"auto", "stored", "on-the-fly"}
         Whether the matrix is stored; ``auto`` stores it where it fits in memory.
     skip : bool
@@ -128,6 +133,8 @@ def reconstruct(
     except VolumeNotSeenError as error:
         held_out = f"; held out: {', '.join(hold_out)}" if hold_out else ""
         raise VolumeNotSeenError(f"{scan.source}: {error}{held_out}") from None
+    if system.form != STORED:
+        first_use += _warm_up(tracer, system.form)
     judged_system = _held_out_system(judged, grid, held_out_masks, how)
     warnings += _warnings_of_views(system, judged_system)
     traced = time.perf_counter()
@@ -138,7 +145,12 @@ def reconstruct(
     run = _Run(system.projector, measured, truth, device, seed, time_limit, progress)
     found = run.solve(main, iterations)
     solved = time.perf_counter()
-    comparisons = tuple(run.solve(other, count) for other, count in others)
+    comparisons = []
+    for other, count in others:
+        try:
+            comparisons.append(run.solve(other, count))
+        except (ValueError, RuntimeError) as error:  # the reconstruction itself stands
+            warnings.append(f"comparison {other.name}: {error}")
     compared = time.perf_counter()
 
     views = _views(system, found.volume, training_images, training_masks)
@@ -153,11 +165,10 @@ def reconstruct(
             f"{share:.1%} of the voxels are seen by no camera: their zero says nothing"
         )
     settings = {
-        "method": method,
+        "asked": {"method": method, "iterations": iterations},
         "frame": scan.frame(frame).name,
         "hold_out": list(hold_out),
-        "iterations": iterations,
-        "tracer": tracer,
+        "tracer": tracer if system.form == STORED else "slabs",
         "projector": {"form": system.form, "reason": system.reason},
         "skip": skip,
         "supersample": supersample,
@@ -173,9 +184,9 @@ def reconstruct(
         views=tuple(sorted(views, key=lambda view: order[view.name])),
         data_range=_data_range(scan, frame, [*training_images, *held_out_images]),
         truth=truth,
-        comparisons=comparisons,
+        comparisons=tuple(comparisons),
         counts={
-            "rays": system.projector.shape[0],
+            "rays": system.projector.shape[0] * supersample**2,
             "segments": system.projector.n_crossings,
             "voxels": grid.size,
             "active_voxels": grid.size - unseen,
@@ -241,14 +252,18 @@ def _check_hold_out(hold_out: Sequence[str], scan: Scan) -> None:
         )
 
 
-def _warm_up(tracer: str) -> float:
+def _warm_up(tracer: str, form: str = STORED) -> float:
     """Trace and project two rays through eight voxels; return how long first use took."""
     started = time.perf_counter()
     grid = VoxelGrid((2, 2, 2), 1.0)
     rays = Rays.from_lines([[-5, 0.5, 0.5], [-5, -0.5, 0.5]], [1.0, 0.0, 0.0])
-    for midpoints in (False, True):
-        projector = Projector(trace(rays, grid, tracer, midpoints=midpoints), grid)
-    projector.T @ (projector @ np.ones(8, np.float32))
+    if form == STORED:
+        for midpoints in (False, True):
+            projector = Projector(trace(rays, grid, tracer, midpoints=midpoints), grid)
+    else:
+        projector = OnTheFlyProjector(rays, grid)
+    for dtype in (np.float32, np.float64):
+        projector.T @ (projector @ np.ones(8, dtype))
     return time.perf_counter() - started
 
 
@@ -257,7 +272,7 @@ class _Run:
 
     def __init__(
         self,
-        projector: Projector,
+        projector: ViewedOperator,
         measured: NDArray[np.float32],
         truth: NDArray[np.float32] | None,
         device: str,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from phantoms import Field, sample
 from tomo import noise as noises
+from tomo._memory import available_memory
 from tomo._visible import pixels_that_see
 from tomo.grid import VoxelGrid
 from tomo.projector import Projector
@@ -197,9 +198,7 @@ def _chunks(pixels: NDArray, grid: VoxelGrid, supersample: int) -> Iterator[NDAr
 
 def _check_memory(fine_grid: VoxelGrid) -> None:
     """Refuse voxels that the memory cannot hold, before anything is allocated."""
-    import psutil
-
-    needed, available = _BYTES_PER_VOXEL * fine_grid.size, psutil.virtual_memory().available
+    needed, available = _BYTES_PER_VOXEL * fine_grid.size, available_memory()
     if needed > available:
         shrink = (0.8 * available / needed) ** (1 / 3)
         shape, fits = (

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import psutil
 from numpy.typing import NDArray
 
 from rigs import Camera, Rig
+from tomo._memory import available_memory
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
 from tomo.trace.box import enter_box
@@ -19,7 +19,7 @@ STORED, ON_THE_FLY = "stored", "on-the-fly"
 
 BYTES_PER_SEGMENT = 56  # by rows and by columns, and copies in trials and ordered subsets
 BYTES_PER_MIDPOINT = 36  # float64 while traced, float32 kept
-BYTES_PER_RAY = 260  # on the fly: 64, as much again while they are made, and copies as above
+BYTES_PER_RAY = 420  # on the fly: while they are made; then 64, and copies as above
 BYTES_PER_VOXEL = 64  # the volume, its updates and sums, and the column pointers
 SAMPLED_RAYS = 2_000  # a camera: enough for a few per cent
 
@@ -58,11 +58,9 @@ def estimate_memory(
     """
     rays = segments = 0.0
     for camera in cameras:
-        pixels = math.prod(camera.image_size)
-        step = max(pixels // SAMPLED_RAYS, 1)
-        sample = Rays.from_camera(camera, np.arange(0, pixels, step))
-        box = enter_box(sample, grid)
-        share = pixels / math.ceil(pixels / step) * supersample**2
+        sample, share = _sampled_pixels(math.prod(camera.image_size))
+        box = enter_box(Rays.from_camera(camera, sample), grid)
+        share *= supersample**2
         inside = box.length > 0
         crossings = box.planes_between(grid.shape)[inside] + 1
         rays += share * inside.sum()
@@ -71,6 +69,19 @@ def estimate_memory(
     matrix = per_segment * segments if form == STORED else BYTES_PER_RAY * rays
     nbytes = matrix + BYTES_PER_VOXEL * grid.size
     return MemoryNeed(round(rays), round(segments), grid.size, round(nbytes))
+
+
+def _sampled_pixels(count: int) -> tuple[NDArray[np.int64], float]:
+    """Return some of ``count`` pixels spread over the image, and how many each stands for.
+
+    Even steps would fall into step with the image's width and see a few columns only.
+    """
+    if count <= SAMPLED_RAYS:
+        return np.arange(count), 1.0
+    golden = (5**0.5 - 1) / 2
+    places = (np.arange(SAMPLED_RAYS) + 0.5) / SAMPLED_RAYS * count  # one in each stretch
+    jitter = ((np.arange(SAMPLED_RAYS) * golden) % 1.0 - 0.5) * count / SAMPLED_RAYS
+    return np.clip(places + jitter, 0, count - 1).astype(np.int64), count / SAMPLED_RAYS
 
 
 def check_memory(
@@ -95,10 +106,10 @@ def check_memory(
         Saying how much the grid would take, how much there is, and what grid would fit.
     """
     need = estimate_memory(cameras, grid, form=form, supersample=supersample, midpoints=midpoints)
-    available = psutil.virtual_memory().available if available is None else available
+    available = available_memory() if available is None else available
     if need.nbytes <= available:
         return need
-    coarser = _coarser_grid_that_fits(need, grid, available)
+    coarser = _coarser_grid_that_fits(need, grid, form, available)
     advice = "no grid would fit: use smaller images (--scale) or fewer rays a pixel"
     if coarser is not None:
         spacing = " x ".join(f"{s:.4g}" for s in coarser.spacing)
@@ -145,7 +156,7 @@ def choose_form(
         raise ValueError(
             "projector: found on-the-fly, expected stored: the method needs the matrix's entries"
         )
-    available = psutil.virtual_memory().available if available is None else available
+    available = available_memory() if available is None else available
     arguments = {"supersample": supersample, "available": available}
     stored = estimate_memory(cameras, grid, supersample=supersample, midpoints=midpoints)
     takes = f"the matrix takes about {_gigabytes(stored.nbytes)} of {_gigabytes(available)} free"
@@ -181,17 +192,20 @@ def point_in_view(rig: Rig) -> NDArray[np.float64] | None:
     return np.round(point, digits) + 0.0
 
 
-def _coarser_grid_that_fits(need: MemoryNeed, grid: VoxelGrid, available: int) -> VoxelGrid | None:
+def _coarser_grid_that_fits(
+    need: MemoryNeed, grid: VoxelGrid, form: str, available: int
+) -> VoxelGrid | None:
     """Return the grid of the same box, voxels enlarged alike, that takes 80 % of the memory.
 
     None if even a single layer of voxels takes more.
     """
     per_voxels = BYTES_PER_VOXEL * need.voxels
-    per_crossings = max(need.nbytes - per_voxels, 0)
+    rest = max(need.nbytes - per_voxels, 0)
+    growth = 1 if form == STORED else 0  # crossings go with the resolution, rays do not
     low, high = 0.0, 1.0
-    for _ in range(60):  # bisection: voxels go with the cube of the resolution, crossings linearly
+    for _ in range(60):  # bisection
         middle = (low + high) / 2
-        taken = per_voxels * middle**3 + per_crossings * middle
+        taken = per_voxels * middle**3 + rest * middle**growth
         low, high = (middle, high) if taken <= 0.8 * available else (low, middle)
     shape = tuple(math.floor(n * low) for n in grid.shape)
     if min(shape) < 1:

@@ -14,12 +14,12 @@ say "== reconstruct it"
 $python tools/reconstruct.py "$out/scan" -o "$out" --compare wernet-paper:3
 
 say "== draw the rig with the volume, and the volume"
-for kind in png html; do
+for kind in png html glb; do
     $python tools/visualize_rig.py "$out/scan/rig.yaml" --volume "$out/volume.npz" -o "$out/rig.$kind"
     $python tools/visualize_volume.py "$out/volume.npz" -o "$out/flame.$kind"
 done
 
 say "done; open these:"
-for file in report.html rig.html flame.html rig.png flame.png report.json volume.vti; do
+for file in report.html rig.html flame.html rig.png flame.png rig.glb report.json volume.vti; do
     say "  $out/$file"
 done

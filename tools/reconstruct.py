@@ -54,7 +54,9 @@ def reconstruct(
     skip: Annotated[bool, typer.Option(help="Leave out what cannot matter.")] = True,
     device: Annotated[str, typer.Option(help="For WERNet: cpu, cuda ...")] = "cpu",
     seed: Annotated[int, typer.Option(help="Of everything random.", min=0)] = 0,
-    time_limit: Annotated[float | None, typer.Option(help="Seconds for the solver.")] = None,
+    time_limit: Annotated[
+        float | None, typer.Option(help="Seconds for the solver, once auto has chosen.")
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the report on stdout.")] = False,
 ) -> None:
     """Reconstruct the emission in every voxel from the images of calibrated cameras."""
@@ -117,18 +119,25 @@ def _comparison(text: str) -> tuple[str, int | None]:
 def _summary(report: dict, out: Path) -> str:
     """Return the headline: what was done, how well it fits, and where it is."""
     lines = [
-        f"{report['method']}: relative residual {report['relative_residual']:.4g}, "
+        f"{report['method']}: relative residual {_number(report['relative_residual'])}, "
         f"{report['rays']:,} rays, {report['segments']:,} crossings, "
         f"solved in {report['seconds']['solve']:.1f} s of {report['seconds']['total']:.1f} s"
     ]
     if report["quality"]:
-        lines.append(", ".join(f"{k} {v:.3g}" for k, v in report["quality"].items()))
+        lines.append(_figures(report["quality"]))
     for camera, figures in report["held_out"].items():
-        lines.append(
-            f"held out {camera}: " + ", ".join(f"{k} {v:.4g}" for k, v in figures.items())
-        )
+        lines.append(f"held out {camera}: {_figures(figures)}")
     lines.append(f"open {out / 'report.html'}")
     return "\n".join(lines)
+
+
+def _figures(figures: dict) -> str:
+    return ", ".join(f"{name} {_number(value)}" for name, value in figures.items())
+
+
+def _number(value: float | None) -> str:
+    """Return a figure of the report, where None stands for what is no finite number."""
+    return "undefined" if value is None else f"{value:.4g}"
 
 
 if __name__ == "__main__":

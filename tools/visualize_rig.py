@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from _command import bad_input_in_one_line, load_rig_or_preset, parse_grid
+from _command import bad_input_in_one_line, load_rig_or_preset, parse_grid, print_json
 from _picture import check_outputs
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def visualize_rig(
     ] = None,
     center: Annotated[str | None, typer.Option(help="The middle of the grid: x,y,z.")] = None,
     title: Annotated[str | None, typer.Option(help="Stands above the picture.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Draw a rig's cameras, where they look, and the volume they look at."""
     with bad_input_in_one_line():
@@ -70,6 +71,8 @@ def visualize_rig(
                 from tomo.view import write_glb
 
                 write_glb(path, scene)
+    if json:
+        print_json({"files": [str(path) for path in out], "cameras": list(loaded.names)})
 
 
 def _load(text: str) -> Rig:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from _command import bad_input_in_one_line
+from _command import bad_input_in_one_line, print_json
 from _picture import check_outputs
 
 app = typer.Typer(add_completion=False)
@@ -19,6 +19,7 @@ def visualize_volume(
         list[Path], typer.Option("--out", "-o", help=".png, .html or .glb; may stand repeatedly.")
     ],
     title: Annotated[str | None, typer.Option(help="Stands above the picture.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Draw a volume's middle planes, line integrals and surfaces of equal emission."""
     with bad_input_in_one_line():
@@ -45,6 +46,17 @@ def visualize_volume(
                 from tomo.view import write_glb
 
                 write_glb(path, scene)
+    if json:
+        print_json(
+            {
+                "files": [str(path) for path in out],
+                "grid": {
+                    "shape": list(grid.shape),
+                    "spacing": list(grid.spacing),
+                    "center": list(grid.center),
+                },
+            }
+        )
 
 
 if __name__ == "__main__":

@@ -144,3 +144,28 @@ def test_same_bits_on_any_number_of_threads(pair):
     for images, volume in results[1:]:
         assert np.array_equal(images, results[0][0])
         assert np.array_equal(volume, results[0][1])
+
+
+@pytest.mark.parametrize("slope", [(1, 1, 0), (1, 1, 0.2), (1, -1, 0), (-1, 1, 1), (0.5, 1, -1)])
+@pytest.mark.parametrize("beside", [-(2.0**-53), 0.0, 2.0**-52, -(2.0**-24), 2.0**-23])
+def test_diagonal_rays_beside_edges(slope, beside):
+    grid = VoxelGrid((4, 4, 4), 1.0, (2, 2, 2))
+    starts = [(0, 1 + beside, 1.5), (0, 3 + beside, 2 - beside), (4 + beside, 2, 1 + beside)]
+    rays = Rays.from_lines(np.subtract(starts, np.multiply(9.0, slope)), slope)
+    stored = Projector(trace(rays, grid, "reference", dtype=np.float64), grid)
+    flying = OnTheFlyProjector(rays, grid)
+    bounds = {np.float64: 1e-12, np.float32: 1e-5}
+    if 0 < abs(beside) < 2.0**-24:  # single precision cannot tell on which side of the edge
+        del bounds[np.float32]
+    for dtype, bound in bounds.items():
+        for voxel in range(grid.size):
+            unit = np.zeros(grid.size, dtype)
+            unit[voxel] = 1
+            assert np.abs(flying @ unit - stored @ unit).max() < bound
+
+
+def test_a_piece_too_short_to_move_leaves_no_trace():
+    grid = VoxelGrid((4, 4, 4), 1.0)
+    flying = OnTheFlyProjector(Rays.from_lines([0.3, 0.4, 0.5], [1.0, 0, 0], 1e-20), grid)
+    assert (flying @ np.ones(64)).tolist() == [0.0]
+    assert not (flying.T @ np.ones(1)).any()

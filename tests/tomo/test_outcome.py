@@ -6,7 +6,7 @@ import pytest
 
 from rigs import ring
 from tomo import VoxelGrid
-from tomo.outcome import Outcome, View, peak_memory, quality, versions
+from tomo.outcome import Outcome, View, quality, versions
 from tomo.reconstruction import Iteration, Reconstruction
 
 RANDOM = np.random.default_rng(0)
@@ -90,6 +90,5 @@ def test_a_report_is_json_whatever_is_in_it():
     assert report["seed"] == 3
 
 
-def test_versions_and_memory_are_the_process_s_own():
+def test_versions_are_the_process_s_own():
     assert versions()["numpy"] == np.__version__
-    assert 5e7 < peak_memory() < 1e12

@@ -126,3 +126,24 @@ def test_what_is_asked_for_is_given_or_refused():
         choose_form(cameras, GRID, wanted="fast", available=enough)
     with pytest.raises(ValueError, match="would take about"):
         choose_form(cameras, GRID, needs_matrix=True, available=1000)
+
+
+@pytest.mark.parametrize("size", [(500, 500), (1000, 300), (640, 480), (401, 377), (2000, 50)])
+def test_the_sample_of_rays_does_not_fall_into_step_with_the_image(size):
+    rig = ring(1, distance=150.0, image_size=size, footprint=0.06, center=GRID.center)
+    system = LinearSystem.from_rig(rig, GRID)
+    need = estimate_memory(tuple(rig), GRID)
+    assert need.rays == pytest.approx(system.projector.shape[0], rel=0.1)
+    assert need.segments == pytest.approx(system.projector.n_crossings, rel=0.1)
+
+
+def test_the_grid_said_to_fit_fits_on_the_fly_too():
+    cameras, grid = tuple(RIG), GRID.refined(12)
+    need = estimate_memory(cameras, grid, form="on-the-fly")
+    with pytest.raises(ValueError, match="would take about") as caught:
+        check_memory(cameras, grid, form="on-the-fly", available=need.nbytes // 3)
+    shape = re.search(r"(\d+)x(\d+)x(\d+) voxels of", str(caught.value)).groups()
+    coarser = VoxelGrid.from_bounds([int(n) for n in shape], GRID.lower, GRID.upper)
+    check_memory(cameras, coarser, form="on-the-fly", available=need.nbytes // 3)
+    with pytest.raises(ValueError, match="no grid would fit"):
+        check_memory(cameras, GRID, form="on-the-fly", available=1_000_000)

@@ -152,7 +152,7 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
     }
     assert {key: report["settings"][key] for key in expected} == expected
     assert report["warnings"] == ["truth.npz: the truth is on another grid: no quality figures"]
-    assert report["rays"] == 3 * 12 * 16
+    assert report["rays"] == 3 * 12 * 16 * 2**2
 
 
 def test_a_rig_and_a_folder_of_images(run_tool, scan, tmp_path):

@@ -1,11 +1,14 @@
+import json
 import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import trimesh
 
+import rigs
 from tomo.grid import VoxelGrid
 from tomo.io import write_volume
 
@@ -34,6 +37,26 @@ def test_rig_with_a_volume_to_all_three(tmp_path, volume):
     assert "cam00" in outs[1].read_text(encoding="utf-8")
     bounds = trimesh.load(outs[2]).bounds
     assert np.abs(bounds).max() == pytest.approx(5.8, rel=0.05)  # metres
+
+
+@pytest.mark.parametrize("name", rigs.preset_names())
+def test_every_preset_to_all_three(run_tool, tmp_path, name):
+    outs = [tmp_path / f"rig.{suffix}" for suffix in ("png", "html", "glb")]
+    options = [part for out in outs for part in ("-o", out)]
+    done = run_tool("visualize_rig", name, *options, "--json")
+    assert done.exit_code == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["files"] == [str(out) for out in outs]
+    assert told["cameras"] == list(rigs.preset(name).names)
+    picture = cv2.imread(str(outs[0]))
+    assert min(picture.shape[:2]) > 800
+    assert picture.std() > 10
+    page = outs[1].read_text(encoding="utf-8")
+    assert all(camera in page for camera in told["cameras"])
+    positions = np.array([camera.position for camera in rigs.preset(name)]) / 1000  # metres
+    bounds = trimesh.load(outs[2]).bounds
+    assert (bounds[0] < positions.min(axis=0) + 1e-6).all()
+    assert (bounds[1] > positions.max(axis=0) - 1e-6).all()
 
 
 def test_volume_to_all_three(tmp_path, volume):

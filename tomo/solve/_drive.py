@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.projector import Projector
 from tomo.reconstruction import Iteration, Reconstruction
+from tomo.viewed import ViewedOperator
 
 Callback = Callable[[int, NDArray[np.float32], float], bool | None]
 """Called as ``callback(index, volume, relative_residual)`` after each update, and before the
@@ -21,7 +21,7 @@ States = Iterator[tuple[NDArray[np.float32], float]]
 """What a solver's generator yields: the flat volume and the norm of its residual."""
 
 
-def check_measured(projector: Projector, measured: ArrayLike) -> NDArray[np.float32]:
+def check_measured(projector: ViewedOperator, measured: ArrayLike) -> NDArray[np.float32]:
     """Return the measured pixels as a flat float32 vector.
 
     Raises
@@ -42,7 +42,7 @@ def check_measured(projector: Projector, measured: ArrayLike) -> NDArray[np.floa
 
 
 def additive_start(
-    projector: Projector, start: ArrayLike | None, nonnegative: bool
+    projector: ViewedOperator, start: ArrayLike | None, nonnegative: bool
 ) -> NDArray[np.float32]:
     """Return a copy of ``start``, or zeros; ``nonnegative`` sets what is below zero to zero.
 
@@ -55,7 +55,7 @@ def additive_start(
 
 
 def multiplicative_start(
-    projector: Projector, measured: NDArray[np.float32], start: ArrayLike | None
+    projector: ViewedOperator, measured: NDArray[np.float32], start: ArrayLike | None
 ) -> NDArray[np.float32]:
     """Return a copy of ``start``, or the constant that reproduces the sum of the images.
 
@@ -71,7 +71,7 @@ def multiplicative_start(
     return start
 
 
-def _checked_start(projector: Projector, start: ArrayLike) -> NDArray[np.float32]:
+def _checked_start(projector: ViewedOperator, start: ArrayLike) -> NDArray[np.float32]:
     start = _as_float32(start).copy()
     if start.size != projector.shape[1] or not np.isfinite(start).all():
         raise ValueError(
@@ -107,7 +107,7 @@ def unit_of(vector: NDArray[np.float32]) -> np.float32:
 
 def drive(
     states: States,
-    projector: Projector,
+    projector: ViewedOperator,
     measured: NDArray[np.float32],
     *,
     iterations: int,

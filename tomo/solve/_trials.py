@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo import solve
-from tomo.projector import Projector
 from tomo.smooth_basis import SmoothBasis
 from tomo.solve._drive import norm
+from tomo.viewed import ViewedOperator
 
 CHECKPOINTS = (1, 2, 3, 4, 5, 7, 10, 14, 20, 28, 40, 57, 80, 113)
 """The numbers of iterations at which a trial is judged."""
@@ -39,13 +39,13 @@ class Trial:
 
     Attributes
     ----------
-    training, left_out : Projector
+    training, left_out : ViewedOperator
     training_pixels, left_out_pixels : (pixels,) float32
     """
 
-    training: Projector
+    training: ViewedOperator
     training_pixels: NDArray[np.float32]
-    left_out: Projector
+    left_out: ViewedOperator
     left_out_pixels: NDArray[np.float32]
 
     @classmethod
@@ -53,7 +53,7 @@ class Trial:
         cls,
         left_out: Sequence[int],
         views: Sequence[int],
-        projector: Projector,
+        projector: ViewedOperator,
         measured: NDArray[np.float32],
     ) -> Trial:
         """Return the trial that trains on those of ``views`` that are not in ``left_out``."""

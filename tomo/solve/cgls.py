@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tomo.projector import Projector
 from tomo.reconstruction import Reconstruction
 from tomo.solve._drive import (
     Callback,
@@ -16,12 +15,13 @@ from tomo.solve._drive import (
     norm,
     unit_of,
 )
+from tomo.viewed import ViewedOperator
 
 SINGLE_PRECISION = float(np.finfo(np.float32).eps)
 
 
 def cgls(
-    projector: Projector,
+    projector: ViewedOperator,
     measured: ArrayLike,
     *,
     iterations: int = 20,
@@ -38,7 +38,7 @@ def cgls(
 
     Parameters
     ----------
-    projector : Projector
+    projector : ViewedOperator
     measured : (pixels,)
         The images, flat.
     iterations : int

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.projector import Projector
 from tomo.reconstruction import Reconstruction
 from tomo.solve._drive import Callback, States, check_measured, drive, multiplicative_start, norm
+from tomo.viewed import ViewedOperator
 
 BARELY_SEEN = 0.01
 """Share of the median voxel's column sum below which an update is damped."""
@@ -23,7 +23,7 @@ def ratio(measured: NDArray[np.float32], projected: NDArray[np.float32]) -> NDAr
 
 
 def mlem(
-    projector: Projector,
+    projector: ViewedOperator,
     measured: ArrayLike,
     *,
     iterations: int = 50,
@@ -39,7 +39,7 @@ def mlem(
 
     Parameters
     ----------
-    projector : Projector
+    projector : ViewedOperator
     measured : (pixels,)
         The images, flat.
     iterations : int

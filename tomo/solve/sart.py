@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tomo.projector import Projector
 from tomo.reconstruction import Reconstruction
 from tomo.solve._drive import (
     Callback,
@@ -17,6 +16,7 @@ from tomo.solve._drive import (
     norm,
 )
 from tomo.solve.sirt import reciprocal
+from tomo.viewed import ViewedOperator
 
 
 def spread_order(count: int) -> list[int]:
@@ -29,7 +29,7 @@ def spread_order(count: int) -> list[int]:
 
 
 def sart(
-    projector: Projector,
+    projector: ViewedOperator,
     measured: ArrayLike,
     *,
     iterations: int = 10,

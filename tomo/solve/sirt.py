@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.projector import Projector
 from tomo.reconstruction import Reconstruction
 from tomo.solve._drive import (
     Callback,
@@ -16,6 +15,7 @@ from tomo.solve._drive import (
     drive,
     norm,
 )
+from tomo.viewed import ViewedOperator
 
 
 def reciprocal(sums: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -24,7 +24,7 @@ def reciprocal(sums: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 def sirt(
-    projector: Projector,
+    projector: ViewedOperator,
     measured: ArrayLike,
     *,
     iterations: int = 100,
@@ -40,7 +40,7 @@ def sirt(
 
     Parameters
     ----------
-    projector : Projector
+    projector : ViewedOperator
     measured : (pixels,)
         The images, flat.
     iterations : int

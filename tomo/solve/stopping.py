@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo import solve
-from tomo.projector import Projector
 from tomo.reconstruction import Reconstruction
 from tomo.smooth_basis import SmoothBasis
 from tomo.solve._drive import Callback, check_measured, norm
 from tomo.solve._trials import CHECKPOINTS, Trial, views_to_leave_out
 from tomo.solve.mlem import interleaved
+from tomo.viewed import ViewedOperator
 
 METHODS = {"mlem": 28, "sart": 28}
 """The candidates and the most iterations each is given: Poisson, and least squares."""
@@ -37,7 +37,8 @@ MOST_SUBSETS = 12
 """MLEM runs in ordered subsets that still have as many rays through the average voxel."""
 
 SEGMENTS_A_TRIAL = 30_000_000
-"""Pixels of larger systems are thinned evenly to this many crossings while choosing."""
+"""Pixels of larger systems are thinned evenly to about this many crossings while choosing, but
+not below `CROSSINGS_A_VOXEL`."""
 
 FALLBACK = ("mlem", 1.0, 20)
 """With one or two views nothing can be left out: the method, width and iterations used then."""
@@ -80,7 +81,7 @@ class Choice:
 
 
 def choose_by_held_out_views(
-    projector: Projector,
+    projector: ViewedOperator,
     measured: ArrayLike,
     *,
     progress: Callable[[int, int, str], None] | None = None,
@@ -93,7 +94,7 @@ def choose_by_held_out_views(
 
     Parameters
     ----------
-    projector : Projector
+    projector : ViewedOperator
         With its views; only those take part.
     measured : (pixels,)
     progress : callable, optional
@@ -104,7 +105,9 @@ def choose_by_held_out_views(
     if len(views) < 3 or not measured.any():
         reason = "too few views to leave any out" if measured.any() else "the images are dark"
         return Choice(*FALLBACK, math.nan, reason=reason)
-    stride = max(math.ceil(projector.n_crossings / SEGMENTS_A_TRIAL), 1)
+    wanted = math.ceil(projector.n_crossings / SEGMENTS_A_TRIAL)
+    most = math.floor(projector.n_crossings / (CROSSINGS_A_VOXEL * projector.shape[1]))
+    stride = max(min(wanted, most), 1)
     if stride > 1:
         thinned = interleaved(projector.shape[0], stride)[0]
         projector, measured = projector.take(thinned), measured[thinned]
@@ -158,14 +161,14 @@ def _patient(errors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(np.array(CHECKPOINTS) < PATIENCE, np.inf, errors.min())
 
 
-def _subsets(projector: Projector) -> int:
+def _subsets(projector: ViewedOperator) -> int:
     """Return how many ordered subsets leave each enough rays through the average voxel."""
     crossings = projector.n_crossings / projector.shape[1]
     return int(np.clip(crossings / CROSSINGS_A_VOXEL, 1, MOST_SUBSETS))
 
 
 def solve_as_chosen(
-    projector: Projector,
+    projector: ViewedOperator,
     measured: ArrayLike,
     choice: Choice,
     *,

@@ -85,6 +85,8 @@ def _pieces(slab, enter, leave, b, slope_b, per_b, c, slope_c, per_c, last_b, la
     b1 = np.int32(math.floor(b + slope_b * out))
     c0 = np.int32(math.floor(c + slope_c * into))
     c1 = np.int32(math.floor(c + slope_c * out))
+    # A ray that starts within rounding of a plane may seem to pass two.
+    b1, c1 = min(max(b1, b0 - 1), b0 + 1), min(max(c1, c0 - 1), c0 + 1)
     at_b = _crossing(b, per_b, real(b0), real(b1), into, out)
     at_c = _crossing(c, per_c, real(c0), real(c1), into, out)
     sooner, later = min(at_b, at_c), max(at_b, at_c)

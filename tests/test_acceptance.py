@@ -1,0 +1,56 @@
+"""What the README promises of the default method, at full size."""
+
+import json
+
+import numpy as np
+import pytest
+
+from rigs import ring
+from tomo import VoxelGrid
+from tomo.scan_file import save_scan
+
+
+def test_a_turbulent_flame_without_inverse_crime(run_tool, tmp_path):
+    scan, out = tmp_path / "scan", tmp_path / "out"
+    made = run_tool(
+        "simulate", "--rig", "paper33_pitch", "--phantom", "turbulent", "--supersample", "3",
+        "--refine", "2", "--seed", "2", "-o", str(scan),
+    )  # fmt: skip
+    assert made.exit_code == 0
+    found = run_tool("reconstruct", str(scan), "-o", str(out), "--json")
+    assert found.exit_code == 0
+    quality = json.loads(found.stdout)["quality"]
+    assert quality["cosine_distance"] < 1e-3
+    assert quality["nrmse"] < 0.05
+    assert quality["total_ratio"] == pytest.approx(1, abs=0.01)
+
+
+@pytest.mark.parametrize("frame", ["frame_060", "frame_090"])
+def test_a_real_plume_predicts_the_camera_left_out(run_tool, test_data, tmp_path, frame):
+    found = run_tool(
+        "reconstruct", str(test_data / "scalarflow" / "transforms.json"), "--frame", frame,
+        "--hold-out", "cam02", "--scale", "6", "--grid", "64x96x64",
+        "--lower", "0.0818,-0.0446,-0.4958", "--upper", "0.5727,0.6917,-0.0049",
+        "-o", str(tmp_path / "plume"), "--json",
+    )  # fmt: skip
+    assert found.exit_code == 0
+    figures = json.loads(found.stdout)["held_out"]["cam02"]
+    assert figures["data_range"] == 1.0
+    assert figures["psnr"] >= 29.5
+    assert figures["ssim"] >= 0.90
+
+
+def test_dark_images_are_no_accident(run_tool, tmp_path):
+    """Figures that are no numbers stand as null in the report and end no command."""
+
+    grid = VoxelGrid((6, 8, 6), 1.0)
+    rig = ring(4, distance=80.0, image_size=(16, 20), footprint=0.6)
+    dark = {camera.name: np.zeros((20, 16), np.float32) for camera in rig}
+    save_scan(tmp_path / "scan", rig, {"f": dark}, grid=grid, truth=np.zeros(grid.shape, "f4"))
+    found = run_tool(
+        "reconstruct", str(tmp_path / "scan"), "--hold-out", "cam01", "-o", str(tmp_path / "out"),
+        "--json",
+    )  # fmt: skip
+    assert found.exit_code == 0
+    assert json.loads(found.stdout)["held_out"]["cam01"]["psnr"] is None
+    assert "undefined" in found.stderr

@@ -1,0 +1,36 @@
+import subprocess
+import sys
+
+import psutil
+
+from tomo import _memory
+
+
+def test_no_more_than_the_system_has():
+    assert 0 < _memory.available_memory() <= psutil.virtual_memory().total
+
+
+def test_a_container_s_limit_counts(tmp_path):
+    assert _memory._left_in_container(tmp_path) is None
+    (tmp_path / "memory.current").write_text("300\n")
+    (tmp_path / "memory.max").write_text("1000\n")
+    assert _memory._left_in_container(tmp_path) == 700
+    (tmp_path / "memory.max").write_text("max\n")
+    assert _memory._left_in_container(tmp_path) is None
+
+
+def test_a_limit_of_the_address_space_counts():
+    code = (
+        "import resource; from tomo import _memory;"
+        "resource.setrlimit(resource.RLIMIT_AS, (8 << 30, -1));"
+        "print(_memory.available_memory())"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert 0 < int(found.stdout) < 8 << 30
+
+
+def test_peak_is_at_least_what_is_resident():
+    resident = psutil.Process().memory_info().rss
+    assert _memory.peak_memory() >= 0.9 * resident
