@@ -39,6 +39,16 @@ class Method:
             return getattr(wernet, _WERNET[self.name])
         return getattr(solve, self.name)
 
+    @property
+    def takes_device(self) -> bool:
+        """Whether it can run elsewhere than on the CPU."""
+        return self.name != AUTO and "device" in inspect.signature(self.solver).parameters
+
+    @property
+    def default_iterations(self) -> int:
+        """How many iterations the solver runs when it is not told; ``auto`` has no such number."""
+        return inspect.signature(self.solver).parameters["iterations"].default
+
     def arguments(self, *, device: str, seed: int, iterations: int | None) -> dict[str, object]:
         """Return those of the arguments that the solver takes.
 

@@ -2,35 +2,27 @@
 
 from __future__ import annotations
 
-import inspect
-import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo import metrics
 from tomo._memory import peak_memory
+from tomo._run import Run
 from tomo.grid import VoxelGrid
 from tomo.io import is_integer_image, read_volume
-from tomo.linear_system import LinearSystem, VolumeNotSeenError
+from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
 from tomo.methods import AUTO, Method, method_named, method_names
 from tomo.on_the_fly import OnTheFlyProjector
-from tomo.outcome import Outcome, View, quality
+from tomo.outcome import Outcome, View
 from tomo.projector import Projector
 from tomo.rays import Rays
-from tomo.reconstruction import Reconstruction
 from tomo.scan import Images, Masks, Scan
-from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
 from tomo.support import STORED
 from tomo.trace import trace
-from tomo.viewed import ViewedOperator
-
-Progress = Callable[[int, int, str], None]
-"""Called as ``progress(done, total, where)``."""
 
 
 def reconstruct(
@@ -142,7 +134,7 @@ def reconstruct(
     measured = system.flatten(training_images)
     if not (measured > 0).any():
         warnings.append("no usable pixel that sees the volume is above 0: the volume is empty")
-    run = _Run(system.projector, measured, truth, device, seed, time_limit, progress)
+    run = Run(system.projector, measured, truth, device, seed, time_limit, progress)
     found = run.solve(main, iterations)
     solved = time.perf_counter()
     comparisons = []
@@ -194,6 +186,7 @@ def reconstruct(
         seconds={
             "load": loaded - started,
             "trace": traced - tracing,
+            "choose": found.seconds["choose"],
             "solve": solved - traced,
             "compare": compared - solved,
             "total": time.perf_counter() - started,
@@ -223,7 +216,7 @@ def _check_device(device: str, methods: Sequence[Method]) -> None:
     """Refuse a device that none of the methods runs on, or that is not there."""
     if device == "cpu":
         return
-    if not any(_takes_device(method) for method in methods):
+    if not any(method.takes_device for method in methods):
         raise ValueError(
             f"device: found {device!r}, expected cpu for method {methods[0].name}: "
             "only wernet-paper runs on others"
@@ -231,10 +224,6 @@ def _check_device(device: str, methods: Sequence[Method]) -> None:
     from tomo.wernet import usable_device
 
     usable_device(device)
-
-
-def _takes_device(method: Method) -> bool:
-    return method.name != AUTO and "device" in inspect.signature(method.solver).parameters
 
 
 def _check_hold_out(hold_out: Sequence[str], scan: Scan) -> None:
@@ -265,65 +254,6 @@ def _warm_up(tracer: str, form: str = STORED) -> float:
     for dtype in (np.float32, np.float64):
         projector.T @ (projector @ np.ones(8, dtype))
     return time.perf_counter() - started
-
-
-class _Run:
-    """Solves one system by one method after another, recording the distance from a truth."""
-
-    def __init__(
-        self,
-        projector: ViewedOperator,
-        measured: NDArray[np.float32],
-        truth: NDArray[np.float32] | None,
-        device: str,
-        seed: int,
-        time_limit: float | None,
-        progress: Progress | None,
-    ) -> None:
-        self.projector = projector
-        self.measured = measured
-        self.truth = truth
-        self.device = device
-        self.seed = seed
-        self.time_limit = math.inf if time_limit is None else time_limit
-        self.progress = progress
-        self.cosine_distances: list[tuple[float, ...]] = []
-
-    def solve(self, method: Method, iterations: int | None) -> Reconstruction:
-        """Run one method; its quality against the truth comes with it."""
-        started = time.perf_counter()
-        distances: list[float] = []
-
-        def watch(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
-            if self.truth is not None:
-                distances.append(metrics.cosine_distance(volume, self.truth.ravel()))
-            if self.progress:
-                self.progress(index, total, name)
-            return index > 0 and time.perf_counter() - solving > self.time_limit
-
-        if method.name == AUTO:
-            choice = choose_by_held_out_views(
-                self.projector, self.measured, progress=self.progress
-            )
-            if iterations is not None:
-                choice = replace(choice, iterations=iterations)
-            name, total, solving = choice.method, choice.iterations, time.perf_counter()
-            found = solve_as_chosen(self.projector, self.measured, choice, callback=watch)
-            extra: dict[str, Any] = {"chosen_by": "auto", "tried": choice.tried}
-        else:
-            device = self.device if _takes_device(method) else "cpu"
-            arguments = method.arguments(device=device, seed=self.seed, iterations=iterations)
-            default = inspect.signature(method.solver).parameters["iterations"].default
-            name, total, solving = method.name, arguments.get("iterations", default), started
-            found = method.solver(self.projector, self.measured, callback=watch, **arguments)
-            extra = {}
-        self.cosine_distances.append(tuple(distances))
-        return replace(
-            found,
-            settings={**found.settings, **extra},
-            quality=quality(found.volume, self.truth),
-            seconds={**found.seconds, "total": time.perf_counter() - started},
-        )
 
 
 def _read_truth(scan: Scan, grid: VoxelGrid) -> tuple[NDArray[np.float32] | None, list[str]]:

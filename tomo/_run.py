@@ -1,0 +1,82 @@
+"""One system solved by one method after another, each judged against a truth if there is one."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo import metrics
+from tomo.linear_system import Progress
+from tomo.methods import AUTO, Method
+from tomo.outcome import quality
+from tomo.reconstruction import Reconstruction
+from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
+from tomo.viewed import ViewedOperator
+
+
+class Run:
+    """Solves one system by one method after another, recording the distance from a truth."""
+
+    def __init__(
+        self,
+        projector: ViewedOperator,
+        measured: NDArray[np.float32],
+        truth: NDArray[np.float32] | None,
+        device: str,
+        seed: int,
+        time_limit: float | None,
+        progress: Progress | None,
+    ) -> None:
+        self.projector = projector
+        self.measured = measured
+        self.truth = truth
+        self.device = device
+        self.seed = seed
+        self.time_limit = math.inf if time_limit is None else time_limit
+        self.progress = progress
+        self.cosine_distances: list[tuple[float, ...]] = []
+
+    def solve(self, method: Method, iterations: int | None) -> Reconstruction:
+        """Run one method; its quality against the truth comes with it."""
+        started = time.perf_counter()
+        distances: list[float] = []
+
+        def watch(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
+            if self.truth is not None:
+                distances.append(metrics.cosine_distance(volume, self.truth.ravel()))
+            if self.progress:
+                self.progress(index, total, name)
+            return index > 0 and time.perf_counter() - solving > self.time_limit
+
+        if method.name == AUTO:
+            choice = choose_by_held_out_views(
+                self.projector, self.measured, progress=self.progress
+            )
+            if iterations is not None:
+                choice = replace(choice, iterations=iterations)
+            name, total, solving = choice.method, choice.iterations, time.perf_counter()
+            found = solve_as_chosen(self.projector, self.measured, choice, callback=watch)
+            extra: dict[str, Any] = {"chosen_by": "auto", "tried": choice.tried}
+        else:
+            device = self.device if method.takes_device else "cpu"
+            arguments = method.arguments(device=device, seed=self.seed, iterations=iterations)
+            total = method.default_iterations if iterations is None else iterations
+            name, solving = method.name, started
+            found = method.solver(self.projector, self.measured, callback=watch, **arguments)
+            extra = {}
+        self.cosine_distances.append(tuple(distances))
+        return replace(
+            found,
+            settings={**found.settings, **extra},
+            quality=quality(found.volume, self.truth),
+            seconds={
+                **found.seconds,
+                "choose": solving - started,
+                "total": time.perf_counter() - started,
+            },
+        )
