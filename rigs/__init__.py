@@ -12,6 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "camera": ["Camera", "look_at"],
         "distortion": ["Distortion"],
         "file": ["load_rig", "preset", "preset_names", "save_rig"],
+        "lines": ["nearest_point"],
         "optics": ["Optics"],
         "rig": ["Rig", "Volume"],
         "virtual": ["arc", "ring"],

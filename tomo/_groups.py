@@ -1,4 +1,4 @@
-"""Entries in groups, ``ptr[g]:ptr[g + 1]``: rays of pixels, and crossings of rays."""
+"""Taking some of many: entries in groups, ``ptr[g]:ptr[g + 1]``, and evenly spread choices."""
 
 from __future__ import annotations
 
@@ -13,3 +13,12 @@ def take_groups(
     counts = ptr[groups + 1] - ptr[groups]
     taken = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     return taken, np.repeat(ptr[groups] - taken[:-1], counts) + np.arange(taken[-1])
+
+
+def golden_section(count: int) -> NDArray[np.float64]:
+    """Return ``count`` places in 0..1 of which the first few, however many, are spread evenly.
+
+    Multiples of the golden section, modulo 1: they fall into step with no regular pattern, such
+    as the rows of an image or the views of a ring.
+    """
+    return (np.arange(count) * ((5**0.5 - 1) / 2)) % 1.0

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from rigs import Rig
 
 
 @dataclass(frozen=True)
@@ -150,3 +154,9 @@ class VoxelGrid:
         nx, ny, nz = self.shape
         blocks = fine.reshape(nx, factor, ny, factor, nz, factor)
         return blocks.mean(axis=(1, 3, 5), dtype=np.float64).astype(fine.dtype)
+
+
+def grid_of_rig(rig: Rig) -> VoxelGrid | None:
+    """Return the voxels that a rig was made for; None where it names none."""
+    volume = rig.volume
+    return None if volume is None else VoxelGrid(volume.shape, volume.spacing, volume.center)

@@ -113,7 +113,7 @@ class Outcome:
     counts : mapping
         ``rays, segments, voxels, active_voxels``.
     seconds : mapping
-        ``load, trace, solve, total`` and what else took time.
+        ``load, trace, solve, total`` and what else took time; ``choose`` is a part of ``solve``.
     first_use_seconds : float
         Compiling or loading kernels, once a process.
     warnings : tuple of str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
+
+Callback = Callable[[int, NDArray[np.float32], float], bool | None]
+"""Called as ``callback(index, volume, relative_residual)`` after each update, and before the
+first with index 0; ``volume`` is flat and must not be changed. Return True to stop."""
 
 
 @dataclass(frozen=True)

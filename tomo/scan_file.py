@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from rigs import Rig, load_rig, save_rig
 from tomo._scan_schema import parse_scan_file
-from tomo.grid import VoxelGrid
+from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.io import atomic_path, write_image, write_volume
 from tomo.io.images import IMAGE_SUFFIXES
 from tomo.io.volumes import check_length_unit
@@ -56,7 +56,9 @@ def _load_transforms(path: Path) -> Scan:
                     f"{path}: frame {name!r}: camera {camera}: found the path {image}, "
                     "expected one inside the folder of the file"
                 )
-    return Scan(rig, tuple(Frame(n, dict(i)) for n, i in frames), grid=_grid(rig), source=path)
+    return Scan(
+        rig, tuple(Frame(n, dict(i)) for n, i in frames), grid=grid_of_rig(rig), source=path
+    )
 
 
 def _load_scan_file(path: Path) -> Scan:
@@ -84,7 +86,7 @@ def _load_scan_file(path: Path) -> Scan:
             }
         else:
             corrections[name] = _path_or_number(path, value, f"corrections.{name}")
-    grid = _grid(rig)
+    grid = grid_of_rig(rig)
     if content.grid is not None:
         try:
             grid = VoxelGrid(tuple(content.grid.shape), content.grid.spacing, content.grid.center)
@@ -127,11 +129,6 @@ def _check_cameras(path: Path, field: str, cameras: Mapping[str, Any], rig: Rig)
             )
 
 
-def _grid(rig: Rig) -> VoxelGrid | None:
-    volume = rig.volume
-    return None if volume is None else VoxelGrid(volume.shape, volume.spacing, volume.center)
-
-
 def scan_of_images(rig: Rig | str | PathLike, images: str | PathLike, **settings: Any) -> Scan:
     """Build what `Scan.from_images` says."""
     rig = rig if isinstance(rig, Rig) else load_rig(rig)
@@ -152,7 +149,7 @@ def scan_of_images(rig: Rig | str | PathLike, images: str | PathLike, **settings
                     f"the other is {of_frame[camera].name}"
                 )
             of_frame[camera] = image
-    settings.setdefault("grid", _grid(rig))
+    settings.setdefault("grid", grid_of_rig(rig))
     ordered = tuple(Frame(name, frames[name]) for name in sorted(frames))
     return Scan(rig, ordered, source=folder, **settings)
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera, Rig
+from rigs import Camera, Rig, nearest_point
+from tomo._groups import golden_section
 from tomo._memory import available_memory
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
@@ -78,9 +79,8 @@ def _sampled_pixels(count: int) -> tuple[NDArray[np.int64], float]:
     """
     if count <= SAMPLED_RAYS:
         return np.arange(count), 1.0
-    golden = (5**0.5 - 1) / 2
     places = (np.arange(SAMPLED_RAYS) + 0.5) / SAMPLED_RAYS * count  # one in each stretch
-    jitter = ((np.arange(SAMPLED_RAYS) * golden) % 1.0 - 0.5) * count / SAMPLED_RAYS
+    jitter = (golden_section(SAMPLED_RAYS) - 0.5) * count / SAMPLED_RAYS
     return np.clip(places + jitter, 0, count - 1).astype(np.int64), count / SAMPLED_RAYS
 
 
@@ -107,8 +107,13 @@ def check_memory(
     """
     need = estimate_memory(cameras, grid, form=form, supersample=supersample, midpoints=midpoints)
     available = available_memory() if available is None else available
+    _refuse_too_large(need, grid, form, available)
+    return need
+
+
+def _refuse_too_large(need: MemoryNeed, grid: VoxelGrid, form: str, available: int) -> None:
     if need.nbytes <= available:
-        return need
+        return
     coarser = _coarser_grid_that_fits(need, grid, form, available)
     advice = "no grid would fit: use smaller images (--scale) or fewer rays a pixel"
     if coarser is not None:
@@ -157,13 +162,12 @@ def choose_form(
             "projector: found on-the-fly, expected stored: the method needs the matrix's entries"
         )
     available = available_memory() if available is None else available
-    arguments = {"supersample": supersample, "available": available}
     stored = estimate_memory(cameras, grid, supersample=supersample, midpoints=midpoints)
     takes = f"the matrix takes about {_gigabytes(stored.nbytes)} of {_gigabytes(available)} free"
     if wanted == STORED or needs_matrix or (wanted == "auto" and stored.nbytes <= available):
-        check_memory(cameras, grid, midpoints=midpoints, **arguments)
+        _refuse_too_large(stored, grid, STORED, available)
         return STORED, takes
-    check_memory(cameras, grid, form=ON_THE_FLY, **arguments)
+    check_memory(cameras, grid, form=ON_THE_FLY, supersample=supersample, available=available)
     return ON_THE_FLY, takes if wanted == "auto" else "asked for"
 
 
@@ -172,19 +176,22 @@ def point_in_view(rig: Rig) -> NDArray[np.float64] | None:
 
     None where they are parallel, or pass each other by more than a tenth of their length.
     """
-    across, positions = [], []
+    positions, sights = [], []
     for camera in rig:
         middle = (np.array([camera.image_size], np.float64) - 1) / 2
         _, directions = camera.rays(middle)
         if np.isfinite(directions).all():
-            across.append(np.eye(3) - np.outer(directions[0], directions[0]))
+            sights.append(directions[0])
             positions.append(camera.position)
-    matrix = np.sum(across, axis=0) if across else np.zeros((3, 3))
-    if np.linalg.matrix_rank(matrix, tol=1e-6 * len(rig)) < 3:
+    if not sights:
         return None
-    point = np.linalg.solve(matrix, sum(a @ p for a, p in zip(across, positions, strict=True)))
+    sights = np.array(sights)  # (cameras, 3)
+    point, certainty = nearest_point(np.array(positions), sights)
+    if certainty <= 1e-6 * len(rig):
+        return None
     away = point - positions  # (cameras, 3)
-    missed = np.linalg.norm([a @ d for a, d in zip(across, away, strict=True)], axis=1)
+    along = np.sum(away * sights, axis=1, keepdims=True) * sights
+    missed = np.linalg.norm(away - along, axis=1)
     length = np.linalg.norm(away, axis=1).mean()
     if missed.mean() > 0.1 * length:
         return None

@@ -167,11 +167,3 @@ def load_rig_or_preset(text: str) -> Rig:
         known = ", ".join(preset_names())
         raise FileNotFoundError(f"{text}: no such rig file, and no preset; presets are {known}")
     return load_rig(text)
-
-
-def grid_of_rig(rig: Rig) -> VoxelGrid | None:
-    """Return the voxels the rig was made for; None where it names none."""
-    from tomo import VoxelGrid
-
-    volume = rig.volume
-    return None if volume is None else VoxelGrid(volume.shape, volume.spacing, volume.center)

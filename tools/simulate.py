@@ -10,7 +10,6 @@ import typer
 from _command import (
     bad_input_in_one_line,
     check_output_volume,
-    grid_of_rig,
     load_rig_or_preset,
     parse_grid,
     print_json,
@@ -51,6 +50,7 @@ def simulate(
     """Simulate the images that a rig's cameras take of a phantom, and write them as a scan."""
     started = time.perf_counter()
     with bad_input_in_one_line():
+        from tomo.grid import grid_of_rig
         from tomo.simulate import simulate as simulate_scan
 
         loaded = load_rig_or_preset(rig)

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.reconstruction import Iteration, Reconstruction
+from tomo.reconstruction import Callback, Iteration, Reconstruction
 from tomo.viewed import ViewedOperator
-
-Callback = Callable[[int, NDArray[np.float32], float], bool | None]
-"""Called as ``callback(index, volume, relative_residual)`` after each update, and before the
-first with index 0; ``volume`` is flat and must not be changed. Return True to stop."""
 
 States = Iterator[tuple[NDArray[np.float32], float]]
 """What a solver's generator yields: the flat volume and the norm of its residual."""

@@ -7,9 +7,8 @@ from numpy.typing import ArrayLike
 
 from tomo._compile import compiled
 from tomo.projector import Projector
-from tomo.reconstruction import Reconstruction
+from tomo.reconstruction import Callback, Reconstruction
 from tomo.solve._drive import (
-    Callback,
     States,
     additive_start,
     check_measured,

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tomo.reconstruction import Reconstruction
+from tomo.reconstruction import Callback, Reconstruction
 from tomo.solve._drive import (
-    Callback,
     States,
     additive_start,
     check_measured,

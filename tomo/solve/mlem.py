@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.reconstruction import Reconstruction
-from tomo.solve._drive import Callback, States, check_measured, drive, multiplicative_start, norm
+from tomo._groups import golden_section
+from tomo.reconstruction import Callback, Reconstruction
+from tomo.solve._drive import States, check_measured, drive, multiplicative_start, norm
 from tomo.viewed import ViewedOperator
 
 BARELY_SEEN = 0.01
@@ -119,8 +120,7 @@ def interleaved(count: int, parts: int) -> list[NDArray[np.int64]]:
             f"subsets: found {parts}, expected a whole number from 1 to that of pixels, {count}"
         )
     parts = int(parts)
-    golden = (5**0.5 - 1) / 2
-    part = np.floor((np.arange(count) * golden) % 1.0 * parts).astype(np.int64)
+    part = np.floor(golden_section(count) * parts).astype(np.int64)
     return [np.flatnonzero(part == number) for number in range(parts)]
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tomo.reconstruction import Reconstruction
+from tomo._groups import golden_section
+from tomo.reconstruction import Callback, Reconstruction
 from tomo.solve._drive import (
-    Callback,
     States,
     additive_start,
     check_measured,
@@ -24,8 +24,7 @@ def spread_order(count: int) -> list[int]:
 
     Steps of the golden section: after any number of views, those used are spread evenly.
     """
-    golden = (5**0.5 - 1) / 2
-    return [int(n) for n in np.argsort(np.argsort((np.arange(count) * golden) % 1.0))]
+    return [int(n) for n in np.argsort(np.argsort(golden_section(count)))]
 
 
 def sart(

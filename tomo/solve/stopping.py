@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo import solve
-from tomo.reconstruction import Reconstruction
+from tomo.reconstruction import Callback, Reconstruction
 from tomo.smooth_basis import SmoothBasis
-from tomo.solve._drive import Callback, check_measured, norm
+from tomo.solve._drive import check_measured, norm
 from tomo.solve._trials import CHECKPOINTS, Trial, views_to_leave_out
 from tomo.solve.mlem import interleaved
 from tomo.viewed import ViewedOperator

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from rigs import Camera, Rig
-from tomo.grid import VoxelGrid
+from rigs import Camera, Rig, nearest_point
+from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.view import shapes
 from tomo.view.frame import EYE, Up
 from tomo.view.isosurface import isosurface_scene
@@ -34,16 +34,17 @@ class Target:
         if grid is not None:
             return cls(np.array(grid.center), float(np.linalg.norm(grid.extent) / 2))
         positions = np.array([camera.position for camera in rig])
-        center = _nearest_point(positions, np.array([camera.R[2] for camera in rig]))
+        axes = np.array([camera.R[2] for camera in rig])
+        center, _ = nearest_point(positions, axes)
+        if np.linalg.norm(positions - center, axis=1).max() < 1e-9:  # a single camera
+            center = center + axes[0]
         distance = float(np.median(np.linalg.norm(positions - center, axis=1)))
         return cls(center, 0.02 * distance if distance > 0 else 1.0)
 
 
 def grid_of(rig: Rig, grid: VoxelGrid | None = None) -> VoxelGrid | None:
     """Return ``grid``, or the box that travels with the rig, or None."""
-    if grid is not None or rig.volume is None:
-        return grid
-    return VoxelGrid(rig.volume.shape, rig.volume.spacing, rig.volume.center)
+    return grid_of_rig(rig) if grid is None else grid
 
 
 def up_of(rig: Rig) -> Up:
@@ -261,18 +262,3 @@ def _field_of_view(camera: Camera, target: Target) -> Scene:
             Mesh(name, "field of view", *face, _FIELD, 0.10),
         )
     )
-
-
-def _nearest_point(positions: ArrayLike, directions: ArrayLike) -> NDArray[np.float64]:
-    """Return the point with the least sum of squared distances to lines; least norm if free.
-
-    The normal equations are ``sum_i (I - d_i d_i^T) (x - p_i) = 0``, solved about the mean
-    position, so that parallel lines give a point beside the cameras.
-    """
-    middle = positions.mean(axis=0)
-    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]  # (N, 3, 3)
-    right = (across @ (positions - middle)[:, :, None]).sum(axis=0)[:, 0]
-    point = middle + np.linalg.lstsq(across.sum(axis=0), right, rcond=1e-9)[0]
-    if np.linalg.norm(positions - point, axis=1).max() < 1e-9:  # a single camera
-        point = point + directions[0]
-    return point

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.reconstruction import Iteration, Reconstruction
+from tomo.reconstruction import Callback, Iteration, Reconstruction
 from tomo.wernet.encoder import WeightEncoder, load_encoder
 from tomo.wernet.model import WERNet
 from tomo.wernet.samples import RaySamples, epoch_batches
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 # Upper end of the random initial voxels, the measurement's maximum being one. With 1 instead, the
 # first predictions are several times too large and training ends much further from the truth.
 _START = 0.1
-
-Callback = Callable[[int, NDArray[np.float32], float], "bool | None"]
 
 
 class TrainingDivergedError(RuntimeError):
