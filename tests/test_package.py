@@ -16,7 +16,7 @@ HEAVY = ("torch", "open3d", "matplotlib", "plotly", "numba", "cv2", "trimesh", "
 FLOORS = [
     {"rigs"},
     {"tomo.grid", "tomo._compile", "tomo._groups", "tomo._memory", "tomo.metrics", "tomo.noise"},
-    {"phantoms", "tomo.io"},
+    {"phantoms", "tomo.io", "tomo.live_voxels"},
     {"tomo.rays", "tomo.segments"},
     {"tomo.trace", "tomo._visible"},
     {

@@ -20,6 +20,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     ],
     submod_attrs={
         "grid": ["VoxelGrid"],
+        "live_voxels": ["LiveVoxels"],
         "linear_system": ["LinearSystem"],
         "projector": ["Projector", "dot_test"],
         "rays": ["Rays"],

@@ -48,7 +48,8 @@ class Run:
 
         def watch(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
             if self.truth is not None:
-                distances.append(metrics.cosine_distance(volume, self.truth.ravel()))
+                seen = self.projector.live.expand(volume)
+                distances.append(metrics.cosine_distance(seen, self.truth.ravel()))
             if self.progress:
                 self.progress(index, total, name)
             return index > 0 and time.perf_counter() - solving > self.time_limit

@@ -13,7 +13,8 @@ from tomo.grid import VoxelGrid
 
 Callback = Callable[[int, NDArray[np.float32], float], bool | None]
 """Called as ``callback(index, volume, relative_residual)`` after each update, and before the
-first with index 0; ``volume`` is flat and must not be changed. Return True to stop."""
+first with index 0; ``volume`` holds the live voxels, flat, and must not be changed. Return True
+to stop."""
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,8 @@ class SmoothBasis(ViewedOperator):
 
     Notes
     -----
-    The kernel is cut at three standard deviations and sums to one; outside the grid there is
-    nothing, so ``G`` is symmetric and the adjoint is exact.
+    The kernel is cut at three standard deviations and sums to one; outside the grid, and in
+    voxels that are not live, there is nothing, so ``G`` is symmetric and the adjoint is exact.
     """
 
     def __init__(self, projector: ViewedOperator, width: float) -> None:
@@ -39,17 +39,19 @@ class SmoothBasis(ViewedOperator):
             raise ValueError(f"smooth basis width: found {width}, expected above 0 voxels")
         self.projector = projector
         self.width = float(width)
-        super().__init__(projector.shape[0], projector.grid, projector.view_ptr, projector.dtype)
+        super().__init__(
+            projector.shape[0], projector.grid, projector.view_ptr, projector.dtype, projector.live
+        )
 
     def __repr__(self) -> str:
         """Return the call that makes it."""
         return f"SmoothBasis({self.projector!r}, width={self.width})"
 
     def blur(self, coefficients: NDArray) -> NDArray:
-        """Return the volume ``G z`` of coefficients ``z``; the shape stays."""
-        volume = coefficients.reshape(self.grid.shape)
+        """Return the live voxels ``G z`` of coefficients ``z``; the shape stays."""
+        volume = self.live.expand(coefficients.ravel()).reshape(self.grid.shape)
         blurred = gaussian_filter(volume, self.width, mode="constant", truncate=3.0)
-        return blurred.reshape(coefficients.shape)
+        return self.live.compress(blurred).reshape(coefficients.shape)
 
     def _matvec(self, x: NDArray) -> NDArray:
         return self.projector @ self.blur(x.ravel())

@@ -1,4 +1,4 @@
-"""What every projector shares: its rows are pixels, grouped by view, its columns voxels."""
+"""What every projector shares: its rows are pixels, grouped by view, its columns live voxels."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from tomo.grid import VoxelGrid
+from tomo.live_voxels import LiveVoxels
 
 
 class ViewedOperator(LinearOperator):
@@ -27,17 +28,27 @@ class ViewedOperator(LinearOperator):
         Where each view's pixels begin; one view when None.
     dtype : float32 or float64
         Of the matrix entries.
+    live : LiveVoxels, optional
+        The voxels that are unknowns, one a column; all of the grid when None.
     """
 
     def __init__(
-        self, n_pixels: int, grid: VoxelGrid, view_ptr: ArrayLike | None, dtype: DTypeLike
+        self,
+        n_pixels: int,
+        grid: VoxelGrid,
+        view_ptr: ArrayLike | None,
+        dtype: DTypeLike,
+        live: LiveVoxels | None = None,
     ) -> None:
         self.grid = grid
+        self.live = LiveVoxels(grid) if live is None else live
+        if self.live.grid != grid:
+            raise ValueError(f"live: found voxels of {self.live.grid}, expected of {grid}")
         self.view_ptr = np.asarray([0, n_pixels] if view_ptr is None else view_ptr, np.int64)
         steps = np.diff(self.view_ptr)
         if self.view_ptr[0] != 0 or self.view_ptr[-1] != n_pixels or (steps < 0).any():
             raise ValueError(f"view_ptr: expected ascending from 0 to {n_pixels} pixels")
-        super().__init__(dtype=dtype, shape=(n_pixels, grid.size))
+        super().__init__(dtype=dtype, shape=(n_pixels, self.live.size))
 
     @property
     @abstractmethod
@@ -64,7 +75,7 @@ class ViewedOperator(LinearOperator):
 
     @cached_property
     def column_sums(self) -> NDArray[np.float64]:
-        """Length of all rays inside every voxel, ``(voxels,)``: ``A^T 1``; zero is unseen."""
+        """Length of all rays inside every live voxel, ``(voxels,)``: ``A^T 1``; 0 is unseen."""
         return self.T @ np.ones(self.shape[0])
 
     def view(self, number: int) -> Self:

@@ -68,13 +68,15 @@ def multiplicative_start(
 
 
 def _checked_start(projector: ViewedOperator, start: ArrayLike) -> NDArray[np.float32]:
-    start = _as_float32(start).copy()
-    if start.size != projector.shape[1] or not np.isfinite(start).all():
+    start = _as_float32(start)
+    unknowns, voxels = projector.shape[1], projector.grid.size
+    if start.size not in (unknowns, voxels) or not np.isfinite(start).all():
         raise ValueError(
             f"start: found shape {start.shape}, expected a finite volume of "
             f"{projector.grid.shape} voxels"
         )
-    return start.ravel()
+    flat = start.ravel()
+    return (projector.live.compress(flat) if start.size == voxels else flat).copy()
 
 
 def _as_float32(array: ArrayLike) -> NDArray[np.float32]:
@@ -112,7 +114,8 @@ def drive(
 ) -> Reconstruction:
     """Run a solver's generator for at most ``iterations`` updates and record what happens.
 
-    The generator yields the state after 0, 1, 2 ... updates; each is reported to ``callback``.
+    The generator yields the state after 0, 1, 2 ... updates; each is reported to ``callback`` as
+    it is, one value a live voxel. What is returned covers the grid, zero where no voxel is live.
 
     Raises
     ------
@@ -141,7 +144,7 @@ def drive(
     else:
         stop_reason = f"converged at iteration {len(history) - 1}"
     return Reconstruction(
-        volume=volume.reshape(projector.grid.shape).copy(),
+        volume=projector.live.expand(volume).reshape(projector.grid.shape).copy(),
         grid=projector.grid,
         history=tuple(history),
         settings={**settings, "iterations": iterations},

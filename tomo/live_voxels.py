@@ -1,0 +1,104 @@
+"""Which voxels are unknowns: all of a grid, or those that can be other than zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo.grid import VoxelGrid
+
+
+@dataclass(frozen=True, eq=False)
+class LiveVoxels:
+    """The unknowns of a reconstruction, numbered without gaps.
+
+    Unknown ``n`` is the voxel ``index[n]``; a voxel that is not live is known to be zero and takes
+    no part in anything.
+
+    Attributes
+    ----------
+    grid : VoxelGrid
+    index : (n,) int64, optional
+        Flat voxel numbers, ascending; None when all voxels are live.
+
+    Raises
+    ------
+    ValueError
+        If the numbers do not ascend or are not voxels of the grid.
+    """
+
+    grid: VoxelGrid
+    index: NDArray[np.int64] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if self.index is None:
+            return
+        index = self.index
+        if index.ndim != 1 or index.dtype != np.int64 or (np.diff(index) <= 0).any():
+            raise ValueError("live voxels index: expected an ascending int64 vector")
+        if len(index) and not (index[0] >= 0 and index[-1] < self.grid.size):
+            raise ValueError(
+                f"live voxels index: found {index[0]} to {index[-1]}, expected voxels of the "
+                f"grid, 0 to {self.grid.size - 1}"
+            )
+
+    @classmethod
+    def from_mask(cls, grid: VoxelGrid, mask: ArrayLike) -> LiveVoxels:
+        """Return the voxels where ``mask``, of the grid's shape or flat, is true."""
+        mask = np.asarray(mask, np.bool_).ravel()
+        if mask.size != grid.size:
+            raise ValueError(f"live mask: found {mask.size} voxels, expected {grid.size}")
+        return cls(grid) if mask.all() else cls(grid, np.flatnonzero(mask))
+
+    def __repr__(self) -> str:
+        """Name the sizes: the numbers themselves are too long to print."""
+        return f"<LiveVoxels: {self.size} of {self.grid}>"
+
+    @property
+    def all(self) -> bool:
+        """Whether every voxel is live."""
+        return self.index is None
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.grid.size if self.index is None else len(self.index)
+
+    @cached_property
+    def mask(self) -> NDArray[np.bool_]:
+        """True where a voxel is live, of the grid's shape."""
+        mask = np.full(self.grid.size, self.index is None)
+        if self.index is not None:
+            mask[self.index] = True
+        return mask.reshape(self.grid.shape)
+
+    @cached_property
+    def number(self) -> NDArray[np.integer]:
+        """The unknown of every voxel, -1 where there is none: ``(grid.size,)``."""
+        few = self.grid.size <= np.iinfo(np.int32).max
+        number = np.full(self.grid.size, -1, np.int32 if few else np.int64)
+        number[slice(None) if self.index is None else self.index] = np.arange(self.size)
+        return number
+
+    def expand(self, values: NDArray, fill: float = 0.0) -> NDArray:
+        """Return the flat volume of the unknowns ``values``, ``fill`` elsewhere: (grid.size,).
+
+        Nothing is copied when all voxels are live.
+        """
+        if self.index is None:
+            return values
+        volume = np.full(self.grid.size, fill, values.dtype)
+        volume[self.index] = values
+        return volume
+
+    def compress(self, volume: NDArray) -> NDArray:
+        """Return the unknowns of a volume, flat or of the grid's shape: ``(size,)``.
+
+        Nothing is copied when all voxels are live.
+        """
+        volume = volume.reshape(-1)
+        return volume if self.index is None else volume[self.index]
