@@ -1,17 +1,14 @@
 import re
 
-import numpy as np
 import pytest
 
-from rigs import Camera, Rig, arc, ring
-from rigs.camera import look_at
+from rigs import ring
 from tomo import LinearSystem, VoxelGrid
 from tomo.support import (
     BYTES_PER_VOXEL,
     check_memory,
     choose_form,
     estimate_memory,
-    point_in_view,
 )
 
 GRID = VoxelGrid((12, 30, 12), 0.7, (1.0, 2.0, 3.0))
@@ -34,7 +31,7 @@ def test_the_estimate_is_close_to_what_tracing_finds(supersample):
 
 def test_a_part_of_the_rays_is_enough_for_the_estimate(monkeypatch):
     whole = estimate_memory(tuple(RIG), GRID)
-    monkeypatch.setattr("tomo.support.SAMPLED_RAYS", 300)
+    monkeypatch.setattr("tomo.support.memory.SAMPLED_RAYS", 300)
     assert estimate_memory(tuple(RIG), GRID).segments == pytest.approx(whole.segments, rel=0.1)
 
 
@@ -79,28 +76,6 @@ def test_voxels_beyond_any_memory_are_counted_without_overflow():
     assert need.nbytes == pytest.approx(BYTES_PER_VOXEL * 1e27, rel=1e-6)
     with pytest.raises(ValueError, match="would fit"):
         check_memory(tuple(RIG), grid)
-
-
-@pytest.mark.parametrize("center", [(0, 0, 0), (1e4, -2.0, 3.5)])
-def test_where_a_rig_looks(center):
-    rig = ring(4, 40.0, 800.0, image_size=(30, 20), footprint=1.0, center=center)
-    np.testing.assert_allclose(point_in_view(rig), center, atol=1e-3)
-
-
-def test_where_no_middle_rays_meet():
-    assert point_in_view(RIG[0:1]) is None
-    assert point_in_view(Rig(())) is None
-    K = np.array([[100.0, 0, 9.5], [0, 100, 9.5], [0, 0, 1]])
-    outward = []
-    for number, place in enumerate(np.eye(3) * 50):  # three walls of a box, facing askew
-        R, t = look_at(place, place + np.roll(place, 1), (1, 1, 1))
-        outward.append(Camera(f"cam{number}", (20, 20), K, R=R, t=t))
-    assert point_in_view(Rig(tuple(outward))) is None
-
-
-def test_an_arc_looks_at_its_center():
-    rig = arc(5, 30.0, 500.0, image_size=(20, 20), footprint=1.0, center=(1.0, 2.0, 3.0))
-    np.testing.assert_allclose(point_in_view(rig), (1, 2, 3), atol=1e-3)
 
 
 def test_the_matrix_is_stored_where_it_fits_and_computed_on_the_fly_where_not():

@@ -1,4 +1,4 @@
-"""What the scene needs, before anything is traced: memory, and whether the volume is in view."""
+"""The memory that a reconstruction takes, and the form of projector that fits in it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera, Rig, nearest_point
+from rigs import Camera
 from tomo._groups import golden_section
 from tomo._memory import available_memory
 from tomo.grid import VoxelGrid
@@ -169,34 +169,6 @@ def choose_form(
         return STORED, takes
     check_memory(cameras, grid, form=ON_THE_FLY, supersample=supersample, available=available)
     return ON_THE_FLY, takes if wanted == "auto" else "asked for"
-
-
-def point_in_view(rig: Rig) -> NDArray[np.float64] | None:
-    """Return the point nearest to all cameras' middle rays, in least squares: where a rig looks.
-
-    None where they are parallel, or pass each other by more than a tenth of their length.
-    """
-    positions, sights = [], []
-    for camera in rig:
-        middle = (np.array([camera.image_size], np.float64) - 1) / 2
-        _, directions = camera.rays(middle)
-        if np.isfinite(directions).all():
-            sights.append(directions[0])
-            positions.append(camera.position)
-    if not sights:
-        return None
-    sights = np.array(sights)  # (cameras, 3)
-    point, certainty = nearest_point(np.array(positions), sights)
-    if certainty <= 1e-6 * len(rig):
-        return None
-    away = point - positions  # (cameras, 3)
-    along = np.sum(away * sights, axis=1, keepdims=True) * sights
-    missed = np.linalg.norm(away - along, axis=1)
-    length = np.linalg.norm(away, axis=1).mean()
-    if missed.mean() > 0.1 * length:
-        return None
-    digits = 6 - math.ceil(math.log10(length)) if length > 0 else 6  # no more than it is worth
-    return np.round(point, digits) + 0.0
 
 
 def _coarser_grid_that_fits(
