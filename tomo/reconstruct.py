@@ -10,19 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._first_use import warm_up
 from tomo._memory import peak_memory
+from tomo._request import check_device, check_hold_out, check_numbers, comparison
 from tomo._run import Run
 from tomo.grid import VoxelGrid
 from tomo.io import is_integer_image, read_volume
 from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
-from tomo.methods import AUTO, Method, method_named, method_names
-from tomo.on_the_fly import OnTheFlyProjector
+from tomo.methods import AUTO, method_named
 from tomo.outcome import Outcome, View
-from tomo.projector import Projector
-from tomo.rays import Rays
 from tomo.scan import Images, Masks, Scan
 from tomo.support import STORED
-from tomo.trace import trace
 
 
 def reconstruct(
@@ -86,10 +84,10 @@ def reconstruct(
     """
     started = time.perf_counter()
     main = method_named(method)
-    others = [(_comparison(name), count) for name, count in compare]
-    _check_numbers(seed, time_limit)
-    _check_device(device, [main, *(other for other, _ in others)])
-    _check_hold_out(hold_out, scan)
+    others = [(comparison(name), count) for name, count in compare]
+    check_numbers(seed, time_limit)
+    check_device(device, [main, *(other for other, _ in others)])
+    check_hold_out(hold_out, scan)
     grid = grid if grid is not None else scan.grid
     if grid is None:
         raise ValueError(
@@ -103,7 +101,7 @@ def reconstruct(
     held_out_images, held_out_masks = judged.read(frame) if judged else ([], [])
     loaded = time.perf_counter()
 
-    first_use = _warm_up(tracer)
+    first_use = warm_up(tracer)
     tracing = time.perf_counter()
     methods = [main, *(other for other, _ in others)]
     how: dict[str, Any] = {
@@ -126,7 +124,7 @@ def reconstruct(
         held_out = f"; held out: {', '.join(hold_out)}" if hold_out else ""
         raise VolumeNotSeenError(f"{scan.source}: {error}{held_out}") from None
     if system.form != STORED:
-        first_use += _warm_up(tracer, system.form)
+        first_use += warm_up(tracer, system.form)
     judged_system = _held_out_system(judged, grid, held_out_masks, how)
     warnings += _warnings_of_views(system, judged_system)
     traced = time.perf_counter()
@@ -196,64 +194,6 @@ def reconstruct(
         settings=settings,
         cosine_distances=tuple(run.cosine_distances),
     )
-
-
-def _comparison(name: str) -> Method:
-    known = [one for one in method_names() if one != AUTO]
-    if name not in known:
-        raise ValueError(f"compare: found {name!r}, expected one of {', '.join(known)}")
-    return method_named(name)
-
-
-def _check_numbers(seed: int, time_limit: float | None) -> None:
-    if not 0 <= seed < 2**63:
-        raise ValueError(f"seed: found {seed}, expected a whole number from 0 to 2^63 - 1")
-    if time_limit is not None and not time_limit > 0:
-        raise ValueError(f"time_limit: found {time_limit}, expected seconds above 0")
-
-
-def _check_device(device: str, methods: Sequence[Method]) -> None:
-    """Refuse a device that none of the methods runs on, or that is not there."""
-    if device == "cpu":
-        return
-    if not any(method.takes_device for method in methods):
-        raise ValueError(
-            f"device: found {device!r}, expected cpu for method {methods[0].name}: "
-            "only wernet-paper runs on others"
-        )
-    from tomo.wernet import usable_device
-
-    usable_device(device)
-
-
-def _check_hold_out(hold_out: Sequence[str], scan: Scan) -> None:
-    names = scan.rig.names
-    for name in hold_out:
-        if name not in names:
-            raise ValueError(
-                f"{scan.source}: hold_out: found camera {name!r}, "
-                f"expected one of {', '.join(names)}"
-            )
-    if set(hold_out) == set(names):
-        raise ValueError(
-            f"{scan.source}: hold_out: found all {len(names)} cameras, expected at least one "
-            "left to reconstruct from"
-        )
-
-
-def _warm_up(tracer: str, form: str = STORED) -> float:
-    """Trace and project two rays through eight voxels; return how long first use took."""
-    started = time.perf_counter()
-    grid = VoxelGrid((2, 2, 2), 1.0)
-    rays = Rays.from_lines([[-5, 0.5, 0.5], [-5, -0.5, 0.5]], [1.0, 0.0, 0.0])
-    if form == STORED:
-        for midpoints in (False, True):
-            projector = Projector(trace(rays, grid, tracer, midpoints=midpoints), grid)
-    else:
-        projector = OnTheFlyProjector(rays, grid)
-    for dtype in (np.float32, np.float64):
-        projector.T @ (projector @ np.ones(8, dtype))
-    return time.perf_counter() - started
 
 
 def _read_truth(scan: Scan, grid: VoxelGrid) -> tuple[NDArray[np.float32] | None, list[str]]:

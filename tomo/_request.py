@@ -1,0 +1,54 @@
+"""What may be asked of a reconstruction: each check names the argument, one line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tomo.methods import AUTO, Method, method_named, method_names
+from tomo.scan import Scan
+
+
+def comparison(name: str) -> Method:
+    """Return the method ``name`` to run beside another; ``auto`` is none."""
+    known = [one for one in method_names() if one != AUTO]
+    if name not in known:
+        raise ValueError(f"compare: found {name!r}, expected one of {', '.join(known)}")
+    return method_named(name)
+
+
+def check_numbers(seed: int, time_limit: float | None) -> None:
+    """Refuse a seed or a time limit out of range."""
+    if not 0 <= seed < 2**63:
+        raise ValueError(f"seed: found {seed}, expected a whole number from 0 to 2^63 - 1")
+    if time_limit is not None and not time_limit > 0:
+        raise ValueError(f"time_limit: found {time_limit}, expected seconds above 0")
+
+
+def check_device(device: str, methods: Sequence[Method]) -> None:
+    """Refuse a device that none of the methods runs on, or that is not there."""
+    if device == "cpu":
+        return
+    if not any(method.takes_device for method in methods):
+        raise ValueError(
+            f"device: found {device!r}, expected cpu for method {methods[0].name}: "
+            "only wernet-paper runs on others"
+        )
+    from tomo.wernet import usable_device
+
+    usable_device(device)
+
+
+def check_hold_out(hold_out: Sequence[str], scan: Scan) -> None:
+    """Refuse to hold out cameras that are not there, or all of them."""
+    names = scan.rig.names
+    for name in hold_out:
+        if name not in names:
+            raise ValueError(
+                f"{scan.source}: hold_out: found camera {name!r}, "
+                f"expected one of {', '.join(names)}"
+            )
+    if set(hold_out) == set(names):
+        raise ValueError(
+            f"{scan.source}: hold_out: found all {len(names)} cameras, expected at least one "
+            "left to reconstruct from"
+        )
