@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tomo.methods import AUTO, Method, method_named, method_names
+from tomo.outcome import UNSEEN
 from tomo.scan import Scan
 
 
@@ -22,6 +23,12 @@ def check_numbers(seed: int, time_limit: float | None) -> None:
         raise ValueError(f"seed: found {seed}, expected a whole number from 0 to 2^63 - 1")
     if time_limit is not None and not time_limit > 0:
         raise ValueError(f"time_limit: found {time_limit}, expected seconds above 0")
+
+
+def check_unseen(unseen: str) -> None:
+    """Refuse anything but the names of `tomo.outcome.UNSEEN`."""
+    if unseen not in UNSEEN:
+        raise ValueError(f"unseen: found {unseen!r}, expected one of {', '.join(UNSEEN)}")
 
 
 def check_device(device: str, methods: Sequence[Method]) -> None:

@@ -144,6 +144,13 @@ class LinearSystem:
             name for name, found in zip(self.rig.names, crossings, strict=True) if not found
         )
 
+    @property
+    def unseen(self) -> NDArray[np.bool_]:
+        """Which voxels no ray crosses though they may emit, of the grid's shape."""
+        live = self.projector.live
+        silent = live.expand(self.projector.column_sums == 0)
+        return silent.reshape(live.grid.shape)
+
     def flatten(self, images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
         """Return the pixels that take part, view after view: ``(pixels,)``."""
         return np.concatenate(

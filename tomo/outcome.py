@@ -16,6 +16,9 @@ from rigs import Rig
 from tomo import metrics
 from tomo.reconstruction import Reconstruction
 
+UNSEEN = (ZERO, NOT_A_NUMBER) = ("zero", "nan")
+"""What may stand in voxels that no ray crosses."""
+
 _REPORTED_PACKAGES = ("flametomo", "numpy", "scipy", "numba", "torch", "open3d", "open3d-cpu")
 
 
@@ -116,6 +119,8 @@ class Outcome:
         ``load, trace, solve, total`` and what else took time; ``choose`` is a part of ``solve``.
     first_use_seconds : float
         Compiling or loading kernels, once a process.
+    unseen : (nx, ny, nz) bool, optional
+        True where no usable ray of any camera crosses the voxel.
     warnings : tuple of str
         What the user should know before trusting the volume.
     settings : mapping
@@ -134,9 +139,18 @@ class Outcome:
     counts: Mapping[str, int] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     first_use_seconds: float = 0.0
+    unseen: NDArray[np.bool_] | None = None
     warnings: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     cosine_distances: tuple[tuple[float, ...], ...] = ()
+
+    @property
+    def volume(self) -> NDArray[np.float32]:
+        """The volume; NaN where no ray says anything if that was asked for, else zero there."""
+        volume = self.reconstruction.volume
+        if self.unseen is None or self.settings.get("unseen") != NOT_A_NUMBER:
+            return volume
+        return np.where(self.unseen, np.float32(np.nan), volume)
 
     def report(self) -> dict[str, Any]:
         """Return the contents of ``report.json``: plain numbers, strings, lists and mappings."""

@@ -12,13 +12,19 @@ from numpy.typing import NDArray
 
 from tomo._first_use import warm_up
 from tomo._memory import peak_memory
-from tomo._request import check_device, check_hold_out, check_numbers, comparison
+from tomo._request import (
+    check_device,
+    check_hold_out,
+    check_numbers,
+    check_unseen,
+    comparison,
+)
 from tomo._run import Run
 from tomo.grid import VoxelGrid
 from tomo.io import is_integer_image, read_volume
 from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
 from tomo.methods import AUTO, method_named
-from tomo.outcome import Outcome, View
+from tomo.outcome import ZERO, Outcome, View
 from tomo.scan import Images, Masks, Scan
 from tomo.support import STORED
 
@@ -35,6 +41,7 @@ def reconstruct(
     tracer: str = "march",
     projector: str = "auto",
     skip: bool = True,
+    unseen: str = ZERO,
     supersample: int = 1,
     device: str = "cpu",
     seed: int = 0,
@@ -65,6 +72,8 @@ def reconstruct(
         Whether the matrix is stored; ``auto`` stores it where it fits in memory.
     skip : bool
         Whether to leave out what cannot matter: pixels whose rays miss the grid.
+    unseen : {"zero", "nan"}
+        What `Outcome.volume` and the files hold where no usable ray crosses a voxel.
     supersample : int
         Rays along each side of a pixel.
     device : str
@@ -86,6 +95,7 @@ def reconstruct(
     main = method_named(method)
     others = [(comparison(name), count) for name, count in compare]
     check_numbers(seed, time_limit)
+    check_unseen(unseen)
     check_device(device, [main, *(other for other, _ in others)])
     check_hold_out(hold_out, scan)
     grid = grid if grid is not None else scan.grid
@@ -148,11 +158,12 @@ def reconstruct(
         judged_views = _views(judged_system, found.volume, held_out_images, held_out_masks)
         views += [replace(view, held_out=True) for view in judged_views]
     order = {name: place for place, name in enumerate(scan.rig.names)}
-    unseen = int(np.count_nonzero(system.projector.column_sums == 0))
-    if unseen:
-        share = unseen / grid.size
+    no_ray = system.unseen
+    n_unseen = int(np.count_nonzero(no_ray))
+    if n_unseen:
         warnings.append(
-            f"{share:.1%} of the voxels are seen by no camera: their zero says nothing"
+            f"{n_unseen / grid.size:.1%} of the voxels are seen by no camera: their {unseen} says "
+            "nothing"
         )
     settings = {
         "asked": {"method": method, "iterations": iterations},
@@ -161,6 +172,7 @@ def reconstruct(
         "tracer": tracer if system.form == STORED else "slabs",
         "projector": {"form": system.form, "reason": system.reason},
         "skip": skip,
+        "unseen": unseen,
         "supersample": supersample,
         "scale": scan.shrink,
         "device": device,
@@ -179,7 +191,7 @@ def reconstruct(
             "rays": system.projector.shape[0] * supersample**2,
             "segments": system.projector.n_crossings,
             "voxels": grid.size,
-            "active_voxels": grid.size - unseen,
+            "active_voxels": grid.size - n_unseen,
         },
         seconds={
             "load": loaded - started,
@@ -190,6 +202,7 @@ def reconstruct(
             "total": time.perf_counter() - started,
         },
         first_use_seconds=first_use,
+        unseen=no_ray,
         warnings=tuple(warnings),
         settings=settings,
         cosine_distances=tuple(run.cosine_distances),

@@ -52,6 +52,9 @@ def reconstruct(
         str, typer.Option(help="auto, stored (fastest) or on-the-fly (little memory).")
     ] = "auto",
     skip: Annotated[bool, typer.Option(help="Leave out what cannot matter.")] = True,
+    unseen: Annotated[
+        str, typer.Option(help="What stands where no ray crosses a voxel: zero or nan.")
+    ] = "zero",
     device: Annotated[str, typer.Option(help="For WERNet: cpu, cuda ...")] = "cpu",
     seed: Annotated[int, typer.Option(help="Of everything random.", min=0)] = 0,
     time_limit: Annotated[
@@ -83,6 +86,7 @@ def reconstruct(
                 tracer=tracer,
                 projector=projector,
                 skip=skip,
+                unseen=unseen,
                 supersample=supersample,
                 device=device,
                 seed=seed,

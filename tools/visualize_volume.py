@@ -28,7 +28,7 @@ def visualize_volume(
         from tomo.view.isosurface import isosurface_scene
         from tomo.view.rig_scene import volume_scene
 
-        data, grid, unit = read_volume(volume)
+        data, grid, unit = read_volume(volume, allow_nan=True)
         heading = title if title is not None else volume.stem
         scene = None
         for path in out:

@@ -9,10 +9,10 @@ import yaml
 from phantoms import create
 from rigs import load_rig, ring
 from tomo import Scan, VoxelGrid
-from tomo.io import write_volume
+from tomo.io import read_volume, write_volume
 from tomo.reconstruct import reconstruct
 from tomo.simulate import simulate
-from tomo.view.outcome_files import results_of
+from tomo.view.outcome_files import VOLUME_FILES, results_of, write_outcome
 
 GRID = VoxelGrid((10, 20, 10), 1.0, (1.0, -2.0, 0.5))
 REPORT = {
@@ -291,6 +291,22 @@ def test_unseen_voxels_are_counted_and_told(folder):
     assert 0 < found.counts["active_voxels"] < wide.size
     share = 1 - found.counts["active_voxels"] / wide.size
     assert any(w.startswith(f"{share:.1%} of the voxels are seen by no") for w in found.warnings)
+
+
+def test_unseen_voxels_are_marked_on_request(folder, tmp_path):
+    wide = VoxelGrid((60, 20, 10), 1.0, GRID.center)
+    zero = reconstruct(Scan.load(folder), wide, **SIRT)
+    marked = reconstruct(Scan.load(folder), wide, unseen="nan", **SIRT)
+    unseen = np.isnan(marked.volume)
+    assert unseen.sum() == wide.size - marked.counts["active_voxels"] > 0
+    np.testing.assert_array_equal(marked.volume[~unseen], zero.volume[~unseen])
+    assert not zero.volume[unseen].any()
+    write_outcome(tmp_path, marked)
+    for name in VOLUME_FILES:
+        written, _, _ = read_volume(tmp_path / name, allow_nan=True)
+        np.testing.assert_array_equal(np.isnan(written), unseen)
+    with pytest.raises(ValueError, match="unseen: found 'none', expected one of zero, nan"):
+        reconstruct(Scan.load(folder), unseen="none", **SIRT)
 
 
 def test_dark_images_give_an_empty_volume_and_a_warning(copy):

@@ -22,13 +22,15 @@ from tomo.io.atomic import atomic_path
 Volume = tuple[NDArray[np.float32], VoxelGrid, str]
 
 
-def read_volume(path: str | os.PathLike) -> Volume:
+def read_volume(path: str | os.PathLike, *, allow_nan: bool = False) -> Volume:
     """Read a volume.
 
     Parameters
     ----------
     path : path-like
         A ``.npz`` (keys ``data, origin, spacing, length_unit``), ``.vti`` or ``.nrrd`` file.
+    allow_nan : bool
+        Whether voxels may be NaN, as `tomo.outcome.Outcome.volume` marks unseen ones.
 
     Returns
     -------
@@ -55,7 +57,7 @@ def read_volume(path: str | os.PathLike) -> Volume:
         with np.errstate(over="ignore"):  # too large a number is told as infinity below
             data = np.ascontiguousarray(data, dtype=np.float32)
         grid = VoxelGrid.from_origin(data.shape, spacing, origin)
-        _check_finite(data)
+        _check_finite(data, allow_nan)
     except Exception as error:  # parsers of foreign bytes may raise anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"{path}: not a readable volume: {reason}") from error
@@ -63,7 +65,12 @@ def read_volume(path: str | os.PathLike) -> Volume:
 
 
 def write_volume(
-    path: str | os.PathLike, data: ArrayLike, grid: VoxelGrid, length_unit: str = "mm"
+    path: str | os.PathLike,
+    data: ArrayLike,
+    grid: VoxelGrid,
+    length_unit: str = "mm",
+    *,
+    allow_nan: bool = False,
 ) -> None:
     """Write a volume as ``.npz``, ``.vti`` or ``.nrrd``, whole or not at all.
 
@@ -76,6 +83,8 @@ def write_volume(
     grid : VoxelGrid
     length_unit : str
         One short word.
+    allow_nan : bool
+        Whether voxels may be NaN: unseen ones.
 
     Raises
     ------
@@ -95,7 +104,7 @@ def write_volume(
     with np.errstate(over="ignore"):
         data = np.ascontiguousarray(data, dtype=np.float32)
     try:
-        _check_finite(data)
+        _check_finite(data, allow_nan)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     with atomic_path(path) as temporary:
@@ -108,8 +117,8 @@ def check_length_unit(length_unit: str) -> None:
         raise ValueError(f"length_unit: found {length_unit!r}, expected one word, like mm")
 
 
-def _check_finite(data: NDArray[np.float32]) -> None:
-    bad = ~np.isfinite(data)
+def _check_finite(data: NDArray[np.float32], allow_nan: bool) -> None:
+    bad = np.isinf(data) if allow_nan else ~np.isfinite(data)
     if bad.any():
         first = tuple(np.argwhere(bad)[0].tolist())
         raise ValueError(f"found {bad.sum()} NaN or infinite voxels, the first at {first}")

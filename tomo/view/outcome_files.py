@@ -33,7 +33,7 @@ def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
     found = outcome.reconstruction
     paths = [folder / name for name in VOLUME_FILES]
     for path in paths:
-        write_volume(path, found.volume, found.grid, outcome.rig.length_unit)
+        write_volume(path, outcome.volume, found.grid, outcome.rig.length_unit, allow_nan=True)
     report = outcome.report()
     results = results_of(outcome)
     pictures = draw(results)
