@@ -1,18 +1,24 @@
 """Classic solvers, one signature: ``solve(projector, measured, *, iterations, ...)``.
 
-| name | what it is                                              |
-|------|---------------------------------------------------------|
-| art  | Kaczmarz: one ray at a time                             |
-| sirt | all rays at once, weighted least squares                |
-| sart | one view at a time                                      |
-| mart | one ray at a time, multiplicative                       |
-| mlem | all rays at once, multiplicative, Poisson likelihood    |
-| cgls | conjugate gradients on the normal equations             |
+| name     | what it is                                                       |
+|----------|------------------------------------------------------------------|
+| art      | Kaczmarz: one ray at a time                                      |
+| sirt     | all rays, or ordered subsets of them, at once: least squares     |
+| sart     | one view at a time                                               |
+| mart     | one ray at a time, multiplicative                                |
+| smart    | all rays at once, multiplicative, cross entropy                  |
+| mlem     | all rays at once, multiplicative, Poisson likelihood             |
+| cgls     | conjugate gradients on the normal equations                      |
+| nnls     | non-negative least squares by projected conjugate gradients      |
+| tikhonov | the same with a penalty on differences of neighbours             |
+| tv       | least squares with a penalty on total variation                  |
 """
 
 import lazy_loader
 
-METHODS = ("art", "cgls", "mart", "mlem", "sart", "sirt")
+METHODS = (
+    "art", "cgls", "mart", "mlem", "nnls", "sart", "sirt", "smart", "tikhonov", "tv",
+)  # fmt: skip
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
@@ -21,9 +27,13 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "cgls": ["cgls"],
         "mart": ["mart"],
         "mlem": ["mlem"],
+        "nnls": ["nnls"],
         "sart": ["sart"],
         "sirt": ["sirt"],
+        "smart": ["smart"],
         "stopping": ["choose_by_held_out_views", "Choice"],
+        "tikhonov": ["tikhonov"],
+        "tv": ["tv"],
     },
 )
 __all__ += ["METHODS"]

@@ -6,17 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tomo.reconstruction import Callback, Reconstruction
-from tomo.solve._drive import (
-    States,
-    additive_start,
-    check_measured,
-    drive,
-    norm,
-    unit_of,
-)
+from tomo.solve._drive import States, drive, norm
+from tomo.solve._least_squares import LeastSquares, Size
+from tomo.solve._projected import SINGLE_PRECISION
 from tomo.viewed import ViewedOperator
-
-SINGLE_PRECISION = float(np.finfo(np.float32).eps)
 
 
 def cgls(
@@ -26,14 +19,17 @@ def cgls(
     iterations: int = 20,
     start: ArrayLike | None = None,
     nonnegative: bool = True,
+    weights: ArrayLike | None = None,
+    strength: float = 0.0,
     callback: Callback | None = None,
 ) -> Reconstruction:
-    """Minimise ``||b - A x||`` by conjugate gradients on ``A^T A x = A^T b``.
+    """Minimise ``||W^½ (b - A x)||² + s m ||x||²`` by conjugate gradients.
 
     The fastest of the classic methods on clean images; on noisy ones it must be stopped early.
     The recurrence knows no bounds: with ``nonnegative`` each volume reported and returned is
     ``max(x, 0)``, while the iteration goes on from the unclipped ``x``. Its history holds the
-    residual of the unclipped ``x``, which the recurrence gives for nothing.
+    residual of the unclipped ``x``, which the recurrence gives for nothing. `tomo.solve.nnls`
+    finds the best non-negative volume in hardly more time.
 
     Parameters
     ----------
@@ -45,8 +41,21 @@ def cgls(
         Zeros when None.
     nonnegative : bool
         Whether negative voxels are set to zero in what is reported.
+    weights : (pixels,), optional
+        The diagonal of ``W``, such as the inverse variances of the pixels; ones when None. With
+        weights the history holds ``||W^½ (b - A x)|| / ||W^½ b||``.
+    strength : float
+        ``s``, >= 0: damping. ``m`` is the largest element of ``A^T W A 1``, so that ``s`` has no
+        unit.
     callback : callable, optional
         ``callback(index, volume, relative_residual)``; returns True to stop.
+
+    Notes
+    -----
+    No preconditioner: with the reciprocals of the column sums, of the diagonal of ``A^T A`` or of
+    its row sums, 33 views of a flame took as many iterations as without, from a cosine distance
+    of 1e-3 to 1e-7 alike. The recurrence's residual, in single precision with scalars in double,
+    stays true far beyond 1e-8, so that it is never computed anew.
 
     References
     ----------
@@ -54,18 +63,18 @@ def cgls(
     Research of the National Bureau of Standards 49 (1952), section 10; Björck, "Numerical
     Methods for Least Squares Problems" (1996), algorithm 7.4.1.
     """
-    measured = check_measured(projector, measured)
+    problem = LeastSquares(projector, measured, weights, Size(), strength)
 
     def states() -> States:
-        unit = unit_of(measured)
-        x = additive_start(projector, start, nonnegative=False) / unit
-        residual = measured / unit - projector @ x
-        gradient = projector.T @ residual
+        x = problem.start(start, nonnegative=False)
+        residual = problem.target - problem.forward(x)
+        gradient = problem.adjoint(residual)
         direction = gradient
         gamma = gamma_start = norm(gradient) ** 2
         while True:
-            yield unit * (np.maximum(x, 0) if nonnegative else x), float(unit) * norm(residual)
-            image = projector @ direction
+            volume = np.maximum(x, 0) if nonnegative else x
+            yield problem.unit * volume, problem.misfit(residual)
+            image = problem.forward(direction)
             curvature = norm(image) ** 2
             # At the limit of single precision there is no direction left to go.
             if curvature == 0 or gamma <= gamma_start * SINGLE_PRECISION**2:
@@ -73,15 +82,20 @@ def cgls(
             step = np.float32(gamma / curvature)
             x = x + step * direction
             residual = residual - step * image
-            gradient = projector.T @ residual
+            gradient = problem.adjoint(residual)
             gamma, previous = norm(gradient) ** 2, gamma
             direction = gradient + np.float32(gamma / previous) * direction
 
     return drive(
         states(),
         projector,
-        measured,
+        problem.measured,
         iterations=iterations,
         callback=callback,
-        settings={"method": "cgls", "nonnegative": nonnegative},
+        settings={
+            "method": "cgls",
+            "nonnegative": nonnegative,
+            "weighted": weights is not None,
+            "strength": strength,
+        },
     )

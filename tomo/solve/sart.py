@@ -15,7 +15,7 @@ from tomo.solve._drive import (
     drive,
     norm,
 )
-from tomo.solve.sirt import reciprocal
+from tomo.solve.sirt import Block
 from tomo.viewed import ViewedOperator
 
 
@@ -53,17 +53,15 @@ def sart(
     blocks = []
     for position in spread_order(len(views)):
         number = views[position]
-        block = projector.view(number)
         pixels = measured[projector.view_ptr[number] : projector.view_ptr[number + 1]]
-        blocks.append((block, pixels, reciprocal(block.row_sums), reciprocal(block.column_sums)))
+        blocks.append(Block(projector.view(number), pixels, None))
 
     def states() -> States:
         x = additive_start(projector, start, nonnegative)
         while True:
             yield x, norm(measured - projector @ x)
-            for block, pixels, per_row, per_column in blocks:
-                residual = pixels - block @ x
-                x = x + relaxation * per_column * (block.T @ (per_row * residual))
+            for block in blocks:
+                x = x + relaxation * block.update(block.residual(x))
                 if nonnegative:
                     x = np.maximum(x, 0)
 

@@ -14,12 +14,44 @@ from tomo.solve._drive import (
     drive,
     norm,
 )
+from tomo.solve._least_squares import check_weights
+from tomo.solve.mlem import interleaved
 from tomo.viewed import ViewedOperator
 
 
-def reciprocal(sums: NDArray[np.float64]) -> NDArray[np.float32]:
+def reciprocal(sums: NDArray[np.floating]) -> NDArray[np.float32]:
     """Return ``1 / sums`` with zero where a ray meets no voxel or a voxel no ray."""
     return np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0).astype(np.float32)
+
+
+class Block:
+    """The update ``C A^T W R (b - A x)`` from some of the pixels.
+
+    ``R`` are the reciprocals of the row sums of A and ``C`` those of its column sums, weighted.
+    """
+
+    def __init__(
+        self,
+        projector: ViewedOperator,
+        measured: NDArray[np.float32],
+        weights: NDArray[np.float32] | None,
+    ) -> None:
+        self.projector = projector
+        self.measured = measured
+        self.per_row = reciprocal(projector.row_sums)
+        columns = projector.column_sums
+        if weights is not None:
+            self.per_row = weights * self.per_row
+            columns = projector.T @ weights.astype(np.float64)
+        self.per_column = reciprocal(columns)
+
+    def residual(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return ``b - A x``."""
+        return self.measured - self.projector @ x
+
+    def update(self, residual: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return ``C A^T W R r``."""
+        return self.per_column * (self.projector.T @ (self.per_row * residual))
 
 
 def sirt(
@@ -29,13 +61,15 @@ def sirt(
     iterations: int = 100,
     start: ArrayLike | None = None,
     nonnegative: bool = True,
+    weights: ArrayLike | None = None,
     relaxation: float = 1.0,
+    subsets: int = 1,
     callback: Callback | None = None,
 ) -> Reconstruction:
-    """Solve by SIRT: ``x <- x + r C A^T R (b - A x)``.
+    """Solve by SIRT: ``x <- x + r C A^T W R (b - A x)``.
 
-    ``R`` and ``C`` are the reciprocal row and column sums of A. It descends the weighted least
-    squares ``(b - A x)^T R (b - A x)`` and converges for ``0 < r < 2``.
+    ``R`` are the reciprocals of the row sums of A, ``C`` those of ``A^T W 1``. It descends the
+    weighted least squares ``(b - A x)^T W R (b - A x)`` and converges for ``0 < r < 2``.
 
     Parameters
     ----------
@@ -47,34 +81,60 @@ def sirt(
         Zeros when None.
     nonnegative : bool
         Whether the start and each update become ``max(x, 0)``.
+    weights : (pixels,), optional
+        The diagonal of ``W``, such as the inverse variances of the pixels; ones when None. With
+        weights the history holds ``||W^½ (b - A x)|| / ||W^½ b||``.
     relaxation : float
         ``r``.
+    subsets : int
+        Above 1, each iteration updates once from each of as many interleaved parts of the pixels
+        (every part sees all views), which makes one iteration nearly worth ``subsets``; it then
+        ends in a cycle around the solution, as small as the images are consistent. Whole views
+        as parts: `tomo.solve.sart`.
     callback : callable, optional
         ``callback(index, volume, relative_residual)``; returns True to stop.
 
     References
     ----------
     Gregor and Benson, "Computational analysis and improvement of SIRT", IEEE Transactions on
-    Medical Imaging 27 (2008), equation 4.
+    Medical Imaging 27 (2008), equation 4; ordered subsets: Censor and Elfving, "Block-iterative
+    algorithms with diagonally scaled oblique projections", SIAM Journal on Matrix Analysis and
+    Applications 24 (2002).
     """
     measured = check_measured(projector, measured)
     relaxation = check_relaxation(relaxation)
-    per_row, per_column = reciprocal(projector.row_sums), reciprocal(projector.column_sums)
+    weights = check_weights(projector, weights)
+    root = None if weights is None else np.sqrt(weights)
+    whole = Block(projector, measured, weights)
+    blocks = [
+        Block(projector.take(part), measured[part], None if weights is None else weights[part])
+        for part in interleaved(len(measured), subsets)
+        if subsets > 1
+    ] or [whole]
 
     def states() -> States:
         x = additive_start(projector, start, nonnegative)
         while True:
-            residual = measured - projector @ x
-            yield x, norm(residual)
-            x = x + relaxation * per_column * (projector.T @ (per_row * residual))
-            if nonnegative:
-                x = np.maximum(x, 0)
+            residual = whole.residual(x)
+            yield x, norm(residual if root is None else root * residual)
+            for block in blocks:
+                if block is not whole:
+                    residual = block.residual(x)
+                x = x + relaxation * block.update(residual)
+                if nonnegative:
+                    x = np.maximum(x, 0)
 
     return drive(
         states(),
         projector,
-        measured,
+        measured if root is None else root * measured,
         iterations=iterations,
         callback=callback,
-        settings={"method": "sirt", "nonnegative": nonnegative, "relaxation": relaxation},
+        settings={
+            "method": "sirt",
+            "nonnegative": nonnegative,
+            "weighted": weights is not None,
+            "relaxation": relaxation,
+            "subsets": subsets,
+        },
     )

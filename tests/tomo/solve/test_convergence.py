@@ -10,8 +10,12 @@ ENOUGH = {
     "cgls": {"iterations": 60},
     "mart": {"iterations": 60},
     "mlem": {"iterations": 400},
+    "nnls": {"iterations": 60},
     "sart": {"iterations": 60},
     "sirt": {"iterations": 400},
+    "smart": {"iterations": 400},
+    "tikhonov": {"iterations": 60, "strength": 1e-7},
+    "tv": {"iterations": 200, "strength": 1e-6},
 }
 
 
@@ -79,7 +83,7 @@ def test_cgls_stops_by_itself_where_single_precision_ends(projector_of):
     assert len(found.history) < 100
 
 
-@pytest.mark.parametrize("method", ["art", "cgls", "sirt", "sart"])
+@pytest.mark.parametrize("method", ["art", "cgls", "nnls", "sirt", "sart"])
 def test_from_zero_an_underdetermined_system_gets_its_solution_of_least_norm(projector_of, method):
     random = np.random.default_rng(4)
     matrix = random.uniform(0.2, 1.5, (5, 12)).astype(np.float32).astype(np.float64)
