@@ -1,0 +1,218 @@
+"""Where rays come from when they are needed: stored, or made from a camera's pixels.
+
+A source has pixels with rays and writes the rays' courses through a grid (`tomo.trace.layers`) for
+some of its pixels at a time. Taking some pixels of it takes their numbers, nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Camera
+from tomo._groups import take_groups
+from tomo.grid import VoxelGrid
+from tomo.rays import Rays
+from tomo.trace import layers
+
+PIXELS_AT_ONCE = 65_536  # while the bend of a lens is made
+
+Numbers = slice | NDArray[np.integer]
+
+
+def corners_and_spacing(grid: VoxelGrid) -> NDArray[np.float64]:
+    """Return a grid's lower corner, upper corner and spacing, ``(3, 3)``."""
+    return np.stack([grid.lower, grid.upper, np.asarray(grid.spacing)])
+
+
+class PixelSource(ABC):
+    """Pixels of one view with their rays."""
+
+    @property
+    @abstractmethod
+    def n_pixels(self) -> int:
+        """Number of pixels."""
+
+    @abstractmethod
+    def take(self, numbers: Numbers) -> PixelSource:
+        """Return the source of some of the pixels."""
+
+    @abstractmethod
+    def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
+        """Return where the rays of each of the pixels ``start:stop`` begin, from zero on."""
+
+    def portions(self, rays: int) -> Iterator[tuple[int, int, int]]:
+        """Go through the pixels, about ``rays`` rays at a time: ``start, stop, rays``."""
+        start = 0
+        while start < self.n_pixels:
+            stop = self.last_within(start, rays)
+            yield start, stop, int(self.ray_ptr(start, stop)[-1])
+            start = stop
+
+    @abstractmethod
+    def last_within(self, start: int, rays: int) -> int:
+        """Return where to stop for ``rays`` rays from pixel ``start`` on, one pixel at least."""
+
+    @abstractmethod
+    def write(
+        self,
+        start: int,
+        stop: int,
+        grid: VoxelGrid,
+        axis: int,
+        bits: int,
+        whole: NDArray[np.int64],
+        real: NDArray[np.float64],
+    ) -> None:
+        """Write the courses of the rays of pixels ``start:stop`` that have ``axis`` for long axis.
+
+        ``whole`` (rays, 8) and ``real`` (rays, 5) have a row for each ray; one with another long
+        axis, or one that misses the grid, gets no layers.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class RayPixels(PixelSource):
+    """Pixels of stored rays; ``rows`` are their numbers, None for all."""
+
+    rays: Rays
+    rows: NDArray[np.int64] | None = None
+
+    @property
+    def n_pixels(self) -> int:
+        return self.rays.n_pixels if self.rows is None else len(self.rows)
+
+    def take(self, numbers: Numbers) -> RayPixels:
+        rows = np.arange(self.rays.n_pixels) if self.rows is None else self.rows
+        return RayPixels(self.rays, rows[numbers])
+
+    def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
+        ptr = self.rays.pixel_ptr
+        if self.rows is None:
+            return ptr[start : stop + 1] - ptr[start]
+        rows = self.rows[start:stop]
+        return np.concatenate([np.zeros(1, np.int64), np.cumsum(ptr[rows + 1] - ptr[rows])])
+
+    def last_within(self, start: int, rays: int) -> int:
+        ptr = self.ray_ptr(start, min(start + rays, self.n_pixels))
+        return start + max(int(np.searchsorted(ptr, rays, side="right")) - 1, 1)
+
+    def write(self, start, stop, grid, axis, bits, whole, real) -> None:
+        rays = self.rays
+        if self.rows is None:
+            some = slice(int(rays.pixel_ptr[start]), int(rays.pixel_ptr[stop]))
+        else:
+            _, some = take_groups(rays.pixel_ptr, self.rows[start:stop])
+        layers.of_rays(
+            rays.origins[some], rays.directions[some], rays.lengths[some], rays.weight[some],
+            corners_and_spacing(grid), grid.shape, axis, bits, whole, real,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPixels(PixelSource):
+    """Pixels of a camera, whose rays are those of `tomo.rays.Rays.from_camera`.
+
+    Attributes
+    ----------
+    camera : Camera
+    pixels : (P,) int32 or int64
+        Flat pixel numbers ``row * width + column``.
+    supersample : int
+        Rays along each side of a pixel.
+    bend : (B, K², 2) float32, (B, K², 3) float64 or (0, 0, 0)
+        What the lens does, as in `tomo.trace.layers.of_pixels`: for a fisheye the directions
+        themselves, for the others what is added to the pinhole's image coordinates; that is small
+        and good to 1e-9 in single precision. A lens without distortion needs nothing.
+    rows : (P,) int, optional
+        Which row of ``bend`` is each pixel's; None where they are in order.
+    """
+
+    camera: Camera
+    pixels: NDArray[np.integer]
+    supersample: int
+    bend: NDArray[np.floating]
+    rows: NDArray[np.integer] | None = None
+
+    @classmethod
+    def of(
+        cls, camera: Camera, pixels: NDArray[np.integer] | None = None, supersample: int = 1
+    ) -> CameraPixels:
+        """Return the source of some pixels of a camera, or of all.
+
+        Raises
+        ------
+        ValueError
+            If ``supersample`` is below one.
+        """
+        if supersample < 1:
+            raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
+        count = math.prod(camera.image_size)
+        kind = np.int32 if count <= np.iinfo(np.int32).max else np.int64
+        pixels = np.arange(count, dtype=kind) if pixels is None else np.asarray(pixels, kind)
+        return cls(camera, pixels, supersample, _bend(camera, pixels, supersample))
+
+    @property
+    def n_pixels(self) -> int:
+        return len(self.pixels)
+
+    def take(self, numbers: Numbers) -> CameraPixels:
+        if not self.bend.size:
+            return replace(self, pixels=self.pixels[numbers])
+        rows = np.arange(len(self.bend), dtype=np.int32) if self.rows is None else self.rows
+        return replace(self, pixels=self.pixels[numbers], rows=rows[numbers])
+
+    def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
+        return np.arange(stop - start + 1, dtype=np.int64) * self.supersample**2
+
+    def last_within(self, start: int, rays: int) -> int:
+        return min(start + max(rays // self.supersample**2, 1), self.n_pixels)
+
+    def write(self, start, stop, grid, axis, bits, whole, real) -> None:
+        some = slice(start, stop)
+        bend = self.bend
+        if bend.size:
+            bend = bend[some] if self.rows is None else bend[self.rows[some]]
+        (fx, skew, cx), (_, fy, cy) = self.camera.camera_matrix[:2]
+        layers.of_pixels(
+            self.pixels[some], bend, self.camera.image_size[0], np.array([fx, skew, cx, fy, cy]),
+            _steps(self.supersample), self.camera.R, self.camera.position,
+            corners_and_spacing(grid), grid.shape, axis, bits, whole, real,
+        )  # fmt: skip
+
+
+def _steps(supersample: int) -> NDArray[np.float64]:
+    """Return the places of a pixel's rays along one side of it, from its centre."""
+    return (np.arange(supersample) + 0.5) / supersample - 0.5
+
+
+def _bend(
+    camera: Camera, pixels: NDArray[np.integer], supersample: int
+) -> NDArray[np.float32] | NDArray[np.float64]:
+    """Return what a camera's lens does to the rays of pixels; see `CameraPixels`."""
+    if not any(camera.distortion.coefficients) and camera.distortion.model != "fisheye":
+        return np.zeros((0, 0, 0), np.float32)
+    fisheye = camera.distortion.model == "fisheye"
+    shape = (len(pixels), supersample**2, 3 if fisheye else 2)
+    bend = np.zeros(shape, np.float64 if fisheye else np.float32)
+    (fx, skew, cx), (_, fy, cy) = camera.camera_matrix[:2]
+    steps = _steps(supersample)
+    width = camera.image_size[0]
+    at_once = max(PIXELS_AT_ONCE // supersample**2, 1)
+    for first in range(0, len(pixels), at_once):
+        some = slice(first, first + at_once)
+        down = (pixels[some] // width)[:, None, None] + steps[:, None]  # (P, K, 1)
+        right = (pixels[some] % width)[:, None, None] + steps  # (P, 1, K)
+        y = np.broadcast_to((down - cy) / fy, (len(down), supersample, supersample))
+        x = (right - cx - skew * y) / fx
+        plane = np.stack([x, y], axis=-1).reshape(-1, 2)
+        seen = camera.distortion.unproject(plane)  # (P * K², 3)
+        if not fisheye:
+            seen = seen[:, :2] / seen[:, 2:] - plane
+        bend[some] = seen.reshape(-1, *shape[1:])
+    return bend
