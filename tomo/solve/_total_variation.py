@@ -13,7 +13,7 @@ from tomo.solve._gradient import Gradient, difference, divergence
 
 
 @compiled(parallel=True)
-def _raise_dual(volume, inverse, factors, weight, momentum, dual, ahead):
+def _raise_dual(volume, inverse, stretch, factors, weight, momentum, dual, ahead):
     """Step the dual field up its gradient, back into its balls, and extrapolate it, in place.
 
     The step is 1 over the row sum of ``|D C D^T|``, which bounds its largest eigenvalue voxel by
@@ -21,7 +21,7 @@ def _raise_dual(volume, inverse, factors, weight, momentum, dual, ahead):
     """
     nx, ny, nz = volume.shape
     span = np.float32(2) * (factors[0] + factors[1] + factors[2])
-    span *= max(factors[0], factors[1], factors[2])
+    span *= stretch * max(factors[0], factors[1], factors[2])
     for i in numba.prange(nx):
         for j in range(ny):
             for k in range(nz):
@@ -55,12 +55,12 @@ def _raise_dual(volume, inverse, factors, weight, momentum, dual, ahead):
 
 
 @compiled(parallel=True)
-def _lower_primal(center, inverse, factors, lowest, field, volume):
-    """Set ``volume`` to ``max(center - C D^T field, lowest)``."""
+def _lower_primal(center, inverse, stretch, factors, lowest, field, volume):
+    """Set ``volume`` to ``max(center - stretch C D^T field, lowest)``."""
     for i in numba.prange(volume.shape[0]):
         for j in range(volume.shape[1]):
             for k in range(volume.shape[2]):
-                moved = inverse[i, j, k] * divergence(field, i, j, k, factors)
+                moved = stretch * inverse[i, j, k] * divergence(field, i, j, k, factors)
                 volume[i, j, k] = max(center[i, j, k] - moved, lowest)
 
 
@@ -89,9 +89,9 @@ class TotalVariation:
         self._dual = np.zeros((*gradient.shape, 3), np.float32)
 
     def proximal(
-        self, center: NDArray[np.float32], weight: float, steps: int
+        self, center: NDArray[np.float32], weight: float, steps: int, stretch: float = 1.0
     ) -> NDArray[np.float32]:
-        """Return nearly the minimum of ``½ (x - c)^T C^-1 (x - c) + weight TV(x)``.
+        """Return nearly the minimum of ``½ (x - c)^T C^-1 (x - c) / stretch + weight TV(x)``.
 
         Beck and Teboulle's fast gradient projection on the dual, ``steps`` steps.
 
@@ -100,20 +100,20 @@ class TotalVariation:
         center : (unknowns,) float32
         weight : float
         steps : int
+        stretch : float
         """
         center = self.gradient.place(center)
         volume = np.zeros_like(center)
         ahead = self._dual.copy()
-        weight = np.float32(weight)
-        last, factors = 1.0, self.gradient.factors
-        bounded = center, self._inverse, factors, self._lowest
+        last = 1.0
+        metric = self._inverse, np.float32(stretch), self.gradient.factors
         for _ in range(steps):
-            _lower_primal(*bounded, ahead, volume)
+            _lower_primal(center, *metric, self._lowest, ahead, volume)
             following = (1 + math.sqrt(1 + 4 * last**2)) / 2
             momentum = np.float32((last - 1) / following)
             last = following
-            _raise_dual(volume, self._inverse, factors, weight, momentum, self._dual, ahead)
-        _lower_primal(*bounded, self._dual, volume)
+            _raise_dual(volume, *metric, np.float32(weight), momentum, self._dual, ahead)
+        _lower_primal(center, *metric, self._lowest, self._dual, volume)
         return self.gradient.pick(volume)
 
 

@@ -20,6 +20,9 @@ DUAL_STEPS = 4
 FIRST_DUAL_STEPS = 40
 """At the first update there is no dual field yet to start from."""
 
+FEWEST = 8
+"""Updates between two fresh starts of the momentum: the first few say little."""
+
 BARELY_SEEN = 1e-3
 """Share of the median voxel's curvature below which none is believed: bounds the step."""
 
@@ -65,45 +68,55 @@ def tv(
 
     Notes
     -----
-    Accelerated proximal gradients in the metric ``A^T W A 1``, in which the step is 1; the
-    momentum starts afresh when it points uphill. The inner problem keeps its dual field from one
-    update to the next.
+    The proximal optimised gradient method, which needs a third fewer updates than FISTA, in the
+    metric ``A^T W A 1``, in which the step is 1; the momentum starts afresh when it points uphill.
+    The inner problem keeps its dual field from one update to the next.
 
     References
     ----------
-    Rudin, Osher and Fatemi, Physica D 60 (1992); Beck and Teboulle, "Fast gradient-based
-    algorithms for constrained total variation image denoising and deblurring problems", IEEE
-    Transactions on Image Processing 18 (2009); restarts: O'Donoghue and Candès, "Adaptive restart
-    for accelerated gradient schemes", Foundations of Computational Mathematics 15 (2015),
-    equation 13; the metric: Erdoğan and Fessler, "Ordered subsets algorithms for transmission
-    tomography", Physics in Medicine and Biology 44 (1999).
+    Rudin, Osher and Fatemi, Physica D 60 (1992); the method: Kim and Fessler, "Adaptive restart
+    of the optimized gradient method for convex optimization", Journal of Optimization Theory and
+    Applications 178 (2018), algorithm 3; the inner problem: Beck and Teboulle, "Fast
+    gradient-based algorithms for constrained total variation image denoising and deblurring
+    problems", IEEE Transactions on Image Processing 18 (2009); the metric: Erdoğan and Fessler,
+    "Ordered subsets algorithms for transmission tomography", Physics in Medicine and Biology 44
+    (1999).
     """
     problem = LeastSquares(projector, measured, weights)
     strength = check_strength(strength)
 
     def states() -> States:
-        x = y = problem.start(start, nonnegative)
-        residual = residual_ahead = problem.measured - problem.forward(x)
+        x = problem.start(start, nonnegative)
+        residual = problem.measured - problem.forward(x)
         yield problem.unit * x, problem.misfit(residual)
         inverse = _inverse(problem.curvature)
         if not inverse.any():  # nothing is seen
             return
         variation = TotalVariation(Gradient(projector.live), inverse, nonnegative)
         weight = strength * float(np.abs(problem.adjoint(problem.measured)).max())
-        age, steps = 1.0, FIRST_DUAL_STEPS
+        # omega, y, z, theta and zeta of the paper are landed, mapped, center, age and stretch.
+        landed = mapped = center = x
+        age, stretch, steps, since = 1.0, 1.0, FIRST_DUAL_STEPS, 0
         while True:
-            center = y + inverse * problem.adjoint(residual_ahead)
-            moved = variation.proximal(center, weight, steps if strength else 0)
-            change = moved - x
-            residual_moved = problem.measured - problem.forward(moved)
-            yield problem.unit * moved, problem.misfit(residual_moved)
-            following = (1 + math.sqrt(1 + 4 * age**2)) / 2
-            momentum = np.float32((age - 1) / following)
-            if dot((y - moved) / inverse, change) > 0:
-                following, momentum = 1.0, np.float32(0)
-            y = moved + momentum * change
-            residual_ahead = residual_moved + momentum * (residual_moved - residual)
-            x, residual, age, steps = moved, residual_moved, following, DUAL_STEPS
+            fall = inverse * problem.adjoint(residual)
+            landed, before = x + fall, landed
+            older = (1 + math.sqrt(1 + 4 * age**2)) / 2
+            center = (
+                landed
+                + np.float32((age - 1) / older) * (landed - before)
+                + np.float32(age / older) * (landed - x)
+                + np.float32((age - 1) / (stretch * older)) * (center - x)
+            )
+            stretch = (2 * age + older - 1) / older
+            moved = variation.proximal(center, weight, steps if strength else 0, stretch)
+            residual = problem.measured - problem.forward(moved)
+            yield problem.unit * moved, problem.misfit(residual)
+            uphill = (center - moved) / np.float32(stretch) - fall
+            mapped, before = x - uphill, mapped
+            since += 1
+            if since >= FEWEST and dot(uphill / inverse, mapped - before) > 0:
+                older, since = 1.0, 0
+            x, age, steps = moved, older, DUAL_STEPS
 
     return drive(
         states(),
