@@ -1,6 +1,7 @@
-"""What the scene needs, before anything is traced: memory, a volume in view, pixels to trust.
+"""What the scene needs, before anything is traced.
 
-Names are loaded on first use.
+Memory, a volume in view, pixels to trust and their noise, and the voxels that dark pixels prove
+empty. Names are loaded on first use.
 """
 
 import lazy_loader
@@ -9,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "aim": ["point_in_view"],
+        "carving": ["Carving", "carve"],
         "memory": [
             "BYTES_PER_MIDPOINT",
             "BYTES_PER_RAY",
@@ -22,5 +24,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "choose_form",
             "estimate_memory",
         ],
+        "noise_model": ["NoiseModel", "estimate_noise"],
+        "usable": ["usable_pixels"],
     },
 )

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from tomo import noise
+from tomo.support.noise_model import NoiseModel, estimate_noise
+
+ROWS, COLUMNS = np.mgrid[0:200, 0:120]
+FLAME = np.exp(-(((ROWS - 90) / 50) ** 2) - ((COLUMNS - 60) / 18) ** 2)  # dark, bright, slopes
+FLAME[FLAME < 1e-3] = 0
+
+
+def random(seed=0):
+    return np.random.default_rng(seed)
+
+
+@pytest.mark.parametrize("fraction", [0.003, 0.03, 0.1])
+def test_gaussian_noise_is_found(fraction):
+    model = estimate_noise(noise.gaussian(FLAME, fraction, random()))
+    assert model.read == pytest.approx(fraction, rel=0.1)
+    assert model.gain < 0.2 * fraction**2
+
+
+@pytest.mark.parametrize(("photons", "read"), [(100, 2.0), (1000, 10.0), (20_000, 20.0)])
+def test_photon_noise_is_told_from_read_noise(photons, read):
+    model = estimate_noise(noise.poisson(FLAME, photons, read, random()))
+    assert model.read == pytest.approx(read / photons, rel=0.15)
+    assert model.gain == pytest.approx(1 / photons, rel=0.3)
+
+
+def test_the_scale_of_the_image_scales_the_model():
+    noisy = noise.poisson(FLAME, 500, 4.0, random())
+    one, many = estimate_noise(noisy), estimate_noise(1000 * noisy)
+    assert many.read == pytest.approx(1000 * one.read, rel=1e-6)
+    assert many.gain == pytest.approx(1000 * one.gain, rel=1e-6)
+
+
+def test_a_smooth_image_without_noise_has_next_to_none():
+    model = estimate_noise(FLAME)
+    assert np.sqrt(model.variance(FLAME)).max() < 1e-3
+
+
+def test_a_background_cut_out_does_not_hide_the_noise():
+    noisy = noise.gaussian(FLAME + 0.3 * (FLAME > 0.02), 0.01, random())
+    noisy[FLAME <= 0.02] = 0
+    assert estimate_noise(noisy).read == pytest.approx(0.013, rel=0.2)
+
+
+def test_masked_pixels_have_no_say():
+    noisy = noise.gaussian(FLAME, 0.02, random())
+    mask = COLUMNS < 70
+    spoilt = np.where(mask, noisy, 50 * random(1).standard_normal(FLAME.shape))
+    spoilt[0, 119] = np.nan
+    assert estimate_noise(spoilt, mask).read == pytest.approx(0.02, rel=0.1)
+
+
+@pytest.mark.parametrize("image", [np.zeros((2, 50)), np.zeros((9, 9)), np.full((9, 9), np.nan)])
+def test_an_image_that_says_nothing(image):
+    assert estimate_noise(image) == NoiseModel(0.0)
+
+
+def test_variance_and_weights():
+    model = NoiseModel(2.0, 0.5)
+    np.testing.assert_allclose(model.variance([-3.0, 0.0, 10.0]), [4, 4, 9])
+    np.testing.assert_allclose(model.weights([0.0, 10.0]), [1, 4 / 9], rtol=1e-6)
+    assert (NoiseModel(0.0).weights(FLAME) == 1).all()
+    photons = NoiseModel(0.0, 1.0).weights([0.0, 5.0])
+    np.testing.assert_allclose(photons, [1, 1e-3], rtol=1e-6)
+
+
+@pytest.mark.parametrize("numbers", [(-1.0, 0.0), (0.0, np.nan), (np.inf, 0.0)])
+def test_a_model_of_no_numbers_is_refused(numbers):
+    with pytest.raises(ValueError, match="expected a finite number >= 0"):
+        NoiseModel(*numbers)

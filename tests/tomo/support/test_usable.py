@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from tomo import noise
+from tomo.support.noise_model import NoiseModel
+from tomo.support.usable import usable_pixels
+
+ROWS, COLUMNS = np.mgrid[0:60, 0:50]
+BLOB = np.exp(-(((ROWS - 30) / 12) ** 2) - ((COLUMNS - 25) / 8) ** 2).astype(np.float32)
+
+
+def test_a_smooth_image_is_usable_whole():
+    assert usable_pixels(BLOB).all()
+    assert usable_pixels(np.zeros((5, 5))).all()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_not_usable(value):
+    image = BLOB.copy()
+    image[3, 4] = value
+    assert np.argwhere(~usable_pixels(image)).tolist() == [[3, 4]]
+
+
+@pytest.mark.parametrize("place", [(30, 25), (28, 20), (0, 25), (59, 49)])
+@pytest.mark.parametrize("value", [0.0, 3.0])
+def test_dead_and_hot_pixels_are_found_and_their_neighbours_spared(place, value):
+    image = BLOB + np.float32(0.2)
+    image[place] = value
+    assert np.argwhere(~usable_pixels(image)).tolist() == [list(place)]
+
+
+def test_noise_makes_no_pixel_unusable():
+    noisy = noise.gaussian(BLOB, 0.1, np.random.default_rng(0))
+    assert usable_pixels(noisy, None, NoiseModel(0.1)).all()
+
+
+def test_masks_stay_and_their_pixels_judge_nobody():
+    mask = np.ones(BLOB.shape, bool)
+    mask[30, 24] = False
+    image = BLOB.copy()
+    image[30, 24] = 1e6
+    assert (usable_pixels(image, mask) == mask).all()
+    alone = np.zeros(BLOB.shape, bool)
+    alone[10, 10] = True
+    assert (usable_pixels(image, alone) == alone).all()

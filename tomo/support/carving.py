@@ -1,0 +1,293 @@
+"""Dark pixels, and the voxels that they prove empty."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import VoxelGrid
+from tomo.live_voxels import LiveVoxels
+from tomo.support.brightness import Brightness
+from tomo.support.hull import dark_votes, touched
+from tomo.support.lattice import Lattice
+from tomo.support.noise_model import NoiseModel
+
+if TYPE_CHECKING:
+    from rigs import Camera
+
+VIEWS_A_VOTE = 8
+"""One more view must agree for every so many views."""
+
+UNEXPLAINED = 1e-3
+"""The largest share of the bright pixels' light, in any view, that may meet no live voxel."""
+
+MARGINS = (0, 1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 26, 32)
+"""Pixels, those that are tried."""
+
+WIDEST_MARGIN = 0.1  # of the smallest image's shorter side
+_Found = tuple[float, NDArray[np.bool_], list[NDArray[np.bool_]], float]
+
+WORTH_IT = 0.95  # live share above which nothing is carved
+
+
+@dataclass(frozen=True, eq=False)
+class Carving:
+    """The voxels that can be other than zero, and how they were told from the others.
+
+    Attributes
+    ----------
+    live : LiveVoxels
+    pixels : tuple of (height, width) bool
+        For each view the usable pixels that may see a live voxel: no other need be traced.
+    margin : float
+        Pixels by which a voxel's image was grown before it was asked whether it is dark.
+    threshold : float
+        The intensity up to which a pixel counts as dark.
+    smoothing : float
+        Standard deviation, in pixels, of the blur before the threshold; 0 is none.
+    votes : int
+        How many views had to find a voxel dark.
+    unexplained : float
+        The largest share of a view's bright light that meets no live voxel.
+    noise : tuple of NoiseModel
+        Of each view.
+    reason : str
+        Why it was done so, in words.
+    """
+
+    live: LiveVoxels
+    pixels: tuple[NDArray[np.bool_], ...]
+    margin: float
+    threshold: float
+    smoothing: float
+    votes: int
+    unexplained: float
+    noise: tuple[NoiseModel, ...]
+    reason: str
+
+    def report(self) -> dict[str, Any]:
+        """Return what a report says of the carving: plain numbers and words."""
+        return {
+            "live_voxels": self.live.size,
+            "voxels": self.live.grid.size,
+            "pixels": int(sum(np.count_nonzero(kept) for kept in self.pixels)),
+            "margin": self.margin,
+            "threshold": self.threshold,
+            "smoothing": self.smoothing,
+            "votes": self.votes,
+            "unexplained": self.unexplained,
+            "noise": [{"read": one.read, "gain": one.gain} for one in self.noise],
+            "reason": self.reason,
+        }
+
+
+def carve(
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray[np.floating]],
+    masks: Sequence[NDArray[np.bool_]] | None,
+    grid: VoxelGrid,
+    *,
+    margin: float | str = "auto",
+    threshold: float | str = "auto",
+    votes: int | str = "auto",
+    views: Sequence[int] | None = None,
+) -> Carving:
+    """Find the voxels that dark pixels prove empty.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+    images : sequence of (height, width)
+        Intensities, one image a camera.
+    masks : sequence of (height, width) bool, optional
+        True where a pixel is usable. An unusable pixel proves nothing.
+    grid : VoxelGrid
+    margin : float or "auto"
+        Pixels that the cameras may be off; ``auto`` finds the smallest that contradicts no view.
+    threshold : float or "auto"
+        The intensity up to which a pixel is dark; ``auto`` takes it from the noise.
+    votes : int or "auto"
+        Views that must find a voxel dark.
+    views : sequence of int, optional
+        The cameras whose word counts; all when None. The others' pixels are told too.
+
+    Raises
+    ------
+    ValueError
+        If images or masks do not fit the cameras, or a setting is out of range.
+
+    Notes
+    -----
+    A view finds a voxel dark when no pixel is bright that the voxel's projected box, grown by the
+    margin, so much as touches; a box with an unusable pixel, or that leaves the image, is not
+    dark. With exact cameras and images without noise a voxel that emits is dark in no view: the
+    hull that remains is the photo hull's superset of Laurentini, "The visual hull concept for
+    silhouette-based image understanding", IEEE PAMI 16 (1994), never less than the emission.
+
+    Cameras that are not exact contradict each other: some cut away what others see, and their
+    bright pixels meet no live voxel. The margin grows until at most a thousandth of the bright
+    light of any view goes unexplained; where no margin does it, one more view must agree, and if
+    two more do not do it nothing is carved.
+    """
+    _check(cameras, images, masks, margin, threshold, votes)
+    lattices = [Lattice.of(camera, grid) for camera in cameras]
+    brightness = Brightness.of(images, masks, _pixels_a_voxel(lattices), threshold)
+    shapes = [image.shape for image in images]
+    seen = touched(np.ones(grid.shape, bool), lattices, shapes)
+    judges = list(range(len(cameras)) if views is None else views)
+    if not any((brightness.certain[view] & seen[view]).any() for view in judges):
+        return _uncarved(brightness, seen, grid, "no pixel is surely bright: nothing is carved")
+    hull = _Hull(lattices, brightness, judges, seen, grid.shape)
+    for enough in _votes_to_try(votes, len(judges)):
+        found = _smallest(hull, enough, _margins(margin, judges, images), margin != "auto")
+        if found is not None:
+            break
+    else:
+        return _uncarved(brightness, seen, grid, "the views contradict: nothing is carved")
+    reach, live, explained, missed = found
+    if live.mean() > WORTH_IT:
+        reason = "hardly a voxel is dark: nothing is carved"
+        return _uncarved(brightness, seen, grid, reason)
+    return Carving(
+        LiveVoxels.from_mask(grid, live),
+        tuple(a & b for a, b in zip(explained, brightness.usable, strict=True)),
+        reach,
+        brightness.threshold,
+        brightness.smoothing,
+        enough,
+        missed,
+        brightness.noise,
+        _in_words(live, reach, enough, len(judges), brightness, missed),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Hull:
+    """What the judging views leave live at some margin, and how much that leaves unexplained."""
+
+    lattices: list[Lattice]
+    brightness: Brightness
+    judges: list[int]
+    seen: list[NDArray[np.bool_]]
+    shape: tuple[int, int, int]
+
+    def at(self, margin: float, enough: int) -> _Found:
+        bright = [self.brightness.bright[view] for view in self.judges]
+        lattices = [self.lattices[view] for view in self.judges]
+        live = dark_votes(bright, lattices, self.shape, margin=margin, enough=enough) < enough
+        explained = touched(live, self.lattices, [image.shape for image in self.seen])
+        missed = max(
+            self.brightness.unexplained(view, explained[view], self.seen[view])
+            for view in self.judges
+        )
+        return margin, live, explained, missed
+
+
+def _smallest(hull: _Hull, enough: int, margins: list[float], any_will_do: bool) -> _Found | None:
+    """Return the hull of the smallest margin that explains the light; None if none does.
+
+    The first margin is tried first, since exact cameras need no other; then by bisection.
+    """
+    found = hull.at(margins[0], enough)
+    if found[-1] <= UNEXPLAINED or any_will_do:
+        return found
+    best, low, high = None, 0, len(margins)  # margins[low] fails
+    while high - low > 1:
+        middle = (low + high) // 2
+        found = hull.at(margins[middle], enough)
+        if found[-1] <= UNEXPLAINED:
+            best, high = found, middle
+        else:
+            low = middle
+    return best
+
+
+def _votes_to_try(votes: int | str, judges: int) -> list[int]:
+    """Return the numbers of views that must agree, the fewest first."""
+    if votes != "auto":
+        return [int(votes)]
+    needed = max(1, round(judges / VIEWS_A_VOTE))
+    return list(range(needed, min(needed + 2, judges) + 1))
+
+
+def _margins(margin: float | str, judges: list[int], images: Sequence[NDArray]) -> list[float]:
+    """Return the margins to try, ascending."""
+    if margin != "auto":
+        return [float(margin)]
+    widest = WIDEST_MARGIN * min(min(images[view].shape) for view in judges)
+    return [float(m) for m in MARGINS if m <= widest]
+
+
+def _pixels_a_voxel(lattices: list[Lattice]) -> float:
+    sizes = [lattice.pixels_a_voxel for lattice in lattices]
+    sizes = [size for size in sizes if math.isfinite(size)]
+    return float(np.median(sizes)) if sizes else 0.0
+
+
+def _uncarved(
+    brightness: Brightness, seen: list[NDArray[np.bool_]], grid: VoxelGrid, reason: str
+) -> Carving:
+    return Carving(
+        LiveVoxels(grid),
+        tuple(a & b for a, b in zip(seen, brightness.usable, strict=True)),
+        0.0,
+        brightness.threshold,
+        brightness.smoothing,
+        0,
+        0.0,
+        brightness.noise,
+        reason,
+    )
+
+
+def _in_words(
+    live: NDArray[np.bool_],
+    margin: float,
+    votes: int,
+    views: int,
+    brightness: Brightness,
+    missed: float,
+) -> str:
+    blur = f" after a blur of {brightness.smoothing:.1f} pixels" if brightness.smoothing else ""
+    return (
+        f"{1 - live.mean():.1%} of the voxels are dark in {votes} or more of {views} views: no "
+        f"pixel within {margin:g} of them is above {brightness.threshold:.3g}{blur}; "
+        f"{missed:.2%} of the bright light of a view at most is left unexplained"
+    )
+
+
+def _check(
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray],
+    masks: Sequence[NDArray] | None,
+    margin: float | str,
+    threshold: float | str,
+    votes: int | str,
+) -> None:
+    """Check what comes in; one line names what is wrong."""
+    for what, found in (("images", images), ("masks", masks)):
+        if found is None:
+            continue
+        if len(found) != len(cameras):
+            raise ValueError(
+                f"{what}: found {len(found)}, expected one for each of {len(cameras)} cameras"
+            )
+        for camera, one in zip(cameras, found, strict=True):
+            width, height = camera.image_size
+            if np.shape(one) != (height, width):
+                raise ValueError(
+                    f"{what}: camera {camera.name}: found shape {np.shape(one)}, expected "
+                    f"{(height, width)}"
+                )
+    for name, value in (("margin", margin), ("threshold", threshold)):
+        if value != "auto" and not (
+            isinstance(value, int | float) and math.isfinite(value) and value >= 0
+        ):
+            raise ValueError(f"{name}: found {value!r}, expected auto or a number >= 0")
+    if votes != "auto" and not (isinstance(votes, int) and 1 <= votes <= 255):
+        raise ValueError(f"votes: found {votes!r}, expected auto or a whole number from 1 to 255")

@@ -1,0 +1,98 @@
+"""Which voxels views prove dark, and which pixels a set of voxels can explain.
+
+A voxel's image is bounded by the box of pixels that its projected edges span; a count of bright
+pixels summed along rows and columns tells in four look-ups whether such a box is dark
+(Crow, "Summed-area tables for texture mapping", SIGGRAPH 1984). Whole bricks are tested first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.support import _hull_kernels as kernels
+from tomo.support.lattice import Lattice
+
+Shapes = Sequence[tuple[int, int]]
+
+
+def dark_votes(
+    bright: Sequence[NDArray[np.bool_]],
+    lattices: Sequence[Lattice],
+    shape: tuple[int, int, int],
+    *,
+    margin: float,
+    enough: int,
+) -> NDArray[np.uint8]:
+    """Return how many views prove each voxel dark, counted up to ``enough``: ``shape``.
+
+    Parameters
+    ----------
+    bright : sequence of (height, width) bool
+        True also where a pixel cannot be trusted: no box with such a pixel is dark, nor one that
+        leaves the image.
+    lattices : sequence of Lattice
+        One a view.
+    margin : float
+        Pixels by which a voxel's box is grown on every side.
+    enough : int
+        1 to 255.
+    """
+    votes = np.zeros(shape, np.uint8)
+    reach = np.array([margin + lattice.slack for lattice in lattices])
+    tables = np.concatenate([_summed(image).ravel() for image in bright])
+    corners = np.stack([lattice.corners for lattice in lattices])
+    layout = _layout([image.shape for image in bright])
+    kernels.vote(tables, layout, corners, reach, enough, votes)
+    return votes
+
+
+def touched(
+    live: NDArray[np.bool_], lattices: Sequence[Lattice], image_shapes: Shapes
+) -> list[NDArray[np.bool_]]:
+    """Return for each view the pixels that the live voxels' boxes touch: its ``image_shape``.
+
+    All of them where the camera does not see every brick: it cannot be told.
+    """
+    layout = _layout(image_shapes)
+    steps = np.zeros(int(layout[-1, 0]), np.int32)
+    slack = np.array([lattice.slack for lattice in lattices])
+    kernels.splat(np.stack([one.corners for one in lattices]), surface(live), slack, layout, steps)
+    found = []
+    for number, (lattice, (height, width)) in enumerate(zip(lattices, image_shapes, strict=True)):
+        counts = steps[layout[number, 0] : layout[number + 1, 0]].reshape(height + 1, width + 1)
+        seen = counts[:height, :width] > 0
+        if live.any() and not np.isfinite(lattice.corners).all():
+            seen[:] = True
+        found.append(seen)
+    return found
+
+
+def surface(live: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the live voxels that are not live all round: no others show from outside."""
+    inner = live.copy()
+    for axis in range(3):
+        along = np.moveaxis(live, axis, 0)
+        kept = np.moveaxis(inner, axis, 0)
+        kept[1:] &= along[:-1]
+        kept[:-1] &= along[1:]
+        kept[[0, -1]] = False
+    return live & ~inner
+
+
+def _summed(bright: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Return the counts of bright pixels above and left of each corner, ``(h + 1, w + 1)``."""
+    table = np.zeros((bright.shape[0] + 1, bright.shape[1] + 1), np.int32)
+    rows = np.cumsum(bright, axis=0, dtype=np.int32)
+    np.cumsum(rows, axis=1, dtype=np.int32, out=table[1:, 1:])
+    return table
+
+
+def _layout(image_shapes: Shapes) -> NDArray[np.int64]:
+    """Return ``(views + 1, 3)``: where each view's table begins in one vector, height, width."""
+    layout = np.zeros((len(image_shapes) + 1, 3), np.int64)
+    layout[:-1, 1:] = np.reshape(image_shapes, (-1, 2))
+    layout[1:, 0] = np.cumsum(np.prod(layout[:-1, 1:] + 1, axis=1))
+    return layout

@@ -1,0 +1,136 @@
+"""How noisy a camera is, judged from one of its images: read-out and photon noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo._groups import golden_section
+
+PIXELS_A_LEVEL = 400  # enough for a spread to 8 per cent
+MOST_LEVELS = 20
+QUARTER_OF_A_NORMAL = 0.318639  # a quarter of |N(0, 1)| lies below
+ROUNDS = 4  # of reweighting the straight line
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """The noise of a camera: ``variance = read^2 + gain * signal``.
+
+    Attributes
+    ----------
+    read : float
+        Standard deviation in the dark, in the image's units.
+    gain : float
+        Image units a detected photon: what the variance grows by with the signal.
+
+    Raises
+    ------
+    ValueError
+        If one is negative or not finite.
+    """
+
+    read: float
+    gain: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name in ("read", "gain"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"noise {name}: found {value}, expected a finite number >= 0")
+
+    def variance(self, image: ArrayLike) -> NDArray[np.float64]:
+        """Return the variance of every pixel; zero where the model knows of no noise.
+
+        What is below zero counts as dark.
+        """
+        return self.read**2 + self.gain * np.maximum(np.asarray(image, np.float64), 0)
+
+    def weights(self, image: ArrayLike) -> NDArray[np.float32]:
+        """Return ``1 / variance`` for least squares, scaled to at most 1; ones without noise.
+
+        A variance counts as no less than a thousandth of that of the brightest pixel: no pixel is
+        worth a thousand others.
+        """
+        variance = self.variance(image)
+        floor = max(1e-3 * variance.max(initial=0.0), np.finfo(np.float32).tiny)
+        variance = np.maximum(variance, floor)
+        return (variance.min(initial=np.inf) / variance).astype(np.float32)
+
+
+def estimate_noise(image: ArrayLike, mask: ArrayLike | None = None) -> NoiseModel:
+    """Estimate the noise of a camera from an image and nothing else.
+
+    Parameters
+    ----------
+    image : (height, width)
+    mask : (height, width) bool, optional
+        True where a pixel is usable.
+
+    Notes
+    -----
+    The 3 x 3 filter ``[1 -2 1]^T [1 -2 1] / 6`` keeps the variance of white noise and takes away
+    whatever is linear along rows or along columns; its output does not correlate with the mean of
+    the same nine pixels. By that mean the pixels are put into levels of equal count, and in each
+    the lower quartile of the filter's magnitude gives a spread that edges and fine structure,
+    which only enlarge it, hardly move. A line of non-negative intercept and slope through
+    (mean, spread^2), weighted by the line itself, gives ``read`` and ``gain``.
+
+    Where two or more of the nine pixels are exactly zero the noise was clipped or background was
+    cut out: those say nothing. The filter is that of Immerkaer, "Fast noise variance estimation",
+    Computer Vision and Image Understanding 64 (1996).
+    """
+    image = np.asarray(image, np.float64)
+    if image.ndim != 2 or min(image.shape) < 3:
+        return NoiseModel(0.0)
+    usable = np.isfinite(image) if mask is None else np.isfinite(image) & np.asarray(mask, bool)
+    image = np.where(usable, image, 0.0)
+    whole = (_sum_of_nine(usable) == 9) & (_sum_of_nine(image == 0) < 2)
+    if not whole.any():
+        return NoiseModel(0.0)
+    chosen = np.flatnonzero(whole)
+    most = PIXELS_A_LEVEL * MOST_LEVELS
+    if len(chosen) > most:  # spread by the golden section: no step falls in with the rows
+        chosen = chosen[golden_section(len(chosen)) < most / len(chosen)]
+    level = _sum_of_nine(image).ravel()[chosen] / 9
+    across = image[:, 2:] - 2 * image[:, 1:-1] + image[:, :-2]
+    fine = np.abs(across[2:] - 2 * across[1:-1] + across[:-2]).ravel()[chosen] / 6
+    parts = int(np.clip(len(level) // PIXELS_A_LEVEL, 1, MOST_LEVELS))
+    order = np.argsort(level)[len(level) % parts :].reshape(parts, -1)
+    means = level[order].mean(axis=1)
+    quarter = order.shape[1] // 4
+    spreads = np.partition(fine[order], quarter, axis=1)[:, quarter]
+    return _line(means, (spreads / QUARTER_OF_A_NORMAL) ** 2)
+
+
+def _sum_of_nine(image: NDArray) -> NDArray:
+    """Return the sums over 3 x 3 pixels, ``(height - 2, width - 2)``."""
+    image = image.astype(np.float64)
+    rows = image[2:] + image[1:-1] + image[:-2]
+    return rows[:, 2:] + rows[:, 1:-1] + rows[:, :-2]
+
+
+def _line(level: NDArray[np.float64], variance: NDArray[np.float64]) -> NoiseModel:
+    """Return the model nearest to variances at levels, errors in proportion to the variance."""
+    level = np.maximum(level, 0)
+    expected = np.full_like(variance, variance.mean())
+    intercept, slope = float(np.median(variance)), 0.0
+    for _ in range(ROUNDS):
+        floor = 1e-6 * expected.max(initial=0.0)
+        if floor == 0:
+            return NoiseModel(0.0)
+        weight = 1 / np.maximum(expected, floor) ** 2
+        total = weight.sum()
+        x, y = (weight * level).sum() / total, (weight * variance).sum() / total
+        spread = (weight * (level - x) ** 2).sum()
+        slope = (weight * (level - x) * (variance - y)).sum() / spread if spread > 0 else 0.0
+        slope = max(slope, 0.0)
+        intercept = y - slope * x
+        if intercept < 0:
+            intercept = 0.0
+            slope = (weight * level * variance).sum() / (weight * level**2).sum()
+        expected = intercept + slope * level
+    return NoiseModel(float(np.sqrt(intercept)), float(slope))

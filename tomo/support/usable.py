@@ -1,0 +1,62 @@
+"""Pixels that are no measurement though no mask says so: NaN, dead and hot single pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo.support.noise_model import NoiseModel
+
+SIGMAS = 8.0  # beyond the brightest or darkest neighbour
+SHARE = 0.05  # of the image's maximum, likewise
+
+
+def usable_pixels(
+    image: ArrayLike, mask: ArrayLike | None = None, noise: NoiseModel | None = None
+) -> NDArray[np.bool_]:
+    """Return the pixels of an image that can be trusted, ``(height, width)``.
+
+    Masks, saturation and flat fields are a scan's corrections and already in ``mask``; this finds
+    what they leave.
+
+    Parameters
+    ----------
+    image : (height, width)
+    mask : (height, width) bool, optional
+        True where a pixel is usable as far as is known.
+    noise : NoiseModel, optional
+        None knows of no noise.
+
+    Notes
+    -----
+    A single pixel is dead or hot when it lies beyond all of its eight usable neighbours by more
+    than eight standard deviations and by a twentieth of the image's maximum: lenses spread what
+    is real over more than one pixel. Pixels on the image's border are judged by the neighbours
+    that they have.
+    """
+    image = np.asarray(image, np.float32)
+    usable = np.isfinite(image)
+    if mask is not None:
+        usable &= np.asarray(mask, bool)
+    largest = float(image.max(initial=0.0, where=usable))
+    if largest <= 0 or min(image.shape) < 3:
+        return usable
+    high = _of_neighbours(np.where(usable, image, -np.inf), np.maximum)
+    low = _of_neighbours(np.where(usable, image, np.inf), np.minimum)
+    noise = NoiseModel(0.0) if noise is None else noise
+    surrounded = np.isfinite(low)
+    with np.errstate(invalid="ignore"):
+        level = np.where(surrounded, np.maximum(low, 0), 0)
+        far = np.maximum(SIGMAS * np.sqrt(noise.variance(level)), SHARE * largest)
+        strange = (image > high + far) | (image < low - far)
+    return usable & ~(strange & surrounded)
+
+
+def _of_neighbours(image: NDArray[np.float32], extreme: np.ufunc) -> NDArray[np.float32]:
+    """Return the extreme of each pixel's eight neighbours, fewer on the border."""
+    nothing = -np.inf if extreme is np.maximum else np.inf
+    padded = np.pad(image, 1, constant_values=nothing)
+    rows = extreme(padded[:-2], padded[2:])  # above and below
+    three = extreme(rows, padded[1:-1])
+    sides = extreme(three[:, :-2], three[:, 2:])
+    return extreme(sides, rows[:, 1:-1])
