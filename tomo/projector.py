@@ -4,45 +4,16 @@ from __future__ import annotations
 
 from functools import cached_property
 
-import numba
 import numpy as np
 import scipy.sparse
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from tomo._compile import compiled
+from tomo._products import gather, part_bounds, scatter
 from tomo.grid import VoxelGrid
+from tomo.live_voxels import LiveVoxels
 from tomo.segments import Segments
 from tomo.viewed import ViewedOperator, as_float
-
-
-@compiled(parallel=True)
-def _gather(ptr, index, value, source, target):
-    """Compute ``target[i] = sum of value[s] * source[index[s]]`` over ``ptr[i]:ptr[i + 1]``.
-
-    Each sum is one thread's, in order and in double precision: the same bits on any machine.
-    """
-    for row in numba.prange(len(ptr) - 1):
-        total = 0.0
-        for slot in range(ptr[row], ptr[row + 1]):
-            total += np.float64(value[slot]) * np.float64(source[index[slot]])
-        target[row] = total
-
-
-@compiled()
-def _transpose(ptr, voxel, length, voxel_ptr, pixel, transposed):
-    """Reorder a matrix in row order by columns (counting sort); pixels stay ascending."""
-    for v in voxel:
-        voxel_ptr[v + 1] += 1
-    for v in range(len(voxel_ptr) - 1):
-        voxel_ptr[v + 1] += voxel_ptr[v]
-    place = voxel_ptr[:-1].copy()
-    for p in range(len(ptr) - 1):
-        for slot in range(ptr[p], ptr[p + 1]):
-            v = voxel[slot]
-            pixel[place[v]] = p
-            transposed[place[v]] = length[slot]
-            place[v] += 1
 
 
 class Projector(ViewedOperator):
@@ -51,17 +22,19 @@ class Projector(ViewedOperator):
     Parameters
     ----------
     segments : Segments
-        What a tracer returned.
+        What a tracer returned; ``voxel`` are the numbers of the unknowns.
     grid : VoxelGrid
     view_ptr : (views + 1,) int, optional
         Where each view's pixels begin; one view when None.
+    live : LiveVoxels, optional
+        The voxels that are unknowns; all of the grid when None.
 
     Notes
     -----
-    Forward ``(A x)_p = sum_s l_s x_v(s)`` over the crossings ``s`` of pixel ``p``; adjoint
-    ``(A^T y)_v = sum_s l_s y_p(s)`` over the crossings of voxel ``v``, from a second copy of the
-    matrix in column order that is made when the adjoint is first asked for. Both sum in double
-    precision and return the type of their argument (float32 or float64).
+    Forward ``(A x)_p = sum_s l_s x_v(s)`` over the crossings ``s`` of pixel ``p``, summed in
+    double precision. Adjoint ``(A^T y)_v = sum_s l_s y_p(s)`` over the crossings of voxel ``v``,
+    from the same copy of the matrix and summed in the type of ``y``. Both return the type of
+    their argument (float32 or float64). Projectors of some of the pixels share the entries.
 
     Examples
     --------
@@ -70,49 +43,65 @@ class Projector(ViewedOperator):
     """
 
     def __init__(
-        self, segments: Segments, grid: VoxelGrid, view_ptr: ArrayLike | None = None
+        self,
+        segments: Segments,
+        grid: VoxelGrid,
+        view_ptr: ArrayLike | None = None,
+        live: LiveVoxels | None = None,
     ) -> None:
-        self.segments = segments
-        super().__init__(segments.n_pixels, grid, view_ptr, segments.length.dtype)
+        self._set(segments, segments.ptr[:-1], segments.ptr[1:])
+        super().__init__(segments.n_pixels, grid, view_ptr, segments.length.dtype, live)
+
+    def _set(self, entries: Segments, starts: NDArray[np.int64], stops: NDArray[np.int64]) -> None:
+        """Take the pixels whose entries are ``starts[p]:stops[p]`` of ``entries``."""
+        self._entries, self._starts, self._stops = entries, starts, stops
+        kind = np.uint32 if entries.voxel.dtype.itemsize == 4 else np.uint64
+        self._matrix = (starts, stops, entries.voxel.view(kind), entries.length)
+
+    def _of(self, starts: NDArray, stops: NDArray, view_ptr: ArrayLike | None) -> Projector:
+        part = Projector.__new__(Projector)
+        part._set(self._entries, starts, stops)
+        ViewedOperator.__init__(
+            part, len(starts), self.grid, view_ptr, self._entries.length.dtype, self.live
+        )
+        return part
 
     def __repr__(self) -> str:
         """Name the sizes."""
         return f"<Projector: {self.n_views} views, {self.shape[0]} pixels, {self.grid}>"
 
-    @property
+    @cached_property
     def n_crossings(self) -> int:
         """How many crossings of rays with voxels are stored."""
-        return len(self.segments)
+        return int((self._stops - self._starts).sum())
 
     @cached_property
-    def _columns(self) -> tuple[NDArray, NDArray, NDArray]:
-        """The matrix by columns: ``ptr (voxels + 1,)``, ``pixel (S,)``, ``length (S,)``."""
-        s = self.segments
-        voxel_ptr = np.zeros(self.grid.size + 1, np.int64)
-        few = s.n_pixels <= np.iinfo(np.int32).max
-        pixel = np.zeros(len(s), np.int32 if few else np.int64)
-        length = np.zeros_like(s.length)
-        _transpose(s.ptr, s.voxel, s.length, voxel_ptr, pixel, length)
-        return voxel_ptr, pixel, length
+    def segments(self) -> Segments:
+        """The matrix's rows one after another; copied when they do not lie so."""
+        return self._entries.between(self._starts, self._stops)
+
+    @cached_property
+    def _parts(self) -> NDArray[np.int64]:
+        return part_bounds(self._stops - self._starts, self.shape[1])
 
     def _matvec(self, x: NDArray) -> NDArray:
         x = as_float(x.ravel())
         images = np.zeros(self.shape[0], x.dtype)
-        _gather(self.segments.ptr, self.segments.voxel, self.segments.length, x, images)
+        gather(*self._matrix, x, images)
         return images
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
         volume = np.zeros(self.shape[1], y.dtype)
-        _gather(*self._columns, y, volume)
+        scatter(*self._matrix, y, self._parts, volume)
         return volume
 
     def rows(self, start: int, stop: int) -> Projector:
         """Return the projector of pixels ``start:stop``; the entries are shared, not copied."""
-        return Projector(self.segments.rows(start, stop), self.grid)
+        return self._of(self._starts[start:stop], self._stops[start:stop], None)
 
     def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> Projector:
-        return Projector(self.segments.take(pixels), self.grid, view_ptr)
+        return self._of(self._starts[pixels], self._stops[pixels], view_ptr)
 
     def to_scipy(self) -> scipy.sparse.csr_array:
         """Return the matrix as scipy's CSR; the entries are shared, duplicates are kept."""

@@ -73,16 +73,45 @@ class Segments:
 
     def rows(self, start: int, stop: int) -> Segments:
         """Return the segments of pixels ``start:stop``; the entries are views, not copies."""
-        ptr = self.ptr[start : stop + 1]
+        return self._run(self.ptr[start : stop + 1])
+
+    def take(self, pixels: NDArray[np.integer]) -> Segments:
+        """Return copies of the segments of some pixels, in the order given."""
+        return self._copied(*take_groups(self.ptr, pixels))
+
+    def between(self, starts: NDArray[np.int64], stops: NDArray[np.int64]) -> Segments:
+        """Return the segments of pixels that own the entries ``starts[p]:stops[p]`` of these.
+
+        The entries are views when they lie one behind the other, else copies.
+        """
+        if len(starts) and (starts[1:] == stops[:-1]).all():
+            return self._run(np.append(starts, stops[-1]))
+        ends = np.stack([starts, stops], axis=1).ravel()
+        return self._copied(*take_groups(ends, 2 * np.arange(len(starts))))
+
+    def _run(self, ptr: NDArray[np.int64]) -> Segments:
         inside = slice(int(ptr[0]), int(ptr[-1]))
         midpoint = None if self.midpoint is None else self.midpoint[inside]
         return Segments(ptr - ptr[0], self.voxel[inside], self.length[inside], midpoint)
 
-    def take(self, pixels: NDArray[np.integer]) -> Segments:
-        """Return copies of the segments of some pixels, in the order given."""
-        ptr, slots = take_groups(self.ptr, pixels)
+    def _copied(self, ptr: NDArray[np.int64], slots: NDArray[np.int64]) -> Segments:
         midpoint = None if self.midpoint is None else self.midpoint[slots]
         return Segments(ptr, self.voxel[slots], self.length[slots], midpoint)
+
+    def renumbered(self, number: NDArray[np.integer]) -> Segments:
+        """Return the crossings of the voxels that have a number, under that number.
+
+        ``number`` holds one for every voxel, negative where it has none.
+        """
+        voxel = number[self.voxel]
+        slots = np.flatnonzero(voxel >= 0)
+        midpoint = None if self.midpoint is None else self.midpoint[slots]
+        return Segments(
+            np.searchsorted(slots, self.ptr),
+            voxel[slots].astype(self.voxel.dtype),
+            self.length[slots],
+            midpoint,
+        )
 
     def without_empty(self) -> tuple[Segments, NDArray[np.int64]]:
         """Return the pixels that cross a voxel, and their numbers; the entries are shared."""

@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numba
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 
 import rigs
 from tomo.grid import VoxelGrid
+from tomo.live_voxels import LiveVoxels
 from tomo.projector import Projector, dot_test
 from tomo.rays import Rays
 from tomo.segments import Segments
@@ -114,7 +117,7 @@ def test_whole_numbers_are_projected_in_double_precision(projector):
     np.testing.assert_array_equal(projector @ ones, projector.row_sums)
 
 
-def test_sums_are_in_double_precision():
+def test_sums_over_a_pixel_are_in_double_precision():
     """A million small terms beside a large one: single precision would lose them all."""
     n = 2**20
     length = np.full(n, 2.0**-26, np.float32)
@@ -123,7 +126,30 @@ def test_sums_are_in_double_precision():
     forward = Projector(Segments(np.array([0, n]), np.zeros(n, np.int32), length), one)
     assert (forward @ np.ones(1, np.float32))[0] == np.float32(1 + (n - 1) / 2**26)
     adjoint = Projector(Segments(np.arange(n + 1), np.zeros(n, np.int32), length), one)
-    assert (adjoint.T @ np.ones(n, np.float32))[0] == np.float32(1 + (n - 1) / 2**26)
+    assert (adjoint.T @ np.ones(n))[0] == 1 + (n - 1) / 2**26
+
+
+def test_sums_over_the_pixels_of_a_voxel_are_good_to_single_precision():
+    """Two thousand rays through each voxel, as many as a large scan has."""
+    n, rng = 2**20, np.random.default_rng(0)
+    entries = Segments(
+        np.arange(n + 1),
+        rng.integers(0, 512, n).astype(np.int32),
+        rng.random(n).astype(np.float32),
+    )
+    adjoint = Projector(entries, VoxelGrid((8, 8, 8), 1.0)).T
+    y = rng.random(n).astype(np.float32)
+    np.testing.assert_allclose(adjoint @ y, adjoint @ y.astype(np.float64), rtol=1e-6)
+
+
+@DTYPES
+def test_pixels_that_are_zero_add_nothing_whatever_their_lengths(projector, dtype):
+    y = images(projector, 14, dtype)
+    y[::2] = 0
+    kept = np.arange(1, len(y), 2)
+    np.testing.assert_allclose(
+        projector.T @ y, projector.take(kept).T @ y[kept], rtol=0, atol=1e-5
+    )
 
 
 @DTYPES
@@ -219,6 +245,53 @@ def test_rows_share_the_entries(projector):
     assert np.shares_memory(part.segments.length, projector.segments.length)
     x = volume(11)
     np.testing.assert_array_equal(part @ x, (projector @ x)[200:500])
+
+
+@NAMES
+def test_the_segments_are_the_rows_of_the_projector_one_after_another(derived, name):
+    operator = derived[name]
+    s = operator.segments
+    x = volume(15)
+    np.testing.assert_array_equal(Projector(s, GRID) @ x, operator @ x)
+    assert (s.n_pixels, len(s)) == (operator.shape[0], operator.n_crossings)
+
+
+def test_projectors_of_some_pixels_copy_no_entries():
+    whole = make(supersample=6)
+    for some in (lambda: whole.subset([2, 0, 0]), lambda: whole.take(np.arange(0, 900, 2))):
+        tracemalloc.start()
+        try:
+            part = some().subset([1, 0])
+            part.view(0)
+            peak = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+        assert peak < 2 * part.n_crossings  # bytes; an entry has eight
+
+
+@DTYPES
+def test_the_columns_are_the_live_voxels(projector, dtype):
+    flags = np.random.default_rng(16).random(GRID.shape) < 0.3
+    live = LiveVoxels.from_mask(GRID, flags)
+    matrix = projector.to_scipy().tocoo()
+    kept = flags.ravel()[matrix.col]
+    ptr = np.concatenate(
+        [[0], np.cumsum(np.bincount(matrix.row[kept], minlength=matrix.shape[0]))]
+    )
+    number = live.number[matrix.col[kept]].astype(np.int32)
+    segments = Segments(ptr, number, matrix.data[kept])
+    operator = Projector(segments, GRID, projector.view_ptr, live)
+    assert operator.shape == (projector.shape[0], live.size)
+    x, y = volume(17, dtype), images(projector, 18, dtype)
+    x[~flags.ravel()] = 0
+    close = {"rtol": 0, "atol": 1e-12 if dtype == np.float64 else 1e-5}
+    for part, pixels in (
+        (operator, slice(None)),
+        (operator.subset([2, 1]), projector.pixels_of([2, 1])),
+    ):
+        assert part.live is live
+        np.testing.assert_allclose(part @ live.compress(x), (projector @ x)[pixels], **close)
+    np.testing.assert_allclose(operator.T @ y, live.compress(projector.T @ y), **close)
 
 
 def test_vectors_that_are_not_contiguous_or_writable(projector):

@@ -56,6 +56,24 @@ def test_take_gives_any_pixels_in_any_order(counts, seed, midpoint, data):
     assert not np.shares_memory(taken.length, segments.length)
 
 
+@given(counts, seeds, st.booleans(), st.data())
+def test_between_gives_pixels_from_where_their_entries_start_and_stop(
+    counts, seed, midpoint, data
+):
+    segments = make(counts, seed, midpoint)
+    spans = data.draw(
+        st.lists(
+            st.tuples(*[st.integers(0, len(segments))] * 2).map(sorted), min_size=0, max_size=5
+        )
+    )
+    starts, stops = np.array(spans, np.int64).reshape(-1, 2).T
+    entries = [e for pixel in pixels(segments) for e in pixel]
+    assert pixels(segments.between(starts, stops)) == [entries[a:b] for a, b in spans]
+    whole = segments.between(segments.ptr[:-1], segments.ptr[1:])
+    assert pixels(whole) == pixels(segments)
+    assert len(segments) == 0 or np.shares_memory(whole.length, segments.length)
+
+
 @given(counts, seeds, st.booleans())
 def test_without_empty_drops_the_pixels_that_cross_nothing(counts, seed, midpoint):
     segments = make(counts, seed, midpoint)

@@ -14,6 +14,7 @@ from numpy.typing import DTypeLike
 
 if TYPE_CHECKING:
     from tomo.grid import VoxelGrid
+    from tomo.live_voxels import LiveVoxels
     from tomo.rays import Rays
     from tomo.segments import Segments
 
@@ -27,6 +28,7 @@ def trace(
     *,
     midpoints: bool = False,
     dtype: DTypeLike = np.float32,
+    live: LiveVoxels | None = None,
 ) -> Segments:
     """Return the voxels that each pixel's rays cross, and the length of every crossing.
 
@@ -39,13 +41,21 @@ def trace(
         Whether to keep the middle of each crossing too.
     dtype : {float32, float64}
         Of the lengths and midpoints; the geometry is always computed in float64.
+    live : LiveVoxels, optional
+        The voxels to look at; all of the grid when None. Crossings of others are left out, and
+        ``voxel`` are the numbers of the live ones: those of the unknowns.
 
     Raises
     ------
     ValueError
-        If the tracer is unknown.
+        If the tracer is unknown, or the live voxels are those of another grid.
     """
     if tracer not in TRACERS:
         raise ValueError(f"tracer: found {tracer!r}, expected one of {', '.join(TRACERS)}")
+    if live is not None and live.grid != grid:
+        raise ValueError(f"live: found voxels of {live.grid}, expected of {grid}")
     module = importlib.import_module(f"tomo.trace.{tracer}")
-    return module.trace(rays, grid, midpoints=midpoints, dtype=dtype)
+    if tracer == "march":
+        return module.trace(rays, grid, midpoints=midpoints, dtype=dtype, live=live)
+    segments = module.trace(rays, grid, midpoints=midpoints, dtype=dtype)
+    return segments if live is None or live.all else segments.renumbered(live.number)

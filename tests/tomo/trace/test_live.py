@@ -1,0 +1,118 @@
+"""Tracing some of the voxels gives what tracing all of them gives there, bit for bit."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tomo.grid import VoxelGrid
+from tomo.live_voxels import LiveVoxels
+from tomo.rays import Rays
+from tomo.trace import TRACERS, trace
+
+GRIDS = [
+    VoxelGrid((30, 41, 26), (0.5, 0.4, 0.6), (3, -2, 1)),
+    VoxelGrid((8, 16, 24), 1.0),
+    VoxelGrid((1, 90, 3), 0.25, (0, 5, 0)),
+    VoxelGrid((17, 1, 1), 2.0),
+]
+grids = st.sampled_from(GRIDS)
+
+
+def through(grid, n=60, seed=0, pixel_rays=2):
+    """Return rays: oblique, along axes, in planes, of finite length, some missing the grid."""
+    rng = np.random.default_rng(seed)
+    directions = rng.standard_normal((n, 3))
+    directions[rng.random((n, 3)) < 0.3] = 0
+    directions[(directions == 0).all(axis=1)] = [0, 1, 0]
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    steps = rng.integers(0, np.add(grid.shape, 1), (n, 3))
+    points = np.where(
+        rng.random((n, 1)) < 0.5,
+        rng.uniform(grid.lower - 1, grid.upper + 1, (n, 3)),
+        grid.lower + steps * grid.spacing,
+    )
+    distance = rng.choice([0, 5, 200], (n, 1))
+    lengths = np.where(rng.random(n) < 0.3, distance[:, 0] + rng.uniform(0, 9, n), np.inf)
+    ptr = np.append(np.arange(0, n, pixel_rays), n)
+    return Rays(points - distance * directions, directions, lengths, rng.uniform(0.2, 1, n), ptr)
+
+
+def masks(grid, seed):
+    """Return live voxels scattered, in one ball, in the outermost layers, one, and none."""
+    rng = np.random.default_rng(seed)
+    scattered = rng.random(grid.shape) < 10.0 ** rng.uniform(-4, 0)
+    away = grid.centers() - rng.uniform(grid.lower, grid.upper)
+    ball = (away**2).sum(axis=-1) < (0.2 * grid.extent.max()) ** 2
+    shell = np.ones(grid.shape, bool)
+    shell[1:-1, 1:-1, 1:-1] = False
+    one, none = np.zeros((2, *grid.shape), bool)
+    one.flat[rng.integers(grid.size)] = True
+    return [scattered, ball, shell, one, none]
+
+
+def assert_same_in_live_voxels(some, whole, live):
+    kept = live.mask.ravel()[whole.voxel]
+    pixel = np.repeat(np.arange(whole.n_pixels), np.diff(whole.ptr))
+    counts = np.bincount(pixel[kept], minlength=whole.n_pixels)
+    np.testing.assert_array_equal(np.diff(some.ptr), counts)
+    np.testing.assert_array_equal(some.voxel, live.number[whole.voxel[kept]])
+    np.testing.assert_array_equal(some.length, whole.length[kept])
+    np.testing.assert_array_equal(some.midpoint, whole.midpoint[kept])
+    assert some.voxel.dtype == whole.voxel.dtype
+    assert some.length.dtype == some.midpoint.dtype == whole.length.dtype
+
+
+@settings(max_examples=60)
+@given(grids, st.integers(0, 10_000), st.sampled_from([np.float32, np.float64]))
+def test_lengths_in_live_voxels_do_not_depend_on_which_others_are_live(grid, seed, dtype):
+    rays = through(grid, seed=seed)
+    whole = trace(rays, grid, midpoints=True, dtype=dtype)
+    for mask in masks(grid, seed):
+        live = LiveVoxels.from_mask(grid, mask)
+        some = trace(rays, grid, midpoints=True, dtype=dtype, live=live)
+        assert_same_in_live_voxels(some, whole, live)
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+def test_every_tracer_keeps_to_the_live_voxels(tracer):
+    grid = GRIDS[0]
+    rays = through(grid, 200, seed=5)
+    whole = trace(rays, grid, tracer, midpoints=True)
+    for mask in masks(grid, 6):
+        live = LiveVoxels.from_mask(grid, mask)
+        some = trace(rays, grid, tracer, midpoints=True, live=live)
+        assert_same_in_live_voxels(some, whole, live)
+        assert trace(rays, grid, tracer, live=live).midpoint is None
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+def test_all_live_is_the_same_as_none_given(tracer):
+    grid = GRIDS[1]
+    rays = through(grid)
+    live = LiveVoxels.from_mask(grid, np.ones(grid.shape))
+    whole = trace(rays, grid, tracer, midpoints=True)
+    assert_same_in_live_voxels(trace(rays, grid, tracer, midpoints=True, live=live), whole, live)
+
+
+def test_many_rays_through_edges_lose_and_gain_nothing():
+    """More rays than one thread takes at a time, most of them through edges and corners."""
+    grid = VoxelGrid((16, 16, 16), 1.0)
+    rng = np.random.default_rng(3)
+    directions = rng.integers(-2, 3, (4000, 3)).astype(float)
+    directions[(directions == 0).all(axis=1)] = [1, 0, 0]
+    corners = rng.integers(1, 16, (4000, 3)) - 8.0
+    rays = Rays.from_lines(corners - 32 * directions, directions)
+    march, oracle = (trace(rays, grid, name, midpoints=True) for name in ("march", "reference"))
+    assert (march.length > 0).all()
+    pixel = np.repeat(np.arange(len(rays)), np.diff(march.ptr))
+    chords = np.bincount(pixel, march.length, len(rays))
+    pixel = np.repeat(np.arange(len(rays)), np.diff(oracle.ptr))
+    np.testing.assert_allclose(chords, np.bincount(pixel, oracle.length, len(rays)), atol=1e-4)
+    index = np.stack(np.unravel_index(march.voxel, grid.shape), axis=1)
+    assert np.abs(march.midpoint - (index - 7.5)).max() <= 0.5 + 1e-5
+
+
+def test_live_voxels_of_another_grid_are_refused():
+    with pytest.raises(ValueError, match="live: found voxels of"):
+        trace(through(GRIDS[0]), GRIDS[0], live=LiveVoxels(GRIDS[1]))

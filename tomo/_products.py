@@ -1,0 +1,119 @@
+"""Products with a stored matrix and with its transpose, from one copy of its rows.
+
+Row ``p`` owns the entries ``starts[p]:stops[p]``, so that rows can be left out, repeated or
+reordered without a copy. Entries are read once each: in a product with a volume every row is a sum
+of its own; in one with images the rows are cut into parts that do not depend on the number of
+threads, every part adds into a volume of its own, and the volumes are summed part by part. Both
+are the same bits on any number of threads, and nothing is written twice at a time.
+
+Voxel numbers and places are unsigned here: a signed index costs a test for a negative one.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo._compile import compiled
+
+MOST_PARTS = 16
+ENTRIES_A_PRIVATE_VOXEL = 2  # to clear and add a voxel of a part costs about as much as an entry
+_ADDED_AT_ONCE = 2048  # voxels: what a thread adds stays in its cache
+
+
+@compiled(inline=True)
+def _row_sum(voxel, length, volume, start, stop):
+    """Return the sum of ``length[s] * volume[voxel[s]]`` in double precision, in four lanes."""
+    one, two, three, four = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
+    sum0, sum1, sum2, sum3 = 0.0, 0.0, 0.0, 0.0
+    s = start
+    for _ in range((stop - start) // four):
+        sum0 += np.float64(length[s] * volume[voxel[s]])
+        sum1 += np.float64(length[s + one] * volume[voxel[s + one]])
+        sum2 += np.float64(length[s + two] * volume[voxel[s + two]])
+        sum3 += np.float64(length[s + three] * volume[voxel[s + three]])
+        s += four
+    while s < stop:
+        sum0 += np.float64(length[s] * volume[voxel[s]])
+        s += one
+    return (sum0 + sum1) + (sum2 + sum3)
+
+
+@compiled(parallel=True)
+def gather(starts, stops, voxel, length, volume, images):
+    """Write to ``images`` (P,) the product of the matrix with ``volume`` (n,)."""
+    for row in numba.prange(len(images)):
+        start, stop = np.uint64(starts[row]), np.uint64(stops[row])
+        images[row] = _row_sum(voxel, length, volume, start, stop)
+
+
+@compiled(inline=True)
+def _add_rows(starts, stops, voxel, length, images, first, last, volume):
+    """Add rows ``first:last``, each times its pixel, to ``volume``."""
+    for row in range(first, last):
+        pixel = images[row]
+        if pixel == 0:
+            continue
+        s, stop = np.uint64(starts[row]), np.uint64(stops[row])
+        while s < stop:
+            volume[voxel[s]] += length[s] * pixel
+            s += np.uint64(1)
+
+
+@compiled(parallel=True)
+def _scatter_parts(starts, stops, voxel, length, images, bounds, private):
+    """Write to ``private`` (parts, n) the sums of the rows of each part."""
+    for part in numba.prange(len(private)):
+        own = private[part]
+        own[:] = 0
+        _add_rows(
+            starts, stops, voxel, length, images, bounds[part], bounds[part + 1], own
+        )  # fmt: skip
+
+
+@compiled(parallel=True)
+def _add_up(private, volume):
+    """Add the volumes ``private`` (parts, n) to ``volume`` (n,), one part after another."""
+    for block in numba.prange((len(volume) + _ADDED_AT_ONCE - 1) // _ADDED_AT_ONCE):
+        start = block * _ADDED_AT_ONCE
+        stop = min(start + _ADDED_AT_ONCE, len(volume))
+        total = volume[start:stop]
+        for part in range(len(private)):
+            own = private[part, start:stop]
+            for i in range(len(total)):
+                total[i] += own[i]
+
+
+def part_bounds(counts: NDArray[np.int64], n_unknowns: int) -> NDArray[np.int64]:
+    """Return where to cut rows of ``counts`` entries into parts of equal work: (parts + 1,).
+
+    As many as clearing and adding up the parts' volumes is worth: fewer for few entries.
+    """
+    before = np.concatenate([[0], np.cumsum(counts)])
+    worth = int(before[-1]) // (ENTRIES_A_PRIVATE_VOXEL * max(n_unknowns, 1))
+    parts = min(max(worth, 1), MOST_PARTS)
+    cuts = np.searchsorted(before, before[-1] * np.arange(1, parts) // parts)
+    return np.concatenate([[0], cuts, [len(counts)]]).astype(np.int64)
+
+
+def scatter(
+    starts: NDArray[np.int64],
+    stops: NDArray[np.int64],
+    voxel: NDArray[np.unsignedinteger],
+    length: NDArray[np.floating],
+    images: NDArray[np.floating],
+    bounds: NDArray[np.int64],
+    volume: NDArray[np.floating],
+) -> None:
+    """Add to ``volume`` (n,) the product of the transposed matrix with ``images`` (P,).
+
+    As many parts at a time as there are threads: no more private volumes than that are held.
+    """
+    parts = len(bounds) - 1
+    at_once = min(numba.get_num_threads(), parts)
+    private = np.zeros((at_once, len(volume)), volume.dtype)
+    for part in range(0, parts, at_once):
+        some = private[: min(at_once, parts - part)]
+        _scatter_parts(starts, stops, voxel, length, images, bounds[part:], some)
+        _add_up(some, volume)
