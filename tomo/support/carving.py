@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -109,6 +110,7 @@ def carve(
     grid : VoxelGrid
     margin : float or "auto"
         Pixels that the cameras may be off; ``auto`` finds the smallest that contradicts no view.
+        Infinite: nothing is carved.
     threshold : float or "auto"
         The intensity up to which a pixel is dark; ``auto`` takes it from the noise.
     votes : int or "auto"
@@ -125,9 +127,9 @@ def carve(
     -----
     A view finds a voxel dark when no pixel is bright that the voxel's projected box, grown by the
     margin, so much as touches; a box with an unusable pixel, or that leaves the image, is not
-    dark. With exact cameras and images without noise a voxel that emits is dark in no view: the
-    hull that remains is the photo hull's superset of Laurentini, "The visual hull concept for
-    silhouette-based image understanding", IEEE PAMI 16 (1994), never less than the emission.
+    dark. With exact cameras and images without noise a voxel that emits is dark in no view: what
+    remains holds the visual hull (Laurentini, "The visual hull concept for silhouette-based image
+    understanding", IEEE PAMI 16, 1994), and that holds the emission.
 
     Cameras that are not exact contradict each other: some cut away what others see, and their
     bright pixels meet no live voxel. The margin grows until at most a thousandth of the bright
@@ -284,10 +286,9 @@ def _check(
                     f"{what}: camera {camera.name}: found shape {np.shape(one)}, expected "
                     f"{(height, width)}"
                 )
-    for name, value in (("margin", margin), ("threshold", threshold)):
-        if value != "auto" and not (
-            isinstance(value, int | float) and math.isfinite(value) and value >= 0
-        ):
+    for name, value, endless in (("margin", margin, True), ("threshold", threshold, False)):
+        is_good = isinstance(value, Real) and value >= 0 and (endless or math.isfinite(value))
+        if value != "auto" and not is_good:
             raise ValueError(f"{name}: found {value!r}, expected auto or a number >= 0")
-    if votes != "auto" and not (isinstance(votes, int) and 1 <= votes <= 255):
+    if votes != "auto" and not (isinstance(votes, Integral) and 1 <= votes <= 255):
         raise ValueError(f"votes: found {votes!r}, expected auto or a whole number from 1 to 255")

@@ -9,6 +9,7 @@ from tomo.support.noise_model import NoiseModel
 
 SIGMAS = 8.0  # beyond the brightest or darkest neighbour
 SHARE = 0.05  # of the image's maximum, likewise
+TIMES = 4.0  # brighter or darker than the nearest of its neighbours
 
 
 def usable_pixels(
@@ -29,10 +30,10 @@ def usable_pixels(
 
     Notes
     -----
-    A single pixel is dead or hot when it lies beyond all of its eight usable neighbours by more
-    than eight standard deviations and by a twentieth of the image's maximum: lenses spread what
-    is real over more than one pixel. Pixels on the image's border are judged by the neighbours
-    that they have.
+    A single pixel is dead or hot when it is four times darker or brighter than all of its eight
+    usable neighbours, and more than eight standard deviations and a twentieth of the image's
+    maximum beyond that: lenses spread what is real over more than one pixel. Pixels on the
+    image's border are judged by the neighbours that they have.
     """
     image = np.asarray(image, np.float32)
     usable = np.isfinite(image)
@@ -48,7 +49,7 @@ def usable_pixels(
     with np.errstate(invalid="ignore"):
         level = np.where(surrounded, np.maximum(low, 0), 0)
         far = np.maximum(SIGMAS * np.sqrt(noise.variance(level)), SHARE * largest)
-        strange = (image > high + far) | (image < low - far)
+        strange = (image > TIMES * np.abs(high) + far) | (image < low / TIMES - far)
     return usable & ~(strange & surrounded)
 
 

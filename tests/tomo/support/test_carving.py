@@ -168,6 +168,11 @@ def test_nothing_dark_carves_nothing():
     assert "hardly a voxel is dark" in found.reason
 
 
+def test_an_infinite_margin_carves_nothing():
+    rig = rig_of(3)
+    assert carve(tuple(rig), images_of(rig, ball()), None, GRID, margin=np.inf).live.all
+
+
 def test_two_views_are_enough():
     rig = rig_of(2, step_degrees=90)
     volume = ball(1.5)

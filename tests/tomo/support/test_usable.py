@@ -22,11 +22,19 @@ def test_what_is_no_number_is_not_usable(value):
 
 
 @pytest.mark.parametrize("place", [(30, 25), (28, 20), (0, 25), (59, 49)])
-@pytest.mark.parametrize("value", [0.0, 3.0])
+@pytest.mark.parametrize("value", [-0.1, 9.0])
 def test_dead_and_hot_pixels_are_found_and_their_neighbours_spared(place, value):
     image = BLOB + np.float32(0.2)
     image[place] = value
     assert np.argwhere(~usable_pixels(image)).tolist() == [list(place)]
+
+
+@pytest.mark.parametrize("sigma", [0.7, 1.0, 3.0])
+@pytest.mark.parametrize("off", [0.0, 0.5])
+def test_a_small_spot_is_real(sigma, off):
+    away = (ROWS - 30 - off) ** 2 + (COLUMNS - 25) ** 2
+    assert usable_pixels(np.exp(-away / (2 * sigma**2))).all()
+    assert usable_pixels(1 - 0.7 * np.exp(-away / (2 * sigma**2))).all()
 
 
 def test_noise_makes_no_pixel_unusable():
