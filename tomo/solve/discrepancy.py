@@ -87,16 +87,21 @@ def strength_at_noise(
     measured: ArrayLike,
     noise: ArrayLike,
     *,
-    first: float = 1e-3,
+    first: float = 1e-2,
     runs: int = 6,
-    tolerance: float = 1e-3,
+    tolerance: float = 2e-3,
+    factor: float = 1.0,
     weights: ArrayLike | None = None,
     **settings: Any,
 ) -> Reconstruction:
     """Solve with the strength at which the residual is that of the noise.
 
     The residual rises with the strength: it is bracketed by factors of eight and then searched
-    for along straight lines in the logarithm of the strength. Each run starts from the last.
+    for along straight lines in the logarithm of the strength. Each run starts from the last. With
+    many more pixels than voxels the residual hardly depends on the strength, and what the voxels
+    cannot represent counts as noise as well: views left out then choose better
+    (`tomo.solve.stopping`). Where less strength no longer fits better the search ends with the
+    stronger.
 
     Parameters
     ----------
@@ -111,14 +116,16 @@ def strength_at_noise(
     runs : int
         At most so many runs of the method.
     tolerance : float
-        Relative, on the residual.
+        Relative, on the residual. That of 100,000 noisy pixels is itself known to 2e-3.
+    factor : float
+        On the noise's residual; above 1 where the model errs as well.
     **settings
         Further arguments of the method.
 
     Returns
     -------
     Reconstruction
-        The last run's; its ``settings["strength"]`` is what was found.
+        Its ``settings["strength"]`` is what was found.
 
     Raises
     ------
@@ -127,19 +134,29 @@ def strength_at_noise(
     """
     if not (0 < first < math.inf and runs >= 1):
         raise ValueError(f"first, runs: found {first}, {runs}, expected a strength > 0, runs >= 1")
-    level = noise_residual(projector, measured, noise, weights)
+    level = factor * noise_residual(projector, measured, noise, weights)
     below: tuple[float, float] | None = None  # log strength, log of residual over level
     above: tuple[float, float] | None = None
     place, found = math.log(first), None
     for _ in range(runs):
         start = settings.pop("start", None) if found is None else found.volume
-        found = method(
-            projector, measured, strength=math.exp(place), start=start, weights=weights, **settings
+        before, found = (
+            found,
+            method(
+                projector,
+                measured,
+                strength=math.exp(place),
+                start=start,
+                weights=weights,
+                **settings,
+            ),
         )
         residual = found.relative_residual
         if not (level > 0 and residual > 0) or abs(residual / level - 1) <= tolerance:
             break
         off = math.log(residual / level)
+        if above is not None and below is None and off > above[1] - tolerance:
+            return before
         below, above = (below, (place, off)) if off > 0 else ((place, off), above)
         if below is None or above is None:
             place += math.log(8) * (-1 if off > 0 else 1)

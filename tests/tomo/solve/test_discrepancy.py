@@ -67,12 +67,31 @@ def test_the_strength_found_fits_as_well_as_the_noise_allows(noisy, method, firs
         solver, projector, measured, noise, first=first, runs=12, iterations=40
     )
     level = noise_residual(projector, measured, noise)
-    assert found.relative_residual == pytest.approx(level, rel=2e-3)
+    assert found.relative_residual == pytest.approx(level, rel=3e-3)
     weak = solver(projector, measured, strength=found.settings["strength"] / 100, iterations=40)
     strong = solver(projector, measured, strength=found.settings["strength"] * 30, iterations=40)
     distance = metrics.cosine_distance(found.volume, truth)
     assert distance < 0.6 * metrics.cosine_distance(weak.volume, truth)
     assert distance < 0.6 * metrics.cosine_distance(strong.volume, truth)
+
+
+def test_a_level_that_no_strength_reaches_ends_the_search(noisy):
+    projector, _, measured, noise = noisy
+    strengths = []
+
+    def counted(*arguments, **settings):
+        strengths.append(settings["strength"])
+        return solve.tv(*arguments, **settings)
+
+    found = strength_at_noise(counted, projector, measured, noise / 5, runs=20, iterations=40)
+    assert len(strengths) < 12
+    assert found.settings["strength"] == strengths[-2]
+    assert found.relative_residual > 2 * noise_residual(projector, measured, noise / 5)
+    loose = strength_at_noise(
+        solve.tv, projector, measured, noise / 5, factor=5, runs=12, iterations=40
+    )
+    level = noise_residual(projector, measured, noise)
+    assert loose.relative_residual == pytest.approx(level, rel=3e-3)
 
 
 def test_dark_images_need_no_search(noisy):
