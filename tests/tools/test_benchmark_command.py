@@ -1,0 +1,194 @@
+"""The benchmark's command without its studies: what it keeps, what it refuses; and its pieces."""
+
+import json
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def stubs(run_tool, monkeypatch):
+    """Put studies of no work in place of the real ones; return the list of those that ran."""
+    from _benchmark import PARTS, parts, warm
+
+    ran = []
+
+    def stub(name):
+        def run(sizes, data, progress):
+            ran.append(name)
+            return {"threads": []}, [f"run {len(ran)}"]
+
+        return run
+
+    monkeypatch.setattr(warm, "warm_up", lambda: 0.0)
+    monkeypatch.setattr(parts, "PARTS", {name: stub(name) for name in PARTS})
+    return ran
+
+
+def test_an_interrupted_run_goes_on(run_tool, stubs, monkeypatch, tmp_path):
+    from _benchmark import PARTS, parts
+
+    def fail(sizes, data, progress):
+        raise RuntimeError("the machine went away")
+
+    working = dict(parts.PARTS)
+    monkeypatch.setitem(parts.PARTS, "scaling", fail)
+    done = run_tool("benchmark", "--quick", "-o", tmp_path)
+    assert done.exit_code == 1
+    before = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))["parts"]
+    assert list(before) == ["projectors", "solvers", "skipping"]
+
+    monkeypatch.setattr(parts, "PARTS", working)
+    stubs.clear()
+    assert run_tool("benchmark", "--quick", "--resume", "-o", tmp_path).exit_code == 0
+    assert stubs == ["scaling", "startup"]
+    after = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))["parts"]
+    assert tuple(after) == PARTS
+    assert all(after[name] == before[name] for name in before)
+
+
+def test_only_what_is_asked_runs(run_tool, stubs, tmp_path):
+    arguments = ("benchmark", "--quick", "-o", tmp_path)
+    assert run_tool(*arguments, "--part", "startup", "--part", "scaling").exit_code == 0
+    assert stubs == ["startup", "scaling"]
+    assert run_tool(*arguments, "--resume", "--redo", "scaling").exit_code == 0
+    assert stubs[2:] == ["projectors", "solvers", "skipping", "scaling"]
+    assert run_tool(*arguments, "--part", "startup").exit_code == 0
+    parts = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))["parts"]
+    assert list(parts) == ["startup"]  # without --resume a run begins anew
+
+
+def change(result, key, value):
+    result[key] = value
+
+
+OTHERS = {
+    "size": (
+        lambda r: change(r, "size", "full"),
+        "--resume: size: found 'full', expected 'quick'",
+    ),
+    "machine": (lambda r: change(r["machine"], "cpu", "Z80"), "--resume: cpu: found 'Z80'"),
+    "format": (lambda r: change(r, "format", "x"), "expected the result of a benchmark"),
+    "lacking": (lambda r: r.pop("machine"), "expected the result of a benchmark"),
+}
+
+
+@pytest.mark.parametrize("fault", OTHERS)
+def test_another_run_is_not_gone_on_with(run_tool, stubs, tmp_path, fault):
+    spoil, words = OTHERS[fault]
+    assert run_tool("benchmark", "--quick", "-o", tmp_path).exit_code == 0
+    file = tmp_path / "benchmark.json"
+    result = json.loads(file.read_text("utf-8"))
+    spoil(result)
+    file.write_text(json.dumps(result), "utf-8")
+    before = file.read_bytes()
+    done = run_tool("benchmark", "--quick", "--resume", "-o", tmp_path)
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert file.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--part", "speed"), "--part: found 'speed', expected one of projectors, solvers"),
+        (("--resume", "--redo", "speed"), "--redo: found 'speed', expected one of"),
+        (("--redo", "solvers"), "--redo: expected --resume"),
+        (("--data", "nowhere"), "--data: nowhere/scalarflow/transforms.json: no such file"),
+    ],
+)
+def test_bad_input_is_one_line(run_tool, stubs, tmp_path, arguments, words):
+    done = run_tool("benchmark", *arguments, "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert [line for line in done.stderr.splitlines() if line.startswith("error: ")] == [
+        done.stderr.strip()
+    ]
+    assert words in done.stderr
+    assert not stubs
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_output_that_is_a_file(run_tool, stubs, tmp_path):
+    (tmp_path / "out").write_text("x")
+    done = run_tool("benchmark", "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "is a file, expected a folder" in done.stderr
+
+
+def test_candidates_are_timed_in_turn(run_tool, monkeypatch):
+    from _benchmark import timing
+
+    clock = [0.0]
+    monkeypatch.setattr(timing.time, "perf_counter", lambda: clock[0])
+    calls = []
+    spent = {"a": iter([9, 1, 5, 2]), "b": iter([9, 4, 4, 4])}
+
+    def candidate(name):
+        def run():
+            calls.append(name)
+            clock[0] += next(spent[name])
+
+        return run
+
+    found = timing.in_turn({name: candidate(name) for name in spent}, 3)
+    assert "".join(calls) == "ab" * 4  # the first of each is not counted
+    assert found == {"a": 2, "b": 4}
+
+
+def test_a_paused_watch_stands_still(run_tool, monkeypatch):
+    from _benchmark import timing
+
+    clock = [0.0]
+    monkeypatch.setattr(timing.time, "perf_counter", lambda: clock[0])
+    watch = timing.Stopwatch()
+    clock[0] = 2
+    with watch.paused() as seconds:
+        clock[0] = 50
+    assert seconds == 2
+    clock[0] = 51
+    with watch.paused() as seconds:
+        assert seconds == 3
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "–"),
+        (float("inf"), "–"),
+        (0.0, "0"),
+        (7, "7"),
+        (126000, "126,000"),
+        (0.000123456, "0.000123"),
+        (1.23456e-7, "1.23e-07"),
+        (1234.5, "1,234"),
+        (-0.5, "-0.500"),
+    ],
+)
+def test_numbers_have_three_digits(run_tool, value, text):
+    from _benchmark.tables import significant
+
+    assert significant(value) == text
+
+
+def test_an_aim_that_was_never_reached_is_not_met(run_tool):
+    from _benchmark.claims import Claim, ratio
+
+    assert not Claim("x", None, 5, at_least=False).met
+    assert Claim("x", 5, 5, at_least=False).met
+    assert not Claim("x", 4.9, 5).met
+    assert ratio(None, 2) is ratio(2, None) is None
+    assert ratio(3, 2) == 1.5
+
+
+def test_memory_given_back_is_not_counted(run_tool):
+    from _benchmark import memory_child
+
+    if not memory_child.HIGH_WATER.exists():
+        pytest.skip("no high-water mark on this system")
+    memory_child.forget_the_peak()
+    before = memory_child.peak_resident()
+    block = np.ones(2**24, np.float32)  # 64 MiB
+    during = memory_child.peak_resident() - before
+    assert during == pytest.approx(block.nbytes, rel=0.05)
+    del block
+    assert memory_child.peak_resident() - before == pytest.approx(during, rel=0.05)

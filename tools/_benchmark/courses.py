@@ -1,0 +1,100 @@
+"""A solver's way: how far from the truth it is after each pass, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from _benchmark.problems import Problem
+from _benchmark.timing import Stopwatch
+from tomo import metrics, solve
+
+PATIENCE = 4
+"""Passes without a new best after which a run is over, when only the best counts."""
+
+STALLED = 30
+"""Passes that bring less than 2 % in all, after which a run to a given distance is over."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """What happened after each pass; entry 0 is the start.
+
+    Attributes
+    ----------
+    seconds : tuple of float
+        Since the images were in memory: tracing included, judging not.
+    cosine_distances, nrmses : tuple of float
+    """
+
+    seconds: tuple[float, ...]
+    cosine_distances: tuple[float, ...]
+    nrmses: tuple[float, ...]
+
+    @property
+    def best(self) -> int:
+        """The pass of smallest cosine distance: where to stop, could one see the truth."""
+        return int(np.argmin(self.cosine_distances))
+
+    def seconds_to(self, distance: float) -> float | None:
+        """Return when the cosine distance first was at most ``distance``; None if it never was."""
+        reached = np.flatnonzero(np.array(self.cosine_distances) <= distance)
+        return self.seconds[int(reached[0])] if len(reached) else None
+
+
+def course(
+    problem: Problem,
+    truth: NDArray[np.float32],
+    method: str,
+    settings: Mapping[str, object],
+    *,
+    passes: int,
+    until: float | None = None,
+    most_seconds: float | None = None,
+) -> Course:
+    """Run a method and judge it after each pass.
+
+    Parameters
+    ----------
+    problem : Problem
+    truth : (nx, ny, nz) float32
+    method : str
+        One of `tomo.solve.METHODS`.
+    settings : mapping
+        Its further arguments.
+    passes : int
+        The most.
+    until : float, optional
+        Cosine distance at which to end; when None the run ends once it gets no better for
+        `PATIENCE` passes.
+    most_seconds : float, optional
+    """
+    reached: list[tuple[float, float, float]] = []
+    projector = problem.system.projector
+    watch = Stopwatch()
+
+    def judge(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
+        with watch.paused() as solving:
+            found = projector.live.expand(volume).reshape(truth.shape)
+            distance = metrics.cosine_distance(found, truth)
+            seconds = problem.seconds + solving
+            reached.append((seconds, distance, metrics.nrmse(found, truth)))
+            if most_seconds is not None and seconds > most_seconds:
+                return True
+            if until is None:
+                return index - int(np.argmin([r[1] for r in reached])) >= PATIENCE
+            return distance <= until or _stalled([r[1] for r in reached])
+
+    solver: Callable = getattr(solve, method)
+    solver(projector, problem.measured, iterations=passes, callback=judge, **settings)
+    return Course(*(tuple(column) for column in zip(*reached, strict=True)))
+
+
+def _stalled(distances: list[float]) -> bool:
+    """Whether the last passes brought next to nothing."""
+    return len(distances) > STALLED and min(distances[-STALLED:]) > 0.98 * min(
+        distances[:-STALLED]
+    )

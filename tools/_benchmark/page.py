@@ -1,0 +1,233 @@
+"""The page of results: what was wanted, then each study's tables beside its plots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from _benchmark.sizes import FULL
+from _benchmark.tables import (
+    TITLES,
+    Column,
+    every_key,
+    number,
+    settings_in_words,
+    significant,
+    table,
+    words,
+)
+
+_SCENE: list[Column] = [("flame", words("flame")), ("noise", words("noise"))]
+_MIB = 1 / 2**20
+
+ABOUT: Mapping[str, tuple[str, str]] = {
+    "projectors": (
+        "Rates",
+        "Rays that meet the grid, pixels half a voxel wide; medians of runs in turn. A ratio is "
+        "that of rates, against the row named at the same size and number of threads; the stored "
+        "matrix and the tracers use all threads, scipy one. Bandwidth is that of reading a large "
+        "array in the same run.",
+    ),
+    "solvers_mean": (
+        "Error and time of every method",
+        "No inverse crime: images are simulated with several rays a pixel through voxels twice as "
+        "fine. `auto` is the default, which chooses and stops without the truth; every other "
+        "method has the settings that were best on seed 0 and is stopped where it is nearest to "
+        "the truth. Means over the other seeds, with their standard deviation; seconds since the "
+        "images were in memory, tracing included, for `auto` choosing too.",
+    ),
+    "consistent": (
+        "Exact data",
+        "The images are the true voxels projected through the very matrix that is inverted: an "
+        "inverse crime, to time the arithmetic. 33 views; seconds since the images were in "
+        "memory, tracing included.",
+    ),
+    "skipping": (
+        "Flames",
+        "33 views. `auto` is the default as it stops by itself, the others are best-stopped.",
+    ),
+    "plume": (
+        "A real plume",
+        "ScalarFlow's fog: each camera predicted from the four others by the default.",
+    ),
+    "scaling_edge": (
+        "With the grid",
+        "Images have as many pixels along their edge as the grid has voxels. Each row is a "
+        "process of its own; memory is what it took at its peak beyond what it had after imports "
+        "and a tiny problem, parts of which small cases use again.",
+    ),
+    "scaling_views": ("With views", ""),
+    "threads": ("With threads", "All run in turn in one process; medians."),
+    "memory_target": (
+        "Memory on the fly",
+        "The images and two volumes are what a product and its adjoint must hold in any case.",
+    ),
+    "startup": (
+        "Seconds",
+        "With an empty cache of compiled code, and with the cache that this left.",
+    ),
+}
+
+_GROWTH: list[Column] = [
+    ("form", words("form")),
+    ("grid edge", number("edge")),
+    ("views", number("views")),
+    ("segments (million)", number("segments", 3, 1e-6)),
+    ("trace (s)", number("trace_seconds")),
+    ("forward (s)", number("forward_seconds")),
+    ("adjoint (s)", number("adjoint_seconds")),
+    ("peak (MiB)", number("peak_bytes", 3, _MIB)),
+    ("images + 2 volumes (MiB)", number("needed_bytes", 3, _MIB)),
+    ("left out", words("skipped")),
+]
+
+COLUMNS: Mapping[str, list[Column]] = {
+    "projectors": [
+        ("what", words("what")),
+        ("grid edge", number("voxels")),
+        ("views", number("views")),
+        ("threads", number("threads")),
+        ("million rays/s", number("rays_per_second", 3, 1e-6)),
+        ("million crossings/s", number("crossings_per_second", 3, 1e-6)),
+        ("ratio", number("ratio")),
+        ("to", words("ratio_to")),
+        ("GB/s", number("bytes_per_second", 3, 1e-9)),
+        ("of the bandwidth", number("bandwidth_share")),
+    ],
+    "solvers_mean": [
+        ("method", words("method")),
+        ("settings", lambda row: settings_in_words(row["settings"])),
+        ("cosine distance", lambda row: _mean(row, "cosine_distance")),
+        ("NRMSE", lambda row: _mean(row, "nrmse")),
+        ("of best ART", number("of_best_art", 2)),
+        ("passes", number("best_pass", 2)),
+        ("seconds", number("seconds", 2)),
+    ],
+    "consistent": [
+        ("flame", words("flame")),
+        ("method", words("method")),
+        ("skip", words("skip")),
+        ("segments (million)", number("segments", 3, 1e-6)),
+        ("live voxels", number("live_voxels")),
+        ("trace (s)", number("prepare_seconds", 2)),
+        ("passes to 1e-3", number("passes_to_1e3")),
+        ("s to 1e-3", number("seconds_to_1e3", 2)),
+        ("s to 1e-6", number("seconds_to_1e6", 2)),
+    ],
+    "skipping": [
+        *_SCENE,
+        ("method", words("method")),
+        ("skip", words("skip")),
+        ("segments (million)", number("segments", 3, 1e-6)),
+        ("live voxels", number("live_voxels")),
+        ("trace (s)", number("prepare_seconds", 2)),
+        ("s to 1e-3", number("seconds_to_1e3", 2)),
+        ("s", number("seconds", 2)),
+        ("cosine distance", number("cosine_distance")),
+        ("NRMSE", number("nrmse")),
+    ],
+    "plume": [
+        ("frame", words("frame")),
+        ("held out", words("held_out")),
+        ("skip", words("skip")),
+        ("PSNR (dB)", number("psnr", 4)),
+        ("SSIM", number("ssim")),
+        ("s", number("seconds", 2)),
+        ("segments (million)", number("segments", 3, 1e-6)),
+        ("live voxels", number("live_voxels")),
+        ("chosen", words("method")),
+    ],
+    "scaling_edge": _GROWTH,
+    "scaling_views": _GROWTH,
+    "threads": [
+        ("form", words("form")),
+        ("product", words("product")),
+        ("grid edge", number("edge")),
+        ("views", number("views")),
+        ("threads", number("threads")),
+        ("s", number("seconds")),
+        ("times faster than one", number("speed_up")),
+    ],
+    "startup": [
+        ("what", words("what")),
+        ("step", words("step")),
+        ("nothing compiled (s)", number("empty")),
+        ("from the cache (s)", number("warm")),
+    ],
+    "memory_target": [
+        *_GROWTH[1:-1],
+        ("ratio", lambda row: _memory_ratio(row, "peak_bytes")),
+        ("ratio after one SIRT step", lambda row: _memory_ratio(row, "solver_bytes")),
+        _GROWTH[-1],
+    ],
+}
+
+
+def page(result: Mapping[str, Any], plots: Mapping[str, Sequence[str]]) -> str:
+    """Return the Markdown of a result.
+
+    Parameters
+    ----------
+    result : mapping
+        The contents of ``benchmark.json``.
+    plots : mapping
+        For each study the paths of its plots, relative to the page.
+    """
+    machine = result["machine"]
+    loaded = machine["load_at_start"]
+    lines = [
+        "# Benchmark",
+        "",
+        f"Size {result['size']}; {machine['cpu']}, {machine['cores']} cores, "
+        f"{machine['memory_gb']:.0f} GB; Python {machine['versions']['python']}, "
+        f"numba {machine['versions'].get('numba', '?')}; "
+        f"load {significant(loaded, 2)} at the start. All figures are of one run; what is "
+        "compared ran in turn in one process. Compiled code was warmed up before: first use "
+        f"took {significant(result['first_use_seconds'], 2)} s.",
+        "",
+        "Made by `python tools/benchmark.py`.",
+    ]
+    if result["claims"]:
+        columns = [(key, words(key)) for key in ("what", "wanted", "found", "met")]
+        lines += ["", "## What was wanted", ""]
+        if result["size"] != FULL.name:
+            lines += [f"The aims are for the full size; this run is {result['size']}.", ""]
+        lines.append(table(result["claims"], columns))
+    for part, record in result["parts"].items():
+        lines += ["", f"## {TITLES[part]}", "", f"Took {significant(record['seconds'], 2)} s."]
+        for note in record["notes"]:
+            lines += ["", note]
+        for name, rows in record["studies"].items():
+            if name in ABOUT or name not in COLUMNS:
+                lines += _study(name, rows, plots.get(name, ()))
+    return "\n".join(lines) + "\n"
+
+
+def _study(name: str, rows: Sequence[Mapping], plots: Sequence[str]) -> list[str]:
+    if not rows or name == "solvers":
+        return []
+    title, text = ABOUT.get(name, (name.replace("_", " "), ""))
+    lines = ["", f"### {title}", *(["", text] if text else [])]
+    for plot in plots:
+        lines += ["", f"![{title}]({plot})"]
+    if name != "solvers_mean":
+        return [*lines, "", table(rows, COLUMNS.get(name) or every_key(rows))]
+    scenes = {(row["flame"], row["views"], row["noise"]): [] for row in rows}
+    for row in rows:
+        scenes[row["flame"], row["views"], row["noise"]].append(row)
+    for (flame, views, noise), mine in scenes.items():
+        mine.sort(key=lambda row: row["cosine_distance"])
+        seeds = mine[0]["seeds"]
+        heading = f"{flame}, {views} views, {noise}, {seeds} seed{'s' if seeds > 1 else ''}"
+        lines += ["", f"**{heading}**", "", table(mine, COLUMNS[name])]
+    return lines
+
+
+def _mean(row: Mapping, key: str) -> str:
+    spread = row[f"{key}_spread"]
+    text = significant(row[key])
+    return f"{text} ± {significant(spread, 1)}" if row["seeds"] > 1 else text
+
+
+def _memory_ratio(row: Mapping, key: str) -> str:
+    return significant(row[key] / row["needed_bytes"]) if key in row else "–"

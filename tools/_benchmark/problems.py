@@ -1,0 +1,52 @@
+"""From images in memory to equations, timed: what a solver starts from."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Rig
+from tomo import LinearSystem, VoxelGrid
+from tomo.support import carve
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The equations of a set of images.
+
+    Attributes
+    ----------
+    system : LinearSystem
+    measured : (pixels,) float32
+    seconds : float
+        From images in memory to here: finding what is dark, tracing, numbering.
+    """
+
+    system: LinearSystem
+    measured: NDArray[np.float32]
+    seconds: float
+
+
+def problem(
+    rig: Rig,
+    grid: VoxelGrid,
+    images: Sequence[NDArray[np.float32]],
+    *,
+    skip: bool,
+    form: str = "stored",
+) -> Problem:
+    """Return the equations of all pixels and voxels, or of those that matter (``skip``)."""
+    started = time.perf_counter()
+    if skip:
+        carving = carve(tuple(rig), images, None, grid)
+        system = LinearSystem.from_rig(
+            rig, grid, masks=carving.pixels, live=carving.live, form=form
+        )
+    else:
+        system = LinearSystem.from_rig(rig, grid, skip=skip, form=form)
+    measured = system.flatten(images)
+    return Problem(system, measured, time.perf_counter() - started)
