@@ -143,12 +143,16 @@ class OnTheFlyProjector(ViewedOperator):
     ) -> OnTheFlyProjector:
         source = np.searchsorted(self._ptr, pixels, side="right") - 1
         cuts = np.flatnonzero(np.diff(source)) + 1
-        wanted = [
-            (int(number), some - self._ptr[number])
-            for number, some in zip(
-                source[np.append(0, cuts)], np.split(pixels, cuts), strict=True
-            )
-        ] if len(pixels) else []
+        wanted = (
+            [
+                (int(number), some - self._ptr[number])
+                for number, some in zip(
+                    source[np.append(0, cuts)], np.split(pixels, cuts), strict=True
+                )
+            ]
+            if len(pixels)
+            else []
+        )
         return self._some(wanted, view_ptr)
 
     def _some(
@@ -203,9 +207,7 @@ class OnTheFlyProjector(ViewedOperator):
                 own, cuts = cuts_of_equal_work(
                     block.whole, block.bits, _turned(self.grid.shape, axis), threads
                 )
-                slabs.adjoint(
-                    *block.courses, *self._space(axis), cuts, own, block.of(y), columns
-                )
+                slabs.adjoint(*block.courses, *self._space(axis), cuts, own, block.of(y), columns)
             if columns is not None:
                 add_columns(columns, self.grid.shape, axis, volume)
         return self.live.compress(volume)
@@ -222,6 +224,7 @@ class OnTheFlyProjector(ViewedOperator):
         for pieces in self._shares(axis):
             ptrs = [self._sources[n].ray_ptr(start, stop) for n, start, stop in pieces]
             ends = np.cumsum([0] + [int(ptr[-1]) for ptr in ptrs])
+            pixels = np.cumsum([0] + [stop - start for _, start, stop in pieces])[:-1]
             whole, real = np.zeros((ends[-1], 8), np.int64), np.zeros((ends[-1], 5))
             for (n, start, stop), low, high in zip(pieces, ends[:-1], ends[1:], strict=True):
                 self._sources[n].write(
@@ -231,8 +234,14 @@ class OnTheFlyProjector(ViewedOperator):
                 [np.zeros(1, np.int64)]
                 + [ptr[1:] + low for ptr, low in zip(ptrs, ends[:-1], strict=True)]
             )
+            order = np.concatenate(
+                [
+                    self._sources[n].order(start, stop) + low
+                    for (n, start, stop), low in zip(pieces, pixels, strict=True)
+                ]
+            )
             spans = tuple((int(self._ptr[n]) + a, int(self._ptr[n]) + b) for n, a, b in pieces)
-            yield _Block(whole, real, ptr, shape, bits, np.zeros(0, number), spans)
+            yield _Block(whole, real, ptr, order, shape, bits, np.zeros(0, number), spans)
 
     def _shares(self, axis: int) -> Iterator[list[tuple[int, int, int]]]:
         """Go through the pixels with rays along ``axis``: lists of source, start and stop."""
@@ -257,6 +266,7 @@ class _Block:
     whole: NDArray[np.int64]
     real: NDArray[np.float64]
     pixel_ptr: NDArray[np.int64]
+    order: NDArray[np.int64]
     shape: tuple[int, int, int]
     bits: int
     number: NDArray[np.integer]
@@ -264,7 +274,9 @@ class _Block:
 
     @property
     def courses(self) -> tuple:
-        return self.whole, self.real, self.pixel_ptr, self.shape, self.bits, self.number
+        return (
+            self.whole, self.real, self.pixel_ptr, self.order, self.shape, self.bits, self.number,
+        )  # fmt: skip
 
     def of(self, images: NDArray) -> NDArray:
         """Return the pixels of the block."""

@@ -1,12 +1,16 @@
 """The projector without a matrix is the stored one, to rounding, and its own transpose."""
 
+from dataclasses import replace
+
 import numba
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rigs import Camera, Distortion, ring
 from tomo import Projector, Rays, VoxelGrid, dot_test
+from tomo.live_voxels import LiveVoxels
 from tomo.on_the_fly import OnTheFlyProjector
 from tomo.trace import trace
 
@@ -169,3 +173,94 @@ def test_a_piece_too_short_to_move_leaves_no_trace():
     flying = OnTheFlyProjector(Rays.from_lines([0.3, 0.4, 0.5], [1.0, 0, 0], 1e-20), grid)
     assert (flying @ np.ones(64)).tolist() == [0.0]
     assert not (flying.T @ np.ones(1)).any()
+
+
+WIDE = Distortion("brown", (-0.3, 0.12, 1e-3, -2e-3, 0.01))
+LENSES = {"pinhole": Distortion(), "brown": WIDE, "fisheye": Distortion("fisheye", (0.1, 0, 0, 0))}
+
+
+def cameras_and_rays(lens, pixels=None, supersample=1):
+    grid = VoxelGrid((14, 11, 17), (0.5, 0.7, 0.4), (0.3, -0.2, 0.1))
+    rig = ring(3, 50.0, 60.0, image_size=(31, 23), footprint=0.4, pitch_degrees=[0, 20, -50])
+    cameras = [replace(camera, distortion=LENSES[lens]) for camera in rig]
+    rays = Rays.concatenate(
+        Rays.from_camera(camera, None if pixels is None else pixels[v], supersample)
+        for v, camera in enumerate(cameras)
+    )
+    return cameras, grid, rays
+
+
+@pytest.mark.parametrize("lens", LENSES)
+@pytest.mark.parametrize("supersample", [1, 3])
+def test_rays_of_cameras_are_the_stored_ones(lens, supersample):
+    random = np.random.default_rng(7)
+    pixels = [np.sort(random.choice(31 * 23, 300, replace=False)) for _ in range(3)]
+    cameras, grid, rays = cameras_and_rays(lens, pixels, supersample)
+    made = OnTheFlyProjector.from_cameras(cameras, pixels, grid, supersample)
+    kept = OnTheFlyProjector(rays, grid, made.view_ptr)
+    x = random.random(grid.size)
+    expected = kept @ x
+    assert expected.max() > 1
+    bound = 1e-6 if lens == "brown" else 1e-10  # its bend is kept in single precision
+    assert np.abs(made @ x - expected).max() < bound * expected.max()
+    assert made.n_crossings == pytest.approx(kept.n_crossings, rel=1e-4)
+    assert dot_test(made) < 1e-12
+    some = np.sort(random.choice(900, 211, replace=False))
+    assert np.array_equal(made.take(some) @ x, (made @ x)[some])
+    assert np.array_equal(made.subset([2, 0]) @ x, np.r_[(made @ x)[600:], (made @ x)[:300]])
+    assert np.array_equal(made.rows(250, 700).rows(10, 400) @ x, (made @ x)[260:650])
+    assert np.array_equal(made.take(some).take(np.arange(5, 99, 3)) @ x, (made @ x)[some[5:99:3]])
+
+
+def test_all_pixels_of_cameras():
+    cameras, grid, rays = cameras_and_rays("pinhole")
+    x = np.random.default_rng(8).random(grid.size)
+    made = OnTheFlyProjector.from_cameras(cameras, None, grid)
+    assert made.view_ptr.tolist() == [0, 713, 1426, 2139]
+    assert made @ x == pytest.approx(OnTheFlyProjector(rays, grid) @ x, rel=1e-10, abs=1e-10)
+
+
+def test_pixels_that_the_lens_does_not_reach_see_nothing():
+    grid = VoxelGrid((10, 10, 10), 8.0)
+    camera = Camera(
+        "wide", (40, 40), [[12, 0, 19.5], [0, 12, 19.5], [0, 0, 1]],
+        Distortion("brown", (-0.3, 0, 0, 0)), t=[0, 0, 50],
+    )  # fmt: skip
+    rays = Rays.from_camera(camera, supersample=2)
+    partly = np.diff(rays.pixel_ptr)
+    assert 0 in partly
+    assert set(partly) & {1, 2, 3}
+    x = np.random.default_rng(9).random(grid.size)
+    made = OnTheFlyProjector.from_cameras([camera], None, grid, 2) @ x
+    assert made == pytest.approx(OnTheFlyProjector(rays, grid) @ x, rel=1e-5, abs=1e-5)
+
+
+@pytest.mark.parametrize("share", [0.002, 0.1])
+def test_empty_space_is_stepped_over_without_a_trace(share):
+    grid = VoxelGrid((37, 60, 41), 1.0)
+    rays = random_rays(grid, 3000, 11)
+    random = np.random.default_rng(12)
+    mask = np.zeros(grid.shape, bool)
+    if share < 0.01:  # specks
+        mask.ravel()[random.choice(grid.size, int(share * grid.size), replace=False)] = True
+    else:  # a block at the rim
+        mask[20:, :25, 30:] = True
+    live = LiveVoxels.from_mask(grid, mask)
+    whole = OnTheFlyProjector(rays, grid)
+    part = OnTheFlyProjector(rays, grid, live=live)
+    for dtype in (np.float32, np.float64):
+        x = random.random(live.size).astype(dtype)
+        y = random.random(3000).astype(dtype)
+        assert np.array_equal(part @ x, whole @ live.expand(x))
+        assert np.array_equal(part.T @ y, live.compress(whole.T @ y))
+    assert part.shape == (3000, live.size)
+    assert dot_test(part.take(np.arange(0, 3000, 2))) < 1e-12
+
+
+def test_many_ranges_of_owned_voxels_add_up_to_the_same_bits(pair, monkeypatch):
+    _, flying = pair
+    y = np.random.default_rng(13).random(flying.shape[0]).astype(np.float32)
+    once = flying.T @ y
+    for parts in (2, 3, 7, 40):
+        monkeypatch.setattr(numba, "get_num_threads", lambda parts=parts: parts)
+        assert np.array_equal(flying.T @ y, once)

@@ -24,12 +24,14 @@ def _pair_at(builder, array, position, pair):
 
 
 def _load(builder, pointer, element):
+    """Load a pair that stands anywhere in an array of ``element``."""
     loaded = builder.load(pointer)
-    loaded.align = element.width // 8 if isinstance(element, ir.IntType) else _size(element)
+    loaded.align = _size(element)
     return loaded
 
 
 def _size(element):
+    """Return the bytes of a real number."""
     return 4 if isinstance(element, ir.FloatType) else 8
 
 
@@ -41,6 +43,7 @@ def _index(builder, array, k):
 
 
 def _arrays(context, builder, signature, args, count):
+    """Return the first ``count`` arguments as arrays."""
     return [
         context.make_array(kind)(context, builder, value)
         for kind, value in zip(signature.args[:count], args[:count], strict=True)
@@ -68,7 +71,9 @@ def dot_pairs(typing_context, x, index, weight, count):
                 place = builder.mul(k, two)
                 weights = _load(builder, _pair_at(builder, weight, place, pair), element)
                 product = builder.fmul(values, weights, flags=["contract"])
-                builder.store(builder.fadd(builder.load(total), product, flags=["contract"]), total)
+                builder.store(
+                    builder.fadd(builder.load(total), product, flags=["contract"]), total
+                )
         a, b, c, d = (builder.load(total) for total in sums)
         together = builder.fadd(builder.fadd(a, b), builder.fadd(c, d))
         low, high = (
@@ -80,8 +85,8 @@ def dot_pairs(typing_context, x, index, weight, count):
 
 
 @intrinsic
-def add_pairs(typing_context, x, index, weight, count, factor):
-    """Add ``count`` pairs times ``factor`` to ``x``, every second one first.
+def add_pairs(typing_context, x, index, weight, first, count, factor):
+    """Add ``count`` pairs times ``factor`` to ``x``: those of even ``first + k``, then the others.
 
     Neighbours in ``index`` often overlap by one element: a processor that must put together what
     it has just written in two parts waits for it.
@@ -92,13 +97,14 @@ def add_pairs(typing_context, x, index, weight, count, factor):
         element = context.get_data_type(signature.args[0].dtype)
         pair = ir.VectorType(element, 2)
         wide = ir.IntType(64)
-        none, one, two = (ir.Constant(wide, n) for n in range(3))
+        one, two = (ir.Constant(wide, n) for n in (1, 2))
         factors = ir.Constant(pair, ir.Undefined)
         for side in (0, 1):
             place = ir.Constant(ir.IntType(32), side)
-            factors = builder.insert_element(factors, args[4], place)
-        for start in (none, one):
-            steps = builder.sdiv(builder.add(builder.sub(args[3], start), one), two)
+            factors = builder.insert_element(factors, args[5], place)
+        odd = builder.and_(args[3], one)
+        for start in (odd, builder.xor(odd, one)):
+            steps = builder.sdiv(builder.add(builder.sub(args[4], start), one), two)
             with cgutils.for_range(builder, steps) as loop:
                 k = builder.add(builder.mul(loop.index, two), start)
                 target = _pair_at(builder, x, _index(builder, index, k), pair)
@@ -110,7 +116,7 @@ def add_pairs(typing_context, x, index, weight, count, factor):
                 stored.align = _size(element)
         return context.get_dummy_value()
 
-    return types.void(x, index, weight, types.int64, x.dtype), generate
+    return types.void(x, index, weight, types.int64, types.int64, x.dtype), generate
 
 
 @intrinsic

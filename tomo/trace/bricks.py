@@ -14,7 +14,7 @@ CHUNK = 8
 """Faces that are taken or skipped together: a multiple of what `dot_pairs` takes at a time."""
 
 REACH = CHUNK // 2 + 2
-"""Voxels from the middle of a chunk to the last one that it gives a length to, rounding included."""
+"""Voxels from the middle of a chunk to the last that it gives a length to, rounding included."""
 
 BRICK_BITS = 2
 """A brick is 2^2 voxels along each edge."""

@@ -1,9 +1,9 @@
 """A volume column by column: the voxels along one axis stand next to each other.
 
-Column ``(b, c)`` of axis ``a`` begins at ``1 + (b * n_c + c) * (n_a + 1)``. Between two columns stands
-one spare number, so that the voxel below the first and above the last of a column may be touched:
-kernels that take voxels in pairs need no test. It also keeps the columns off steps of powers of two,
-at which a processor's cache holds few.
+Column ``(b, c)`` of axis ``a`` begins at ``1 + (b * n_c + c) * (n_a + 1)``. Between two columns
+stands one spare number, so that the voxel below the first and above the last of a column may be
+touched: kernels that take voxels in pairs need no test. It also keeps the columns off steps of
+powers of two, at which a processor's cache holds few.
 """
 
 from __future__ import annotations
@@ -50,9 +50,7 @@ def to_columns(volume: NDArray, shape: tuple[int, int, int], axis: int) -> NDArr
     return columns
 
 
-def add_columns(
-    columns: NDArray, shape: tuple[int, int, int], axis: int, volume: NDArray
-) -> None:
+def add_columns(columns: NDArray, shape: tuple[int, int, int], axis: int, volume: NDArray) -> None:
     """Add to a flat volume what stands column by column along ``axis``."""
     _add(columns, _strides(shape, axis), shape, volume, _in_order(shape))
 

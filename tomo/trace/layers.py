@@ -4,8 +4,8 @@ The axis along which a ray moves fastest (in voxels) is its *long* axis ``a``; `
 the two others in their order. Every ray is told so that it ascends along ``a`` (a line integral
 does not know which way it was taken) and along ``b`` and ``c`` too (else the voxels are counted
 from the other end: *mirrored*). Positions on ``b`` and ``c`` are whole multiples of ``2^-bits``
-voxels, so that the position at face ``f`` of the layers, ``start + f * slope``, is exact, and so is
-in which voxel it is and whether a face of it was passed since the last layer.
+voxels, so that the position at face ``f`` of the layers, ``start + f * slope``, is exact, and so
+is in which voxel it is and whether a face of it was passed since the last layer.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tomo._compile import compiled
 
 START_B, SLOPE_B, START_C, SLOPE_C, FIRST, COUNT, MIRROR_B, MIRROR_C = range(8)
 """Columns of a course's whole numbers: positions at the lower face of the first layer and slopes
-along b and c, the first layer and how many there are, and whether b and c are counted backwards."""
+along b and c, the first layer, how many there are, and whether b and c are counted backwards."""
 
 PER_B, PER_C, ENTER, LEAVE, SCALE = range(5)
 """Columns of its real numbers: layers per position unit along b and c, where the ray enters and
@@ -47,7 +47,10 @@ def _bounds(position, direction, count, near, far):
         if position < 0 or position > count:
             return near, -1.0
         return near, far
-    to_lower, to_upper = (0.0 - position) / direction, (count - position) / direction
+    per = 1.0 / direction
+    to_lower, to_upper = -position * per, (count - position) * per
+    if not math.isfinite(per):  # a subnormal component
+        to_lower, to_upper = -position / direction, (count - position) / direction
     return max(near, min(to_lower, to_upper)), min(far, max(to_lower, to_upper))
 
 
@@ -58,7 +61,9 @@ def _moving(position, direction, length):
 
 
 @compiled(inline=True)
-def _across(position, slope, to_first, count, one, whole, real, at_start, at_slope, at_mirror, per):
+def _across(
+    position, slope, to_first, count, one, whole, real, at_start, at_slope, at_mirror, per
+):
     """Write a ray's course along one axis across the long one."""
     mirrored = slope < 0
     if mirrored:
@@ -123,9 +128,10 @@ def _set_course(x, y, z, dx, dy, dz, length, weight, shape, axis, bits, whole, r
     last = min(max(math.ceil(end), first + 1), n_a)
     one = 2.0**bits
     whole[FIRST], whole[COUNT] = first, last - first
-    _across(b, db / da, first - a, n_b, one, whole, real, START_B, SLOPE_B, MIRROR_B, PER_B)
-    _across(c, dc / da, first - a, n_c, one, whole, real, START_C, SLOPE_C, MIRROR_C, PER_C)
-    real[ENTER], real[LEAVE], real[SCALE] = a - first, end - first, weight / da
+    per = 1.0 / da
+    _across(b, db * per, first - a, n_b, one, whole, real, START_B, SLOPE_B, MIRROR_B, PER_B)
+    _across(c, dc * per, first - a, n_c, one, whole, real, START_C, SLOPE_C, MIRROR_C, PER_C)
+    real[ENTER], real[LEAVE], real[SCALE] = a - first, end - first, weight * per
 
 
 @compiled(inline=True)
@@ -192,6 +198,9 @@ def of_pixels(
     x = _in_voxels(position[0], box[0, 0], box[1, 0], box[2, 0], shape[0])
     y = _in_voxels(position[1], box[0, 1], box[1, 1], box[2, 1], shape[1])
     z = _in_voxels(position[2], box[0, 2], box[1, 2], box[2, 2], shape[2])
+    to_x = (turned[0, 0] / box[2, 0], turned[1, 0] / box[2, 0], turned[2, 0] / box[2, 0])
+    to_y = (turned[0, 1] / box[2, 1], turned[1, 1] / box[2, 1], turned[2, 1] / box[2, 1])
+    to_z = (turned[0, 2] / box[2, 2], turned[1, 2] / box[2, 2], turned[2, 2] / box[2, 2])
     bent = bend.shape[2]
     for place in numba.prange(len(pixels)):
         column, row = pixels[place] % width, pixels[place] // width
@@ -212,12 +221,12 @@ def of_pixels(
             if math.isnan(right):
                 whole[ray, COUNT] = 0
                 continue
-            size = math.sqrt(right * right + down * down + ahead * ahead)
-            right, down, ahead = right / size, down / size, ahead / size
+            per = 1.0 / math.sqrt(right * right + down * down + ahead * ahead)
+            right, down, ahead = right * per, down * per, ahead * per
             _set_course(
                 x, y, z,
-                (right * turned[0, 0] + down * turned[1, 0] + ahead * turned[2, 0]) / box[2, 0],
-                (right * turned[0, 1] + down * turned[1, 1] + ahead * turned[2, 1]) / box[2, 1],
-                (right * turned[0, 2] + down * turned[1, 2] + ahead * turned[2, 2]) / box[2, 2],
+                right * to_x[0] + down * to_x[1] + ahead * to_x[2],
+                right * to_y[0] + down * to_y[1] + ahead * to_y[2],
+                right * to_z[0] + down * to_z[1] + ahead * to_z[2],
                 np.inf, 1.0 / seen, shape, axis, bits, whole[ray], real[ray],
             )  # fmt: skip

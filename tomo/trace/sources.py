@@ -22,6 +22,8 @@ from tomo.trace import layers
 
 PIXELS_AT_ONCE = 65_536  # while the bend of a lens is made
 
+TILE = 8  # pixels along each side of what is projected together
+
 Numbers = slice | NDArray[np.integer]
 
 
@@ -41,6 +43,10 @@ class PixelSource(ABC):
     @abstractmethod
     def take(self, numbers: Numbers) -> PixelSource:
         """Return the source of some of the pixels."""
+
+    def order(self, start: int, stop: int) -> NDArray[np.integer]:
+        """Return the pixels ``start:stop``, from zero on, so that neighbours follow each other."""
+        return np.arange(stop - start)
 
     @abstractmethod
     def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
@@ -85,13 +91,16 @@ class RayPixels(PixelSource):
 
     @property
     def n_pixels(self) -> int:
+        """Number of pixels."""
         return self.rays.n_pixels if self.rows is None else len(self.rows)
 
     def take(self, numbers: Numbers) -> RayPixels:
+        """Return the source of some of the pixels."""
         rows = np.arange(self.rays.n_pixels) if self.rows is None else self.rows
         return RayPixels(self.rays, rows[numbers])
 
     def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
+        """Return where the pixels' rays begin; see `PixelSource`."""
         ptr = self.rays.pixel_ptr
         if self.rows is None:
             return ptr[start : stop + 1] - ptr[start]
@@ -99,10 +108,21 @@ class RayPixels(PixelSource):
         return np.concatenate([np.zeros(1, np.int64), np.cumsum(ptr[rows + 1] - ptr[rows])])
 
     def last_within(self, start: int, rays: int) -> int:
+        """Return where to stop; see `PixelSource`."""
         ptr = self.ray_ptr(start, min(start + rays, self.n_pixels))
         return start + max(int(np.searchsorted(ptr, rays, side="right")) - 1, 1)
 
-    def write(self, start, stop, grid, axis, bits, whole, real) -> None:
+    def write(
+        self,
+        start: int,
+        stop: int,
+        grid: VoxelGrid,
+        axis: int,
+        bits: int,
+        whole: NDArray[np.int64],
+        real: NDArray[np.float64],
+    ) -> None:
+        """Write courses; see `PixelSource`."""
         rays = self.rays
         if self.rows is None:
             some = slice(int(rays.pixel_ptr[start]), int(rays.pixel_ptr[stop]))
@@ -159,21 +179,44 @@ class CameraPixels(PixelSource):
 
     @property
     def n_pixels(self) -> int:
+        """Number of pixels."""
         return len(self.pixels)
 
     def take(self, numbers: Numbers) -> CameraPixels:
+        """Return the source of some of the pixels."""
         if not self.bend.size:
             return replace(self, pixels=self.pixels[numbers])
         rows = np.arange(len(self.bend), dtype=np.int32) if self.rows is None else self.rows
         return replace(self, pixels=self.pixels[numbers], rows=rows[numbers])
 
+    def order(self, start: int, stop: int) -> NDArray[np.integer]:
+        """Return the pixels tile by tile."""
+        pixels = self.pixels[start:stop]
+        width = self.camera.image_size[0]
+        row, column = pixels // width, pixels % width
+        tile = (row - row.min()) // TILE * -(-width // TILE) + column // TILE
+        kind = np.uint16 if tile.max() < 2**16 else np.int64  # short keys are sorted fastest
+        return np.argsort(tile.astype(kind), kind="stable")
+
     def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
+        """Return where the pixels' rays begin; see `PixelSource`."""
         return np.arange(stop - start + 1, dtype=np.int64) * self.supersample**2
 
     def last_within(self, start: int, rays: int) -> int:
+        """Return where to stop; see `PixelSource`."""
         return min(start + max(rays // self.supersample**2, 1), self.n_pixels)
 
-    def write(self, start, stop, grid, axis, bits, whole, real) -> None:
+    def write(
+        self,
+        start: int,
+        stop: int,
+        grid: VoxelGrid,
+        axis: int,
+        bits: int,
+        whole: NDArray[np.int64],
+        real: NDArray[np.float64],
+    ) -> None:
+        """Write courses; see `PixelSource`."""
         some = slice(start, stop)
         bend = self.bend
         if bend.size:

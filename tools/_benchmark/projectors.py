@@ -1,0 +1,210 @@
+"""How fast rays are projected: on the fly and stored, against plain rivals, in one process.
+
+Every figure is a median of runs taken in turn, so that ratios hold on a busy machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+
+from _benchmark.scalar_walk import project
+from _benchmark.timing import in_turn
+from rigs import Rig, ring
+from tomo import Projector, Rays, VoxelGrid
+from tomo._compile import compiled
+from tomo.on_the_fly import OnTheFlyProjector
+from tomo.trace import trace
+from tomo.trace.box import enter_box
+
+Row = dict[str, Any]
+Progress = Callable[[int, int, str], None]
+
+EDGE = 100.0  # of the volume, in mm
+DISTANCE = 1000.0
+STEP_DEGREES = 7.3  # no two views alike, none along an axis but the first
+
+
+def rig_for(voxels: int, views: int) -> Rig:
+    """Return a level ring without distortion, pixels half a voxel wide, that sees a cube."""
+    pixels = 3 * voxels
+    return ring(
+        views, STEP_DEGREES, DISTANCE, image_size=(pixels, pixels), footprint=1.5 * EDGE / pixels
+    )
+
+
+def projectors(quick: bool, progress: Progress) -> list[Row]:
+    """Measure projectors and tracers.
+
+    Returns
+    -------
+    list of dict
+        One row a measurement: ``what`` (name), ``voxels`` (along an edge), ``views``, ``threads``,
+        ``rays`` that meet the grid, ``crossings`` of them with voxels, ``seconds`` (median),
+        ``rays_per_second``, ``crossings_per_second``, ``ratio`` (rays a second a thread against
+        ``ratio_to``, another row's ``what`` at the same size; None without one). The rows of the
+        stored projector have ``bytes_per_second`` and ``bandwidth_share`` too, against reading a
+        large array in the same run.
+    """
+    sizes = [(32, 4)] if quick else [(96, 24), (192, 8)]
+    repeats = 3 if quick else 5
+    rows: list[Row] = []
+    for number, (voxels, views) in enumerate(sizes):
+        progress(2 * number, 2 * len(sizes), f"on the fly, {voxels} voxels along an edge")
+        rows += _on_the_fly(voxels, views, repeats)
+        progress(2 * number + 1, 2 * len(sizes), f"itk-rtk, {voxels} voxels along an edge")
+        rows += _joseph(voxels, views, repeats, rows)
+    progress(len(sizes), len(sizes), "stored, tracers")
+    rows += _stored(24 if quick else 64, 4 if quick else 8, repeats)
+    return rows
+
+
+def _on_the_fly(voxels: int, views: int, repeats: int) -> list[Row]:
+    rig, grid = rig_for(voxels, views), VoxelGrid((voxels,) * 3, EDGE / voxels)
+    flying = OnTheFlyProjector.from_cameras(list(rig), None, grid)
+    box = enter_box(Rays.concatenate(Rays.from_camera(camera) for camera in rig), grid)
+    size = {
+        "voxels": voxels, "views": views,
+        "rays": int((box.length > 0).sum()), "crossings": flying.n_crossings,
+    }  # fmt: skip
+    volume = np.random.default_rng(0).random(grid.size, np.float32)
+    images = np.random.default_rng(1).random(flying.shape[0], np.float32)
+    threads = numba.get_num_threads()
+    rows: list[Row] = []
+    try:
+        for count in sorted({1, min(2, threads)}):
+            numba.set_num_threads(count)
+            seconds = in_turn(
+                {
+                    "plain walk forward": lambda: project(box, grid, volume),
+                    "on the fly forward": lambda: flying @ volume,
+                    "on the fly adjoint": lambda: flying.T @ images,
+                },
+                repeats,
+            )
+            to = (None, "plain walk forward", "on the fly forward")
+            for (what, taken), other in zip(seconds.items(), to, strict=True):
+                ratio = seconds[other] / taken if other else None
+                rows.append(_row(what, count, taken, size, ratio, other))
+    finally:
+        numba.set_num_threads(threads)
+    return rows
+
+
+def _row(
+    what: str, threads: int, seconds: float, size: Row, ratio: float | None, ratio_to: str | None
+) -> Row:
+    return {
+        "what": what, **size, "threads": threads, "seconds": seconds,
+        "rays_per_second": size["rays"] / seconds,
+        "crossings_per_second": size["crossings"] / seconds,
+        "ratio": ratio, "ratio_to": ratio_to,
+    }  # fmt: skip
+
+
+def _joseph(voxels: int, views: int, repeats: int, rows: list[Row]) -> list[Row]:
+    """Measure itk-rtk's Joseph projectors on the same rig, one thread; nothing without it."""
+    try:
+        import itk
+        from itk import RTK as rtk  # noqa: N811
+    except ImportError:
+        return []
+    itk.MultiThreaderBase.SetGlobalMaximumNumberOfThreads(1)
+    kind = itk.Image[itk.F, 3]
+    geometry = rtk.ThreeDCircularProjectionGeometry.New()
+    for view in range(views):
+        geometry.AddProjection(DISTANCE, DISTANCE, STEP_DEGREES * view)
+    pixels = 3 * voxels
+
+    def image(values: np.ndarray, pitch: tuple[float, float, float]) -> Any:
+        made = itk.image_from_array(values)
+        made.SetSpacing(pitch)
+        made.SetOrigin([-(n - 1) / 2 * p for n, p in zip(values.shape[::-1], pitch, strict=True)])
+        return made
+
+    cube = np.random.default_rng(0).random((voxels,) * 3, np.float32)
+    spacing, pitch = (EDGE / voxels,) * 3, (1.5 * EDGE / pixels, 1.5 * EDGE / pixels, 1.0)
+    blank = np.zeros((views, pixels, pixels), np.float32)
+
+    def run(name: str, first: Any, second: Any) -> None:
+        made = getattr(rtk, name)[kind, kind].New()
+        made.SetGeometry(geometry)
+        made.SetInput(0, first)
+        made.SetInput(1, second)
+        made.Update()
+
+    seconds = in_turn(
+        {
+            "itk-rtk Joseph forward": lambda: run(
+                "JosephForwardProjectionImageFilter", image(blank, pitch), image(cube, spacing)
+            ),
+            "itk-rtk Joseph adjoint": lambda: run(
+                "JosephBackProjectionImageFilter", image(cube, spacing), image(blank + 1, pitch)
+            ),
+        },
+        repeats,
+    )
+    ours = {
+        r["what"]: r for r in rows if r["voxels"] == voxels and r["threads"] == 1
+    }  # the same rig
+    size = {
+        key: ours["on the fly forward"][key] for key in ("voxels", "views", "rays", "crossings")
+    }
+    found = []
+    for what, taken in seconds.items():
+        other = "on the fly " + what.rsplit(" ", 1)[1]
+        found.append(_row(what, 1, taken, size, ours[other]["seconds"] / taken, other))
+    return found
+
+
+@compiled(parallel=True, reassociate=True)
+def _read(values, sums) -> None:
+    share = -(-len(values) // len(sums))
+    for part in numba.prange(len(sums)):
+        total = np.float32(0)
+        for place in range(part * share, min((part + 1) * share, len(values))):
+            total += values[place]
+        sums[part] = total
+
+
+def _stored(voxels: int, views: int, repeats: int) -> list[Row]:
+    """Measure the stored projector against reading memory and scipy, and the tracers."""
+    rig, grid = rig_for(voxels, views), VoxelGrid((voxels,) * 3, EDGE / voxels)
+    rays = Rays.concatenate(Rays.from_camera(camera) for camera in rig)
+    stored = Projector(trace(rays, grid), grid)
+    matrix = stored.to_scipy()
+    volume = np.random.default_rng(0).random(grid.size, np.float32)
+    images = np.random.default_rng(1).random(stored.shape[0], np.float32)
+    large, sums = np.ones(50_000_000, np.float32), np.zeros(4 * numba.get_num_threads())
+    entries = stored.n_crossings
+    size = {
+        "voxels": voxels, "views": views,
+        "rays": int((np.diff(stored.segments.ptr) > 0).sum()), "crossings": entries,
+    }  # fmt: skip
+    threads = numba.get_num_threads()
+    seconds = in_turn(
+        {
+            "read": lambda: _read(large, sums),
+            "scipy csr forward": lambda: matrix @ volume,
+            "stored forward": lambda: stored @ volume,
+            "stored adjoint": lambda: stored.T @ images,
+            "raycast": lambda: trace(rays, grid, "raycast"),
+            "march": lambda: trace(rays, grid, "march"),
+        },
+        repeats,
+    )
+    bandwidth = large.nbytes / seconds.pop("read")
+    to = {"stored forward": "scipy csr forward", "march": "raycast"}
+    rows = []
+    for what, taken in seconds.items():
+        other = to.get(what)
+        count = 1 if what.startswith("scipy") else threads
+        row = _row(what, count, taken, size, seconds[other] / taken if other else None, other)
+        if what.startswith("stored"):
+            row["bytes_per_second"] = entries * 8 / taken  # a voxel's number and a length
+            row["bandwidth_share"] = row["bytes_per_second"] / bandwidth
+        rows.append(row)
+    return rows
