@@ -28,7 +28,7 @@ FLOORS = [
         "tomo.support",
         "tomo.viewed",
     },
-    {"tomo.solve", "tomo.wernet", "tomo.reconstruction"},
+    {"tomo.alignment", "tomo.gains", "tomo.solve", "tomo.wernet", "tomo.reconstruction"},
     {"tomo.scan", "tomo.scan_file", "tomo._scan_schema"},
     {"tomo.simulate", "tomo.reconstruct", "tomo.view"},
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,26 +12,35 @@ from numpy.typing import NDArray
 
 from tomo import solve
 from tomo.smooth_basis import SmoothBasis
+from tomo.solve._common_start import common_start
 from tomo.solve._drive import norm
 from tomo.viewed import ViewedOperator
 
-CHECKPOINTS = (1, 2, 3, 4, 5, 7, 10, 14, 20, 28, 40, 57, 80, 113)
+MULTIPLICATIVE = ("mlem",)
+"""Methods that start from `Trial.start`."""
+
+CHECKPOINTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 17, 20, 24, 28, 34, 40)
 """The numbers of iterations at which a trial is judged."""
 
-SETTLED = 0.97
-HOPELESS = 1.5
-"""Factors on the squared error that end a trial."""
+SETTLED = 1e-4
+"""A trial ends when one checkpoint gains less than this share of what all have gained."""
+
+PATIENCE = 10
+HOPELESS = 0.05
+"""A trial ends when, after so many iterations, it lacks more than this share of what the best
+one gained. Shares of gains, not of errors: the noise of the left-out views is in every error."""
 
 
 def views_to_leave_out(views: Sequence[int]) -> list[list[int]]:
-    """Return the views that each of two trials leaves out, spread over the rig.
+    """Return the views that each trial leaves out, spread over the rig.
 
-    Up to eight views: one each, since every view counts. More: every eighth view each.
+    Up to eight views: two trials without one view each, since every view counts. More: one trial
+    without every eighth view.
     """
     if len(views) <= 8:
         first = len(views) // 4
         return [[views[first]], [views[first + len(views) // 2]]]
-    return [list(views[2::8]), list(views[6::8])]
+    return [list(views[2::8])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,21 +75,27 @@ class Trial:
             measured[projector.pixels_of(left_out)],
         )
 
+    @cached_property
+    def start(self) -> NDArray[np.float32]:
+        """Where multiplicative methods start: `tomo.solve._common_start`."""
+        return common_start(self.training, self.training_pixels)
+
     def squared_errors(
         self,
         method: str,
         width: float,
         settings: Mapping[str, Any],
-        rival: NDArray[np.float64] | None = None,
+        best: float = 0.0,
     ) -> NDArray[np.float64]:
         """Return the squared error of the left-out views at every checkpoint: (checkpoints,).
 
-        From the third checkpoint on the run ends when the error falls by less than three per cent
-        from one checkpoint to the next, or is far above what ``rival`` has at the same place.
-        Checkpoints not reached are infinite.
+        From the third checkpoint on the run ends when the error hardly falls any more, or is far
+        above ``best``, that of another candidate. Checkpoints not reached are infinite.
         """
         errors = np.full(len(CHECKPOINTS), np.inf)
         basis = SmoothBasis(self.training, width) if width else None
+        run = getattr(solve, method)
+        start = self.start if method in MULTIPLICATIVE else None
 
         def judge(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
             if index not in CHECKPOINTS:
@@ -89,9 +105,10 @@ class Trial:
             errors[at] = norm(seen - self.left_out_pixels) ** 2
             if at < 2:
                 return False
-            settled = errors[at] > SETTLED * errors[at - 1]
-            return settled or (rival is not None and errors[at] > HOPELESS * rival[at])
+            dark = norm(self.left_out_pixels) ** 2  # the error of an empty volume
+            settled = errors[at - 1] - errors[at] < SETTLED * (dark - errors[at])
+            behind = errors[at] - best > HOPELESS * (dark - best)
+            return settled or (index >= PATIENCE and best > 0 and behind)
 
-        run = getattr(solve, method)
-        run(basis or self.training, self.training_pixels, callback=judge, **settings)
+        run(basis or self.training, self.training_pixels, start=start, callback=judge, **settings)
         return errors

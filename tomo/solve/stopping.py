@@ -8,7 +8,7 @@ it did not use, so every candidate is run without some of the views and judged o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,36 +18,38 @@ from numpy.typing import ArrayLike, NDArray
 from tomo import solve
 from tomo.reconstruction import Callback, Reconstruction
 from tomo.smooth_basis import SmoothBasis
+from tomo.solve._common_start import common_start
 from tomo.solve._drive import check_measured, norm
-from tomo.solve._trials import CHECKPOINTS, Trial, views_to_leave_out
+from tomo.solve._trials import CHECKPOINTS, MULTIPLICATIVE, Trial, views_to_leave_out
 from tomo.solve.mlem import interleaved
 from tomo.viewed import ViewedOperator
 
-METHODS = {"mlem": 28, "sart": 28}
+METHODS = {"mlem": 17, "nnls": 40}
 """The candidates and the most iterations each is given: Poisson, and least squares."""
 
-PATIENCE = 7
-"""Iterations after which a method is given up when it is far behind another."""
+FEW_VIEWS = 8
+"""Up to so many views both methods are tried: what the views leave open MLEM fills with what all
+of them allow. With more views least squares has been the better one throughout."""
 
-WIDTHS = (0.0, 0.75, 1.5, 2.25, 3.0)
-"""Standard deviations of the smooth basis tried, in voxels."""
+WIDTHS = (0.0, 0.5, 0.8, 1.2, 1.8, 2.7)
+"""Standard deviations of the smooth basis tried, in voxels; the first step above none is left out
+with few views, which do not resolve single voxels."""
 
-CROSSINGS_A_VOXEL = 12
-MOST_SUBSETS = 12
-"""MLEM runs in ordered subsets that still have as many rays through the average voxel."""
+WORTH_WIDENING = 0.1
+"""A wider basis must gain so much of what all smoothing has gained: what it gains less is chance,
+and detail is lost for it."""
 
-SEGMENTS_A_TRIAL = 30_000_000
-"""Pixels of larger systems are thinned evenly to about this many crossings while choosing, but
-not below `CROSSINGS_A_VOXEL`."""
+SEGMENTS_A_TRIAL = 2_500_000
+PIXELS_AN_UNKNOWN = 4
+"""Pixels of larger systems are thinned evenly to about so many crossings while choosing. Where
+there are more pixels than unknowns, so many an unknown stay: a system that is no longer
+overdetermined would ask for more smoothness than the whole one."""
 
-FALLBACK = ("mlem", 1.0, 20)
+FALLBACK = ("mlem", 1.0, 10)
 """With one or two views nothing can be left out: the method, width and iterations used then."""
 
 Candidate = tuple[str, float, int, float]
 """Method, width, iterations, and the relative residual of the left-out views."""
-
-Errors = list[NDArray[np.float64]]
-"""For each trial the squared errors at the checkpoints."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +91,8 @@ def choose_by_held_out_views(
     """Choose method, smoothness and stop by the residual of views left out.
 
     First the method on plain voxels, then the smoothness for the better one, wider as long as
-    that helps; the number of iterations comes with each. With noise or imperfect cameras a
-    smooth basis predicts the left-out views better; with clean images it does not.
+    that helps; the number of iterations comes with each. With noise, few views or imperfect
+    cameras a smooth basis predicts the left-out views better; with clean images it does not.
 
     Parameters
     ----------
@@ -105,9 +107,7 @@ def choose_by_held_out_views(
     if len(views) < 3 or not measured.any():
         reason = "too few views to leave any out" if measured.any() else "the images are dark"
         return Choice(*FALLBACK, math.nan, reason=reason)
-    wanted = math.ceil(projector.n_crossings / SEGMENTS_A_TRIAL)
-    most = math.floor(projector.n_crossings / (CROSSINGS_A_VOXEL * projector.shape[1]))
-    stride = max(min(wanted, most), 1)
+    stride = _stride(projector)
     if stride > 1:
         thinned = interleaved(projector.shape[0], stride)[0]
         projector, measured = projector.take(thinned), measured[thinned]
@@ -115,56 +115,53 @@ def choose_by_held_out_views(
         Trial.leaving_out(left_out, views, projector, measured)
         for left_out in views_to_leave_out(views)
     ]
-    settings = {"mlem": {"subsets": _subsets(projector)}, "sart": {}}
     scale = sum(norm(trial.left_out_pixels) ** 2 for trial in trials) or norm(measured) ** 2
     tried: list[Candidate] = []
-    total = len(METHODS) + len(WIDTHS) - 1
+    few = len(views) <= FEW_VIEWS
+    methods = ["mlem", "nnls"] if few else ["nnls"]
+    widths = WIDTHS[:1] + WIDTHS[2:] if few else WIDTHS
+    total = len(methods) + len(widths) - 1
 
-    def attempt(
-        method: str, width: float, rivals: Errors | None = None
-    ) -> tuple[Candidate, Errors]:
+    def attempt(method: str, width: float, best: Sequence[float]) -> list[float]:
         if progress:
             progress(len(tried), total, f"choosing: {method}, smoothness {width:g}")
-        arguments = {"iterations": METHODS[method], **settings[method]}
+        arguments = {"iterations": METHODS[method]}
         errors = [
             trial.squared_errors(method, width, arguments, rival)
-            for trial, rival in zip(trials, rivals or [None] * len(trials), strict=True)
+            for trial, rival in zip(trials, best, strict=True)
         ]
         together = np.sum(errors, axis=0)
         stop = int(np.argmin(together))
         residual = float(np.sqrt(together[stop] / max(scale, np.finfo(float).tiny)))
         tried.append((method, width, CHECKPOINTS[stop], residual))
-        return tried[-1], errors
+        return [float(error[stop]) for error in errors]
 
-    first, *others = METHODS
-    best, errors = attempt(first, WIDTHS[0])
-    for method in others:
-        candidate, candidate_errors = attempt(method, WIDTHS[0], [_patient(e) for e in errors])
-        if candidate[3] < best[3]:
-            best, errors = candidate, candidate_errors
-    for width in WIDTHS[1:]:
-        candidate, candidate_errors = attempt(best[0], width, errors)
-        if candidate[3] >= best[3]:
+    errors = attempt(methods[0], widths[0], [0.0] * len(trials))
+    best = tried[0]
+    for method in methods[1:]:
+        found = attempt(method, widths[0], errors)
+        if tried[-1][3] < best[3]:
+            best, errors = tried[-1], found
+    plain = best[3]
+    for width in widths[1:]:
+        found = attempt(best[0], width, errors)
+        gained = best[3] ** 2 - tried[-1][3] ** 2
+        if gained <= WORTH_WIDENING * (plain**2 - best[3] ** 2):
             break
-        best, errors = candidate, candidate_errors
+        best, errors = tried[-1], found
     if progress:
         progress(total, total, "")
     reason = f"left-out views are predicted best so (relative residual {best[3]:.4f})"
-    return Choice(*best, settings[best[0]], reason, tuple(tried))
+    return Choice(*best, reason=reason, tried=tuple(tried))
 
 
-def _patient(errors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what another method must come near: the best of ``errors``, after some iterations.
-
-    Iterations of different methods are not worth the same, so the first few do not count.
-    """
-    return np.where(np.array(CHECKPOINTS) < PATIENCE, np.inf, errors.min())
-
-
-def _subsets(projector: ViewedOperator) -> int:
-    """Return how many ordered subsets leave each enough rays through the average voxel."""
-    crossings = projector.n_crossings / projector.shape[1]
-    return int(np.clip(crossings / CROSSINGS_A_VOXEL, 1, MOST_SUBSETS))
+def _stride(projector: ViewedOperator) -> int:
+    """Return of how many pixels one takes part while choosing."""
+    pixels, unknowns = projector.shape
+    wanted = math.ceil(projector.n_crossings / SEGMENTS_A_TRIAL)
+    if pixels > unknowns:
+        wanted = min(wanted, pixels // (PIXELS_AN_UNKNOWN * max(unknowns, 1)))
+    return max(wanted, 1)
 
 
 def solve_as_chosen(
@@ -184,9 +181,13 @@ def solve_as_chosen(
     def report(index: int, volume: NDArray[np.float32], residual: float) -> bool | None:
         return callback(index, basis.blur(volume) if basis else volume, residual)
 
+    start = None
+    if choice.method in MULTIPLICATIVE:
+        start = common_start(projector, check_measured(projector, measured))
     found = run(
         basis or projector,
         measured,
+        start=start,
         iterations=choice.iterations,
         callback=report if callback else None,
         **choice.settings,

@@ -7,7 +7,7 @@ import pytest
 
 import phantoms
 import rigs
-from tomo import noise
+from tomo import noise, solve
 from tomo.grid import VoxelGrid
 from tomo.projector import Projector
 from tomo.rays import Rays
@@ -46,8 +46,7 @@ def cases(projector):
 
 
 def _true_error(projector, case, method, width, iterations):
-    settings = {"subsets": stopping._subsets(projector)} if method == "mlem" else {}
-    choice = Choice(method, width, iterations, 0.0, settings)
+    choice = Choice(method, width, iterations, 0.0)
     volume = solve_as_chosen(projector, case.images, choice).volume
     return np.linalg.norm(volume - case.truth) / np.linalg.norm(case.truth)
 
@@ -55,9 +54,8 @@ def _true_error(projector, case, method, width, iterations):
 @pytest.mark.parametrize("name", ["jet", "turbulent"])
 def test_noise_asks_for_an_earlier_stop_and_then_for_smoothness(cases, name):
     clean, noisy, noisiest = (cases[name, fraction].choice for fraction in (0.0, 0.1, 0.3))
-    assert clean.width == 0
-    assert clean.iterations == stopping.METHODS[clean.method]  # as many as it may
-    assert noisy.width > 0 or noisy.iterations < 0.6 * stopping.METHODS[noisy.method]
+    assert clean.width <= noisy.width
+    assert noisy.width > 0 or noisy.iterations < clean.iterations
     assert noisiest.width > 0
     assert clean.held_out_residual < noisy.held_out_residual < noisiest.held_out_residual
 
@@ -69,19 +67,21 @@ def test_the_choice_is_nearly_the_truest_of_those_tried(projector, cases, name, 
     choice = case.choice
     errors = [_true_error(projector, case, *candidate[:3]) for candidate in case.choice.tried]
     chosen = _true_error(projector, case, choice.method, choice.width, choice.iterations)
-    assert len(errors) >= 3
+    assert len(errors) >= 2
     assert max(errors) > 1.05 * min(errors)  # there was something to choose
     assert chosen <= 1.3 * min(errors)
     assert chosen < {0.0: 0.06, 0.1: 0.4, 0.3: 0.6}[fraction]
 
 
-def test_the_choice_is_the_best_predicting_of_those_tried(cases):
+def test_the_choice_predicts_as_well_as_any_tried_and_is_the_least_smooth_that_does(cases):
     for case in cases.values():
         choice = case.choice
         best = min(choice.tried, key=lambda candidate: candidate[3])
         found = (choice.method, choice.width, choice.iterations, choice.held_out_residual)
-        assert found == best
-        assert f"{best[3]:.4f}" in choice.reason
+        assert found in choice.tried
+        assert choice.width <= best[1]
+        assert choice.held_out_residual <= 1.02 * best[3]
+        assert f"{choice.held_out_residual:.4f}" in choice.reason
 
 
 def test_the_choice_is_the_same_each_time_and_for_every_brightness(projector, cases):
@@ -160,22 +160,30 @@ def test_large_systems_are_thinned_evenly_over_rows_and_columns(projector, cases
             return super().leaving_out(left_out, views, thinned, measured)
 
     case = cases["jet", 0.0]
-    limit = len(projector.segments) // 4 + 1
-    monkeypatch.setattr(stopping, "SEGMENTS_A_TRIAL", limit)
+    monkeypatch.setattr(stopping, "SEGMENTS_A_TRIAL", projector.n_crossings // 2 + 1)
     monkeypatch.setattr(stopping, "Trial", Spy)
     choice = choose_by_held_out_views(projector, case.images)
     thinned, measured = seen[0]
-    assert len(thinned.segments) == pytest.approx(limit, rel=0.02)
+    assert thinned.n_crossings == pytest.approx(projector.n_crossings / 2, rel=0.02)
     assert thinned.n_views == projector.n_views
-    assert np.diff(thinned.view_ptr) == pytest.approx(PIXELS / 4, rel=0.02)
+    assert np.diff(thinned.view_ptr) == pytest.approx(PIXELS / 2, rel=0.02)
     # Pixels and rows still belong together: the truth predicts them
     np.testing.assert_array_equal(thinned @ case.truth.ravel(), measured)
-    kept = np.isin(np.arange(len(case.images)), stopping.interleaved(len(case.images), 4)[0])
+    kept = np.isin(np.arange(len(case.images)), stopping.interleaved(len(case.images), 2)[0])
     np.testing.assert_array_equal(case.images[kept], measured)
     by_column = kept.reshape(-1, WIDTH).sum(axis=0)
     assert by_column.min() > 0.8 * by_column.mean()
     assert choice.method == case.choice.method
-    assert choice.width == 0
+
+
+def test_thinning_keeps_what_overdetermines_a_system(projector, monkeypatch):
+    monkeypatch.setattr(stopping, "SEGMENTS_A_TRIAL", 1)
+    stride = stopping._stride(projector)
+    assert stride >= 2
+    assert projector.shape[0] / stride >= stopping.PIXELS_AN_UNKNOWN * projector.shape[1]
+    few = projector.subset([0])  # fewer pixels than unknowns: nothing to keep
+    assert few.shape[0] < few.shape[1]
+    assert stopping._stride(few) == few.n_crossings
 
 
 def test_small_systems_are_not_thinned(projector, cases, monkeypatch):
@@ -183,7 +191,6 @@ def test_small_systems_are_not_thinned(projector, cases, monkeypatch):
         raise AssertionError("thinned")
 
     monkeypatch.setattr(Projector, "take", refuse)
-    monkeypatch.setattr(stopping, "_subsets", lambda _: 1)
     choose_by_held_out_views(projector, cases["jet", 0.3].images)
 
 
@@ -215,8 +222,18 @@ def test_what_was_chosen_is_run_and_reported_as_the_volume_itself(projector, cas
     assert found.relative_residual == pytest.approx(expected, rel=1e-4)
 
 
-def test_more_crossings_a_voxel_allow_more_subsets(projector):
-    few = stopping._subsets(projector.subset([0, 8]))
-    many = stopping._subsets(projector)
-    assert 1 <= few < many <= stopping.MOST_SUBSETS
-    assert len(projector.segments) / projector.shape[1] / many >= stopping.CROSSINGS_A_VOXEL
+def test_with_few_views_both_methods_are_tried_and_the_better_one_is_taken():
+    grid = VoxelGrid((20, 28, 20), 1.0)
+    rig = rigs.ring(4, 30.0, distance=60.0, image_size=(40, 60), footprint=0.5)
+    rays = Rays.concatenate([Rays.from_camera(camera) for camera in rig])
+    projector = Projector(trace(rays, grid), grid, np.arange(5) * 2400)
+    field = phantoms.create("turbulent", seed=2, extent=grid.extent)
+    truth = phantoms.sample(field, grid, refine=2)
+    images = projector @ truth.ravel()
+    choice = choose_by_held_out_views(projector, images)
+    found = solve_as_chosen(projector, images, choice)
+    assert {candidate[0] for candidate in choice.tried} == {"mlem", "nnls"}
+    error = np.linalg.norm(found.volume - truth)
+    for method in ("nnls", "mlem"):
+        plain = getattr(solve, method)(projector, images, iterations=choice.iterations).volume
+        assert error <= 1.02 * np.linalg.norm(plain - truth)

@@ -1,0 +1,303 @@
+"""What the cameras' sensitivities and backgrounds are: ``b_v = g_v (A x)_v + o_v``.
+
+All views of transparent gas see the same total light, whatever its shape: rays that fill a view
+integrate all of the volume. So the ratio of a view's total to what a first, crude volume predicts
+of it is the view's gain, to a tenth of a per cent, although that volume was made from the wrong
+gains; pixel by pixel, in contrast, a volume from few views reproduces every image, gains and all.
+Where the volume is dark the pixels show the offset alone.
+
+A common factor of all gains is one of the volume: their geometric mean is 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo.reconstruction import Reconstruction
+from tomo.smooth_basis import SmoothBasis
+from tomo.solve._common_start import common_start
+from tomo.solve._drive import check_measured
+from tomo.solve.cgls import cgls
+from tomo.solve.mlem import interleaved, mlem
+from tomo.viewed import ViewedOperator
+
+DARK = 0.03
+"""Pixels are dark whose predicted light is below this share of the view's brightest."""
+
+FEWEST_DARK = 50
+"""An offset is fitted only where so many pixels are dark."""
+
+FAINTEST = 0.01
+"""A view with less than this share of the median view's light says nothing of its gain."""
+
+STRANGEST = 10.0
+"""Gains beyond this factor of the median are those of views that see something else."""
+
+MODEL_ERROR = 0.002
+"""Relative error of a view's total from voxels and cameras; bounds the gain's error below."""
+
+BLOCKS = 24
+"""Parts of a view whose residuals count as independent."""
+
+SIGNIFICANT = 3.0
+"""Standard errors by which the gains' scatter must exceed what chance explains."""
+
+NOTEWORTHY = 0.005
+"""Relative scatter below which gains are not worth correcting, however significant."""
+
+NEGATIVE = 0.01
+"""Share of all light in negative pixels above which noise is not to be clipped away."""
+
+ROUNDS = 2
+ITERATIONS = 6
+WIDTH = 1.0
+CROSSINGS = 4_000_000
+"""Of an estimate without a volume: its rounds, the iterations of each, the width of the blobs, and
+the size that large systems are thinned to."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """Sensitivity and background of every view.
+
+    Attributes
+    ----------
+    gain : (views,) float64
+        Geometric mean 1 over the views that were fitted; 1 where nothing could be.
+    offset : (views,) float64
+        In the images' unit; 0 where nothing could be fitted.
+    gain_error, offset_error : (views,) float64
+        Standard errors; infinite where nothing could be fitted.
+    scale : float
+        The brightest pixel that was fitted, against which offsets are small or large.
+    """
+
+    gain: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    gain_error: NDArray[np.float64]
+    offset_error: NDArray[np.float64]
+    scale: float = 1.0
+
+    @classmethod
+    def none(cls, n_views: int) -> Gains:
+        """Return gains of 1 and offsets of 0, known for certain."""
+        zero = np.zeros(n_views)
+        return cls(np.ones(n_views), zero, zero, zero)
+
+    def __repr__(self) -> str:
+        """Name the range of the gains."""
+        low, high = self.gain.min(initial=1.0), self.gain.max(initial=1.0)
+        return f"<Gains: {len(self.gain)} views, {low:.3f} to {high:.3f}>"
+
+    def apply(self, projector: ViewedOperator, projected: ArrayLike) -> NDArray[np.float32]:
+        """Return the pixels that the cameras would show: ``g_v y + o_v``, ``(pixels,)``."""
+        gain, offset = self._of_pixels(projector)
+        return (gain * np.asarray(projected) + offset).astype(np.float32)
+
+    def correct(self, projector: ViewedOperator, measured: ArrayLike) -> NDArray[np.float32]:
+        """Return the pixels that like cameras would have shown: ``(b - o_v) / g_v``."""
+        gain, offset = self._of_pixels(projector)
+        return ((np.asarray(measured) - offset) / gain).astype(np.float32)
+
+    def then(self, further: Gains) -> Gains:
+        """Return the gains of images that, corrected by these, still have ``further`` ones."""
+        known = np.isfinite(further.gain_error)
+        gain = self.gain * further.gain
+        return Gains(
+            gain / _geometric_mean(gain[known]),
+            self.offset + self.gain * further.offset,
+            further.gain_error,
+            self.gain * further.offset_error,
+            further.scale,
+        )
+
+    @property
+    def disagreement(self) -> float:
+        """RMS of the gains' logarithms over the views that could be fitted."""
+        logs = np.log(self.gain[np.isfinite(self.gain_error)])
+        return float(np.sqrt(np.mean(logs**2))) if len(logs) > 1 else 0.0
+
+    @property
+    def views_disagree(self) -> bool:
+        """Whether gains scatter, or offsets are, far above error and worth correcting."""
+        known = np.isfinite(self.gain_error) & (self.gain_error > 0)
+        if np.count_nonzero(known) > 1 and self.disagreement > NOTEWORTHY:
+            score = np.log(self.gain[known]) * self.gain[known] / self.gain_error[known]
+            if np.sum(score**2) > SIGNIFICANT**2 * (np.count_nonzero(known) - 1):
+                return True
+        known = np.isfinite(self.offset_error) & (self.offset_error > 0)
+        far = np.abs(self.offset[known]) > SIGNIFICANT * self.offset_error[known]
+        large = np.abs(self.offset[known]) > NOTEWORTHY * self.scale
+        return bool((far & large).any())
+
+    def report(self) -> dict[str, Any]:
+        """Return what a report says of the gains: plain numbers."""
+        return {
+            "gain": self.gain.tolist(),
+            "offset": self.offset.tolist(),
+            "gain_error": [float(e) if np.isfinite(e) else None for e in self.gain_error],
+            "disagreement": self.disagreement,
+        }
+
+    def _of_pixels(self, projector: ViewedOperator) -> tuple[NDArray, NDArray]:
+        counts = np.diff(projector.view_ptr)
+        if len(counts) != len(self.gain):
+            raise ValueError(
+                f"gains: found {len(self.gain)}, expected one for each of {len(counts)} views"
+            )
+        return np.repeat(self.gain, counts), np.repeat(self.offset, counts)
+
+
+def fit_gains(
+    projector: ViewedOperator, measured: ArrayLike, volume: ArrayLike, *, offsets: bool = True
+) -> Gains:
+    """Fit every view's gain and offset to what a volume predicts of it.
+
+    The offset is the median of the dark pixels, the gain the ratio of the totals. Its standard
+    error comes from the residuals, summed over stretches of pixels so that neighbours may err
+    together, and is no less than `MODEL_ERROR`.
+
+    Parameters
+    ----------
+    projector : ViewedOperator
+    measured : (pixels,)
+    volume : (unknowns,) or of the grid
+    offsets : bool
+        Whether to fit offsets; zero if not.
+
+    Raises
+    ------
+    ValueError
+        If the pixels or voxels do not fit the projector, or are not finite.
+    """
+    measured = check_measured(projector, measured).astype(np.float64)
+    flat = np.asarray(volume).ravel()
+    if flat.size == projector.grid.size:
+        flat = projector.live.compress(flat)
+    if flat.size != projector.shape[1] or not np.isfinite(flat).all():
+        raise ValueError(
+            f"volume: found {flat.size} values, expected {projector.shape[1]} finite ones"
+        )
+    predicted = np.asarray(projector @ flat, np.float64)
+    n_views = projector.n_views
+    gain, offset = np.ones(n_views), np.zeros(n_views)
+    gain_error, offset_error = np.full(n_views, np.inf), np.full(n_views, np.inf)
+    for number in range(n_views):
+        view = slice(*projector.view_ptr[number : number + 2])
+        seen, expected = measured[view], predicted[view]
+        if offsets:
+            offset[number], offset_error[number] = _offset(seen, expected)
+        total = expected.sum()
+        if total > 0:
+            gain[number] = (seen - offset[number]).sum() / total
+            residual = seen - offset[number] - gain[number] * expected
+            gain_error[number] = _error_of_sum(residual) / total
+    light = np.add.reduceat(np.append(predicted, 0.0), projector.view_ptr[:-1])
+    light[np.diff(projector.view_ptr) == 0] = 0
+    typical = float(np.median(light[light > 0])) if (light > 0).any() else 0.0
+    lit = np.isfinite(gain_error) & (gain > 0) & (light > FAINTEST * typical)
+    middle = float(np.median(gain[lit])) if lit.any() else 1.0
+    lit &= (gain < STRANGEST * middle) & (gain > middle / STRANGEST)
+    mean = _geometric_mean(gain[lit])
+    return Gains(
+        np.where(lit, gain / mean, 1.0),
+        offset,
+        np.where(lit, np.hypot(gain_error, MODEL_ERROR * gain) / mean, np.inf),
+        offset_error,
+        float(measured.max(initial=0.0)) or 1.0,
+    )
+
+
+def estimate_gains(
+    projector: ViewedOperator, measured: ArrayLike, *, offsets: bool = True
+) -> Gains:
+    """Return gains and offsets from the images alone, by a few quick iterations.
+
+    Of MLEM; where noise makes many pixels negative, of CGLS on a smooth basis and free to go
+    below zero itself: noise then adds no light.
+
+    Whether they are worth correcting is `Gains.views_disagree`. Large systems are thinned evenly.
+    With fewer than two views there is nothing to compare: gains of 1.
+    """
+    measured = check_measured(projector, measured)
+    if np.count_nonzero(np.diff(projector.view_ptr)) < 2 or not measured.any():
+        return Gains.none(projector.n_views)
+    stride = min(projector.n_crossings // CROSSINGS, projector.shape[0] // 1000)
+    if stride > 1:
+        thinned = interleaved(projector.shape[0], int(stride))[0]
+        projector, measured = projector.take(thinned), measured[thinned]
+
+    light = float(np.abs(measured).sum(dtype=np.float64))
+    darkness = -float(np.minimum(measured, 0).sum(dtype=np.float64)) / light
+
+    def quick(projector: ViewedOperator, pixels: NDArray[np.float32]) -> Reconstruction:
+        if darkness < NEGATIVE:
+            return mlem(
+                projector, pixels, iterations=ITERATIONS, start=common_start(projector, pixels)
+            )
+        basis = SmoothBasis(projector, WIDTH)
+        found = cgls(basis, pixels, iterations=ITERATIONS, nonnegative=False)
+        return replace(found, volume=basis.blur(found.volume))
+
+    return solve_with_gains(quick, projector, measured, offsets=offsets)[1]
+
+
+def solve_with_gains(
+    solver: Callable[[ViewedOperator, NDArray[np.float32]], Reconstruction],
+    projector: ViewedOperator,
+    measured: ArrayLike,
+    *,
+    rounds: int = ROUNDS,
+    offsets: bool = True,
+) -> tuple[Reconstruction, Gains]:
+    """Solve for volume and gains in turn: ``rounds`` times solve, fit and correct the images.
+
+    Parameters
+    ----------
+    solver : callable
+        ``solver(projector, measured)``.
+    projector, measured, offsets
+        See `fit_gains`.
+    rounds : int
+        At least 1. The volume returned is that before the last fit; two rounds leave an error
+        of a tenth of a per cent.
+
+    Raises
+    ------
+    ValueError
+        If ``rounds`` is below 1.
+    """
+    if rounds < 1:
+        raise ValueError(f"rounds: found {rounds}, expected at least 1")
+    measured = check_measured(projector, measured)
+    gains = Gains.none(projector.n_views)
+    for _ in range(rounds):
+        corrected = gains.correct(projector, measured)
+        found = solver(projector, corrected)
+        gains = gains.then(fit_gains(projector, corrected, found.volume, offsets=offsets))
+    return found, gains
+
+
+def _offset(seen: NDArray[np.float64], expected: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the median of the pixels where no light is expected, and its standard error."""
+    dark = seen[np.abs(expected) <= DARK * expected.max(initial=0.0)]
+    if len(dark) < FEWEST_DARK:
+        return 0.0, np.inf
+    middle = float(np.median(dark))
+    spread = 1.4826 * float(np.median(np.abs(dark - middle)))
+    return middle, 1.2533 * spread / np.sqrt(len(dark)) + np.finfo(np.float32).tiny
+
+
+def _error_of_sum(residual: NDArray[np.float64]) -> float:
+    """Return the standard error of the sum of residuals that correlate over short stretches."""
+    parts = [part.sum() for part in np.array_split(residual, min(BLOCKS, len(residual)))]
+    return float(np.sqrt(np.sum(np.square(parts))))
+
+
+def _geometric_mean(gain: NDArray[np.float64]) -> float:
+    return float(np.exp(np.mean(np.log(gain)))) if len(gain) else 1.0
