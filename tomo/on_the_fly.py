@@ -22,7 +22,7 @@ from tomo.trace.sources import CameraPixels, Numbers, PixelSource, RayPixels
 from tomo.trace.survey import cuts_of_equal_work, survey
 from tomo.viewed import ViewedOperator, as_float
 
-RAYS_AT_ONCE = 131_072  # 15 MB while their lengths are computed
+RAYS_AT_ONCE = 32_768  # 4 MB while their lengths are computed
 
 
 class OnTheFlyProjector(ViewedOperator):
@@ -47,7 +47,7 @@ class OnTheFlyProjector(ViewedOperator):
     so that they are each other's transpose to rounding. Results do not depend on the number of
     threads.
 
-    A product takes the memory of one more volume, and 15 MB for the rays that it is at. Rays from
+    A product takes the memory of one more volume, and 8 MB for the rays that it is at. Rays from
     cameras are made when they are needed: see `from_cameras`.
     """
 

@@ -11,9 +11,10 @@ Indices are not checked.
 
 from __future__ import annotations
 
-from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
+
+ir = cgutils.ir  # llvmlite's, as numba uses it
 
 CHAINS = 4  # sums that run beside each other: an addition takes as many cycles
 

@@ -142,7 +142,7 @@ class CameraPixels(PixelSource):
     ----------
     camera : Camera
     pixels : (P,) int32 or int64
-        Flat pixel numbers ``row * width + column``.
+        Flat pixel numbers ``row * width + column``; all pixels when None.
     supersample : int
         Rays along each side of a pixel.
     bend : (B, K², 2) float32, (B, K², 3) float64 or (0, 0, 0)
@@ -154,7 +154,7 @@ class CameraPixels(PixelSource):
     """
 
     camera: Camera
-    pixels: NDArray[np.integer]
+    pixels: NDArray[np.integer] | None
     supersample: int
     bend: NDArray[np.floating]
     rows: NDArray[np.integer] | None = None
@@ -174,24 +174,33 @@ class CameraPixels(PixelSource):
             raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
         count = math.prod(camera.image_size)
         kind = np.int32 if count <= np.iinfo(np.int32).max else np.int64
-        pixels = np.arange(count, dtype=kind) if pixels is None else np.asarray(pixels, kind)
-        return cls(camera, pixels, supersample, _bend(camera, pixels, supersample))
+        bend = _bend(camera, np.arange(count) if pixels is None else pixels, supersample)
+        return cls(camera, None if pixels is None else np.asarray(pixels, kind), supersample, bend)
 
     @property
     def n_pixels(self) -> int:
         """Number of pixels."""
-        return len(self.pixels)
+        return math.prod(self.camera.image_size) if self.pixels is None else len(self.pixels)
+
+    def _numbers(self, some: slice) -> NDArray[np.integer]:
+        if self.pixels is None:
+            return np.arange(some.start, some.stop, dtype=np.int64)
+        return self.pixels[some]
 
     def take(self, numbers: Numbers) -> CameraPixels:
         """Return the source of some of the pixels."""
+        every = self.pixels
+        if every is None:
+            every = np.arange(self.n_pixels, dtype=np.int32 if self.n_pixels < 2**31 else np.int64)
+        pixels = every[numbers]
         if not self.bend.size:
-            return replace(self, pixels=self.pixels[numbers])
+            return replace(self, pixels=pixels)
         rows = np.arange(len(self.bend), dtype=np.int32) if self.rows is None else self.rows
-        return replace(self, pixels=self.pixels[numbers], rows=rows[numbers])
+        return replace(self, pixels=pixels, rows=rows[numbers])
 
     def order(self, start: int, stop: int) -> NDArray[np.integer]:
         """Return the pixels tile by tile."""
-        pixels = self.pixels[start:stop]
+        pixels = self._numbers(slice(start, stop))
         width = self.camera.image_size[0]
         row, column = pixels // width, pixels % width
         tile = (row - row.min()) // TILE * -(-width // TILE) + column // TILE
@@ -223,7 +232,7 @@ class CameraPixels(PixelSource):
             bend = bend[some] if self.rows is None else bend[self.rows[some]]
         (fx, skew, cx), (_, fy, cy) = self.camera.camera_matrix[:2]
         layers.of_pixels(
-            self.pixels[some], bend, self.camera.image_size[0], np.array([fx, skew, cx, fy, cy]),
+            self._numbers(some), bend, self.camera.image_size[0], np.array([fx, skew, cx, fy, cy]),
             _steps(self.supersample), self.camera.R, self.camera.position,
             corners_and_spacing(grid), grid.shape, axis, bits, whole, real,
         )  # fmt: skip

@@ -23,7 +23,7 @@ from tomo.trace.layers import (
 )
 from tomo.trace.sources import PixelSource
 
-RAYS_AT_ONCE = 131_072
+RAYS_AT_ONCE = 32_768
 SAMPLED = 4096  # rays of a block from which the threads' shares are estimated
 
 _ACROSS = ((START_B, SLOPE_B, MIRROR_B), (START_C, SLOPE_C, MIRROR_C))
