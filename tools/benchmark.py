@@ -55,32 +55,32 @@ def benchmark(
         size = sizes.TINY if tiny else sizes.QUICK if quick else sizes.FULL
         here = machine()
         kept = results.load(out, size.name, here) if resume else {}
-        result = kept or {
-            "format": results.FORMAT,
-            "version": results.VERSION,
-            "size": size.name,
-            "machine": here,
-            "parts": {},
+    result = kept or {
+        "format": results.FORMAT,
+        "version": results.VERSION,
+        "size": size.name,
+        "machine": here,
+        "parts": {},
+    }
+    done = {name: record for name, record in result["parts"].items() if name not in again}
+    console.print("warming up compiled code")
+    result["first_use_seconds"] = warm_up()
+    for name in asked:
+        if name in done:
+            continue
+        started, loaded = time.perf_counter(), load()
+        with progress_bar(name) as progress:
+            studies, notes = RUN[name](size, data, progress)
+        done[name] = {
+            "seconds": time.perf_counter() - started,
+            "load_at_start": loaded,
+            "notes": notes,
+            "studies": studies,
         }
-        done = {name: record for name, record in result["parts"].items() if name not in again}
-        console.print("warming up compiled code")
-        result["first_use_seconds"] = warm_up()
-        for name in asked:
-            if name in done:
-                continue
-            started, loaded = time.perf_counter(), load()
-            with progress_bar(name) as progress:
-                studies, notes = RUN[name](size, data, progress)
-            done[name] = {
-                "seconds": time.perf_counter() - started,
-                "load_at_start": loaded,
-                "notes": notes,
-                "studies": studies,
-            }
-            result["parts"] = {name: done[name] for name in PARTS if name in done}
-            written = results.save(out, result)
-            console.print(f"{name}: {done[name]['seconds']:.0f} s", highlight=False)
-        written = results.save(out, result)
+        result["parts"] = {name: done[name] for name in PARTS if name in done}
+        results.save(out, result)
+        console.print(f"{name}: {done[name]['seconds']:.0f} s", highlight=False)
+    written = results.save(out, result)
     missed = [claim for claim in written["claims"] if not claim["met"]]
     console.print(
         f"{len(written['claims']) - len(missed)} of {len(written['claims'])} aims met; "

@@ -1,7 +1,6 @@
 """The benchmark through its command, as small as it gets: do its rows make sense together?"""
 
 import json
-import os
 
 import cv2
 import numba
@@ -12,16 +11,14 @@ from tomo import solve
 
 
 @pytest.fixture(scope="module", autouse=True)
-def one_thread():
-    """Threads that wait for each other on a busy machine would take most of the time."""
-    threads, before = numba.get_num_threads(), os.environ.get("NUMBA_NUM_THREADS")
-    numba.set_num_threads(1)
-    os.environ["NUMBA_NUM_THREADS"] = "1"  # for processes that the benchmark starts
-    yield
-    numba.set_num_threads(threads)
-    del os.environ["NUMBA_NUM_THREADS"]
-    if before is not None:
-        os.environ["NUMBA_NUM_THREADS"] = before
+def quiet_threads():
+    """Threads that spin while they wait for each other take most of a busy machine's time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("OMP_WAIT_POLICY", "passive")  # of processes that the benchmark starts
+        threads = numba.get_num_threads()
+        numba.set_num_threads(1)
+        yield
+        numba.set_num_threads(threads)
 
 
 @pytest.fixture(scope="module")

@@ -58,6 +58,18 @@ def test_only_what_is_asked_runs(run_tool, stubs, tmp_path):
     assert list(parts) == ["startup"]  # without --resume a run begins anew
 
 
+def test_a_failing_study_is_no_bad_input(run_tool, stubs, monkeypatch, tmp_path):
+    from _benchmark import parts
+
+    def fail(sizes, data, progress):
+        raise ValueError("shapes differ")
+
+    monkeypatch.setitem(parts.PARTS, "solvers", fail)
+    done = run_tool("benchmark", "-o", tmp_path)
+    assert done.exit_code == 1
+    assert isinstance(done.exception, ValueError)
+
+
 def change(result, key, value):
     result[key] = value
 
@@ -168,6 +180,16 @@ def test_numbers_have_three_digits(run_tool, value, text):
     from _benchmark.tables import significant
 
     assert significant(value) == text
+
+
+def test_numbers_stand_on_the_right(run_tool):
+    from _benchmark.tables import number, table, words
+
+    rows = [{"n": 1.5, "w": "32^3 voxels"}, {"n": None, "w": "2 threads"}]
+    text = table(rows, [("n", number("n")), ("w", words("w"))])
+    assert text.splitlines() == [
+        "| n | w |", "|---:|---|", "| 1.50 | 32^3 voxels |", "| – | 2 threads |",
+    ]  # fmt: skip
 
 
 def test_an_aim_that_was_never_reached_is_not_met(run_tool):

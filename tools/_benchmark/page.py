@@ -194,7 +194,8 @@ def page(result: Mapping[str, Any], plots: Mapping[str, Sequence[str]]) -> str:
             lines += [f"The aims are for the full size; this run is {result['size']}.", ""]
         lines.append(table(result["claims"], columns))
     for part, record in result["parts"].items():
-        lines += ["", f"## {TITLES[part]}", "", f"Took {significant(record['seconds'], 2)} s."]
+        took, busy = (significant(record[key], 2) for key in ("seconds", "load_at_start"))
+        lines += ["", f"## {TITLES[part]}", "", f"Took {took} s; load {busy} at its start."]
         for note in record["notes"]:
             lines += ["", note]
         for name, rows in record["studies"].items():

@@ -52,9 +52,12 @@ class Plume:
 
 
 def check_data(folder: Path) -> None:
-    """Raise unless the folder holds the plume's scan."""
+    """Raise unless the folder holds the plume's scan and its images can be read."""
     if not (folder / SCAN).is_file():
         raise FileNotFoundError(f"--data: {folder / SCAN}: no such file, expected ScalarFlow's")
+    scan = Scan.load(folder / SCAN)
+    for frame in scan.frame_names:
+        scan.read(frame)
 
 
 def plume(folder: Path, sizes: Sizes, progress: Progress) -> list[dict[str, Any]]:

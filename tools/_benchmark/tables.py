@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -11,6 +12,7 @@ Column = tuple[str, Callable[[Row], str]]
 """A heading, and what stands under it."""
 
 NOTHING = "–"
+_NUMBER = NOTHING + r"|-?[\d,]+(\.\d+)?(e-?\d+)?"
 
 TITLES = {
     "projectors": "Projectors",
@@ -87,4 +89,4 @@ def _words(value: Any) -> str:
 
 
 def _is_number(cell: str) -> bool:
-    return cell == NOTHING or cell.replace(",", "").replace(" ", "").lstrip("-")[:1].isdigit()
+    return all(re.fullmatch(_NUMBER, part.strip()) for part in cell.split("±"))
