@@ -242,9 +242,27 @@ def estimate_gains(
             )
         basis = SmoothBasis(projector, WIDTH)
         found = cgls(basis, pixels, iterations=ITERATIONS, nonnegative=False)
-        return replace(found, volume=basis.blur(found.volume))
+        return replace(found, volume=basis.volume(found.volume))
 
     return solve_with_gains(quick, projector, measured, offsets=offsets)[1]
+
+
+def gains_worth_correcting(
+    projector: ViewedOperator, measured: ArrayLike, wanted: bool | None = None
+) -> Gains | None:
+    """Return the gains to correct the images by, None if none.
+
+    Parameters
+    ----------
+    projector, measured
+        See `fit_gains`.
+    wanted : bool, optional
+        Whether to correct them; only when the views disagree if None.
+    """
+    if wanted is False:
+        return None
+    gains = estimate_gains(projector, measured)
+    return gains if wanted or gains.views_disagree else None
 
 
 def solve_with_gains(

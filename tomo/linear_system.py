@@ -9,14 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Rig
+from rigs import Camera, Rig
 from tomo.grid import VoxelGrid
+from tomo.live_voxels import LiveVoxels
 from tomo.on_the_fly import OnTheFlyProjector
 from tomo.projector import Projector
 from tomo.rays import Rays
+from tomo.segments import Segments
 from tomo.support import STORED, choose_form, point_in_view
 from tomo.trace import trace
-from tomo.trace.box import enter_box
+from tomo.trace.sources import CameraPixels
+from tomo.trace.survey import survey
 from tomo.viewed import ViewedOperator
 
 Progress = Callable[[int, int, str], None]
@@ -59,6 +62,7 @@ class LinearSystem:
         *,
         masks: Sequence[NDArray[np.bool_]] | None = None,
         tracer: str = "march",
+        live: LiveVoxels | None = None,
         skip: bool = True,
         supersample: int = 1,
         midpoints: bool = False,
@@ -75,8 +79,10 @@ class LinearSystem:
         masks : sequence of (height, width) bool, optional
             True where a pixel is usable.
         tracer : {"march", "raycast", "reference"}
+        live : LiveVoxels, optional
+            The voxels that are unknowns, see `tomo.support.carve`; all when None.
         skip : bool
-            Whether to leave out the pixels whose rays miss the grid.
+            Whether to leave out the pixels whose rays miss the live voxels; on the fly, the grid.
         supersample : int
             Rays along each side of a pixel.
         midpoints : bool
@@ -104,6 +110,7 @@ class LinearSystem:
             supersample=supersample,
             midpoints=midpoints,
         )
+        live = LiveVoxels(grid) if live is None else live
         parts, pixels = [], []
         for number, camera in enumerate(rig):
             if progress:
@@ -111,26 +118,19 @@ class LinearSystem:
             usable = np.arange(math.prod(camera.image_size))
             if masks is not None:
                 usable = np.flatnonzero(masks[number])
-            chunks, kept = [], []
-            at_once = max(RAYS_AT_ONCE // max(supersample, 1) ** 2, 1)
-            for first in range(0, max(len(usable), 1), at_once):
-                some = usable[first : first + at_once]
-                rays = Rays.from_camera(camera, some, supersample)
-                if form == STORED:
-                    part = trace(rays, grid, tracer, midpoints=midpoints)
-                    part, seeing = part.without_empty() if skip else (part, slice(None))
-                else:
-                    seeing = pixels_inside(rays, grid) if skip else np.arange(len(some))
-                    part = rays.take(seeing)
-                chunks.append(part)
-                kept.append(some[seeing])
-            parts.append(type(chunks[0]).concatenate(chunks))
-            pixels.append(np.concatenate(kept))
+            if form == STORED:
+                part, kept = _traced(camera, usable, live, tracer, skip, supersample, midpoints)
+            else:
+                part, kept = _followed(camera, usable, live, skip, supersample)
+            parts.append(part)
+            pixels.append(kept)
         if progress:
             progress(len(rig), len(rig), "")
-        view_ptr = np.cumsum([0] + [part.n_pixels for part in parts])
-        kind = Projector if form == STORED else OnTheFlyProjector
-        projector = kind(type(parts[0]).concatenate(parts), grid, view_ptr)
+        if form == STORED:
+            view_ptr = np.cumsum([0] + [part.n_pixels for part in parts])
+            projector = Projector(Segments.concatenate(parts), grid, view_ptr, live)
+        else:
+            projector = OnTheFlyProjector.from_sources(parts, grid, live)
         if projector.n_crossings == 0:
             raise VolumeNotSeenError(_not_seen(rig, grid))
         return cls(projector, rig, tuple(pixels), form, reason)
@@ -169,10 +169,41 @@ class LinearSystem:
         return images
 
 
-def pixels_inside(rays: Rays, grid: VoxelGrid) -> NDArray[np.int64]:
-    """Return the numbers of the pixels of which a ray meets the grid."""
-    inside = np.append(0, np.cumsum(enter_box(rays, grid).length > 0))
-    return np.flatnonzero(np.diff(inside[rays.pixel_ptr]))
+def _traced(
+    camera: Camera,
+    usable: NDArray[np.int64],
+    live: LiveVoxels,
+    tracer: str,
+    skip: bool,
+    supersample: int,
+    midpoints: bool,
+) -> tuple[Segments, NDArray[np.int64]]:
+    """Return the crossings of a camera's pixels with live voxels, and the pixels."""
+    parts, kept = [], []
+    at_once = max(RAYS_AT_ONCE // max(supersample, 1) ** 2, 1)
+    for first in range(0, max(len(usable), 1), at_once):
+        some = usable[first : first + at_once]
+        rays = Rays.from_camera(camera, some, supersample)
+        part = trace(rays, live.grid, tracer, midpoints=midpoints, live=live)
+        if skip:
+            part, seeing = part.without_empty()
+            some = some[seeing]
+        parts.append(part)
+        kept.append(some)
+    if len(parts) == 1:
+        return parts[0], kept[0]
+    return Segments.concatenate(parts), np.concatenate(kept)
+
+
+def _followed(
+    camera: Camera, usable: NDArray[np.int64], live: LiveVoxels, skip: bool, supersample: int
+) -> tuple[CameraPixels, NDArray[np.int64]]:
+    """Return the pixels of a camera to follow through the grid at every product."""
+    source = CameraPixels.of(camera, usable, supersample)
+    if not skip:
+        return source, usable
+    seeing = np.flatnonzero(survey(source, live.grid).meets)
+    return source.take(seeing), usable[seeing]
 
 
 def _not_seen(rig: Rig, grid: VoxelGrid) -> str:

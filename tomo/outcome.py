@@ -115,8 +115,14 @@ class Outcome:
         What other methods made of the same images.
     counts : mapping
         ``rays, segments, voxels, active_voxels``.
+    skipping : mapping
+        What was left out and why, see `tomo.support.Carving.report`.
+    alignment, gains : mapping, optional
+        See `tomo.alignment.Alignment.report` and `tomo.gains.Gains.report`; None where they were
+        not looked for, or the gains not corrected.
     seconds : mapping
-        ``load, trace, solve, total`` and what else took time; ``choose`` is a part of ``solve``.
+        ``load, prepare, trace, solve, total`` and what else took time; ``choose`` is a part of
+        ``solve``.
     first_use_seconds : float
         Compiling or loading kernels, once a process.
     unseen : (nx, ny, nz) bool, optional
@@ -137,6 +143,9 @@ class Outcome:
     truth: NDArray[np.float32] | None = None
     comparisons: tuple[Reconstruction, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
+    skipping: Mapping[str, Any] = field(default_factory=dict)
+    alignment: Mapping[str, Any] | None = None
+    gains: Mapping[str, Any] | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     first_use_seconds: float = 0.0
     unseen: NDArray[np.bool_] | None = None
@@ -161,6 +170,9 @@ class Outcome:
             "first_use_seconds": self.first_use_seconds,
             "peak_memory_mb": found.peak_memory / 1e6,
             **self.counts,
+            "skipping": dict(self.skipping),
+            "alignment": self.alignment,
+            "gains": self.gains,
             "relative_residual": found.relative_residual,
             "stop_reason": found.stop_reason,
             "quality": dict(found.quality),

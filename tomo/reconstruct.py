@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tomo._first_use import warm_up
 from tomo._memory import peak_memory
+from tomo._prepare import prepare
 from tomo._request import (
     check_device,
     check_hold_out,
@@ -20,6 +21,7 @@ from tomo._request import (
     comparison,
 )
 from tomo._run import Run
+from tomo.gains import Gains, gains_worth_correcting
 from tomo.grid import VoxelGrid
 from tomo.io import is_integer_image, read_volume
 from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
@@ -41,6 +43,11 @@ def reconstruct(
     tracer: str = "march",
     projector: str = "auto",
     skip: bool = True,
+    margin: float | str = AUTO,
+    dark_level: float | str = AUTO,
+    votes: int | str = AUTO,
+    align: bool = True,
+    fit_gain: bool | None = None,
     unseen: str = ZERO,
     supersample: int = 1,
     device: str = "cpu",
@@ -71,7 +78,21 @@ def reconstruct(
     projector : {"auto", "stored", "on-the-fly"}
         Whether the matrix is stored; ``auto`` stores it where it fits in memory.
     skip : bool
-        Whether to leave out what cannot matter: pixels whose rays miss the grid.
+        Whether to leave out what cannot matter: pixels whose rays miss the grid, voxels that dark
+        pixels prove empty, and the pixels that then see nothing.
+    margin : float or "auto"
+        Pixels around a voxel that must be dark for it to be empty; infinite: no voxel is.
+    dark_level : float or "auto"
+        The intensity up to which a pixel is dark.
+    votes : int or "auto"
+        Views that must find a voxel dark. What is ``auto`` is found from the images, see
+        `tomo.support.carve`.
+    align : bool
+        Whether to look for shifts of the images, and make them where they clearly help, see
+        `tomo.alignment`. A camera held out stays as it is.
+    fit_gain : bool, optional
+        Whether to fit each camera's gain and offset, see `tomo.gains`; when the views disagree
+        if None.
     unseen : {"zero", "nan"}
         What `Outcome.volume` and the files hold where no usable ray crosses a voxel.
     supersample : int
@@ -94,9 +115,10 @@ def reconstruct(
     started = time.perf_counter()
     main = method_named(method)
     others = [(comparison(name), count) for name, count in compare]
+    methods = [main, *(other for other, _ in others)]
     check_numbers(seed, time_limit)
     check_unseen(unseen)
-    check_device(device, [main, *(other for other, _ in others)])
+    check_device(device, methods)
     check_hold_out(hold_out, scan)
     grid = grid if grid is not None else scan.grid
     if grid is None:
@@ -112,8 +134,19 @@ def reconstruct(
     loaded = time.perf_counter()
 
     first_use = warm_up(tracer)
+    preparing = time.perf_counter()
+    midpoints = any(one.needs_midpoints for one in methods)
+    prepared = prepare(
+        training.rig,
+        training_images,
+        training_masks,
+        grid,
+        align=align,
+        carving={"margin": margin, "threshold": dark_level, "votes": votes}
+        if skip and not midpoints  # WERNet numbers all voxels
+        else None,
+    )
     tracing = time.perf_counter()
-    methods = [main, *(other for other, _ in others)]
     how: dict[str, Any] = {
         "tracer": tracer,
         "supersample": supersample,
@@ -122,11 +155,12 @@ def reconstruct(
     }
     try:
         system = LinearSystem.from_rig(
-            training.rig,
+            prepared.rig,
             grid,
-            masks=training_masks,
+            masks=prepared.masks,
+            live=prepared.live,
             skip=skip,
-            midpoints=any(one.needs_midpoints for one in methods),
+            midpoints=midpoints,
             needs_matrix=any(one.needs_matrix for one in methods),
             **how,
         )
@@ -135,13 +169,18 @@ def reconstruct(
         raise VolumeNotSeenError(f"{scan.source}: {error}{held_out}") from None
     if system.form != STORED:
         first_use += warm_up(tracer, system.form)
+    how["live"] = system.projector.live
     judged_system = _held_out_system(judged, grid, held_out_masks, how)
-    warnings += _warnings_of_views(system, judged_system)
+    warnings += [*prepared.warnings, *_warnings_of_views(system, judged_system)]
     traced = time.perf_counter()
 
     measured = system.flatten(training_images)
     if not (measured > 0).any():
         warnings.append("no usable pixel that sees the volume is above 0: the volume is empty")
+    gains = gains_worth_correcting(system.projector, measured, fit_gain)
+    if gains:
+        measured = gains.correct(system.projector, measured)
+        warnings += _warning_of_gains(gains, fit_gain)
     run = Run(system.projector, measured, truth, device, seed, time_limit, progress)
     found = run.solve(main, iterations)
     solved = time.perf_counter()
@@ -153,7 +192,7 @@ def reconstruct(
             warnings.append(f"comparison {other.name}: {error}")
     compared = time.perf_counter()
 
-    views = _views(system, found.volume, training_images, training_masks)
+    views = _views(system, found.volume, training_images, training_masks, gains)
     if judged_system is not None:
         judged_views = _views(judged_system, found.volume, held_out_images, held_out_masks)
         views += [replace(view, held_out=True) for view in judged_views]
@@ -172,6 +211,11 @@ def reconstruct(
         "tracer": tracer if system.form == STORED else "slabs",
         "projector": {"form": system.form, "reason": system.reason},
         "skip": skip,
+        "margin": margin,
+        "dark_level": dark_level,
+        "votes": votes,
+        "align": align,
+        "fit_gain": fit_gain,
         "unseen": unseen,
         "supersample": supersample,
         "scale": scan.shrink,
@@ -191,10 +235,14 @@ def reconstruct(
             "rays": system.projector.shape[0] * supersample**2,
             "segments": system.projector.n_crossings,
             "voxels": grid.size,
-            "active_voxels": grid.size - n_unseen,
+            "active_voxels": system.projector.live.size - n_unseen,
         },
+        skipping=prepared.report(system.projector.shape[0]),
+        alignment=prepared.alignment.report() if prepared.alignment else None,
+        gains=gains.report() if gains else None,
         seconds={
             "load": loaded - started,
+            "prepare": tracing - preparing,
             "trace": traced - tracing,
             "choose": found.seconds["choose"],
             "solve": solved - traced,
@@ -243,10 +291,24 @@ def _warnings_of_views(*systems: LinearSystem | None) -> list[str]:
     ]
 
 
+def _warning_of_gains(gains: Gains, asked: bool | None) -> list[str]:
+    if asked:
+        return []
+    return [
+        f"the cameras' gains differ by {gains.disagreement:.1%}, or their backgrounds: both were "
+        "fitted and corrected"
+    ]
+
+
 def _views(
-    system: LinearSystem, volume: NDArray[np.float32], images: Images, masks: Masks
+    system: LinearSystem,
+    volume: NDArray[np.float32],
+    images: Images,
+    masks: Masks,
+    gains: Gains | None = None,
 ) -> list[View]:
-    reprojected = system.images(system.projector @ volume.ravel())
+    projected = system.projector @ system.projector.live.compress(volume)
+    reprojected = system.images(gains.apply(system.projector, projected) if gains else projected)
     return [
         View(camera.name, image, seen, mask)
         for camera, image, seen, mask in zip(system.rig, images, reprojected, masks, strict=True)

@@ -53,6 +53,11 @@ class SmoothBasis(ViewedOperator):
         blurred = gaussian_filter(volume, self.width, mode="constant", truncate=3.0)
         return self.live.compress(blurred).reshape(coefficients.shape)
 
+    def volume(self, coefficients: NDArray) -> NDArray:
+        """Return the volume of coefficients that cover the grid, as solvers return them."""
+        blurred = self.live.expand(self.blur(self.live.compress(coefficients)))
+        return blurred.reshape(coefficients.shape)
+
     def _matvec(self, x: NDArray) -> NDArray:
         return self.projector @ self.blur(x.ravel())
 

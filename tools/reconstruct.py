@@ -30,7 +30,10 @@ def reconstruct(
         Path | None, typer.Option(help="... and a folder <camera>/<frame>.tif")
     ] = None,
     method: Annotated[
-        str, typer.Option(help="auto, art, cgls, mart, mlem, sart, sirt or wernet-paper.")
+        str,
+        typer.Option(
+            help="auto, art, cgls, mart, mlem, nnls, sart, sirt, smart, tikhonov, tv, wernet-paper."
+        ),
     ] = "auto",
     grid: Annotated[str | None, typer.Option(help="Voxels, like 30x140x30.")] = None,
     spacing: Annotated[str | None, typer.Option(help="A voxel's edges: 0.5 or 0.5,0.5,1.")] = None,
@@ -52,6 +55,28 @@ def reconstruct(
         str, typer.Option(help="auto, stored (fastest) or on-the-fly (little memory).")
     ] = "auto",
     skip: Annotated[bool, typer.Option(help="Leave out what cannot matter.")] = True,
+    margin: Annotated[
+        str,
+        typer.Option(
+            help="Pixels around an empty voxel that must be dark, auto, or inf: none is."
+        ),
+    ] = "auto",
+    dark_level: Annotated[
+        str, typer.Option(help="Intensity up to which a pixel is dark, or auto.")
+    ] = "auto",
+    votes: Annotated[
+        str, typer.Option(help="Views that must find a voxel dark, or auto.")
+    ] = "auto",
+    align: Annotated[
+        bool, typer.Option(help="Shift images that clearly lie beside where the rig says.")
+    ] = True,
+    fit_gain: Annotated[
+        bool | None,
+        typer.Option(
+            "--fit-gain/--no-fit-gain",
+            help="Fit each camera's gain and offset; by default when the views disagree.",
+        ),
+    ] = None,
     unseen: Annotated[
         str, typer.Option(help="What stands where no ray crosses a voxel: zero or nan.")
     ] = "zero",
@@ -86,6 +111,11 @@ def reconstruct(
                 tracer=tracer,
                 projector=projector,
                 skip=skip,
+                margin=_number_or_auto("--margin", margin, float),
+                dark_level=_number_or_auto("--dark-level", dark_level, float),
+                votes=_number_or_auto("--votes", votes, int),
+                align=align,
+                fit_gain=fit_gain,
                 unseen=unseen,
                 supersample=supersample,
                 device=device,
@@ -110,6 +140,15 @@ def _load(scan: Path | None, rig: Path | None, images: Path | None) -> object:
     if scan is None and rig is not None and images is not None:
         return Scan.from_images(rig, images)
     raise ValueError("SCAN: expected either a scan, or --rig and --images together")
+
+
+def _number_or_auto(option: str, text: str, kind: type) -> float | str:
+    """Return the number of an option, or auto."""
+    try:
+        return text if text == "auto" else kind(text)
+    except ValueError:
+        what = "a whole number" if kind is int else "a number"
+        raise ValueError(f"{option}: found {text!r}, expected auto or {what}") from None
 
 
 def _comparison(text: str) -> tuple[str, int | None]:

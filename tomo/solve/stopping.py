@@ -194,7 +194,7 @@ def solve_as_chosen(
     )
     return replace(
         found,
-        volume=basis.blur(found.volume) if basis else found.volume,
+        volume=basis.volume(found.volume) if basis else found.volume,
         settings={**found.settings, "smooth_width": choice.width},
         stop_reason=f"{found.stop_reason}; {choice.reason}"
         if choice.reason
