@@ -258,11 +258,17 @@ def gains_worth_correcting(
         See `fit_gains`.
     wanted : bool, optional
         Whether to correct them; only when the views disagree if None.
+
+    Notes
+    -----
+    Whether views disagree is judged by gains alone. An offset common to all views is told from
+    faint haze by dark pixels only, and where noise hides the haze those pixels are not quite dark.
     """
     if wanted is False:
         return None
-    gains = estimate_gains(projector, measured)
-    return gains if wanted or gains.views_disagree else None
+    if wanted is None and not estimate_gains(projector, measured, offsets=False).views_disagree:
+        return None
+    return estimate_gains(projector, measured)
 
 
 def solve_with_gains(

@@ -32,7 +32,7 @@ def reconstruct(
     method: Annotated[
         str,
         typer.Option(
-            help="auto, art, cgls, mart, mlem, nnls, sart, sirt, smart, tikhonov, tv, wernet-paper."
+            help="auto, art, cgls, mart, mlem, nnls, sart, sirt, smart, tikhonov, tv, wernet-paper"
         ),
     ] = "auto",
     grid: Annotated[str | None, typer.Option(help="Voxels, like 30x140x30.")] = None,

@@ -194,7 +194,7 @@ def test_voxels_proved_empty_take_no_part_and_cost_nothing(folder):
     assert "are dark in" in report["reason"]
     # what was left out is empty, and what is left is found no worse
     emptied = carved.reconstruction.volume == 0
-    assert np.sum(carved.truth[emptied] ** 2) < 1e-3 * np.sum(carved.truth**2)
+    assert np.sum(carved.truth[emptied] ** 2) < 2e-3 * np.sum(carved.truth**2)
     assert (
         carved.reconstruction.quality["cosine_distance"]
         < 1.02 * whole.reconstruction.quality["cosine_distance"]
