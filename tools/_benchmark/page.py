@@ -33,8 +33,9 @@ ABOUT: Mapping[str, tuple[str, str]] = {
         "No inverse crime: images are simulated with several rays a pixel through voxels twice as "
         "fine. `auto` is the default, which chooses and stops without the truth; every other "
         "method has the settings that were best on seed 0 and is stopped where it is nearest to "
-        "the truth. Means over the other seeds, with their standard deviation; seconds since the "
-        "images were in memory, tracing included, for `auto` choosing too.",
+        "the truth; `art`, the baseline, skips nothing. Means over the other seeds, with their "
+        "standard deviation; seconds since the images were in memory, tracing included, for "
+        "`auto` choosing too.",
     ),
     "consistent": (
         "Exact data",

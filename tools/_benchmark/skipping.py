@@ -115,7 +115,7 @@ def _default(seen: Any, skip: bool) -> Skipped:
         skip,
         segments=outcome.counts["segments"],
         live_voxels=outcome.counts["active_voxels"],
-        prepare_seconds=outcome.seconds["skip"] + outcome.seconds["trace"],
+        prepare_seconds=outcome.seconds["prepare"] + outcome.seconds["trace"],
         seconds=total,
         seconds_to_1e3=reached,
         cosine_distance=found.quality["cosine_distance"],
