@@ -20,6 +20,7 @@ FLOORS = [
     {"tomo.rays", "tomo.segments"},
     {"tomo.trace", "tomo._visible"},
     {
+        "tomo._blur",
         "tomo._products",
         "tomo.linear_system",
         "tomo.on_the_fly",

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
+from tomo._blur import Blur
 from tomo.viewed import ViewedOperator
 
 
@@ -27,6 +27,8 @@ class SmoothBasis(ViewedOperator):
         ``A``.
     width : float
         Standard deviation of the blobs in voxels; above zero.
+    blur : Blur, optional
+        Of that width on the same voxels, where there is one already.
 
     Notes
     -----
@@ -34,11 +36,12 @@ class SmoothBasis(ViewedOperator):
     voxels that are not live, there is nothing, so ``G`` is symmetric and the adjoint is exact.
     """
 
-    def __init__(self, projector: ViewedOperator, width: float) -> None:
+    def __init__(self, projector: ViewedOperator, width: float, blur: Blur | None = None) -> None:
         if not width > 0:
             raise ValueError(f"smooth basis width: found {width}, expected above 0 voxels")
         self.projector = projector
         self.width = float(width)
+        self._blur = Blur(projector.live, self.width) if blur is None else blur
         super().__init__(
             projector.shape[0], projector.grid, projector.view_ptr, projector.dtype, projector.live
         )
@@ -49,9 +52,7 @@ class SmoothBasis(ViewedOperator):
 
     def blur(self, coefficients: NDArray) -> NDArray:
         """Return the live voxels ``G z`` of coefficients ``z``; the shape stays."""
-        volume = self.live.expand(coefficients.ravel()).reshape(self.grid.shape)
-        blurred = gaussian_filter(volume, self.width, mode="constant", truncate=3.0)
-        return self.live.compress(blurred).reshape(coefficients.shape)
+        return self._blur(coefficients.ravel()).reshape(coefficients.shape)
 
     def volume(self, coefficients: NDArray) -> NDArray:
         """Return the volume of coefficients that cover the grid, as solvers return them."""
@@ -71,7 +72,7 @@ class SmoothBasis(ViewedOperator):
 
     def rows(self, start: int, stop: int) -> SmoothBasis:
         """Return the projector of pixels ``start:stop`` as one view."""
-        return SmoothBasis(self.projector.rows(start, stop), self.width)
+        return SmoothBasis(self.projector.rows(start, stop), self.width, self._blur)
 
     def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> SmoothBasis:
-        return SmoothBasis(self.projector._taken(pixels, view_ptr), self.width)
+        return SmoothBasis(self.projector._taken(pixels, view_ptr), self.width, self._blur)
