@@ -15,7 +15,15 @@ HEAVY = ("torch", "open3d", "matplotlib", "plotly", "numba", "cv2", "trimesh", "
 # DESIGN: imports point down this list of floors, never up. What no floor names is on the top one.
 FLOORS = [
     {"rigs"},
-    {"tomo.grid", "tomo._compile", "tomo._groups", "tomo._memory", "tomo.metrics", "tomo.noise"},
+    {
+        "tomo.grid",
+        "tomo._compile",
+        "tomo._groups",
+        "tomo._memory",
+        "tomo._sums",
+        "tomo.metrics",
+        "tomo.noise",
+    },
     {"phantoms", "tomo.io", "tomo.live_voxels"},
     {"tomo.rays", "tomo.segments"},
     {"tomo.trace", "tomo._visible"},

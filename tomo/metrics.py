@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._sums import norm
+
 _SSIM_WINDOW = 7  # pixels or voxels along each edge, the size scikit-image takes by default
 
 
@@ -65,7 +67,7 @@ def nrmse(reconstructed: ArrayLike, truth: ArrayLike) -> float:
         If the shapes differ.
     """
     a, b = _pair(reconstructed, truth)
-    error, size = np.linalg.norm(a - b), np.linalg.norm(b)
+    error, size = norm(a - b), norm(b)
     if size == 0:
         return 0.0 if error == 0 else math.inf
     return float(error / size)
@@ -150,7 +152,7 @@ def _unit(array: NDArray[np.float64]) -> NDArray[np.float64]:
     if peak == 0:
         return array
     array = array / peak
-    return array / np.linalg.norm(array)
+    return array / norm(array)
 
 
 def _checked_range(data_range: float | None, truth: NDArray[np.float64]) -> float:

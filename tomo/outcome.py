@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo import metrics
+from tomo._sums import dot, norm
 from tomo.reconstruction import Reconstruction
 
 UNSEEN = (ZERO, NOT_A_NUMBER) = ("zero", "nan")
@@ -64,8 +65,8 @@ class View:
     def relative_residual(self) -> float:
         """``||measured - reprojected|| / ||measured||`` of usable pixels; NaN if all are dark."""
         measured, reprojected = self._usable_pixels()
-        norm = float(np.linalg.norm(measured))
-        return float(np.linalg.norm(measured - reprojected)) / norm if norm > 0 else math.nan
+        size = norm(measured)
+        return norm(measured - reprojected) / size if size > 0 else math.nan
 
     @property
     def gain(self) -> float:
@@ -74,8 +75,8 @@ class View:
         A view that differs from 1 by more than the others was brighter or darker than they say.
         """
         measured, reprojected = self._usable_pixels()
-        energy = float(np.dot(reprojected, reprojected))
-        return float(np.dot(measured, reprojected)) / energy if energy > 0 else math.nan
+        energy = dot(reprojected, reprojected)
+        return dot(measured, reprojected) / energy if energy > 0 else math.nan
 
     def similarity(self, data_range: float) -> dict[str, float]:
         """Return PSNR, SSIM and cosine similarity over the whole image, unusable pixels dark."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._sums import norm
 from tomo.reconstruction import Callback, Iteration, Reconstruction
 from tomo.viewed import ViewedOperator
 
@@ -83,14 +84,6 @@ def _as_float32(array: ArrayLike) -> NDArray[np.float32]:
     """Return ``array`` in single precision; what is too large becomes infinite, for checks."""
     with np.errstate(over="ignore"):
         return np.asarray(array).astype(np.float32, copy=False)
-
-
-def norm(vector: NDArray) -> float:
-    """Return the Euclidean norm, summed in double precision.
-
-    Not by BLAS, whose sums depend on the number of threads.
-    """
-    return float(np.sqrt(np.sum(np.square(vector, dtype=np.float64))))
 
 
 def unit_of(vector: NDArray[np.float32]) -> np.float32:

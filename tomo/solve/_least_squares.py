@@ -8,7 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.solve._drive import additive_start, check_measured, norm, unit_of
+from tomo._sums import norm
+from tomo.solve._drive import additive_start, check_measured, unit_of
 from tomo.viewed import ViewedOperator
 
 
@@ -166,8 +167,3 @@ def check_strength(strength: float) -> float:
     if not 0 <= strength < np.inf:
         raise ValueError(f"strength: found {strength}, expected a finite number >= 0")
     return float(strength)
-
-
-def dot(a: NDArray, b: NDArray) -> float:
-    """Return the inner product, summed in double precision and not by BLAS (see `norm`)."""
-    return float(np.sum(np.multiply(a, b, dtype=np.float64)))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.solve._drive import States, norm
-from tomo.solve._least_squares import LeastSquares, dot
+from tomo._sums import dot, norm
+from tomo.solve._drive import States
+from tomo.solve._least_squares import LeastSquares
 
 SINGLE_PRECISION = float(np.finfo(np.float32).eps)
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo import solve
+from tomo._sums import norm
 from tomo.smooth_basis import SmoothBasis
 from tomo.solve._common_start import common_start
-from tomo.solve._drive import norm
 from tomo.viewed import ViewedOperator
 
 MULTIPLICATIVE = ("mlem",)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tomo._sums import norm
 from tomo.reconstruction import Callback, Reconstruction
-from tomo.solve._drive import States, drive, norm
+from tomo.solve._drive import States, drive
 from tomo.solve._least_squares import LeastSquares, Size
 from tomo.solve._projected import SINGLE_PRECISION
 from tomo.viewed import ViewedOperator

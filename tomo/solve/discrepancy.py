@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tomo._sums import norm
 from tomo.reconstruction import Callback, Reconstruction
-from tomo.solve._drive import check_measured, norm
+from tomo.solve._drive import check_measured
 from tomo.solve._least_squares import check_weights
 from tomo.viewed import ViewedOperator
 

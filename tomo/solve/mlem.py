@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo._groups import golden_section
+from tomo._sums import norm
 from tomo.reconstruction import Callback, Reconstruction
-from tomo.solve._drive import States, check_measured, drive, multiplicative_start, norm
+from tomo.solve._drive import States, check_measured, drive, multiplicative_start
 from tomo.viewed import ViewedOperator
 
 BARELY_SEEN = 0.01

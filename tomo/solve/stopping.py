@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo import solve
+from tomo._sums import norm
 from tomo.reconstruction import Callback, Reconstruction
 from tomo.smooth_basis import SmoothBasis
 from tomo.solve._common_start import common_start
-from tomo.solve._drive import check_measured, norm
+from tomo.solve._drive import check_measured
 from tomo.solve._trials import CHECKPOINTS, MULTIPLICATIVE, Trial, views_to_leave_out
 from tomo.solve.mlem import interleaved
 from tomo.viewed import ViewedOperator

@@ -7,10 +7,11 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._sums import dot
 from tomo.reconstruction import Callback, Reconstruction
 from tomo.solve._drive import States, drive
 from tomo.solve._gradient import Gradient
-from tomo.solve._least_squares import LeastSquares, check_strength, dot
+from tomo.solve._least_squares import LeastSquares, check_strength
 from tomo.solve._total_variation import TotalVariation
 from tomo.viewed import ViewedOperator
 

@@ -21,7 +21,7 @@ from tomo.support.noise_model import NoiseModel
 if TYPE_CHECKING:
     from rigs import Camera
 
-VIEWS_A_VOTE = 8
+VIEWS_A_VOTE = 6
 """One more view must agree for every so many views."""
 
 UNEXPLAINED = 1e-3

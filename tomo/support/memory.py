@@ -18,9 +18,9 @@ from tomo.trace.box import enter_box
 STORED, ON_THE_FLY = "stored", "on-the-fly"
 """The forms of a projector: `tomo.projector` and `tomo.on_the_fly`."""
 
-BYTES_PER_SEGMENT = 56  # by rows and by columns, and copies in trials and ordered subsets
-BYTES_PER_MIDPOINT = 36  # float64 while traced, float32 kept
-BYTES_PER_RAY = 420  # on the fly: while they are made; then 64, and copies as above
+BYTES_PER_SEGMENT = 20  # an entry, its copy while views are joined, and what trials take
+BYTES_PER_MIDPOINT = 24  # and its copy while views are joined
+BYTES_PER_RAY = 32  # on the fly: its pixel's number, what the lens does, and the images
 BYTES_PER_VOXEL = 64  # the volume, its updates and sums, and the column pointers
 SAMPLED_RAYS = 2_000  # a camera: enough for a few per cent
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from tomo.solve._drive import drive, norm, unit_of
+from tomo._sums import norm
+from tomo.solve._drive import drive, unit_of
 
 MEASURED = np.array([3.0, 4.0], np.float32)
 

