@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numba
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rigs import Camera
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
-from tomo.trace import slabs
-from tomo.trace.bricks import near_live
-from tomo.trace.columns import across, add_columns, no_columns, to_columns
-from tomo.trace.layers import fixed_point
+from tomo.trace import column_changes
+from tomo.trace.columns import add_differences, running_sums, turned
+from tomo.trace.courses import WIDTH
 from tomo.trace.sources import CameraPixels, Numbers, PixelSource, RayPixels
 from tomo.trace.survey import cuts_of_equal_work, survey
 from tomo.viewed import ViewedOperator, as_float
 
-RAYS_AT_ONCE = 32_768  # 4 MB while their lengths are computed
+RAYS_AT_ONCE = 16_384  # 1 MB of courses: what a processor keeps at hand
+
+DIFFERENCES = 64 * 2**20  # bytes that an adjoint may take even for a smaller volume
 
 
 class OnTheFlyProjector(ViewedOperator):
@@ -35,20 +37,25 @@ class OnTheFlyProjector(ViewedOperator):
     view_ptr : (views + 1,) int, optional
         Where each view's pixels begin; one view when None.
     live : LiveVoxels, optional
-        The unknowns; all voxels when None. Rays step over space without any.
+        The unknowns; all voxels when None.
 
     Notes
     -----
-    Chord lengths are exact: float64 up to where a ray enters the grid, fixed point of at least 20
-    bits a voxel across the ray from there on, lengths in the type of the vector that is projected.
-    In float32 a position along the ray is good to about 1e-7 of the grid's edge; a ray nearly
-    parallel to a face passes it up to as much sooner or later as it is oblique, which moves length
-    between the two neighbours. Forward and adjoint compute the same lengths (`tomo.trace.slabs`),
-    so that they are each other's transpose to rounding. Results do not depend on the number of
-    threads.
+    Chord lengths are exact, in double precision relative to the grid. A product with float64 is
+    good to about 1e-13 of the largest result. One with float32 reads running sums of the volume
+    along one axis (`tomo.trace.column_changes`) rounded to single precision, so that its error is
+    about 1e-7 of the largest such sum, not of the ray's own value: rays through nearly empty space
+    beside bright voxels are less good relative to themselves. A voxel that is not finite spoils
+    all rays that meet its columns.
 
-    A product takes the memory of one more volume, and 8 MB for the rays that it is at. Rays from
-    cameras are made when they are needed: see `from_cameras`.
+    The adjoint has the same shares, rounded to whole multiples of 2^-61 of what all pixels
+    together could add to a voxel at most; all sums of them are exact, so that a voxel that no ray
+    meets gets zero. Results do not depend on the number of threads.
+
+    A product takes the memory of one more volume, and 2 MB for the rays that it is at. Rays from
+    cameras are made when they are needed: see `from_cameras`. Work grows with the rays' changes
+    of column, not with the voxels that they meet, so that nothing is skipped where voxels are not
+    live.
     """
 
     def __init__(
@@ -168,80 +175,93 @@ class OnTheFlyProjector(ViewedOperator):
         """Tell a projector of some of the pixels what is known of their sources already."""
         if "_axes" in self.__dict__:
             projector.__dict__["_axes"] = [self._axes[number] for number in origin]
-        if projector.live is self.live and "_bricks" in self.__dict__:
-            projector.__dict__["_bricks"] = self._bricks
 
     @cached_property
     def _axes(self) -> list[tuple[bool, bool, bool]]:
         """For each source, along which axes rays of it may go."""
         return [survey(source, self.grid).axes for source in self._sources]
 
-    @cached_property
-    def _bricks(self) -> NDArray[np.uint8]:
-        """Where live voxels are near; empty where all are live."""
-        return np.zeros((0, 0, 0), np.uint8) if self.live.all else near_live(self.live.mask)
-
     def _matvec(self, x: NDArray) -> NDArray:
         volume = self.live.expand(as_float(x.ravel()))
         images = np.zeros(self.shape[0], volume.dtype)
-        threads = numba.get_num_threads()
+        threads, number = numba.get_num_threads(), self._number
         for axis in range(3):
-            columns = None
-            for block in self._blocks(axis, volume.dtype):
-                if columns is None:
-                    columns = to_columns(volume, self.grid.shape, axis)
+            shape = turned(self.grid.shape, axis)
+            sums = None
+            for block in self._blocks(axis):
+                if sums is None:
+                    sums = running_sums(volume, self.grid.shape, axis)
                 some = np.zeros(len(block.pixel_ptr) - 1, volume.dtype)
-                slabs.forward(*block.courses, *self._space(axis), threads, columns, some)
+                column_changes.forward(
+                    block.courses, block.pixel_ptr, shape, number, threads, sums, some
+                )
                 block.add_to(images, some)
         return images
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
         volume = np.zeros(self.grid.size, y.dtype)
-        threads = numba.get_num_threads()
-        for axis in range(3):
-            columns = None
-            for block in self._blocks(axis, y.dtype):
-                if columns is None:
-                    columns = no_columns(self.grid.shape, axis, y.dtype)
-                own, cuts = cuts_of_equal_work(
-                    block.whole, block.bits, _turned(self.grid.shape, axis), threads
-                )
-                slabs.adjoint(*block.courses, *self._space(axis), cuts, own, block.of(y), columns)
-            if columns is not None:
-                add_columns(columns, self.grid.shape, axis, volume)
+        most = self._most(y)
+        if not math.isfinite(most):
+            volume[:] = np.nan
+        if math.isfinite(most) and most > 0:
+            per_unit = 2.0 ** (61 - math.frexp(most)[1])
+            for axis in range(3):
+                if any(axes[axis] for axes in self._axes):
+                    self._add_along(axis, y, per_unit, volume)
         return self.live.compress(volume)
 
-    def _space(self, axis: int) -> tuple[NDArray[np.uint8], tuple[int, int, int]]:
-        """Return the bricks, flat, and the steps between them along the axes a, b and c."""
-        _, ny, nz = self._bricks.shape
-        return self._bricks.ravel(), _turned((ny * nz, nz, 1), axis)
+    def _most(self, y: NDArray) -> float:
+        """Return a bound of what all pixels ``y`` together add to a voxel."""
+        step = math.sqrt(3) * max(self.grid.spacing)  # a voxel along the long axis, or less
+        spans = zip(self._sources, self._ptr[:-1], self._ptr[1:], strict=True)
+        total = sum(
+            source.largest_weight * float(np.abs(y[start:stop]).sum(dtype=np.float64))
+            for source, start, stop in spans
+        )
+        return step * total
 
-    def _blocks(self, axis: int, dtype: DTypeLike) -> Iterator[_Block]:
+    def _add_along(self, axis: int, y: NDArray, per_unit: float, volume: NDArray) -> None:
+        """Add the back-projection along the rays with one long axis, some columns at a time."""
+        threads, number = numba.get_num_threads(), self._number
+        shape = n_a, n_b, n_c = turned(self.grid.shape, axis)
+        plane = n_c * (n_a + 1)  # numbers for each step along b
+        at_once = max(max(volume.nbytes, DIFFERENCES) // (8 * plane), 1)
+        ranges = -(-n_b // at_once)
+        for part in range(ranges):
+            low, high = part * n_b // ranges, (part + 1) * n_b // ranges
+            differences = np.zeros((high - low) * plane, np.uint64)
+            for block in self._blocks(axis):
+                cuts = cuts_of_equal_work(block.courses, n_b, low, high, threads)
+                column_changes.adjoint(
+                    block.courses, block.pixel_ptr, shape, number, cuts, per_unit, block.of(y),
+                    differences,
+                )  # fmt: skip
+            add_differences(differences, self.grid.shape, axis, low, 1 / per_unit, volume)
+
+    @property
+    def _number(self) -> NDArray[np.integer]:
+        """Nothing, of the type in which places of running sums fit."""
+        few = math.prod(n + 1 for n in self.grid.shape) < 2**31
+        return np.zeros(0, np.int32 if few else np.int64)
+
+    def _blocks(self, axis: int) -> Iterator[_Block]:
         """Go through the rays along ``axis``, some at a time; a block is valid until the next."""
-        number, bits = fixed_point(self.grid.shape, dtype)
-        shape = _turned(self.grid.shape, axis)
+        room = np.zeros((0, WIDTH))  # used again: new memory costs more than what is written to it
         for pieces in self._shares(axis):
             ptrs = [self._sources[n].ray_ptr(start, stop) for n, start, stop in pieces]
             ends = np.cumsum([0] + [int(ptr[-1]) for ptr in ptrs])
-            pixels = np.cumsum([0] + [stop - start for _, start, stop in pieces])[:-1]
-            whole, real = np.zeros((ends[-1], 8), np.int64), np.zeros((ends[-1], 5))
+            if len(room) < ends[-1]:
+                room = np.zeros((max(int(ends[-1]), RAYS_AT_ONCE), WIDTH))
+            courses = room[: ends[-1]]
             for (n, start, stop), low, high in zip(pieces, ends[:-1], ends[1:], strict=True):
-                self._sources[n].write(
-                    start, stop, self.grid, axis, bits, whole[low:high], real[low:high]
-                )
+                self._sources[n].write(start, stop, self.grid, axis, courses[low:high])
             ptr = np.concatenate(
                 [np.zeros(1, np.int64)]
                 + [ptr[1:] + low for ptr, low in zip(ptrs, ends[:-1], strict=True)]
             )
-            order = np.concatenate(
-                [
-                    self._sources[n].order(start, stop) + low
-                    for (n, start, stop), low in zip(pieces, pixels, strict=True)
-                ]
-            )
             spans = tuple((int(self._ptr[n]) + a, int(self._ptr[n]) + b) for n, a, b in pieces)
-            yield _Block(whole, real, ptr, order, shape, bits, np.zeros(0, number), spans)
+            yield _Block(courses, ptr, spans)
 
     def _shares(self, axis: int) -> Iterator[list[tuple[int, int, int]]]:
         """Go through the pixels with rays along ``axis``: lists of source, start and stop."""
@@ -263,20 +283,9 @@ class OnTheFlyProjector(ViewedOperator):
 class _Block:
     """Courses of some rays with one long axis, and which pixels of the projector they feed."""
 
-    whole: NDArray[np.int64]
-    real: NDArray[np.float64]
+    courses: NDArray[np.float64]
     pixel_ptr: NDArray[np.int64]
-    order: NDArray[np.int64]
-    shape: tuple[int, int, int]
-    bits: int
-    number: NDArray[np.integer]
     spans: tuple[tuple[int, int], ...]
-
-    @property
-    def courses(self) -> tuple:
-        return (
-            self.whole, self.real, self.pixel_ptr, self.order, self.shape, self.bits, self.number,
-        )  # fmt: skip
 
     def of(self, images: NDArray) -> NDArray:
         """Return the pixels of the block."""
@@ -288,9 +297,3 @@ class _Block:
         for start, stop in self.spans:
             images[start:stop] += some[at : at + stop - start]
             at += stop - start
-
-
-def _turned(values: tuple[int, int, int], axis: int) -> tuple[int, int, int]:
-    """Return what belongs to x, y and z in the order of a long axis a, b and c."""
-    b, c = across(axis)
-    return values[axis], values[b], values[c]

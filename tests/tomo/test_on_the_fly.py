@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rigs import Camera, Distortion, ring
-from tomo import Projector, Rays, VoxelGrid, dot_test
+from tomo import Projector, Rays, VoxelGrid, dot_test, on_the_fly
 from tomo.live_voxels import LiveVoxels
 from tomo.on_the_fly import OnTheFlyProjector
 from tomo.trace import trace
@@ -236,7 +236,7 @@ def test_pixels_that_the_lens_does_not_reach_see_nothing():
 
 
 @pytest.mark.parametrize("share", [0.002, 0.1])
-def test_empty_space_is_stepped_over_without_a_trace(share):
+def test_voxels_that_are_not_live_count_as_zeros(share):
     grid = VoxelGrid((37, 60, 41), 1.0)
     rays = random_rays(grid, 3000, 11)
     random = np.random.default_rng(12)
@@ -257,10 +257,42 @@ def test_empty_space_is_stepped_over_without_a_trace(share):
     assert dot_test(part.take(np.arange(0, 3000, 2))) < 1e-12
 
 
-def test_many_ranges_of_owned_voxels_add_up_to_the_same_bits(pair, monkeypatch):
+def test_many_ranges_of_columns_add_up_to_the_same_bits(pair, monkeypatch):
     _, flying = pair
     y = np.random.default_rng(13).random(flying.shape[0]).astype(np.float32)
     once = flying.T @ y
     for parts in (2, 3, 7, 40):
         monkeypatch.setattr(numba, "get_num_threads", lambda parts=parts: parts)
         assert np.array_equal(flying.T @ y, once)
+    monkeypatch.setattr(on_the_fly, "DIFFERENCES", 0)  # one after another, too
+    assert np.array_equal(flying.T @ y, once)
+
+
+def test_voxels_that_no_ray_meets_get_nothing():
+    grid = VoxelGrid((20, 20, 20), 1.0)
+    rays = random_rays(grid, 50, 14)
+    seen = Projector(trace(rays, grid, "reference", dtype=np.float64), grid).column_sums
+    y = np.random.default_rng(15).normal(size=50)
+    back = OnTheFlyProjector(rays, grid).T @ y
+    assert (seen == 0).sum() > 1000
+    assert not back[seen == 0].any()
+    assert back[seen > 1e-6].all()
+
+
+def test_faint_beside_bright_is_good_to_single_precision_of_the_bright():
+    grid = VoxelGrid((40, 40, 40), 1.0)
+    rays = random_rays(grid, 500, 16)
+    volume = np.full(grid.shape, 1e-3, np.float32)
+    volume[18:22, 18:22, 18:22] = 100
+    flying = OnTheFlyProjector(rays, grid)
+    exact = flying @ volume.ravel().astype(np.float64)
+    assert np.abs(flying @ volume.ravel() - exact).max() < 3e-6 * 400
+
+
+def test_a_pixel_that_is_not_finite_spoils_the_back_projection():
+    grid = VoxelGrid((4, 4, 4), 1.0)
+    flying = OnTheFlyProjector(random_rays(grid, 20, 17), grid)
+    y = np.ones(20)
+    y[3] = np.nan
+    assert np.isnan(flying.T @ y).all()
+    assert not (flying.T @ np.zeros(20)).any()

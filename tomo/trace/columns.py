@@ -1,35 +1,64 @@
-"""A volume column by column: the voxels along one axis stand next to each other.
+"""A volume as running sums along one axis, column by column, and back.
 
-Column ``(b, c)`` of axis ``a`` begins at ``1 + (b * n_c + c) * (n_a + 1)``. Between two columns
-stands one spare number, so that the voxel below the first and above the last of a column may be
-touched: kernels that take voxels in pairs need no test. It also keeps the columns off steps of
-powers of two, at which a processor's cache holds few.
+A *column* ``(b, c)`` is the row of ``n_a`` voxels along an axis ``a`` (b and c are the other axes
+in their order). Its running sums ``S[k]``, the sum of its first ``k`` voxels, are ``n_a + 1``
+numbers, and column ``(b, c)`` begins at ``(b * n_c + c) * (n_a + 1)``. They are added up in double
+precision and kept in the volume's type.
+
+The transpose takes numbers ``D[k]`` that belong to the running sums: voxel ``k`` is in all sums
+from ``k + 1`` on, so it gets the sum of ``D`` from there to the column's end. ``D`` is kept in
+whole numbers, for which that sum is exact: what cancels, cancels to zero.
 """
 
 from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from tomo._compile import compiled
 
-_TILE = 16  # voxels along each edge of what is moved together, for both layouts' sake
+_TOGETHER = 16  # columns that are gone through side by side, for the volume's layout's sake
 
 
 @compiled(parallel=True)
-def _add(source, from_strides, shape, target, to_strides) -> None:
-    """Add ``source`` to ``target`` voxel by voxel, tile by tile; ``shape`` is that of the grid."""
-    tiles = -(-shape[0] // _TILE)
-    for tile in numba.prange(tiles):
-        for low_y in range(0, shape[1], _TILE):
-            for low_z in range(0, shape[2], _TILE):
-                for x in range(tile * _TILE, min(tile * _TILE + _TILE, shape[0])):
-                    for y in range(low_y, min(low_y + _TILE, shape[1])):
-                        at = x * from_strides[0] + y * from_strides[1] + from_strides[3]
-                        to = x * to_strides[0] + y * to_strides[1] + to_strides[3]
-                        for z in range(low_z, min(low_z + _TILE, shape[2])):
-                            target[to + z * to_strides[2]] += source[at + z * from_strides[2]]
+def _sum_up(volume, strides, shape, sums) -> None:
+    """Write the running sums of all columns; ``strides`` are the volume's along a, b, c."""
+    length = shape[0] + 1
+    for b in numba.prange(shape[1]):
+        total = np.zeros(_TOGETHER)
+        for first in range(0, shape[2], _TOGETHER):
+            some = min(_TOGETHER, shape[2] - first)
+            total[:] = 0
+            source = b * strides[1] + first * strides[2]
+            target = (b * shape[2] + first) * length
+            for k in range(shape[0]):
+                for c in range(some):
+                    total[c] += volume[source + k * strides[0] + c * strides[2]]
+                    sums[target + c * length + k + 1] = total[c]
+
+
+@compiled(parallel=True)
+def _sum_down(differences, strides, shape, first_b, unit, volume) -> None:
+    """Add to the volume the transpose of `_sum_up` for some of the columns."""
+    length = shape[0] + 1
+    for b in numba.prange(len(differences) // (length * shape[2])):
+        total = np.zeros(_TOGETHER, np.uint64)
+        for first in range(0, shape[2], _TOGETHER):
+            some = min(_TOGETHER, shape[2] - first)
+            total[:] = 0
+            source = (b * shape[2] + first) * length
+            target = (first_b + b) * strides[1] + first * strides[2]
+            for k in range(shape[0] - 1, -1, -1):
+                for c in range(some):
+                    total[c] += differences[source + c * length + k + 1]
+                    volume[target + k * strides[0] + c * strides[2]] += np.int64(total[c]) * unit
+
+
+def turned(values: tuple[int, int, int], axis: int) -> tuple[int, int, int]:
+    """Return what belongs to x, y and z in the order of a long axis a, b and c."""
+    b, c = across(axis)
+    return values[axis], values[b], values[c]
 
 
 def across(axis: int) -> tuple[int, int]:
@@ -37,33 +66,36 @@ def across(axis: int) -> tuple[int, int]:
     return (1 if axis == 0 else 0), (1 if axis == 2 else 2)
 
 
-def no_columns(shape: tuple[int, int, int], axis: int, dtype: DTypeLike) -> NDArray:
-    """Return a volume of zeros, column by column along ``axis``."""
-    b, c = across(axis)
-    return np.zeros(1 + shape[b] * shape[c] * (shape[axis] + 1), dtype)
+def running_sums(volume: NDArray, shape: tuple[int, int, int], axis: int) -> NDArray:
+    """Return the running sums of a flat volume along ``axis``: (n_b * n_c * (n_a + 1),)."""
+    n_a, n_b, n_c = turned(shape, axis)
+    sums = np.zeros(n_b * n_c * (n_a + 1), volume.dtype)
+    _sum_up(volume, _strides(shape, axis), (n_a, n_b, n_c), sums)
+    return sums
 
 
-def to_columns(volume: NDArray, shape: tuple[int, int, int], axis: int) -> NDArray:
-    """Return a flat volume column by column along ``axis``."""
-    columns = no_columns(shape, axis, volume.dtype)
-    _add(volume, _in_order(shape), shape, columns, _strides(shape, axis))
-    return columns
+def add_differences(
+    differences: NDArray[np.uint64],
+    shape: tuple[int, int, int],
+    axis: int,
+    first_b: int,
+    unit: float,
+    volume: NDArray,
+) -> None:
+    """Add to a flat volume the transpose of `running_sums` of some columns.
+
+    Parameters
+    ----------
+    differences : (columns * (n_a + 1),) uint64
+        Whole numbers, negative ones as their complement, of the columns from ``(first_b, 0)`` on.
+    shape : (int, int, int)
+    axis, first_b : int
+    unit : float
+        What one of the whole numbers stands for.
+    volume : (voxels,) float32 or float64
+    """
+    _sum_down(differences, _strides(shape, axis), turned(shape, axis), first_b, unit, volume)
 
 
-def add_columns(columns: NDArray, shape: tuple[int, int, int], axis: int, volume: NDArray) -> None:
-    """Add to a flat volume what stands column by column along ``axis``."""
-    _add(columns, _strides(shape, axis), shape, volume, _in_order(shape))
-
-
-def _in_order(shape: tuple[int, int, int]) -> tuple[int, int, int, int]:
-    return shape[1] * shape[2], shape[2], 1, 0
-
-
-def _strides(shape: tuple[int, int, int], axis: int) -> tuple[int, int, int, int]:
-    """Return the steps along x, y and z, and where the first voxel is."""
-    b, c = across(axis)
-    steps = [0, 0, 0]
-    steps[axis] = 1
-    steps[c] = shape[axis] + 1
-    steps[b] = steps[c] * shape[c]
-    return (*steps, 1)
+def _strides(shape: tuple[int, int, int], axis: int) -> tuple[int, int, int]:
+    return turned((shape[1] * shape[2], shape[2], 1), axis)

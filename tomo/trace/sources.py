@@ -1,7 +1,8 @@
 """Where rays come from when they are needed: stored, or made from a camera's pixels.
 
-A source has pixels with rays and writes the rays' courses through a grid (`tomo.trace.layers`) for
-some of its pixels at a time. Taking some pixels of it takes their numbers, nothing else.
+A source has pixels with rays and writes the rays' courses through a grid
+(`tomo.trace.courses`) for some of its pixels at a time. Taking some pixels of it takes their
+numbers, nothing else.
 """
 
 from __future__ import annotations
@@ -18,11 +19,9 @@ from rigs import Camera
 from tomo._groups import take_groups
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
-from tomo.trace import layers
+from tomo.trace.courses import of_pixels, of_rays
 
 PIXELS_AT_ONCE = 65_536  # while the bend of a lens is made
-
-TILE = 8  # pixels along each side of what is projected together
 
 Numbers = slice | NDArray[np.integer]
 
@@ -44,9 +43,10 @@ class PixelSource(ABC):
     def take(self, numbers: Numbers) -> PixelSource:
         """Return the source of some of the pixels."""
 
-    def order(self, start: int, stop: int) -> NDArray[np.integer]:
-        """Return the pixels ``start:stop``, from zero on, so that neighbours follow each other."""
-        return np.arange(stop - start)
+    @property
+    @abstractmethod
+    def largest_weight(self) -> float:
+        """The largest sum of the weights of a pixel's rays, or more."""
 
     @abstractmethod
     def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
@@ -71,14 +71,12 @@ class PixelSource(ABC):
         stop: int,
         grid: VoxelGrid,
         axis: int,
-        bits: int,
-        whole: NDArray[np.int64],
-        real: NDArray[np.float64],
+        courses: NDArray[np.float64],
     ) -> None:
         """Write the courses of the rays of pixels ``start:stop`` that have ``axis`` for long axis.
 
-        ``whole`` (rays, 8) and ``real`` (rays, 5) have a row for each ray; one with another long
-        axis, or one that misses the grid, gets no layers.
+        ``courses`` (rays, 8) have a row for each ray; one with another long axis, or one that
+        misses the grid, gets none.
         """
 
 
@@ -93,6 +91,12 @@ class RayPixels(PixelSource):
     def n_pixels(self) -> int:
         """Number of pixels."""
         return self.rays.n_pixels if self.rows is None else len(self.rows)
+
+    @property
+    def largest_weight(self) -> float:
+        """The largest sum of weights; see `PixelSource`."""
+        sums = np.diff(np.append(0.0, np.cumsum(np.abs(self.rays.weight)))[self.rays.pixel_ptr])
+        return float(sums.max(initial=0.0))
 
     def take(self, numbers: Numbers) -> RayPixels:
         """Return the source of some of the pixels."""
@@ -118,9 +122,7 @@ class RayPixels(PixelSource):
         stop: int,
         grid: VoxelGrid,
         axis: int,
-        bits: int,
-        whole: NDArray[np.int64],
-        real: NDArray[np.float64],
+        courses: NDArray[np.float64],
     ) -> None:
         """Write courses; see `PixelSource`."""
         rays = self.rays
@@ -128,9 +130,9 @@ class RayPixels(PixelSource):
             some = slice(int(rays.pixel_ptr[start]), int(rays.pixel_ptr[stop]))
         else:
             _, some = take_groups(rays.pixel_ptr, self.rows[start:stop])
-        layers.of_rays(
+        of_rays(
             rays.origins[some], rays.directions[some], rays.lengths[some], rays.weight[some],
-            corners_and_spacing(grid), grid.shape, axis, bits, whole, real,
+            corners_and_spacing(grid), grid.shape, axis, courses,
         )  # fmt: skip
 
 
@@ -146,7 +148,7 @@ class CameraPixels(PixelSource):
     supersample : int
         Rays along each side of a pixel.
     bend : (B, K², 2) float32, (B, K², 3) float64 or (0, 0, 0)
-        What the lens does, as in `tomo.trace.layers.of_pixels`: for a fisheye the directions
+        What the lens does, as in `tomo.trace.courses.of_pixels`: for a fisheye the directions
         themselves, for the others what is added to the pinhole's image coordinates; that is small
         and good to 1e-9 in single precision. A lens without distortion needs nothing.
     rows : (P,) int, optional
@@ -182,6 +184,11 @@ class CameraPixels(PixelSource):
         """Number of pixels."""
         return math.prod(self.camera.image_size) if self.pixels is None else len(self.pixels)
 
+    @property
+    def largest_weight(self) -> float:
+        """One: a pixel's rays are averaged."""
+        return 1.0
+
     def _numbers(self, some: slice) -> NDArray[np.integer]:
         if self.pixels is None:
             return np.arange(some.start, some.stop, dtype=np.int64)
@@ -198,15 +205,6 @@ class CameraPixels(PixelSource):
         rows = np.arange(len(self.bend), dtype=np.int32) if self.rows is None else self.rows
         return replace(self, pixels=pixels, rows=rows[numbers])
 
-    def order(self, start: int, stop: int) -> NDArray[np.integer]:
-        """Return the pixels tile by tile."""
-        pixels = self._numbers(slice(start, stop))
-        width = self.camera.image_size[0]
-        row, column = pixels // width, pixels % width
-        tile = (row - row.min()) // TILE * -(-width // TILE) + column // TILE
-        kind = np.uint16 if tile.max() < 2**16 else np.int64  # short keys are sorted fastest
-        return np.argsort(tile.astype(kind), kind="stable")
-
     def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
         """Return where the pixels' rays begin; see `PixelSource`."""
         return np.arange(stop - start + 1, dtype=np.int64) * self.supersample**2
@@ -221,9 +219,7 @@ class CameraPixels(PixelSource):
         stop: int,
         grid: VoxelGrid,
         axis: int,
-        bits: int,
-        whole: NDArray[np.int64],
-        real: NDArray[np.float64],
+        courses: NDArray[np.float64],
     ) -> None:
         """Write courses; see `PixelSource`."""
         some = slice(start, stop)
@@ -231,11 +227,18 @@ class CameraPixels(PixelSource):
         if bend.size:
             bend = bend[some] if self.rows is None else bend[self.rows[some]]
         (fx, skew, cx), (_, fy, cy) = self.camera.camera_matrix[:2]
-        layers.of_pixels(
+        of_pixels(
             self._numbers(some), bend, self.camera.image_size[0], np.array([fx, skew, cx, fy, cy]),
-            _steps(self.supersample), self.camera.R, self.camera.position,
-            corners_and_spacing(grid), grid.shape, axis, bits, whole, real,
+            _places(self.supersample), self.camera.R, self.camera.position,
+            corners_and_spacing(grid), grid.shape, axis, courses,
         )  # fmt: skip
+
+
+def _places(supersample: int) -> NDArray[np.float64]:
+    """Return where a pixel's rays are, down and right of its centre, ``(K², 2)``."""
+    steps = _steps(supersample)
+    down, right = np.meshgrid(steps, steps, indexing="ij")
+    return np.stack([down.ravel(), right.ravel()], axis=1)
 
 
 def _steps(supersample: int) -> NDArray[np.float64]:

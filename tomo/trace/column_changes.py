@@ -1,0 +1,247 @@
+"""Project through running sums, with no stored matrix: work only where a ray changes its column.
+
+With the running sums ``S`` of a column (`tomo.trace.columns`), linear between layers,
+``F(t) = S[k] + (t - k) (S[k + 1] - S[k])`` with ``k = floor(t)``, a ray that is in the column from
+``t0`` to ``t1`` along the long axis passes ``F(t1) - F(t0)``: the sum of all its voxels there,
+each times the exact length in it. So the sum along a ray is ``F`` of its last column where it
+leaves the grid, less ``F`` of its first where it enters, and at each change of column in between
+``F`` of the column left less that of the one entered. No work is done for layers passed inside a
+column.
+
+A ray passes the planes between columns along b at ``t(i) = (i - start) / slope`` and likewise
+along c: two regular families, in one loop that vectorises. Where a plane of one is passed, the
+ray's place along the other is a count of that one's planes passed before. Both counts compare the
+same two numbers ``t``, planes of c first where they are equal: so there is one order of all
+changes, and the sums of columns that are entered and left cancel.
+
+The adjoint adds a pixel's value where the forward takes ``S``, to numbers that
+`tomo.trace.columns` sums up to voxels. They are whole numbers: sums are exact, in any order, and a
+column's share above the last voxel that a ray met is zero, not a rounding error. Each part has the
+columns of a range along b, in which a ray's way is one piece, so that nothing is written twice at
+a time.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from tomo._compile import compiled
+from tomo.trace._pairs import CHAINS, add_pairs, between_pairs, subtract_pairs
+from tomo.trace.courses import ENTER, LEAVE, SCALE, SLOPE_B, SLOPE_C, START_B, START_C
+
+RAYS_TOGETHER = 256  # pixels that a thread takes at a time
+
+_LANES = 16  # changes that are computed together; those beyond the last are not used
+
+
+@compiled(inline=True)
+def _line(course, shape):
+    """Return what the changes of a ray need: a pair of lines and the strides along them."""
+    stride_c = float(shape[0] + 1)
+    stride_b = stride_c * shape[2]
+    slope_b, slope_c, base = course[SLOPE_B], course[SLOPE_C], 0.0
+    if slope_b < 0:
+        base += (shape[1] - 1) * stride_b
+        slope_b, stride_b = -slope_b, -stride_b
+    if slope_c < 0:
+        base += (shape[2] - 1) * stride_c
+        slope_c, stride_c = -slope_c, -stride_c
+    per_b = 1.0 / slope_b if slope_b > 0 else 0.0
+    per_c = 1.0 / slope_c if slope_c > 0 else 0.0
+    return (
+        (course[START_B], slope_b, per_b, stride_b), (course[START_C], slope_c, per_c, stride_c),
+        base,
+    )  # fmt: skip
+
+
+@compiled(inline=True)
+def _passed(axis, t, before):
+    """Return how many planes a ray passed up to ``t``, or before it: the voxel it is in.
+
+    The nearest plane is the only one in doubt.
+    """
+    start, slope, per, _ = axis
+    if slope == 0:
+        return np.floor(start)
+    nearest = np.floor(start + slope * t + 0.5)
+    at = (nearest - start) * per
+    return nearest - (at >= t if before else at > t)
+
+
+@compiled(inline=True)
+def _voxels(axis, enter, leave, count):
+    """Return the first and the last voxel that a ray is in along b or c."""
+    first = min(max(_passed(axis, enter, False), 0.0), count - 1.0)
+    return first, min(max(_passed(axis, leave, True), first), count - 1.0)
+
+
+@compiled(inline=True)
+def _changes(b, c, first_b, last_b, first_c, last_c, base, left, entered, parts):
+    """Write a ray's changes of column, those along b first, and return how many there are.
+
+    Parameters
+    ----------
+    b, c : (start, slope, layers a voxel, stride)
+        The ray along both axes.
+    first_b, last_b, first_c, last_c : float64
+        Voxels between which it is.
+    base : float64
+    left, entered : (changes + 15,) int32 or int64
+        Written: the places of ``S[k]`` in the column that is left and in the one entered, the
+        same for a few more than there are changes.
+    parts : float64
+        Written: ``t - k``.
+    """
+    index = left.dtype.type
+    along_b = last_b - first_b
+    count = int(along_b + (last_c - first_c))
+    for m in range((count + _LANES - 1) & -_LANES):
+        number = float(m)
+        is_b = number < along_b
+        plane = first_b + 1.0 + number if is_b else first_c + 1.0 + (number - along_b)
+        start, per, stride = (
+            b[0] if is_b else c[0], b[2] if is_b else c[2], b[3] if is_b else c[3]
+        )  # fmt: skip
+        other, slope, other_per, other_stride = (
+            c[0] if is_b else b[0], c[1] if is_b else b[1], c[2] if is_b else b[2],
+            c[3] if is_b else b[3],
+        )  # fmt: skip
+        low, high = (first_c if is_b else first_b), (last_c if is_b else last_b)
+        t = (plane - start) * per
+        layer = np.floor(t)
+        nearest = np.floor(other + slope * t + 0.5)
+        at = (nearest - other) * other_per
+        after = (at > t) | ((at == t) & (not is_b))
+        voxel = min(max(nearest - (1.0 if after else 0.0), low), high)
+        place = base + (plane - 1.0) * stride + voxel * other_stride + layer
+        left[m] = index(place)
+        entered[m] = index(place + stride)
+        parts[m] = t - layer
+    for m in range(CHAINS):
+        left[count + m] = left[0]
+        entered[count + m] = left[0]
+    return count
+
+
+@compiled(inline=True)
+def _within(place, t, layers):
+    """Return the place of ``S[k]`` and ``t - k`` at an end of a ray."""
+    layer = min(np.floor(t), layers - 1.0)
+    return np.int64(place + layer), t - layer
+
+
+@compiled(inline=True)
+def _at(sums, place, t, layers):
+    """Return the running sum at ``t`` of the column at ``place``."""
+    at, part = _within(place, t, layers)
+    return (1.0 - part) * sums[at] + part * sums[at + 1]
+
+
+@compiled(parallel=True)
+def forward(courses, pixel_ptr, shape, number, threads, sums, images) -> None:
+    """Add to ``images`` (P,) the projections of a volume.
+
+    Parameters
+    ----------
+    courses : (N, 8) float64
+        Courses of rays with one long axis, as `tomo.trace.courses` writes them.
+    pixel_ptr : (P + 1,) int64
+    shape : (3,) int
+        Voxels along the axes a, b, c.
+    number : (0,) int32 or int64
+        Of which type places are.
+    threads : int
+        Between which the pixels are dealt out in turn.
+    sums : float32 or float64
+        Running sums of the volume, column by column.
+    images : (P,) float32 or float64
+    """
+    pixels = len(images)
+    rounds = -(-pixels // (RAYS_TOGETHER * threads))
+    room = shape[1] + shape[2] + _LANES
+    for deal in numba.prange(rounds * threads):
+        left, entered = np.zeros(room, number.dtype), np.zeros(room, number.dtype)
+        parts = np.zeros(room)
+        group = (deal % rounds) * threads + deal // rounds
+        for pixel in range(group * RAYS_TOGETHER, min((group + 1) * RAYS_TOGETHER, pixels)):
+            together = 0.0
+            for ray in range(pixel_ptr[pixel], pixel_ptr[pixel + 1]):
+                course = courses[ray]
+                enter, leave = course[ENTER], course[LEAVE]
+                if not leave > enter:
+                    continue
+                b, c, base = _line(course, shape)
+                first_b, last_b = _voxels(b, enter, leave, shape[1])
+                first_c, last_c = _voxels(c, enter, leave, shape[2])
+                total = _at(sums, base + last_b * b[3] + last_c * c[3], leave, shape[0])
+                total -= _at(sums, base + first_b * b[3] + first_c * c[3], enter, shape[0])
+                count = _changes(
+                    b, c, first_b, last_b, first_c, last_c, base, left, entered, parts
+                )
+                upto = (count + CHAINS - 1) & -CHAINS
+                total += between_pairs(sums, left, entered, parts, upto)
+                together += total * course[SCALE]
+            images[pixel] += together
+
+
+@compiled(inline=True)
+def _add_at(differences, place, t, layers, whole, sign):
+    """Add ``sign`` times ``whole`` at ``t`` to the column at ``place``."""
+    at, part = _within(place, t, layers)
+    share = np.int64(np.floor(part * whole + 0.5))
+    differences[at] += np.uint64(sign * (np.int64(whole) - share))
+    differences[at + 1] += np.uint64(sign * share)
+
+
+@compiled(parallel=True)
+def adjoint(courses, pixel_ptr, shape, number, cuts, per_unit, images, differences) -> None:
+    """Add to ``differences`` the transpose of `forward` for ``images`` (P,).
+
+    Part ``p`` has the columns from ``cuts[p]`` to ``cuts[p + 1]`` of axis b; ``differences``
+    (uint64, wrapping around) begins with those from ``cuts[0]`` on, in whole numbers of which
+    there are ``per_unit`` to one. Other parameters as in `forward`.
+    """
+    first_column = float(cuts[0] * shape[2] * (shape[0] + 1))
+    room = shape[1] + shape[2] + _LANES
+    for part in numba.prange(len(cuts) - 1):
+        left, entered = np.zeros(room, number.dtype), np.zeros(room, number.dtype)
+        parts = np.zeros(room)
+        shares = np.zeros(room, np.int64)
+        for pixel in range(len(images) if cuts[part] < cuts[part + 1] else 0):
+            if images[pixel] == 0:
+                continue
+            for ray in range(pixel_ptr[pixel], pixel_ptr[pixel + 1]):
+                course = courses[ray]
+                enter, leave = course[ENTER], course[LEAVE]
+                if not leave > enter:
+                    continue
+                b, c, base = _line(course, shape)
+                low, high = float(cuts[part]), float(cuts[part + 1])
+                if b[3] < 0:
+                    low, high = shape[1] - high, shape[1] - low
+                first_b, last_b = _voxels(b, enter, leave, shape[1])
+                if first_b >= high or last_b < low:
+                    continue
+                first_c, last_c = _voxels(c, enter, leave, shape[2])
+                if first_b < low:
+                    first_b, enter = low, (low - b[0]) * b[2]
+                    first_c = min(max(_passed(c, enter, False), first_c), last_c)
+                if last_b >= high:
+                    last_b, leave = high - 1.0, (high - b[0]) * b[2]
+                    last_c = min(max(_passed(c, leave, False), first_c), last_c)
+                base -= first_column
+                whole = np.floor(images[pixel] * course[SCALE] * per_unit + 0.5)
+                place = base + last_b * b[3] + last_c * c[3]
+                _add_at(differences, place, leave, shape[0], whole, 1)
+                place = base + first_b * b[3] + first_c * c[3]
+                _add_at(differences, place, enter, shape[0], whole, -1)
+                count = _changes(
+                    b, c, first_b, last_b, first_c, last_c, base, left, entered, parts
+                )
+                for m in range((count + _LANES - 1) & -_LANES):
+                    shares[m] = np.int64(np.floor(parts[m] * whole + 0.5))
+                # One after the other: a processor that must read in one part what it has just
+                # written in two waits for it, and the next change is near where this one enters.
+                add_pairs(differences, left, shares, count, np.int64(whole))
+                subtract_pairs(differences, entered, shares, count, np.int64(whole))
