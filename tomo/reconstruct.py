@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._first_use import warm_up
+from tomo._first_use import warm_up, warm_up_carving
 from tomo._memory import peak_memory
 from tomo._prepare import prepare
 from tomo._request import (
@@ -133,7 +133,7 @@ def reconstruct(
     held_out_images, held_out_masks = judged.read(frame) if judged else ([], [])
     loaded = time.perf_counter()
 
-    first_use = warm_up(tracer)
+    first_use = warm_up(tracer) + (warm_up_carving() if skip else 0.0)
     preparing = time.perf_counter()
     midpoints = any(one.needs_midpoints for one in methods)
     prepared = prepare(
