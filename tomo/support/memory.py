@@ -162,6 +162,10 @@ def choose_form(
             "projector: found on-the-fly, expected stored: the method needs the matrix's entries"
         )
     available = available_memory() if available is None else available
+    if wanted != ON_THE_FLY:
+        most = _most_stored(cameras, grid, supersample, midpoints)
+        if most <= available:
+            return STORED, f"the matrix takes at most {_gigabytes(most)}"
     stored = estimate_memory(cameras, grid, supersample=supersample, midpoints=midpoints)
     takes = f"the matrix takes about {_gigabytes(stored.nbytes)} of {_gigabytes(available)} free"
     if wanted == STORED or needs_matrix or (wanted == "auto" and stored.nbytes <= available):
@@ -169,6 +173,15 @@ def choose_form(
         return STORED, takes
     check_memory(cameras, grid, form=ON_THE_FLY, supersample=supersample, available=available)
     return ON_THE_FLY, takes if wanted == "auto" else "asked for"
+
+
+def _most_stored(
+    cameras: list[Camera] | tuple[Camera, ...], grid: VoxelGrid, supersample: int, midpoints: bool
+) -> int:
+    """Return what a stored matrix takes at most: no ray crosses more than the planes between."""
+    rays = supersample**2 * sum(math.prod(camera.image_size) for camera in cameras)
+    per_segment = BYTES_PER_SEGMENT + (BYTES_PER_MIDPOINT if midpoints else 0)
+    return per_segment * rays * (sum(grid.shape) - 2) + BYTES_PER_VOXEL * grid.size
 
 
 def _coarser_grid_that_fits(

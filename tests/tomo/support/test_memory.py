@@ -82,6 +82,10 @@ def test_the_matrix_is_stored_where_it_fits_and_computed_on_the_fly_where_not():
     flying = estimate_memory(cameras, grid, form="on-the-fly").nbytes
     assert flying < stored
     assert choose_form(cameras, grid, available=stored)[0] == "stored"
+    # no count of crossings is needed where even the most that there can be would fit
+    form, reason = choose_form(cameras, grid, available=10**13)
+    assert form == "stored"
+    assert "takes at most" in reason
     form, reason = choose_form(cameras, grid, available=stored - 1)
     assert form == "on-the-fly"
     assert "the matrix takes about" in reason
