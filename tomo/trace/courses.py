@@ -24,19 +24,22 @@ world length of a step of one voxel along a. A ray that has no course leaves whe
 WIDTH = 8
 """Numbers kept for a course: a line of a processor's cache."""
 
+_TOGETHER = 256  # rays whose courses are computed in one loop, which vectorises
+
+_STILL = 1e-300  # a direction's component below which its reciprocal may not be finite
+
 
 @compiled(inline=True)
 def _bounds(position, direction, count, near, far):
     """Clip the interval ``near, far`` of a ray to ``0 <= position <= count`` along one axis."""
-    if direction == 0:
-        if position < 0 or position > count:
-            return near, -1.0
-        return near, far
-    per = 1.0 / direction
-    to_lower, to_upper = -position * per, (count - position) * per
-    if not math.isfinite(per):  # a subnormal component
-        to_lower, to_upper = -position / direction, (count - position) / direction
-    return max(near, min(to_lower, to_upper)), min(far, max(to_lower, to_upper))
+    still = abs(direction) < _STILL
+    per = 1.0 / (1.0 if still else direction)
+    lower, upper = -position * per, (count - position) * per
+    first, last = (lower, upper) if lower < upper else (upper, lower)
+    inside = (position >= 0) & (position <= count)
+    first = -np.inf if still else first
+    last = (np.inf if inside else -1.0) if still else last
+    return (first if first > near else near), (last if last < far else far)
 
 
 @compiled(inline=True)
@@ -46,54 +49,59 @@ def _moving(position, direction, length):
 
 
 @compiled(inline=True)
-def _set_course(x, y, z, dx, dy, dz, length, weight, shape, axis, course):
-    """Write the course of a ray with ``axis`` for its long axis; no course for any other ray.
+def _within(position, count):
+    """Return a position along the long axis, not outside the grid."""
+    position = position if position > 0 else 0.0
+    return position if position < count else count
+
+
+@compiled(inline=True)
+def _set_courses(rays, made, some, shape, before_b, before_c, courses) -> None:
+    """Write the courses of rays whose long axis is a; no course for any other ray.
+
+    There is no branch that depends on data, so that the loop vectorises.
 
     Parameters
     ----------
-    x, y, z, dx, dy, dz : float64
-        Origin, in voxels from the lower corner, and direction, in voxels a unit of world length.
-    length, weight : float64
+    rays : (8, at least some) float64
+        Origin along a, b, c, in voxels from the lower corner, direction along them, in voxels a
+        unit of length, length and weight. A ray of NaN gets no course.
+    made : (7, at least some) float64
+        Written: room.
+    some : int
     shape : (int, int, int)
-    axis : int
-    course : (8,) float64
+        Voxels along a, b, c.
+    before_b, before_c : bool
+        Whether a ray as fast along b, or c, as along a has a for its long axis.
+    courses : (some, 8) float64
     """
-    course[ENTER], course[LEAVE] = 0.0, 0.0
-    fastest = 0
-    if abs(dy) > abs(dx):
-        fastest = 1
-    if abs(dz) > max(abs(dx), abs(dy)):
-        fastest = 2
-    if fastest != axis:
-        return
-    near, far = 0.0, length
-    near, far = _bounds(x, dx, shape[0], near, far)
-    near, far = _bounds(y, dy, shape[1], near, far)
-    near, far = _bounds(z, dz, shape[2], near, far)
-    if not far > near:
-        return
-    chord = far - near
-    x, y, z = x + dx * near, y + dy * near, z + dz * near
-    dx, dy, dz = _moving(x, dx, chord), _moving(y, dy, chord), _moving(z, dz, chord)
-    if axis == 0:
-        a, b, c, da, db, dc = x, y, z, dx, dy, dz
-        n_a, n_b, n_c = shape[0], shape[1], shape[2]
-    elif axis == 1:
-        a, b, c, da, db, dc = y, x, z, dy, dx, dz
-        n_a, n_b, n_c = shape[1], shape[0], shape[2]
-    else:
-        a, b, c, da, db, dc = z, x, y, dz, dx, dy
-        n_a, n_b, n_c = shape[2], shape[0], shape[1]
-    if da == 0:
-        return
-    end, per = a + da * chord, 1.0 / da
-    slope_b, slope_c = db * per, dc * per
-    b, c = b - slope_b * a, c - slope_c * a
-    course[START_B], course[SLOPE_B] = (n_b - b if slope_b < 0 else b), slope_b
-    course[START_C], course[SLOPE_C] = (n_c - c if slope_c < 0 else c), slope_c
-    course[ENTER] = min(max(min(a, end), 0.0), float(n_a))
-    course[LEAVE] = min(max(max(a, end), 0.0), float(n_a))
-    course[SCALE] = weight * abs(per)
+    n_a, n_b, n_c = float(shape[0]), float(shape[1]), float(shape[2])
+    for k in range(some):
+        a, b, c = rays[0, k], rays[1, k], rays[2, k]
+        da, db, dc = rays[3, k], rays[4, k], rays[5, k]
+        ahead_b = (abs(da) > abs(db)) | (before_b & (abs(da) == abs(db)))
+        ahead_c = (abs(da) > abs(dc)) | (before_c & (abs(da) == abs(dc)))
+        near, far = 0.0, rays[6, k]
+        near, far = _bounds(a, da, n_a, near, far)
+        near, far = _bounds(b, db, n_b, near, far)
+        near, far = _bounds(c, dc, n_c, near, far)
+        chord = far - near
+        a, b, c = a + da * near, b + db * near, c + dc * near
+        da, db, dc = _moving(a, da, chord), _moving(b, db, chord), _moving(c, dc, chord)
+        valid = ahead_b & ahead_c & (far > near) & (da != 0)
+        end, per = a + da * chord, 1.0 / da
+        slope_b, slope_c = db * per, dc * per
+        b, c = b - slope_b * a, c - slope_c * a
+        made[START_B, k] = n_b - b if slope_b < 0 else b
+        made[SLOPE_B, k] = slope_b
+        made[START_C, k] = n_c - c if slope_c < 0 else c
+        made[SLOPE_C, k] = slope_c
+        made[ENTER, k] = _within(a if a < end else end, n_a) if valid else 0.0
+        made[LEAVE, k] = _within(end if a < end else a, n_a) if valid else 0.0
+        made[SCALE, k] = rays[7, k] * abs(per)
+    for k in range(some):
+        for part in range(7):
+            courses[k, part] = made[part, k]
 
 
 @compiled(inline=True)
@@ -104,8 +112,8 @@ def _in_voxels(point, lower, upper, spacing, count):
 
 
 @compiled(parallel=True)
-def of_rays(origins, directions, lengths, weights, box, shape, axis, courses) -> None:
-    """Write the courses of rays (N, ...) with ``axis`` for their long axis.
+def of_rays(origins, directions, lengths, weights, box, shape, axes, courses) -> None:
+    """Write the courses of rays (N, ...) with ``axes[0]`` for their long axis.
 
     Parameters
     ----------
@@ -114,27 +122,33 @@ def of_rays(origins, directions, lengths, weights, box, shape, axis, courses) ->
     box : (3, 3) float64
         The grid's lower and upper corner and its spacing.
     shape : (int, int, int)
-    axis : int
+        Voxels along a, b, c.
+    axes : (int, int, int)
+        Which axes are a, b and c.
     courses : (N, 8) float64
         Written; a ray with another long axis, or one that misses the grid, gets no course.
     """
-    for ray in numba.prange(len(origins)):
-        _set_course(
-            _in_voxels(origins[ray, 0], box[0, 0], box[1, 0], box[2, 0], shape[0]),
-            _in_voxels(origins[ray, 1], box[0, 1], box[1, 1], box[2, 1], shape[1]),
-            _in_voxels(origins[ray, 2], box[0, 2], box[1, 2], box[2, 2], shape[2]),
-            directions[ray, 0] / box[2, 0],
-            directions[ray, 1] / box[2, 1],
-            directions[ray, 2] / box[2, 2],
-            lengths[ray], weights[ray], shape, axis, courses[ray],
-        )  # fmt: skip
+    before = axes[0] < axes[1], axes[0] < axes[2]
+    for group in numba.prange(-(-len(origins) // _TOGETHER)):
+        first = group * _TOGETHER
+        some = min(_TOGETHER, len(origins) - first)
+        rays, made = np.zeros((8, _TOGETHER)), np.zeros((7, _TOGETHER))
+        for k in range(some):
+            for part in range(3):
+                axis = axes[part]
+                rays[part, k] = _in_voxels(
+                    origins[first + k, axis], box[0, axis], box[1, axis], box[2, axis], shape[part]
+                )
+                rays[3 + part, k] = directions[first + k, axis] / box[2, axis]
+            rays[6, k], rays[7, k] = lengths[first + k], weights[first + k]
+        _set_courses(rays, made, some, shape, before[0], before[1], courses[first : first + some])
 
 
 @compiled(parallel=True)
 def of_pixels(
-    pixels, bend, width, lens, steps, turned, position, box, shape, axis, courses
+    pixels, bend, width, lens, steps, turned, position, box, shape, axes, courses
 ) -> None:  # fmt: skip
-    """Write the courses of a camera's pixels with ``axis`` for their long axis.
+    """Write the courses of a camera's pixels with ``axes[0]`` for their long axis.
 
     Parameters
     ----------
@@ -152,42 +166,57 @@ def of_pixels(
         The camera's rotation from the world.
     position : (3,) float64
         The camera, in world coordinates.
-    box, shape, axis, courses
+    box, shape, axes, courses
         As in `of_rays`; a pixel's rays stand together.
     """
     several, per_width = len(steps), 1.0 / width
-    x = _in_voxels(position[0], box[0, 0], box[1, 0], box[2, 0], shape[0])
-    y = _in_voxels(position[1], box[0, 1], box[1, 1], box[2, 1], shape[1])
-    z = _in_voxels(position[2], box[0, 2], box[1, 2], box[2, 2], shape[2])
-    to_x = (turned[0, 0] / box[2, 0], turned[1, 0] / box[2, 0], turned[2, 0] / box[2, 0])
-    to_y = (turned[0, 1] / box[2, 1], turned[1, 1] / box[2, 1], turned[2, 1] / box[2, 1])
-    to_z = (turned[0, 2] / box[2, 2], turned[1, 2] / box[2, 2], turned[2, 2] / box[2, 2])
+    before = axes[0] < axes[1], axes[0] < axes[2]
     bent = bend.shape[2]
-    for place in numba.prange(len(pixels)):
-        row = np.floor((pixels[place] + 0.5) * per_width)  # faster than by whole numbers
-        column = pixels[place] - row * width
-        seen = several
-        for part in range(several if bent else 0):
-            seen -= math.isnan(bend[place, part, 0])
+    at_once = max(_TOGETHER // several, 1)
+    for group in numba.prange(-(-len(pixels) // at_once)):
+        first = group * at_once
+        some = min(at_once, len(pixels) - first)
+        rays, made = np.zeros((8, at_once * several)), np.zeros((7, at_once * several))
         for part in range(several):
-            ray = place * several + part
-            down = (row + steps[part, 0] - lens[4]) / lens[3]
-            right = (column + steps[part, 1] - lens[2] - lens[1] * down) / lens[0]
-            ahead = 1.0
-            if bent == 2:
-                right += bend[place, part, 0]
-                down += bend[place, part, 1]
-            elif bent == 3:
-                right, down = bend[place, part, 0], bend[place, part, 1]
-                ahead = bend[place, part, 2]
-            if math.isnan(right):
-                courses[ray, ENTER], courses[ray, LEAVE] = 0.0, 0.0
-                continue
-            _set_course(
-                x, y, z,
-                right * to_x[0] + down * to_x[1] + ahead * to_x[2],
-                right * to_y[0] + down * to_y[1] + ahead * to_y[2],
-                right * to_z[0] + down * to_z[1] + ahead * to_z[2],
-                np.inf, math.sqrt(right * right + down * down + ahead * ahead) / seen,
-                shape, axis, courses[ray],
-            )  # fmt: skip
+            for k in range(some):
+                pixel = float(pixels[first + k])
+                row = np.floor((pixel + 0.5) * per_width)  # faster than by whole numbers
+                down = (row + steps[part, 0] - lens[4]) / lens[3]
+                right = pixel - row * width + steps[part, 1] - lens[2] - lens[1] * down
+                rays[0, k * several + part] = right / lens[0]
+                rays[1, k * several + part] = down
+                rays[2, k * several + part] = 1.0
+                rays[7, k * several + part] = 1.0 / several
+        for k in range(some if bent else 0):
+            seen = several
+            for part in range(several):
+                ray = k * several + part
+                if bent == 2:
+                    rays[0, ray] += bend[first + k, part, 0]
+                    rays[1, ray] += bend[first + k, part, 1]
+                else:
+                    rays[0, ray], rays[1, ray] = bend[first + k, part, 0], bend[first + k, part, 1]
+                    rays[2, ray] = bend[first + k, part, 2]
+                seen -= math.isnan(rays[0, ray])
+            for part in range(several if seen else 0):
+                rays[7, k * several + part] = 1.0 / seen
+        to = np.zeros((3, 4))
+        for part in range(3):
+            axis = axes[part]
+            for other in range(3):
+                to[part, other] = turned[other, axis] / box[2, axis]
+            to[part, 3] = _in_voxels(
+                position[axis], box[0, axis], box[1, axis], box[2, axis], shape[part]
+            )
+        for k in range(some * several):
+            right, down, ahead = rays[0, k], rays[1, k], rays[2, k]
+            rays[7, k] *= math.sqrt(right * right + down * down + ahead * ahead)
+            rays[6, k] = np.inf
+            for part in range(3):
+                rays[3 + part, k] = right * to[part, 0] + down * to[part, 1] + ahead * to[part, 2]
+                rays[part, k] = to[part, 3]
+        low = first * several
+        _set_courses(
+            rays, made, some * several, shape, before[0], before[1],
+            courses[low : low + some * several],
+        )  # fmt: skip

@@ -19,6 +19,7 @@ from rigs import Camera
 from tomo._groups import take_groups
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
+from tomo.trace.columns import across, turned
 from tomo.trace.courses import of_pixels, of_rays
 
 PIXELS_AT_ONCE = 65_536  # while the bend of a lens is made
@@ -132,7 +133,7 @@ class RayPixels(PixelSource):
             _, some = take_groups(rays.pixel_ptr, self.rows[start:stop])
         of_rays(
             rays.origins[some], rays.directions[some], rays.lengths[some], rays.weight[some],
-            corners_and_spacing(grid), grid.shape, axis, courses,
+            corners_and_spacing(grid), turned(grid.shape, axis), (axis, *across(axis)), courses,
         )  # fmt: skip
 
 
@@ -230,7 +231,7 @@ class CameraPixels(PixelSource):
         of_pixels(
             self._numbers(some), bend, self.camera.image_size[0], np.array([fx, skew, cx, fy, cy]),
             _places(self.supersample), self.camera.R, self.camera.position,
-            corners_and_spacing(grid), grid.shape, axis, courses,
+            corners_and_spacing(grid), turned(grid.shape, axis), (axis, *across(axis)), courses,
         )  # fmt: skip
 
 

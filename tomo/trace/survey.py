@@ -21,7 +21,7 @@ from tomo.trace.courses import (
 from tomo.trace.sources import PixelSource
 
 RAYS_AT_ONCE = 32_768
-SAMPLED = 4096  # rays of a block from which the threads' shares are estimated
+SAMPLED = 1024  # rays of a block from which the threads' shares are estimated
 
 _ACROSS = ((START_B, SLOPE_B), (START_C, SLOPE_C))
 
@@ -100,6 +100,8 @@ def cuts_of_equal_work(
     (parts + 1,) int64
         From ``low`` to ``high``.
     """
+    if parts == 1:
+        return np.array([low, high])
     some = courses[:: max(len(courses) // SAMPLED, 1)]
     some = some[some[:, LEAVE] > some[:, ENTER]]
     one, other = _voxels(some, START_B, SLOPE_B, count)
