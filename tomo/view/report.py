@@ -22,6 +22,10 @@ _TITLES = {
 }
 
 
+LONGEST_DETAIL = 600
+"""Characters; what is longer, one value a camera, is left to report.json."""
+
+
 def write_report(
     path: str | os.PathLike,
     report: Mapping,
@@ -61,6 +65,7 @@ def write_report(
     text = environment.from_string(template).render(
         method=str(report.get("method", results.method)),
         headline=_headline(report),
+        warnings=list(report.get("warnings") or ()),
         pictures=shown,
         views=_view_rows(report, results),
         comparisons=_comparison_rows(results),
@@ -170,12 +175,16 @@ def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
     for key, title in (
         ("seconds", "Time (s)"),
         ("quality", "Against the truth"),
+        ("skipping", "What takes no part"),
+        ("alignment", "Where the cameras look"),
+        ("gains", "Gains and backgrounds"),
         ("settings", "Settings"),
         ("versions", "Versions"),
     ):
         values = report.get(key)
         if isinstance(values, Mapping) and values:
-            tables.append((title, [(str(k), _plain(v)) for k, v in values.items()]))
+            lines = [(str(k).replace("_", " "), _plain(v)) for k, v in values.items()]
+            tables.append((title, [line for line in lines if len(line[1]) <= LONGEST_DETAIL]))
     rest = [
         (key.replace("_", " "), _plain(report[key]))
         for key in ("method", "seed", "stop_reason", "first_use_seconds")
@@ -188,4 +197,15 @@ def _plain(value: object) -> str:
     """Return a setting as text."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return _number(value, 6)
-    return value if isinstance(value, str) else json.dumps(value, default=str, ensure_ascii=False)
+    if isinstance(value, str):
+        return value
+    return json.dumps(_rounded(value), default=str, ensure_ascii=False)
+
+
+def _rounded(value: object) -> object:
+    """Return a nested value with its numbers in four digits."""
+    if isinstance(value, Mapping):
+        return {key: _rounded(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(inner) for inner in value]
+    return float(f"{value:.4g}") if isinstance(value, float) else value

@@ -57,6 +57,8 @@ REPORT = {
     "voxels": 126000,
     "seed": 7,
     "versions": {"numpy": "2.0"},
+    "warnings": [f"camera {HOSTILE} looks beside"],
+    "skipping": {"live_voxels": 31999, "noise": [{"read": 0.12345678}] * 2},
     "settings": {"note": "</script><script>alert(2)</script>", "hold_out": [HOSTILE]},
 }
 
@@ -100,6 +102,13 @@ def test_report_shows_its_figures(page):
     for shown in ("0.00123", "12.34%", "31.2 dB", "0.91", "1.02", "2.5 s", "126\u202f000"):
         assert shown in text
     assert re.search(r"seed\s+7", text)
+    assert re.search(r"live voxels\s+31\u202f999", text)
+    assert '[{"read": 0.1235}, {"read": 0.1235}]' in text
+
+
+def test_report_warns_before_it_shows(page):
+    text = " ".join(page.text)
+    assert text.index(f"camera {HOSTILE} looks beside") < text.index("Reconstructed volume")
 
 
 def test_report_does_with_little(tmp_path):
