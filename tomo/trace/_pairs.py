@@ -107,6 +107,25 @@ def between_pairs(typing_context, x, index, other, fraction, count):
 
 
 @intrinsic
+def prefetch(typing_context, x, index, other, count):
+    """Tell the processor to fetch what `between_pairs` is going to read."""
+
+    def generate(context, builder, signature, args):
+        x, *places = _arrays(context, builder, signature, args, 3)
+        byte, whole = ir.IntType(8).as_pointer(), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
+        fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        to_read, all_levels, data = whole(0), whole(3), whole(1)
+        with cgutils.for_range(builder, args[3]) as loop:
+            for array in places:
+                at = builder.gep(x.data, [_index(builder, array, loop.index)])
+                builder.call(fetch, [builder.bitcast(at, byte), to_read, all_levels, data])
+        return context.get_dummy_value()
+
+    return types.void(x, index, other, types.int64), generate
+
+
+@intrinsic
 def add_pairs(typing_context, x, index, part, count, whole):
     """Add ``count`` pairs to ``x``."""
     return types.void(x, index, part, types.int64, types.int64), _adding("add")

@@ -27,10 +27,13 @@ import numba
 import numpy as np
 
 from tomo._compile import compiled
-from tomo.trace._pairs import CHAINS, add_pairs, between_pairs, subtract_pairs
+from tomo.trace._pairs import CHAINS, add_pairs, between_pairs, prefetch, subtract_pairs
 from tomo.trace.courses import ENTER, LEAVE, SCALE, SLOPE_B, SLOPE_C, START_B, START_C
 
 RAYS_TOGETHER = 256  # pixels that a thread takes at a time
+
+RAYS_AHEAD = 16
+"""Rays whose places are computed before they are read: memory takes longer than one ray."""
 
 _LANES = 16  # changes that are computed together; those beyond the last are not used
 
@@ -88,8 +91,7 @@ def _changes(b, c, first_b, last_b, first_c, last_c, base, left, entered, parts)
         Voxels between which it is.
     base : float64
     left, entered : (changes + 15,) int32 or int64
-        Written: the places of ``S[k]`` in the column that is left and in the one entered, the
-        same for a few more than there are changes.
+        Written: the places of ``S[k]`` in the column that is left and in the one entered.
     parts : float64
         Written: ``t - k``.
     """
@@ -118,9 +120,6 @@ def _changes(b, c, first_b, last_b, first_c, last_c, base, left, entered, parts)
         left[m] = index(place)
         entered[m] = index(place + stride)
         parts[m] = t - layer
-    for m in range(CHAINS):
-        left[count + m] = left[0]
-        entered[count + m] = left[0]
     return count
 
 
@@ -132,10 +131,27 @@ def _within(place, t, layers):
 
 
 @compiled(inline=True)
-def _at(sums, place, t, layers):
-    """Return the running sum at ``t`` of the column at ``place``."""
-    at, part = _within(place, t, layers)
-    return (1.0 - part) * sums[at] + part * sums[at + 1]
+def _ways(course, shape, nowhere, left, entered, parts):
+    """Write where a ray reads running sums, and return how often: a multiple of `CHAINS`.
+
+    Where it leaves the grid nothing is entered and the other way round; ``nowhere`` is the place
+    of a pair of zeros. Other parameters as in `_changes`.
+    """
+    index = left.dtype.type
+    enter, leave = course[ENTER], course[LEAVE]
+    b, c, base = _line(course, shape)
+    first_b, last_b = _voxels(b, enter, leave, shape[1])
+    first_c, last_c = _voxels(c, enter, leave, shape[2])
+    at, parts[0] = _within(base + last_b * b[3] + last_c * c[3], leave, shape[0])
+    left[0], entered[0] = index(at), index(nowhere)
+    at, parts[1] = _within(base + first_b * b[3] + first_c * c[3], enter, shape[0])
+    left[1], entered[1] = index(nowhere), index(at)
+    count = 2 + _changes(
+        b, c, first_b, last_b, first_c, last_c, base, left[2:], entered[2:], parts[2:]
+    )
+    for m in range(CHAINS):
+        left[count + m], entered[count + m] = index(nowhere), index(nowhere)
+    return (count + CHAINS - 1) & -CHAINS
 
 
 @compiled(parallel=True)
@@ -159,29 +175,37 @@ def forward(courses, pixel_ptr, shape, number, threads, sums, images) -> None:
     """
     pixels = len(images)
     rounds = -(-pixels // (RAYS_TOGETHER * threads))
-    room = shape[1] + shape[2] + _LANES
+    room = RAYS_AHEAD * (shape[1] + shape[2] + CHAINS) + _LANES
+    along = np.zeros(len(courses))
     for deal in numba.prange(rounds * threads):
         left, entered = np.zeros(room, number.dtype), np.zeros(room, number.dtype)
         parts = np.zeros(room)
+        ends, numbers = np.zeros(RAYS_AHEAD + 1, np.int64), np.zeros(RAYS_AHEAD, np.int64)
         group = (deal % rounds) * threads + deal // rounds
-        for pixel in range(group * RAYS_TOGETHER, min((group + 1) * RAYS_TOGETHER, pixels)):
+        first = min(group * RAYS_TOGETHER, pixels)
+        last = min(first + RAYS_TOGETHER, pixels)
+        ray, stop = pixel_ptr[first], pixel_ptr[last]
+        while ray < stop:
+            some = 0
+            while ray < stop and some < RAYS_AHEAD:
+                if courses[ray, LEAVE] > courses[ray, ENTER]:
+                    at = ends[some]
+                    count = _ways(
+                        courses[ray], shape, len(sums) - 2, left[at:], entered[at:], parts[at:]
+                    )
+                    prefetch(sums, left[at:], entered[at:], count)
+                    numbers[some] = ray
+                    some += 1
+                    ends[some] = at + count
+                ray += 1
+            for k in range(some):
+                at = ends[k]
+                total = between_pairs(sums, left[at:], entered[at:], parts[at:], ends[k + 1] - at)
+                along[numbers[k]] = total * courses[numbers[k], SCALE]
+        for pixel in range(first, last):
             together = 0.0
             for ray in range(pixel_ptr[pixel], pixel_ptr[pixel + 1]):
-                course = courses[ray]
-                enter, leave = course[ENTER], course[LEAVE]
-                if not leave > enter:
-                    continue
-                b, c, base = _line(course, shape)
-                first_b, last_b = _voxels(b, enter, leave, shape[1])
-                first_c, last_c = _voxels(c, enter, leave, shape[2])
-                total = _at(sums, base + last_b * b[3] + last_c * c[3], leave, shape[0])
-                total -= _at(sums, base + first_b * b[3] + first_c * c[3], enter, shape[0])
-                count = _changes(
-                    b, c, first_b, last_b, first_c, last_c, base, left, entered, parts
-                )
-                upto = (count + CHAINS - 1) & -CHAINS
-                total += between_pairs(sums, left, entered, parts, upto)
-                together += total * course[SCALE]
+                together += along[ray]
             images[pixel] += together
 
 

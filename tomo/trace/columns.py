@@ -67,9 +67,12 @@ def across(axis: int) -> tuple[int, int]:
 
 
 def running_sums(volume: NDArray, shape: tuple[int, int, int], axis: int) -> NDArray:
-    """Return the running sums of a flat volume along ``axis``: (n_b * n_c * (n_a + 1),)."""
+    """Return the running sums of a flat volume along ``axis``: (n_b * n_c * (n_a + 1) + 2,).
+
+    The last two are zero and belong to no column.
+    """
     n_a, n_b, n_c = turned(shape, axis)
-    sums = np.zeros(n_b * n_c * (n_a + 1), volume.dtype)
+    sums = np.zeros(n_b * n_c * (n_a + 1) + 2, volume.dtype)
     _sum_up(volume, _strides(shape, axis), (n_a, n_b, n_c), sums)
     return sums
 
