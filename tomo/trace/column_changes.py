@@ -218,6 +218,19 @@ def _add_at(differences, place, t, layers, whole, sign):
     differences[at + 1] += np.uint64(sign * share)
 
 
+@compiled(inline=True)
+def _add_ways(differences, left, entered, shares, ends, wholes, rays):
+    """Add what rays bring at their changes to the columns left, subtract it from those entered.
+
+    One after the other: a processor that must read in one part what it has just written in two
+    waits for it, and the next change is near to where this one enters.
+    """
+    for k in range(rays):
+        at, count = ends[k], ends[k + 1] - ends[k]
+        add_pairs(differences, left[at:], shares[at:], count, wholes[k])
+        subtract_pairs(differences, entered[at:], shares[at:], count, wholes[k])
+
+
 @compiled(parallel=True)
 def adjoint(courses, pixel_ptr, shape, number, cuts, per_unit, images, differences) -> None:
     """Add to ``differences`` the transpose of `forward` for ``images`` (P,).
@@ -227,11 +240,12 @@ def adjoint(courses, pixel_ptr, shape, number, cuts, per_unit, images, differenc
     there are ``per_unit`` to one. Other parameters as in `forward`.
     """
     first_column = float(cuts[0] * shape[2] * (shape[0] + 1))
-    room = shape[1] + shape[2] + _LANES
+    room = RAYS_AHEAD * (shape[1] + shape[2]) + _LANES
     for part in numba.prange(len(cuts) - 1):
         left, entered = np.zeros(room, number.dtype), np.zeros(room, number.dtype)
-        parts = np.zeros(room)
-        shares = np.zeros(room, np.int64)
+        parts, shares = np.zeros(room), np.zeros(room, np.int64)
+        ends, wholes = np.zeros(RAYS_AHEAD + 1, np.int64), np.zeros(RAYS_AHEAD, np.int64)
+        some = 0
         for pixel in range(len(images) if cuts[part] < cuts[part + 1] else 0):
             if images[pixel] == 0:
                 continue
@@ -260,12 +274,18 @@ def adjoint(courses, pixel_ptr, shape, number, cuts, per_unit, images, differenc
                 _add_at(differences, place, leave, shape[0], whole, 1)
                 place = base + first_b * b[3] + first_c * c[3]
                 _add_at(differences, place, enter, shape[0], whole, -1)
+                at = ends[some]
                 count = _changes(
-                    b, c, first_b, last_b, first_c, last_c, base, left, entered, parts
+                    b, c, first_b, last_b, first_c, last_c, base, left[at:], entered[at:], parts
                 )
+                prefetch(differences, left[at:], entered[at:], count)
+                mine = shares[at:]
                 for m in range((count + _LANES - 1) & -_LANES):
-                    shares[m] = np.int64(np.floor(parts[m] * whole + 0.5))
-                # One after the other: a processor that must read in one part what it has just
-                # written in two waits for it, and the next change is near where this one enters.
-                add_pairs(differences, left, shares, count, np.int64(whole))
-                subtract_pairs(differences, entered, shares, count, np.int64(whole))
+                    mine[m] = np.int64(np.floor(parts[m] * whole + 0.5))
+                wholes[some] = np.int64(whole)
+                some += 1
+                ends[some] = at + count
+                if some == RAYS_AHEAD:
+                    _add_ways(differences, left, entered, shares, ends, wholes, some)
+                    some = 0
+        _add_ways(differences, left, entered, shares, ends, wholes, some)
