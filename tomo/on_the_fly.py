@@ -53,9 +53,8 @@ class OnTheFlyProjector(ViewedOperator):
     meets gets zero. Results do not depend on the number of threads.
 
     A product takes the memory of one more volume, and 2 MB for the rays that it is at. Rays from
-    cameras are made when they are needed: see `from_cameras`. Work grows with the rays' changes
-    of column, not with the voxels that they meet, so that nothing is skipped where voxels are not
-    live.
+    cameras are made when needed: see `from_cameras`. Work grows with the rays' changes of column,
+    not with the voxels that they meet: voxels that are not live are zeros.
     """
 
     def __init__(
@@ -204,12 +203,15 @@ class OnTheFlyProjector(ViewedOperator):
         most = self._most(y)
         if not math.isfinite(most):
             volume[:] = np.nan
-        if math.isfinite(most) and most > 0:
+        elif most > 0:
             per_unit = 2.0 ** (61 - math.frexp(most)[1])
             for axis in range(3):
                 if any(axes[axis] for axes in self._axes):
                     self._add_along(axis, y, per_unit, volume)
         return self.live.compress(volume)
+
+    def _transpose(self):
+        return self._adjoint()  # scipy's own copies both vectors to conjugate them
 
     def _most(self, y: NDArray) -> float:
         """Return a bound of what all pixels ``y`` together add to a voxel."""
@@ -242,8 +244,7 @@ class OnTheFlyProjector(ViewedOperator):
     @property
     def _number(self) -> NDArray[np.integer]:
         """Nothing, of the type in which places of running sums fit."""
-        few = math.prod(n + 1 for n in self.grid.shape) < 2**31
-        return np.zeros(0, np.int32 if few else np.int64)
+        return np.zeros(0, np.int32 if math.prod(n + 1 for n in self.grid.shape) < 2**31 else int)
 
     def _blocks(self, axis: int) -> Iterator[_Block]:
         """Go through the rays along ``axis``, some at a time; a block is valid until the next."""
