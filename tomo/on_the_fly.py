@@ -210,9 +210,6 @@ class OnTheFlyProjector(ViewedOperator):
                     self._add_along(axis, y, per_unit, volume)
         return self.live.compress(volume)
 
-    def _transpose(self):
-        return self._adjoint()  # scipy's own copies both vectors to conjugate them
-
     def _most(self, y: NDArray) -> float:
         """Return a bound of what all pixels ``y`` together add to a voxel."""
         step = math.sqrt(3) * max(self.grid.spacing)  # a voxel along the long axis, or less

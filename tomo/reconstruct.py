@@ -208,7 +208,7 @@ def reconstruct(
         "asked": {"method": method, "iterations": iterations},
         "frame": scan.frame(frame).name,
         "hold_out": list(hold_out),
-        "tracer": tracer if system.form == STORED else "slabs",
+        "tracer": tracer if system.form == STORED else "column changes",
         "projector": {"form": system.form, "reason": system.reason},
         "skip": skip,
         "margin": margin,

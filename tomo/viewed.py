@@ -78,6 +78,9 @@ class ViewedOperator(LinearOperator):
         """Length of all rays inside every live voxel, ``(voxels,)``: ``A^T 1``; 0 is unseen."""
         return self.T @ np.ones(self.shape[0])
 
+    def _transpose(self) -> LinearOperator:
+        return self._adjoint()  # scipy's own copies both vectors to conjugate them
+
     def view(self, number: int) -> Self:
         """Return the projector of one view."""
         return self.rows(int(self.view_ptr[number]), int(self.view_ptr[number + 1]))

@@ -14,9 +14,8 @@ import numpy as np
 from _benchmark.scalar_walk import project
 from _benchmark.timing import in_turn
 from rigs import Rig, ring
-from tomo import Projector, Rays, VoxelGrid
+from tomo import LinearSystem, Projector, Rays, VoxelGrid
 from tomo._compile import compiled
-from tomo.on_the_fly import OnTheFlyProjector
 from tomo.trace import trace
 from tomo.trace.box import enter_box
 
@@ -58,17 +57,18 @@ def projectors(quick: bool, progress: Progress) -> list[Row]:
         progress(2 * number + 1, 2 * len(sizes), f"itk-rtk, {voxels} voxels along an edge")
         rows += _joseph(voxels, views, repeats, rows)
     progress(len(sizes), len(sizes), "stored, tracers")
-    rows += _stored(24 if quick else 64, 4 if quick else 8, repeats)
+    rows += _stored(24 if quick else 96, 4 if quick else 16, repeats)
     return rows
 
 
 def _on_the_fly(voxels: int, views: int, repeats: int) -> list[Row]:
     rig, grid = rig_for(voxels, views), VoxelGrid((voxels,) * 3, EDGE / voxels)
-    flying = OnTheFlyProjector.from_cameras(list(rig), None, grid)
-    box = enter_box(Rays.concatenate(Rays.from_camera(camera) for camera in rig), grid)
+    system = LinearSystem.from_rig(rig, grid, form="on-the-fly")
+    flying = system.projector
+    seen = zip(rig, system.pixels, strict=True)  # the walk, too, is given just these rays
+    box = enter_box(Rays.concatenate(Rays.from_camera(c, pixels) for c, pixels in seen), grid)
     size = {
-        "voxels": voxels, "views": views,
-        "rays": int((box.length > 0).sum()), "crossings": flying.n_crossings,
+        "voxels": voxels, "views": views, "rays": flying.shape[0], "crossings": flying.n_crossings,
     }  # fmt: skip
     volume = np.random.default_rng(0).random(grid.size, np.float32)
     images = np.random.default_rng(1).random(flying.shape[0], np.float32)
