@@ -57,7 +57,7 @@ def projectors(quick: bool, progress: Progress) -> list[Row]:
         progress(2 * number + 1, 2 * len(sizes), f"itk-rtk, {voxels} voxels along an edge")
         rows += _joseph(voxels, views, repeats, rows)
     progress(len(sizes), len(sizes), "stored, tracers")
-    rows += _stored(24 if quick else 96, 4 if quick else 16, repeats)
+    rows += _stored(24 if quick else 64, 4 if quick else 16, repeats)
     return rows
 
 
