@@ -162,11 +162,11 @@ def _joseph(voxels: int, views: int, repeats: int, rows: list[Row]) -> list[Row]
 
 @compiled(parallel=True, reassociate=True)
 def _read(values, sums) -> None:
-    share = -(-len(values) // len(sums))
+    """Sum the rows of ``values`` (parts, n)."""
     for part in numba.prange(len(sums)):
-        total = np.float32(0)
-        for place in range(part * share, min((part + 1) * share, len(values))):
-            total += values[place]
+        row, total = values[part], np.float32(0)
+        for place in range(len(row)):
+            total += row[place]
         sums[part] = total
 
 
@@ -178,7 +178,7 @@ def _stored(voxels: int, views: int, repeats: int) -> list[Row]:
     matrix = stored.to_scipy()
     volume = np.random.default_rng(0).random(grid.size, np.float32)
     images = np.random.default_rng(1).random(stored.shape[0], np.float32)
-    large, sums = np.ones(50_000_000, np.float32), np.zeros(4 * numba.get_num_threads())
+    large, sums = np.ones((64, 1_000_000), np.float32), np.zeros(64, np.float32)
     entries = stored.n_crossings
     size = {
         "voxels": voxels, "views": views,
