@@ -204,6 +204,14 @@ class Camera:
         matrix = self.camera_matrix - [[0, 0, x], [0, 0, y], [0, 0, 0]]
         return replace(self, image_size=(int(width), int(height)), camera_matrix=matrix)
 
+    def shrunk(self, factor: int) -> Camera:
+        """Return the camera of the image's area means over ``factor`` x ``factor`` pixels.
+
+        Sides that ``factor`` does not divide lose their last rows or columns first.
+        """
+        width, height = (side - side % factor for side in self.image_size)
+        return self.cropped(0, 0, width, height).scaled(1 / factor)
+
     def transformed(self, R: ArrayLike, t: ArrayLike) -> Camera:
         """Return the camera after the rigid motion ``x_new = R @ x_old + t`` of the world."""
         R = rotation(R, f"camera {self.name}: motion R")

@@ -25,7 +25,7 @@ from rigs import Camera, Rig
 from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem, VolumeNotSeenError
 from tomo.solve._common_start import common_start, log_smears
-from tomo.solve.mlem import ratio, sensitivity
+from tomo.solve.mlem import mlem
 from tomo.viewed import ViewedOperator
 
 CROSSINGS = 2_000_000
@@ -120,7 +120,7 @@ def align_views(
         return _refused(still, math.nan, math.nan, "too few views to leave any out")
     factor = _coarsening(rig, grid)
     small = [_shrunk(image, mask, factor) for image, mask in zip(images, masks, strict=True)]
-    coarse_rig = replace(rig, cameras=tuple(_shrunk_camera(camera, factor) for camera in rig))
+    coarse_rig = replace(rig, cameras=tuple(camera.shrunk(factor) for camera in rig))
     coarse_grid = _coarser(grid, factor)
     motions = [_motion(camera, grid) for camera in coarse_rig]
 
@@ -187,16 +187,14 @@ def _round(
 def _volume(
     projector: ViewedOperator, measured: NDArray, views: Sequence[int], smears: NDArray
 ) -> NDArray[np.float32]:
-    """Return a few iterations of MLEM from some of the views: `tomo.solve.mlem` without a copy."""
-    used = np.zeros(projector.shape[0], np.float32)
-    used[projector.pixels_of(views)] = 1
-    per_column, missing = sensitivity(projector.T @ used.astype(np.float64))
-    seen = np.maximum(measured, 0)
-    x = common_start(projector, measured, views, smears)
-    for _ in range(ITERATIONS):
-        factor = projector.T @ (used * ratio(seen, projector @ x)) + missing
-        x = (x * per_column * factor).astype(np.float32)
-    return x
+    """Return a few iterations of MLEM from some of the views."""
+    found = mlem(
+        projector.subset(views),
+        measured[projector.pixels_of(views)],
+        iterations=ITERATIONS,
+        start=common_start(projector, measured, views, smears),
+    )
+    return projector.live.compress(found.volume)
 
 
 def _register(
@@ -268,11 +266,6 @@ def _coarsening(rig: Rig, grid: VoxelGrid) -> int:
 def _coarser(grid: VoxelGrid, factor: int) -> VoxelGrid:
     shape = [max(round(n / factor), 1) for n in grid.shape]
     return VoxelGrid.from_bounds(shape, grid.lower, grid.upper)
-
-
-def _shrunk_camera(camera: Camera, factor: int) -> Camera:
-    width, height = (side - side % factor for side in camera.image_size)
-    return camera.cropped(0, 0, width, height).scaled(1 / factor)
 
 
 def _shrunk(image: NDArray, mask: NDArray, factor: int) -> tuple[NDArray, NDArray]:

@@ -126,7 +126,7 @@ class OnTheFlyProjector(ViewedOperator):
     @property
     def n_crossings(self) -> int:
         """How many crossings of rays with voxels there are, edges and corners aside."""
-        return sum(survey(source, self.grid).crossings for source in self._sources)
+        return sum(crossings for _, crossings in self._surveys)
 
     def rows(self, start: int, stop: int) -> OnTheFlyProjector:
         """Return the projector of pixels ``start:stop`` as one view; rays are shared."""
@@ -137,12 +137,6 @@ class OnTheFlyProjector(ViewedOperator):
             if max(start, low) < min(stop, high):
                 wanted.append((number, slice(max(start, low) - low, min(stop, high) - low)))
         return self._some(wanted, None)
-
-    def with_live(self, live: LiveVoxels) -> OnTheFlyProjector:
-        """Return the projector of the same rays for other unknowns."""
-        projector = self._of(self._sources, self.grid, self.view_ptr, live)
-        self._hand_down(projector, range(len(self._sources)))
-        return projector
 
     def _taken(
         self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]
@@ -167,18 +161,20 @@ class OnTheFlyProjector(ViewedOperator):
         """Return the projector of some pixels of some sources, one after another."""
         sources = tuple(self._sources[number].take(pixels) for number, pixels in wanted)
         projector = self._of(sources, self.grid, view_ptr, self.live)
-        self._hand_down(projector, [number for number, _ in wanted])
+        if "_axes" in self.__dict__:  # rays of some pixels go along no other axes
+            projector.__dict__["_axes"] = [self._axes[number] for number, _ in wanted]
         return projector
-
-    def _hand_down(self, projector: OnTheFlyProjector, origin: Sequence[int]) -> None:
-        """Tell a projector of some of the pixels what is known of their sources already."""
-        if "_axes" in self.__dict__:
-            projector.__dict__["_axes"] = [self._axes[number] for number in origin]
 
     @cached_property
     def _axes(self) -> list[tuple[bool, bool, bool]]:
         """For each source, along which axes rays of it may go."""
-        return [survey(source, self.grid).axes for source in self._sources]
+        return [axes for axes, _ in self._surveys]
+
+    @cached_property
+    def _surveys(self) -> list[tuple[tuple[bool, bool, bool], int]]:
+        """For each source, the axes along which its rays go, and their crossings with voxels."""
+        found = (survey(source, self.grid) for source in self._sources)
+        return [(one.axes, one.crossings) for one in found]
 
     def _matvec(self, x: NDArray) -> NDArray:
         volume = self.live.expand(as_float(x.ravel()))

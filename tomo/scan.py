@@ -225,13 +225,12 @@ class Scan:
             return self
         cameras = []
         for camera in self.rig:
-            width, height = (side - side % factor for side in camera.image_size)
-            if not (width and height):
+            if min(camera.image_size) < factor:
                 raise ValueError(
                     f"{self._where}camera {camera.name}: scale: found {factor}, expected at most "
                     f"{min(camera.image_size)}, the image's shorter side"
                 )
-            cameras.append(camera.cropped(0, 0, width, height).scaled(1 / factor))
+            cameras.append(camera.shrunk(factor))
         rig = replace(self.rig, cameras=tuple(cameras))
         return replace(self, rig=rig, shrink=self.shrink * factor)
 

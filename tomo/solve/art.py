@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tomo._compile import compiled
+from tomo._sums import norm
 from tomo.projector import Projector
 from tomo.reconstruction import Callback, Reconstruction
 from tomo.solve._drive import (
@@ -14,7 +15,6 @@ from tomo.solve._drive import (
     check_measured,
     check_relaxation,
     drive,
-    norm,
 )
 from tomo.solve._rows import merged_rows
 

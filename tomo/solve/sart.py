@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tomo._groups import golden_section
+from tomo._sums import norm
 from tomo.reconstruction import Callback, Reconstruction
 from tomo.solve._drive import (
     States,
@@ -13,7 +14,6 @@ from tomo.solve._drive import (
     check_measured,
     check_relaxation,
     drive,
-    norm,
 )
 from tomo.solve.sirt import Block
 from tomo.viewed import ViewedOperator

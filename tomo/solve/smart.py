@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._sums import norm
 from tomo.reconstruction import Callback, Reconstruction
 from tomo.solve._drive import (
     States,
@@ -12,7 +13,6 @@ from tomo.solve._drive import (
     check_relaxation,
     drive,
     multiplicative_start,
-    norm,
 )
 from tomo.solve.mlem import check_nonnegative, ratio, sensitivity
 from tomo.viewed import ViewedOperator

@@ -26,7 +26,7 @@ def greater(a, b):
 
 
 @compiled(inline=True)
-def _voxel_units(point, lower, upper, spacing, count):
+def voxel_units(point, lower, upper, spacing, count):
     """Return one coordinate in voxels, as `tomo.grid.VoxelGrid.to_voxel_units`."""
     position = (point - lower) / spacing
     return lesser(position, count) if point <= upper else position
@@ -51,9 +51,9 @@ def enter(origin, direction, length, lower, upper, spacing, shape):
     ``x, y, z, dx, dy, dz, end``: in voxels, in voxels per world length, in world length; ``end``
     is not positive where the ray misses.
     """
-    x = _voxel_units(origin[0], lower[0], upper[0], spacing[0], shape[0])
-    y = _voxel_units(origin[1], lower[1], upper[1], spacing[1], shape[1])
-    z = _voxel_units(origin[2], lower[2], upper[2], spacing[2], shape[2])
+    x = voxel_units(origin[0], lower[0], upper[0], spacing[0], shape[0])
+    y = voxel_units(origin[1], lower[1], upper[1], spacing[1], shape[1])
+    z = voxel_units(origin[2], lower[2], upper[2], spacing[2], shape[2])
     dx, dy, dz = direction[0] / spacing[0], direction[1] / spacing[1], direction[2] / spacing[2]
     start, stop = _clip(x, dx, shape[0], 0.0, length)
     start, stop = _clip(y, dy, shape[1], start, stop)

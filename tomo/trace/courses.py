@@ -15,6 +15,7 @@ import numba
 import numpy as np
 
 from tomo._compile import compiled
+from tomo.trace._planes import voxel_units
 
 START_B, SLOPE_B, START_C, SLOPE_C, ENTER, LEAVE, SCALE = range(7)
 """Columns of a course: ``b`` and ``c`` where ``t`` is zero (counted backwards if mirrored), voxels
@@ -104,13 +105,6 @@ def _set_courses(rays, made, some, shape, before_b, before_c, courses) -> None:
             courses[k, part] = made[part, k]
 
 
-@compiled(inline=True)
-def _in_voxels(point, lower, upper, spacing, count):
-    """Return a coordinate in voxels from the lower corner, as `VoxelGrid.to_voxel_units` does."""
-    position = (point - lower) / spacing
-    return min(position, float(count)) if point <= upper else position
-
-
 @compiled(parallel=True)
 def of_rays(origins, directions, lengths, weights, box, shape, axes, courses) -> None:
     """Write the courses of rays (N, ...) with ``axes[0]`` for their long axis.
@@ -136,7 +130,7 @@ def of_rays(origins, directions, lengths, weights, box, shape, axes, courses) ->
         for k in range(some):
             for part in range(3):
                 axis = axes[part]
-                rays[part, k] = _in_voxels(
+                rays[part, k] = voxel_units(
                     origins[first + k, axis], box[0, axis], box[1, axis], box[2, axis], shape[part]
                 )
                 rays[3 + part, k] = directions[first + k, axis] / box[2, axis]
@@ -205,7 +199,7 @@ def of_pixels(
             axis = axes[part]
             for other in range(3):
                 to[part, other] = turned[other, axis] / box[2, axis]
-            to[part, 3] = _in_voxels(
+            to[part, 3] = voxel_units(
                 position[axis], box[0, axis], box[1, axis], box[2, axis], shape[part]
             )
         for k in range(some * several):

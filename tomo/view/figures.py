@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING
 from tomo.io.atomic import atomic_path
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+INK, MUTED = "#1b2733", "#5b6672"
+"""Of titles, and of what stands back behind them."""
 
 
 def new_figure(width: float, height: float, dpi: int = 160) -> Figure:
@@ -20,6 +24,15 @@ def new_figure(width: float, height: float, dpi: int = 160) -> Figure:
     figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
+
+
+def thin_lines(axes: Axes) -> None:
+    """Give a plot thin grey lines."""
+    axes.grid(True, which="major", color="#e3e7eb", linewidth=0.7)
+    axes.tick_params(which="both", labelsize=7.5, colors=MUTED)
+    for side, spine in axes.spines.items():
+        spine.set_visible(side in ("left", "bottom"))
+        spine.set_color("#9aa5b1")
 
 
 def plain(text: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.metrics import cosine_distance, nrmse
-from tomo.view.figures import new_figure, plain
+from tomo.view.figures import INK, MUTED, new_figure, plain, thin_lines
 from tomo.view.volume_picture import middle_planes, show_plane
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from tomo.view.results import Convergence, Results, View
 
-_INK, _MUTED = "#1b2733", "#5b6672"
 _LINES = ("#1f6fb2", "#c2500f", "#12826a", "#7d5ba6", "#9a7b00", "#5b6672")
 _UNUSED = "#b9c0c7"
 _MOST_VIEWS = 6
@@ -69,7 +68,7 @@ def draw_views(views: Sequence[View]) -> Figure:
             for spine in axes.spines.values():
                 spine.set(color="#c3cad1", linewidth=0.5)
             words = ("measured", "re-projected", "difference")[k]
-            axes.set_title(words, fontsize=6.5, color=_MUTED, pad=2.5)
+            axes.set_title(words, fontsize=6.5, color=MUTED, pad=2.5)
         images = drawn[0], drawn[2]
         residual = view.relative_residual
         figure.text(
@@ -78,7 +77,7 @@ def draw_views(views: Sequence[View]) -> Figure:
             f"{_short(view.name)}{', held out' if view.held_out else ''}: residual {residual:.1%}",
             fontsize=8,
             weight="bold" if view.held_out else "normal",
-            color="#c2500f" if view.held_out else _INK,
+            color="#c2500f" if view.held_out else INK,
             parse_math=False,
         )
     words = ("image, % of the view's maximum", "difference, % of the view's maximum")
@@ -86,8 +85,8 @@ def draw_views(views: Sequence[View]) -> Figure:
         rect = ((pad / 2 + k * 3.4) / width, 0.36 / height, 2.6 / width, 0.09 / height)
         bar = figure.add_axes(rect)
         figure.colorbar(image, cax=bar, orientation="horizontal")
-        bar.tick_params(labelsize=6.5, colors=_MUTED, length=2, pad=2)
-        bar.set_xlabel(words[k], fontsize=7, color=_INK, labelpad=2)
+        bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
+        bar.set_xlabel(words[k], fontsize=7, color=INK, labelpad=2)
     return figure
 
 
@@ -129,7 +128,7 @@ def draw_convergence(history: Sequence[Convergence]) -> Figure:
                     markersize=2.6 if positive.sum() <= 60 else 0,
                     label=plain(_short(course.label)),
                 )
-            _style(axes)
+            thin_lines(axes)
             axes.set_xlabel("iteration" if abscissa == "iterations" else "time (s)", fontsize=8)
             axes.set_ylabel(words, fontsize=8)
             axes.set_yscale("log")
@@ -183,7 +182,7 @@ def draw_difference(results: Results) -> Figure:
             distance, error = cosine_distance(volume, truth), nrmse(volume, truth)
             heading += f"\ncosine distance {distance:.2g}\nNRMSE {error:.2g}"
         figure.text(
-            x0 / width, (height - 0.06) / height, heading, fontsize=7.5, color=_INK, va="top",
+            x0 / width, (height - 0.06) / height, heading, fontsize=7.5, color=INK, va="top",
             linespacing=1.3, parse_math=False,
         )  # fmt: skip
         for row in range(rows):
@@ -214,8 +213,8 @@ def draw_difference(results: Results) -> Figure:
         rect = ((width - right) / width, y / height, 0.1 / width, h / height)
         bar = figure.add_axes(rect)
         figure.colorbar(image, cax=bar)
-        bar.tick_params(labelsize=6.5, colors=_MUTED, length=2, pad=2)
-        bar.set_ylabel("difference" if row else "emission", fontsize=7.5, color=_INK)
+        bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
+        bar.set_ylabel("difference" if row else "emission", fontsize=7.5, color=INK)
     return figure
 
 
@@ -225,15 +224,6 @@ def _few_ticks(axes: Axes, width: float, height: float) -> None:
 
     axes.xaxis.set_major_locator(MaxNLocator(max(1, int(width / 0.32)), steps=[1, 2, 5, 10]))
     axes.yaxis.set_major_locator(MaxNLocator(max(1, int(height / 0.3)), steps=[1, 2, 5, 10]))
-
-
-def _style(axes: Axes) -> None:
-    """Give a plot thin grey lines."""
-    axes.grid(True, which="major", color="#e3e7eb", linewidth=0.7)
-    axes.tick_params(which="both", labelsize=7.5, colors=_MUTED)
-    for side, spine in axes.spines.items():
-        spine.set_visible(side in ("left", "bottom"))
-        spine.set_color("#9aa5b1")
 
 
 def _short(name: str, most: int = 26) -> str:

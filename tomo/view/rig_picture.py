@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.view import frame
-from tomo.view.figures import new_figure, plain, save_figure
+from tomo.view.figures import INK, MUTED, new_figure, plain, save_figure
 from tomo.view.rig_scene import (
     Target,
     colour_of,
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DPI = 200
-_INK, _MUTED = "#1b2733", "#5b6672"
 _NAMES_CLOSE_UP = 12  # more would hide the volume; colours tell them apart
 _NEAR = ("arrows", "arrow names", "box", "field of view")
 
@@ -156,7 +155,7 @@ def _magnifier(figure: Figure, overview: Axes, closeup: Axes, box: NDArray) -> N
     lower, upper = np.nanmin(box, axis=0), np.nanmax(box, axis=0)
     grow = np.maximum(18 - (upper - lower), 8) / 2
     lower, upper = lower - grow, upper + grow
-    frame_line = {"edgecolor": _INK, "linewidth": 0.8}
+    frame_line = {"edgecolor": INK, "linewidth": 0.8}
     overview.add_patch(Rectangle(lower, *(upper - lower), fill=False, **frame_line))
     closeup.set_axis_on()
     closeup.set_xticks([])
@@ -195,7 +194,7 @@ def _captions(
         heading,
         fontsize=11,
         weight="bold",
-        color=_INK,
+        color=INK,
         va="center",
         parse_math=False,
     )
@@ -207,17 +206,17 @@ def _captions(
     )
     plural = "cameras" if len(rig) > 1 else "camera"
     words = f"{len(rig)} {plural}, {apart} {unit} from the centre"
-    figure.text(0.012, 0.925, plain(words), fontsize=8.5, color=_MUTED, va="center")
+    figure.text(0.012, 0.925, plain(words), fontsize=8.5, color=MUTED, va="center")
     if grid is not None:
         size = " × ".join(f"{length:.4g}" for length in grid.extent)
         counts = " × ".join(str(n) for n in grid.shape)
-        figure.text(0.64, 0.965, "Close-up of the volume", fontsize=9.5, weight="bold", color=_INK)
+        figure.text(0.64, 0.965, "Close-up of the volume", fontsize=9.5, weight="bold", color=INK)
         figure.text(
             0.64,
             0.945,
             plain(f"{size} {unit}, {counts} voxels"),
             fontsize=8,
-            color=_MUTED,
+            color=MUTED,
             va="top",
         )
     entries = {}
@@ -245,7 +244,7 @@ def _captions(
     if widening > 1.05:
         note = f"camera symbols opened up to {widening:.3g} times"
         edge = 0.61 if grid is not None else 0.99
-        figure.text(edge, 0.032, note, fontsize=7, color=_MUTED, ha="right", va="center")
+        figure.text(edge, 0.032, note, fontsize=7, color=MUTED, ha="right", va="center")
 
 
 def _entry(figure: Figure, x: float, colour: object, text: str) -> None:
@@ -255,4 +254,4 @@ def _entry(figure: Figure, x: float, colour: object, text: str) -> None:
     figure.add_artist(
         Rectangle((x, 0.024), 0.011, 0.016, color=colour, transform=figure.transFigure, lw=0)
     )
-    figure.text(x + 0.016, 0.032, text, fontsize=7.5, color=_INK, va="center", parse_math=False)
+    figure.text(x + 0.016, 0.032, text, fontsize=7.5, color=INK, va="center", parse_math=False)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.view import frame
+from tomo.view.figures import INK, MUTED
 from tomo.view.labels import LabelPlacer
 from tomo.view.raycast import render
 from tomo.view.scene import Scene
@@ -15,8 +16,6 @@ from tomo.view.viewpoint import Viewpoint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-_INK, _MUTED = "#1b2733", "#5b6672"
 
 
 def show_scene(
@@ -42,7 +41,7 @@ def show_scene(
         for position, text in zip(axis.positions, axis.texts, strict=True):
             tick = viewpoint.project(position + axis.outward * 6 * pixel)[0]
             placer.place(
-                text, tick, outward, gap=7, fontsize=7, colour=_MUTED, leader=False, turns=turns
+                text, tick, outward, gap=7, fontsize=7, colour=MUTED, leader=False, turns=turns
             )
         placer.place(
             axis.title,
@@ -52,7 +51,7 @@ def show_scene(
             turns=(0.0, 15.0, -15.0, 40.0, -40.0, 65.0, -65.0, 90.0, -90.0),
             reaches=(1.0, 1.3, 1.6, 2.0, 2.5, 3.0),
             fontsize=8,
-            colour=_INK,
+            colour=INK,
             leader=False,
         )
     return placer

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.view import frame
-from tomo.view.figures import new_figure, plain, save_figure
+from tomo.view.figures import INK, MUTED, new_figure, plain, save_figure
 from tomo.view.isosurface import isosurface_scene
 from tomo.view.rig_scene import volume_scene
 from tomo.view.shapes import box_corners
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
 
 _DPI = 200
-_INK, _MUTED = "#1b2733", "#5b6672"
 _COLOURS = "inferno"
 # The three views of a technical drawing: (level axis, upright axis, axis looked along).
 _VIEWS = ((0, 1, 2), (2, 1, 0), (0, 2, 1))
@@ -112,13 +111,13 @@ def draw_volume(
     figure = new_figure(width, height, dpi=_DPI)
     place = {"x": 0.12 / width, "va": "center", "parse_math": False}
     figure.text(
-        **place, y=1 - 0.24 / height, s=title or "Volume", fontsize=11, weight="bold", color=_INK
+        **place, y=1 - 0.24 / height, s=title or "Volume", fontsize=11, weight="bold", color=INK
     )
     sizes = " × ".join(f"{length:.4g}" for length in extent)
     counts = " × ".join(str(n) for n in grid.shape)
     values = f"values {data.min():.3g} to {data.max():.3g}"
     words = f"{sizes} {length_unit}, {counts} voxels, {values}"
-    figure.text(**place, y=1 - 0.47 / height, s=words, fontsize=8, color=_MUTED)
+    figure.text(**place, y=1 - 0.47 / height, s=words, fontsize=8, color=MUTED)
     blocks = (
         ("Middle planes", "emission", middle_planes(data, grid)),
         ("Line integrals", f"emission × {length_unit}", line_integrals(data, grid)),
@@ -131,7 +130,7 @@ def draw_volume(
     x = 2 * pitch + 0.05
     _surfaces(figure, (x, 0.15, lone, height - top - 0.15), data, grid, length_unit, supersample)
     figure.text(x / width, 1 - (top - 0.16) / height, "Surfaces at 15, 40 and 70 % of the maximum",
-                fontsize=8.5, color=_INK, va="center")  # fmt: skip
+                fontsize=8.5, color=INK, va="center")  # fmt: skip
     return figure
 
 
@@ -157,14 +156,12 @@ def show_plane(
         interpolation="nearest",
         aspect="equal",
     )
-    axes.tick_params(labelsize=6.5, colors=_MUTED, length=2.5, pad=2)
+    axes.tick_params(labelsize=6.5, colors=MUTED, length=2.5, pad=2)
     for spine in axes.spines.values():
         spine.set(color="#9aa5b1", linewidth=0.6)
     length_unit = plain(length_unit)
-    axes.set_xlabel(f"{frame.NAMES[level]} ({length_unit})", fontsize=7.5, color=_INK, labelpad=2)
-    axes.set_ylabel(
-        f"{frame.NAMES[upright]} ({length_unit})", fontsize=7.5, color=_INK, labelpad=1
-    )
+    axes.set_xlabel(f"{frame.NAMES[level]} ({length_unit})", fontsize=7.5, color=INK, labelpad=2)
+    axes.set_ylabel(f"{frame.NAMES[upright]} ({length_unit})", fontsize=7.5, color=INK, labelpad=1)
     return image
 
 
@@ -225,10 +222,10 @@ def _block(
         rect = ((x + w + 0.1) / width, y / height, 0.09 / width, h / height)
         bar = figure.add_axes(rect)
         figure.colorbar(image, cax=bar)
-        bar.tick_params(labelsize=6.5, colors=_MUTED, length=2, pad=2)
-        bar.set_ylabel(plain(words), fontsize=7.5, color=_INK, labelpad=3)
+        bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
+        bar.set_ylabel(plain(words), fontsize=7.5, color=INK, labelpad=3)
         bar.yaxis.set_major_locator(MaxNLocator(max(2, int(h / 0.35))))
-    figure.text(x0 / width, (y0 + 0.16) / height, heading, fontsize=8.5, color=_INK, va="center")
+    figure.text(x0 / width, (y0 + 0.16) / height, heading, fontsize=8.5, color=INK, va="center")
 
 
 def _range(pictures: list) -> tuple[float, float]:

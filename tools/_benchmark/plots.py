@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tomo.view.figures import new_figure
+from tomo.view.figures import INK, MUTED, new_figure, thin_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, Any]
 
-_INK, _MUTED, _DEFAULT = "#1b2733", "#5b6672", "#c2500f"
+_DEFAULT = "#c2500f"
 _LINES = ("#1f6fb2", "#12826a", "#7d5ba6", "#9a7b00", "#a3466a", "#5b6672")
 _STYLES = ("-", "--", ":")
 _NOISES = {
@@ -67,7 +67,7 @@ def _solvers(rows: Sequence[Row]) -> Figure:
                         row["seconds"], row["cosine_distance"], "*", markersize=13,
                         color=_DEFAULT, markeredgecolor="white", zorder=5, label="auto",
                     )  # fmt: skip
-            axes.set_title(f"{count} views, {_NOISES.get(noise, noise)}", fontsize=8.5, color=_INK)
+            axes.set_title(f"{count} views, {_NOISES.get(noise, noise)}", fontsize=8.5, color=INK)
             _log_log(axes)
     _label(panels, "seconds since the images were in memory", "cosine distance from the truth")
     _legend(figure, panels)
@@ -86,9 +86,9 @@ def _consistent(rows: Sequence[Row]) -> Figure:
                 colour, _ = look[row["method"]]
                 label = f"{row['method']}{'' if row['skip'] else ', nothing skipped'}"
                 _course(axes, row["course"], label, (colour, "-" if row["skip"] else "--"), dot=0)
-        axes.set_title(f"{flame}, 33 views, exact data", fontsize=8.5, color=_INK)
+        axes.set_title(f"{flame}, 33 views, exact data", fontsize=8.5, color=INK)
         for level in (1e-3, 1e-6):
-            axes.axhline(level, color=_MUTED, linewidth=0.6, zorder=0)
+            axes.axhline(level, color=MUTED, linewidth=0.6, zorder=0)
         _log_log(axes)
     _label(panels, "seconds since the images were in memory", "cosine distance from the truth")
     _legend(figure, panels)
@@ -117,10 +117,10 @@ def _skipping(rows: Sequence[Row]) -> Figure:
             axes.plot(x[0], y[0], "o", color="white", markeredgecolor=colour, markersize=7)
             axes.plot(x[1], y[1], "o", color=colour, markersize=7, label=method)
         axes.plot(
-            [], [], "o", color="white", markeredgecolor=_MUTED, markersize=7,
+            [], [], "o", color="white", markeredgecolor=MUTED, markersize=7,
             label="hollow: nothing skipped",
         )  # fmt: skip
-        axes.set_title(f"{flame}, 33 views, {_NOISES.get(noise, noise)}", fontsize=8.5, color=_INK)
+        axes.set_title(f"{flame}, 33 views, {_NOISES.get(noise, noise)}", fontsize=8.5, color=INK)
         _log_log(axes, room=0.25)
     for axes in panels.ravel()[len(cases) :]:
         axes.set_visible(False)
@@ -146,7 +146,7 @@ def _growth(along: str, words: str) -> Callable[[Sequence[Row]], Figure]:
             _line(memory, x, [row["peak_bytes"] / 2**20 for row in mine], form, (colour, "-"))
         some = {row[along]: row["needed_bytes"] / 2**20 for row in rows}
         label = "images + two volumes"
-        _line(memory, list(some), list(some.values()), label, (_MUTED, ":"))
+        _line(memory, list(some), list(some.values()), label, (MUTED, ":"))
         for axes, y_words in zip(panels, ("seconds", "peak memory (MiB)"), strict=True):
             _log_log(axes)
             _own_ticks(axes, sorted({row[along] for row in rows}))
@@ -170,7 +170,7 @@ def _threads(rows: Sequence[Row]) -> Figure:
             x, y = ([row[key] for row in mine] for key in ("threads", "speed_up"))
             _line(axes, x, y, f"{form}: {product}", (colour, style))
     counts = sorted({row["threads"] for row in rows})
-    _line(axes, counts, counts, "ideal", (_MUTED, ":"))
+    _line(axes, counts, counts, "ideal", (MUTED, ":"))
     _log_log(axes)
     _own_ticks(axes, counts)
     axes.set_xlabel("threads", fontsize=8)
@@ -191,7 +191,7 @@ def _projectors(rows: Sequence[Row]) -> Figure:
         for row in mine:
             rate = row["rays_per_second"] / row["threads"] / 1e6
             ours = row["what"].startswith(("on the fly", "stored", "march"))
-            colour = _LINES[0] if ours else _MUTED
+            colour = _LINES[0] if ours else MUTED
             face = colour if row["threads"] == 1 else "white"
             axes.plot(
                 rate, names.index(row["what"]), "o", color=face, markeredgecolor=colour,
@@ -201,10 +201,10 @@ def _projectors(rows: Sequence[Row]) -> Figure:
         axes.set_yscale("linear")
         axes.set_yticks(range(len(names)), names, fontsize=7.5)
         axes.set_ylim(len(names) - 0.4, -0.6)
-        axes.set_title(f"{size[0]}^3 voxels, {size[1]} views", fontsize=8.5, color=_INK)
+        axes.set_title(f"{size[0]}^3 voxels, {size[1]} views", fontsize=8.5, color=INK)
         axes.set_xlabel("million rays a second and thread", fontsize=8)
     figure.text(
-        0.995, 0.985, "filled: one thread; hollow: several", fontsize=7.5, color=_MUTED,
+        0.995, 0.985, "filled: one thread; hollow: several", fontsize=7.5, color=MUTED,
         ha="right", va="top",
     )  # fmt: skip
     figure.tight_layout(rect=(0, 0, 1, 0.95))
@@ -268,11 +268,7 @@ def _log_log(axes: Axes, room: float = 0.05) -> None:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5) if narrow else (1,)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
-    axes.grid(True, which="major", color="#e3e7eb", linewidth=0.7)
-    axes.tick_params(which="both", labelsize=7.5, colors=_MUTED)
-    for side, spine in axes.spines.items():
-        spine.set_visible(side in ("left", "bottom"))
-        spine.set_color("#9aa5b1")
+    thin_lines(axes)
 
 
 def _own_ticks(axes: Axes, values: Sequence[float]) -> None:

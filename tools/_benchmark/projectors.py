@@ -43,10 +43,10 @@ def projectors(quick: bool, progress: Progress) -> list[Row]:
     list of dict
         One row a measurement: ``what`` (name), ``voxels`` (along an edge), ``views``, ``threads``,
         ``rays`` that meet the grid, ``crossings`` of them with voxels, ``seconds`` (median),
-        ``rays_per_second``, ``crossings_per_second``, ``ratio`` (rays a second a thread against
-        ``ratio_to``, another row's ``what`` at the same size; None without one). The rows of the
-        stored projector have ``bytes_per_second`` and ``bandwidth_share`` too, against reading a
-        large array in the same run.
+        ``rays_per_second``, ``crossings_per_second``, ``ratio`` (of rates: the seconds of
+        ``ratio_to``, another row's ``what`` at the same size, over its own; None without one).
+        The rows of the stored projector have ``bytes_per_second`` and ``bandwidth_share`` too,
+        against reading a large array in the same run.
     """
     sizes = [(32, 4)] if quick else [(96, 24), (192, 8)]
     repeats = 3 if quick else 5
