@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -16,16 +16,14 @@ from numpy.typing import NDArray
 from phantoms import Field, sample
 from tomo import noise as noises
 from tomo._memory import available_memory
-from tomo._visible import pixels_that_see
+from tomo.effects import Effects
 from tomo.grid import VoxelGrid
 from tomo.projector import Projector
-from tomo.rays import Rays
-from tomo.trace import trace
 
 if TYPE_CHECKING:
     from rigs import Rig
 
-_CROSSINGS_AT_ONCE = 8_000_000  # about 100 MiB of segments, whatever the images' size
+_CROSSINGS_AT_ONCE = 8_000_000  # 100 MiB of segments, 300 with absorption, at any images' size
 _RAYS_AT_ONCE = 2**19
 _BYTES_PER_VOXEL = 12  # the volume, and the double-precision means of the truth
 _SMALLEST_REFINEMENT = 2  # sub-points along a fine voxel's edge for its mean
@@ -44,7 +42,8 @@ class SimulatedScan:
     truth : (nx, ny, nz) float32
         The means of the field over the voxels of ``grid``.
     settings : mapping
-        Every argument of the simulation, and the ``full_scale`` of quantised images.
+        Every argument of the simulation, the ``gains`` of the cameras where they differ, and the
+        ``full_scale`` of quantised images.
     """
 
     rig: Rig
@@ -85,6 +84,7 @@ def simulate(
     *,
     supersample: int = 1,
     refine: int = 1,
+    effects: Effects | None = None,
     noise: float = 0.0,
     photons: float | None = None,
     read_noise: float = 0.0,
@@ -110,6 +110,8 @@ def simulate(
         K: K x K rays a pixel; a pixel is the mean of their line integrals.
     refine : int
         How many times finer the projected voxels are.
+    effects : Effects, optional
+        What gas and cameras do to the light on its way; nothing when None. Noise comes after.
     noise : float
         Standard deviation of white noise, as a fraction of the maximum of all images.
     photons : float, optional
@@ -119,7 +121,7 @@ def simulate(
     bits : int, optional
         Quantise to integers of so many bits; full scale is the maximum of all images.
     seed : int
-        Of the noise; equal seeds give bit-identical images.
+        Of the noise and the gains; equal seeds give bit-identical images.
     tracer : str
         See `tomo.trace.trace`.
     progress : callable, optional
@@ -131,24 +133,28 @@ def simulate(
         If an argument is out of range, or no camera sees the grid.
     """
     _check(supersample, noise, photons, read_noise, bits)
+    effects = Effects() if effects is None else effects
     fine_grid = grid.refined(refine)
     _check_memory(fine_grid)
-    fine = sample(field, fine_grid, _SMALLEST_REFINEMENT)  # (nx R, ny R, nz R)
-    seen = {camera.name: pixels_that_see(camera, grid) for camera in rig}
+    seen = {camera.name: effects.pixels_that_see(camera, grid) for camera in rig}
     total = sum(len(pixels) for pixels in seen.values())
     if not total:
         raise ValueError(
             f"rig: found no camera that sees the grid from {grid.lower.tolist()} to "
             f"{grid.upper.tolist()}, expected at least one"
         )
+    fine = sample(field, fine_grid, _SMALLEST_REFINEMENT)  # (nx R, ny R, nz R)
+    gains = effects.gains(len(rig), seed)
     images, done = {}, 0
-    for camera in rig:
+    for camera, gain in zip(rig, gains, strict=True):
         width, height = camera.image_size
         flat = np.zeros(width * height, np.float32)
-        for pixels in _chunks(seen[camera.name], fine_grid, supersample):
-            rays = Rays.from_camera(camera, pixels, supersample)
-            segments = trace(rays, fine_grid, tracer)
-            flat[pixels] = Projector(segments, fine_grid) @ fine.ravel()
+        for pixels in _chunks(seen[camera.name], fine_grid, effects.rays_per_pixel(supersample)):
+            rays = effects.rays(camera, pixels, supersample)
+            segments = effects.trace(rays, fine_grid, fine, tracer)
+            centres = np.stack([pixels % width, pixels // width], axis=-1)
+            light = gain * effects.falloff(camera, centres)  # 1 where there is neither
+            flat[pixels] = (Projector(segments, fine_grid) @ fine.ravel()) * light
             done += len(pixels)
             if progress is not None:
                 progress(done, total, camera.name)
@@ -158,6 +164,7 @@ def simulate(
         "field": repr(field),
         "supersample": supersample,
         "refine": refine,
+        "effects": asdict(effects) if effects.any else None,
         "noise": noise,
         "photons": photons,
         "read_noise": read_noise,
@@ -165,6 +172,8 @@ def simulate(
         "seed": seed,
         "tracer": tracer,
     }
+    if effects.gain_spread > 0:
+        settings["gains"] = dict(zip(rig.names, gains.tolist(), strict=True))
     recorded = list(images.values())
     random = np.random.default_rng(seed)
     if photons is not None:
@@ -188,10 +197,10 @@ def simulate(
     )
 
 
-def _chunks(pixels: NDArray, grid: VoxelGrid, supersample: int) -> Iterator[NDArray]:
+def _chunks(pixels: NDArray, grid: VoxelGrid, rays_per_pixel: int) -> Iterator[NDArray]:
     """Cut ``pixels`` so that the rays of each part cross a bounded number of voxels."""
     rays = min(_CROSSINGS_AT_ONCE // sum(grid.shape), _RAYS_AT_ONCE)
-    size = max(1, rays // supersample**2)
+    size = max(1, rays // rays_per_pixel)
     for start in range(0, len(pixels), size):
         yield pixels[start : start + size]
 

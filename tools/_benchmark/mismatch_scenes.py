@@ -1,0 +1,187 @@
+"""Flames whose images hold physics that the solvers are not told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+import phantoms
+from _benchmark.scenes import flame_rig
+from _benchmark.sizes import Sizes
+from rigs import Rig
+from tomo import LinearSystem, VoxelGrid
+from tomo import noise as noises
+from tomo.effects import Effects
+from tomo.simulate import SimulatedScan, simulate
+from tomo.support import carve
+
+VIEWS = 33
+NOISES: Mapping[str, float] = {"clean": 0.0, "2 %": 0.02}
+"""Standard deviation of white noise in every pixel, over the brightest pixel."""
+
+GAIN_SPREAD = 0.1
+DEPTH = 0.5
+"""Optical depth across the box, and along the brightest line through the flame."""
+
+CORNER_LOSS = 0.4
+APERTURE = 29.0
+FOCUS_DISTANCE = 5400.0
+"""A lens of 116 mm at f/4, focused 400 mm in front of the flame: a blur of 2 mm."""
+
+EFFECTS: Mapping[str, tuple[str, ...]] = {
+    "gains": ("gain_spread",),
+    "absorption": ("absorption",),
+    "self-absorption": ("self_absorption",),
+    "vignetting": ("vignetting",),
+    "defocus": ("aperture", "focus_distance"),
+    "pixel area": (),
+    "gains + absorption": ("gain_spread", "absorption"),
+    "all": (
+        "gain_spread", "absorption", "self_absorption", "vignetting", "aperture", "focus_distance",
+    ),
+}  # fmt: skip
+"""The fields of `tomo.effects.Effects` that each row sets; finite pixels come with all."""
+
+
+@dataclass(frozen=True, eq=False)
+class MismatchScene:
+    """Images with one of `EFFECTS`, and the flame they are of.
+
+    Attributes
+    ----------
+    effect, flame, noise : str
+    seed : int
+        Of flame, gains and noise.
+    effects : Effects
+        What the images hold.
+    scan : SimulatedScan
+    """
+
+    effect: str
+    flame: str
+    noise: str
+    seed: int
+    effects: Effects
+    scan: SimulatedScan
+
+    @property
+    def rig(self) -> Rig:
+        """The cameras, as a reconstruction knows them."""
+        return self.scan.rig
+
+    @property
+    def grid(self) -> VoxelGrid:
+        """The voxels to reconstruct."""
+        return self.scan.grid
+
+    @property
+    def images(self) -> list[NDArray[np.float32]]:
+        """One a camera, in the rig's order."""
+        return list(self.scan.images.values())
+
+    @property
+    def truth(self) -> NDArray[np.float32]:
+        """The flame's means over the voxels."""
+        return self.scan.truth
+
+    def system(self, *, midpoints: bool = True) -> LinearSystem:
+        """Return the equations of chords, one ray a pixel, carved as the default carves."""
+        carving = carve(tuple(self.rig), self.images, None, self.grid)
+        return LinearSystem.from_rig(
+            self.rig,
+            self.grid,
+            masks=carving.pixels,
+            live=carving.live,
+            midpoints=midpoints,
+            form="stored",
+        )
+
+    def weight_ratios(self, system: LinearSystem) -> NDArray[np.float64]:
+        """Return the true weight of each of the system's segments over its chord: ``(S,)``."""
+        projector = system.projector
+        emission = projector.live.compress(self.truth)
+        gains = self.effects.gains(len(self.rig), self.seed)
+        ratios = [
+            self.effects.weight_ratio(
+                camera, projector.view(view).segments, self.grid, emission, gain=gain
+            )
+            for view, (camera, gain) in enumerate(zip(self.rig, gains, strict=True))
+        ]
+        return np.concatenate(ratios)
+
+
+def mismatch_scene(effect: str, flame: str, noise: str, seed: int, size: Sizes) -> MismatchScene:
+    """Return one scene of the suite.
+
+    Parameters
+    ----------
+    effect : str
+        One of `EFFECTS`.
+    flame : {"jet", "turbulent"}
+    noise : str
+        One of `NOISES`.
+    seed : int
+    size : Sizes
+        Such as `_benchmark.sizes.FULL`.
+
+    Raises
+    ------
+    ValueError
+        If there is no such effect or noise.
+    """
+    for name, value, known in (("effect", effect, EFFECTS), ("noise", noise, NOISES)):
+        if value not in known:
+            raise ValueError(f"{name}: found {value!r}, expected one of {', '.join(known)}")
+    effects, clean = _clean(effect, flame, seed, size)
+    images = _with_noise(list(clean.images.values()), NOISES[noise], seed)
+    scan = replace(clean, images=dict(zip(clean.rig.names, images, strict=True)))
+    return MismatchScene(effect, flame, noise, seed, effects, scan)
+
+
+def _with_noise(
+    images: Sequence[NDArray[np.float32]], fraction: float, seed: int
+) -> Sequence[NDArray[np.float32]]:
+    return noises.gaussian(images, fraction, np.random.default_rng(seed)) if fraction else images
+
+
+def _strengths(grid: VoxelGrid, truth: NDArray[np.float32]) -> dict[str, float]:
+    """Return the value that each field of the effects has where it is set."""
+    across = max(truth.sum(axis=axis).max() * grid.spacing[axis] for axis in (0, 2))
+    return {
+        "gain_spread": GAIN_SPREAD,
+        "absorption": DEPTH / float(grid.extent[0]),
+        "self_absorption": DEPTH / float(across),
+        "vignetting": CORNER_LOSS,
+        "aperture": APERTURE,
+        "focus_distance": FOCUS_DISTANCE,
+    }
+
+
+@lru_cache(maxsize=2)
+def _clean(effect: str, flame: str, seed: int, size: Sizes) -> tuple[Effects, SimulatedScan]:
+    fine = _fine_volume(flame, seed, size)
+    grid = VoxelGrid(size.grid_shape, size.spacing)
+    strengths = _strengths(grid, grid.average(fine, size.refine))
+    effects = Effects(**{name: strengths[name] for name in EFFECTS[effect]})
+    scan = simulate(
+        flame_rig(VIEWS, size.shrink),
+        phantoms.SampledField(fine, grid.refined(size.refine)),
+        grid,
+        refine=size.refine,
+        supersample=size.supersample,
+        effects=effects,
+        seed=seed,
+    )
+    return effects, scan
+
+
+@lru_cache(maxsize=2)
+def _fine_volume(flame: str, seed: int, size: Sizes) -> NDArray[np.float32]:
+    """Sample a flame once for all effects: that takes longest."""
+    grid = VoxelGrid(size.grid_shape, size.spacing)
+    field = phantoms.create(flame, seed, grid.extent, grid.center)
+    return phantoms.sample(field, grid.refined(size.refine), 2)
