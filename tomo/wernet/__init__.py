@@ -9,10 +9,13 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "convolution": ["packed_convolution"],
+        "device": ["usable_device"],
         "encoder": ["VARIANTS", "WeightEncoder", "load_encoder", "save_encoder"],
         "model": ["WERNet"],
-        "product": ["weighted_sum"],
-        "samples": ["RaySamples", "SampleBatch", "epoch_batches"],
-        "training": ["TrainingDivergedError", "usable_device", "wernet_paper"],
+        "packing": ["Packing"],
+        "product": ["packed_sum", "weighted_sum"],
+        "samples": ["PackedBatch", "RaySamples", "SampleBatch", "epoch_batches"],
+        "training": ["TrainingDivergedError", "wernet_paper"],
     },
 )

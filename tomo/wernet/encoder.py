@@ -1,4 +1,4 @@
-"""The voxel weight encoder: from a ray's 6 x N column block to N weights."""
+"""The voxel weight encoder: from six numbers a segment to one weight a segment."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from torch import nn
 from torch.nn import functional
 
 from tomo.io.atomic import atomic_path
+from tomo.wernet.convolution import packed_convolution
 
 VARIANTS = ("no-bias", "bias-mask", "batch-norm")
 _FORMAT, _VERSION = "wernet-encoder", 1
@@ -17,7 +18,7 @@ _SLOPE = 0.01  # of the Leaky ReLU below zero: PyTorch's default, the paper name
 
 
 class _MaskedBatchNorm(nn.Module):
-    """Batch normalisation of ``(rays, channels, width)`` whose statistics ignore the padding.
+    """Batch normalisation over segments alone, of (rays, channels, width) or (rows, channels).
 
     Ordinary batch normalisation counts the padded zeros: mean and variance would then depend on
     how long the longest ray of the batch is. Running statistics are kept as PyTorch does it.
@@ -33,23 +34,25 @@ class _MaskedBatchNorm(nn.Module):
 
     def forward(self, x: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return the normalised entries; what it gives in the padding is left to be masked."""
+        others = [axis for axis in range(x.dim()) if axis != 1]
+        column = (-1,) + (1,) * (x.dim() - 2)  # channels along axis 1
         if self.training:
             count = mask.sum()
-            mean = (x * mask).sum(dim=(0, 2)) / count
-            x = x - mean[:, None]
-            variance = (x.square() * mask).sum(dim=(0, 2)) / count
+            mean = (x * mask).sum(dim=others) / count
+            x = x - mean.view(column)
+            variance = (x.square() * mask).sum(dim=others) / count
             with torch.no_grad():
                 unbiased = variance * (count / (count - 1).clamp(min=1))
                 self.running_mean.lerp_(mean, self.momentum)
                 self.running_var.lerp_(unbiased, self.momentum)
         else:
-            x, variance = x - self.running_mean[:, None], self.running_var
+            x, variance = x - self.running_mean.view(column), self.running_var
         scale = self.weight * torch.rsqrt(variance + self.epsilon)
-        return torch.addcmul(self.bias[:, None], x, scale[:, None])
+        return torch.addcmul(self.bias.view(column), x, scale.view(column))
 
 
 class WeightEncoder(nn.Module):
-    """1-D convolutions along the ray: 6 rows in, one weight >= 0 for every segment out.
+    """1-D convolutions along the ray: six numbers in, one weight >= 0 for every segment out.
 
     ``blocks`` times (convolution, normalisation, Leaky ReLU, mask), then a convolution to one
     channel, squared. Convolutions have kernel 3 and padding 1, so ``N`` segments stay ``N``.
@@ -94,33 +97,55 @@ class WeightEncoder(nn.Module):
         generator = torch.Generator().manual_seed(seed)
         widths = [6] + [self.channels] * self.blocks
         self.hidden = nn.ModuleList(
-            _convolution(before, after, variant == "bias-mask", generator)
+            convolution(before, after, variant == "bias-mask", generator)
             for before, after in pairwise(widths)
         )
         self.norms = nn.ModuleList(
             _MaskedBatchNorm(width) for width in widths[1:] if variant == "batch-norm"
         )
-        self.last = _convolution(widths[-1], 1, variant != "no-bias", generator)
+        self.last = convolution(widths[-1], 1, variant != "no-bias", generator)
 
     def forward(self, features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        """Return the weights ``(rays, N)``: at least zero, zero where ``mask`` is zero.
+        """Return the weights: at least zero, zero where ``mask`` is zero.
+
+        Rays come padded or packed (`tomo.wernet.packing`); the weights are the same, and packed
+        ones take half the arithmetic.
 
         Parameters
         ----------
-        features : (rays, 6, N) float
-        mask : (rays, 1, N) float
-            One on a segment, zero on the padding.
+        features : (rays, 6, N) or (rows, 6) float
+        mask : (rays, 1, N) or (rows, 1) float
+            One on a segment, zero on the padding or in an empty row.
+
+        Returns
+        -------
+        (rays, N) or (rows,) float
         """
+        convolve = _padded if features.dim() == 3 else _packed
         x = features
-        for i, convolution in enumerate(self.hidden):
-            x = convolution(x)
+        for i, layer in enumerate(self.hidden):
+            x = convolve(x, layer)
             if self.variant == "batch-norm":
                 x = self.norms[i](x, mask)
             x = functional.leaky_relu(x, _SLOPE) * mask
-        return (self.last(x) * mask).square()[:, 0]
+        return (convolve(x, self.last) * mask).square()[:, 0]
+
+    @property
+    def couples_rays(self) -> bool:
+        """Whether a ray's weights depend on its batch: the statistics of batch normalisation."""
+        return self.variant == "batch-norm" and self.training
 
 
-def _convolution(before: int, after: int, bias: bool, generator: torch.Generator) -> nn.Conv1d:
+def _padded(x: torch.Tensor, layer: nn.Conv1d) -> torch.Tensor:
+    return layer(x)
+
+
+def _packed(x: torch.Tensor, layer: nn.Conv1d) -> torch.Tensor:
+    return packed_convolution(x, layer.weight, layer.bias)
+
+
+def convolution(before: int, after: int, bias: bool, generator: torch.Generator) -> nn.Conv1d:
+    """Return a convolution of kernel three with PyTorch's uniform initial weights, seeded."""
     # skip_init: the ordinary constructor draws from the global random state.
     layer = nn.utils.skip_init(nn.Conv1d, before, after, 3, padding=1, bias=bias)
     bound = (3 * before) ** -0.5

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import nn
 
 from tomo.wernet.encoder import WeightEncoder
-from tomo.wernet.product import weighted_sum
-from tomo.wernet.samples import SampleBatch
+from tomo.wernet.samples import PackedBatch, SampleBatch
 
 
 class WERNet(nn.Module):
@@ -47,8 +48,15 @@ class WERNet(nn.Module):
             self.encoder.eval()
         return self
 
-    def forward(self, batch: SampleBatch) -> torch.Tensor:
+    def forward(self, batch: PackedBatch | SampleBatch) -> torch.Tensor:
         """Return the projections of a batch's rays, ``(rays,)``."""
-        with torch.set_grad_enabled(torch.is_grad_enabled() and not self.freeze_encoder):
-            weights = self.encoder(batch.features, batch.mask)
-        return weighted_sum(weights, self.voxels, batch.voxel, self.normalise_gradient)
+        encoder = _without_gradient(self.encoder) if self.freeze_encoder else self.encoder
+        return batch.project(encoder, self.voxels, self.normalise_gradient)
+
+
+def _without_gradient(encoder: WeightEncoder) -> Callable[..., torch.Tensor]:
+    def weigh(features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        with torch.no_grad():
+            return encoder(features, mask)
+
+    return weigh

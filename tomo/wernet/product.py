@@ -5,6 +5,8 @@ from __future__ import annotations
 import torch
 from torch.autograd.function import once_differentiable
 
+from tomo.wernet.packing import Packing
+
 
 class _NormalisedProduct(torch.autograd.Function):
     """Weighted sum whose gradient to the voxels has the size of the residual alone.
@@ -34,10 +36,36 @@ class _NormalisedProduct(torch.autograd.Function):
     def backward(ctx, gradient: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the gradients to the weights and to the voxels, both ``(rays, width)``."""
         weights, values = ctx.saved_tensors
-        norm = torch.linalg.vector_norm(weights, dim=1)
-        # A ray whose weights are all zero sends nothing back, rather than 0 / 0.
-        per_norm = torch.where(norm > 0, gradient / norm, torch.zeros_like(norm))
+        per_norm = _over(gradient, torch.linalg.vector_norm(weights, dim=1))
         return gradient[:, None] * values, per_norm[:, None] * weights
+
+
+class _NormalisedPackedProduct(torch.autograd.Function):
+    """`_NormalisedProduct` of packed rays."""
+
+    @staticmethod
+    def forward(
+        ctx, weights: torch.Tensor, values: torch.Tensor, packing: Packing
+    ) -> torch.Tensor:
+        """Return ``(rays,)`` from two tensors ``(E,)``."""
+        ctx.packing = packing
+        ctx.save_for_backward(weights, values)
+        return packing.sum(weights * values)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, gradient: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, None]:
+        """Return the gradients to the weights and to the voxels, both ``(E,)``."""
+        weights, values = ctx.saved_tensors
+        packing = ctx.packing
+        per_norm = _over(gradient, packing.sum(weights.square()).sqrt())
+        to_weights = packing.per_segment(gradient) * values
+        return to_weights, packing.per_segment(per_norm) * weights, None
+
+
+def _over(gradient: torch.Tensor, norm: torch.Tensor) -> torch.Tensor:
+    # A ray whose weights are all zero sends nothing back, rather than 0 / 0.
+    return torch.where(norm > 0, gradient / norm, torch.zeros_like(norm))
 
 
 def weighted_sum(
@@ -70,3 +98,28 @@ def weighted_sum(
     if normalise_gradient:
         return _NormalisedProduct.apply(weights, values)
     return (weights * values).sum(dim=1)
+
+
+def packed_sum(
+    weights: torch.Tensor,
+    voxels: torch.Tensor,
+    index: torch.Tensor,
+    packing: Packing,
+    normalise_gradient: bool = True,
+) -> torch.Tensor:
+    """Return what `weighted_sum` does, from packed rays: ``(rays,)``.
+
+    Parameters
+    ----------
+    weights : (E,) float
+    voxels : (voxels,) float
+    index : (E,) int64
+        The voxel of every weight.
+    packing : Packing
+        Which ray every weight belongs to.
+    normalise_gradient : bool
+    """
+    values = voxels.index_select(0, index)
+    if normalise_gradient:
+        return _NormalisedPackedProduct.apply(weights, values, packing)
+    return packing.sum(weights * values)

@@ -1,4 +1,4 @@
-"""The network's input: one column block of impacting voxels and segment points a ray."""
+"""The network's input: six numbers a segment, from impacting voxels and segment points."""
 
 from __future__ import annotations
 
@@ -10,17 +10,26 @@ import torch
 from numpy.typing import ArrayLike
 
 from tomo.grid import VoxelGrid
+from tomo.live_voxels import LiveVoxels
 from tomo.segments import Segments
+from tomo.wernet._directions import ray_directions
+from tomo.wernet.encoder import WeightEncoder
+from tomo.wernet.packing import Packing
+from tomo.wernet.product import packed_sum, weighted_sum
+
+INPUTS = ("absolute", "relative")
 
 
 @dataclass(frozen=True, eq=False)
 class SampleBatch:
     """Some rays' segments, padded with zeros to the longest of these rays.
 
+    The slow twin of `PackedBatch`, as the paper has it.
+
     Attributes
     ----------
     features : (rays, 6, width) float32
-        Scaled voxel indices x, y, z, then scaled segment midpoints x, y, z; zero in the padding.
+        See `RaySamples`; zero in the padding.
     voxel : (rays, width) int64
         Flat index of each voxel; the padding repeats a voxel of the same ray.
     mask : (rays, 1, width) float32
@@ -39,13 +48,51 @@ class SampleBatch:
         rays, _, width = self.features.shape
         return f"<SampleBatch: {rays} rays, padded to {width} segments>"
 
+    def project(
+        self, encoder: WeightEncoder, voxels: torch.Tensor, normalise_gradient: bool = True
+    ) -> torch.Tensor:
+        """Return the rays' projections of ``voxels`` (voxels,) by the encoder's weights."""
+        weights = encoder(self.features, self.mask)
+        return weighted_sum(weights, voxels, self.voxel, normalise_gradient)
+
+
+@dataclass(frozen=True, eq=False)
+class PackedBatch:
+    """Some rays' segments one behind another, nothing padded.
+
+    Attributes
+    ----------
+    packing : Packing
+        Of ``E`` segments.
+    features : (E + rays + 1, 6) float32
+        See `RaySamples`; zero in the empty rows.
+    voxel : (E,) int64
+        Voxel of each segment.
+    measured : (rays,) float32
+    """
+
+    packing: Packing
+    features: torch.Tensor
+    voxel: torch.Tensor
+    measured: torch.Tensor
+
+    def __repr__(self) -> str:
+        """Name the sizes: the tensors themselves are too long to print."""
+        return f"<PackedBatch: {len(self.measured)} rays, {len(self.voxel)} segments>"
+
+    def project(
+        self, encoder: WeightEncoder, voxels: torch.Tensor, normalise_gradient: bool = True
+    ) -> torch.Tensor:
+        """Return the rays' projections of ``voxels`` (voxels,) by the encoder's weights."""
+        weights = encoder(self.features, self.packing.inside)[self.packing.row]
+        return packed_sum(weights, voxels, self.voxel, self.packing, normalise_gradient)
+
 
 @dataclass(frozen=True, eq=False)
 class RaySamples:
     """The segments of every ray that crosses the grid, on one device, in packed form.
 
-    Make one with `from_segments`. A batch is cut out of it by `batch`, which alone is padded:
-    the whole set in padded form would take about twice the memory.
+    Make one with `from_segments`; `packed` and `padded` cut batches out of it.
 
     Attributes
     ----------
@@ -54,24 +101,30 @@ class RaySamples:
     start, count : (rays,) int64
         Where each ray's segments begin, and how many there are.
     voxel : (S,) int32 or int64
-        Flat voxel index of each segment.
+        The unknown that each segment crosses.
     midpoint : (S, 3) float32
         Scaled midpoints.
     index : (voxels, 3) float32
-        Scaled voxel indices of every voxel of the grid.
+        Scaled voxel indices of every unknown.
     measured : (rays,) float32
+    direction : (rays, 3) float32 or None
+        Unit vectors, with relative inputs.
+    half : float
+        Half the number of voxels along the grid's longest axis.
 
     Notes
     -----
-    The paper feeds indices and coordinates and leaves their scale open. Here both are counted in
-    voxels from the middle of the grid and divided by half the number of voxels along the grid's
-    longest axis::
+    The paper feeds indices and coordinates and leaves their scale open. Here both ("absolute"
+    inputs) are counted in voxels from the middle of the grid and divided by ``half``::
 
         index    -> (i - (n - 1) / 2) / (max(shape) / 2)
         midpoint -> (m - center) / spacing / (max(shape) / 2)
 
     so that all six rows lie in [-1, 1], a midpoint at a voxel's centre has the value of its
     index, and one step along any axis is the same number.
+
+    "relative" inputs are twice the midpoint's place in its voxel, in voxels from the voxel's
+    centre, which is a linear function of the absolute ones, and the direction of the ray.
     """
 
     pixel: torch.Tensor
@@ -81,6 +134,8 @@ class RaySamples:
     midpoint: torch.Tensor
     index: torch.Tensor
     measured: torch.Tensor
+    direction: torch.Tensor | None
+    half: float
 
     def __len__(self) -> int:
         """Return the number of rays that have a segment."""
@@ -97,6 +152,9 @@ class RaySamples:
         grid: VoxelGrid,
         measured: ArrayLike,
         device: torch.device | str = "cpu",
+        *,
+        live: LiveVoxels | None = None,
+        inputs: str = "absolute",
     ) -> RaySamples:
         """Return the samples of ``segments``, which must have midpoints.
 
@@ -109,12 +167,18 @@ class RaySamples:
         measured : (pixels,) float
             Projections in the order of the segments' pixels.
         device : torch.device or str
+        live : LiveVoxels, optional
+            The voxels that the segments' numbers mean; all of the grid when None.
+        inputs : {"absolute", "relative"}
 
         Raises
         ------
         ValueError
-            If there are no midpoints, no segments at all, or the sizes do not match.
+            If there are no midpoints, no segments at all, the sizes do not match, or there are no
+            such inputs.
         """
+        if inputs not in INPUTS:
+            raise ValueError(f"inputs: found {inputs!r}, expected one of {', '.join(INPUTS)}")
         if segments.midpoint is None:
             raise ValueError(
                 "segments midpoint: found none, expected (S, 3): trace with midpoints=True"
@@ -131,6 +195,8 @@ class RaySamples:
         midpoint = (segments.midpoint - np.asarray(grid.center)) / np.asarray(grid.spacing) / half
         axes = [(np.arange(n) - (n - 1) / 2) / half for n in grid.shape]
         index = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        if live is not None and live.index is not None:
+            index = index[live.index]
         counts = np.diff(segments.ptr)
         pixel = np.flatnonzero(counts)
 
@@ -146,9 +212,32 @@ class RaySamples:
             midpoint=move(midpoint.astype(np.float32)),
             index=move(index.astype(np.float32)),
             measured=move(measured[pixel]),
+            direction=move(ray_directions(segments)[pixel].astype(np.float32))
+            if inputs == "relative"
+            else None,
+            half=half,
         )
 
-    def batch(self, rays: torch.Tensor, width: int | None = None) -> SampleBatch:
+    def packed(self, rays: torch.Tensor) -> PackedBatch:
+        """Return the rays numbered ``rays`` ``(B,)``, in ``0 .. len(self) - 1``."""
+        rays = rays.to(self.start.device)
+        packing = Packing.of(self.start[rays], self.count[rays])
+        voxel = self.voxel[packing.entry].long()
+        direction = None
+        if self.direction is not None:
+            direction = packing.per_segment(self.direction[rays])
+        features = self._features(packing.entry, voxel, direction)
+        return PackedBatch(packing, packing.spread(features), voxel, self.measured[rays])
+
+    def _features(
+        self, entry: torch.Tensor, voxel: torch.Tensor, direction: torch.Tensor | None
+    ) -> torch.Tensor:
+        index, midpoint = self.index[voxel], self.midpoint[entry]
+        if direction is None:
+            return torch.cat([index, midpoint], dim=-1)
+        return torch.cat([(midpoint - index) * (2 * self.half), direction], dim=-1)
+
+    def padded(self, rays: torch.Tensor, width: int | None = None) -> SampleBatch:
         """Return the rays numbered ``rays`` ``(B,)``, padded to the longest of them.
 
         Parameters
@@ -167,7 +256,10 @@ class RaySamples:
         inside = columns < count  # (B, width)
         entry = self.start[rays][:, None] + torch.minimum(columns, count - 1)
         voxel = self.voxel[entry].long()
-        features = torch.cat([self.index[voxel], self.midpoint[entry]], dim=-1)  # (B, width, 6)
+        direction = None
+        if self.direction is not None:
+            direction = self.direction[rays][:, None].expand(-1, columns.numel(), -1)
+        features = self._features(entry, voxel, direction)  # (B, width, 6)
         mask = inside.to(features.dtype)[:, None, :]
         return SampleBatch(
             features=features.transpose(1, 2) * mask,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,12 +12,19 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 
 from tomo.reconstruction import Callback, Iteration, Reconstruction
+from tomo.solve._drive import additive_start
+from tomo.wernet.device import usable_device
 from tomo.wernet.encoder import WeightEncoder, load_encoder
 from tomo.wernet.model import WERNet
-from tomo.wernet.samples import RaySamples, epoch_batches
+from tomo.wernet.parts import Map, add_gradients, cut, on_cores
+from tomo.wernet.samples import PackedBatch, RaySamples, SampleBatch, epoch_batches
 
 if TYPE_CHECKING:
     from tomo.projector import Projector
+
+LAYOUTS = ("packed", "padded")
+SEGMENTS_A_PART = 16384
+"""What one thread computes at a time: its layers of 32 channels then stay near the core."""
 
 # Upper end of the random initial voxels, the measurement's maximum being one. With 1 instead, the
 # first predictions are several times too large and training ends much further from the truth.
@@ -44,6 +51,8 @@ def wernet_paper(
     halve_every: int = 5,
     samples_per_batch: int = 32,
     rays_per_sample: int = 100,
+    inputs: str = "absolute",
+    layout: str = "packed",
     encoder: str | Path | WeightEncoder | None = None,
     freeze_encoder: bool = False,
     device: str | torch.device = "cpu",
@@ -68,8 +77,8 @@ def wernet_paper(
     nonnegative : bool
         Set negative voxels to zero after every step.
     callback : callable, optional
-        ``callback(index, volume, relative_residual)`` after every epoch, ``volume`` flat float32
-        in the units of the result; returning True stops.
+        ``callback(index, volume, relative_residual)`` after every epoch, ``volume`` the live
+        voxels, flat float32 in the units of the result; returning True stops.
     variant, blocks
         Of the encoder, see `WeightEncoder`; unused when ``encoder`` is given.
     normalise_gradient : bool
@@ -80,6 +89,11 @@ def wernet_paper(
         Epochs between two halvings of both learning rates.
     samples_per_batch, rays_per_sample : int
         Their product is the number of rays in one step.
+    inputs : {"absolute", "relative"}
+        What the encoder sees of a segment, see `tomo.wernet.RaySamples`. The paper's are absolute.
+    layout : {"packed", "padded"}
+        How a batch's rays lie in memory: one behind another, or each padded to the longest, as in
+        the paper, for comparison. The result is the same but for rounding.
     encoder : path or WeightEncoder, optional
         Start from this encoder: a file of `save_encoder`, or one in memory, which is then trained
         in place (and moved to ``device``), so that it can be saved afterwards.
@@ -142,6 +156,8 @@ def wernet_paper(
         "halve_every": halve_every,
         "samples_per_batch": samples_per_batch,
         "rays_per_sample": rays_per_sample,
+        "inputs": inputs,
+        "layout": layout,
         "encoder": "in memory" if isinstance(encoder, WeightEncoder) else encoder and str(encoder),
         "freeze_encoder": freeze_encoder,
         "device": str(device),
@@ -155,11 +171,15 @@ def wernet_paper(
             raise ValueError(f"{name}: found {settings[name]}, expected a number >= 0")
     if freeze_encoder and encoder is None:
         raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder=")
+    if layout not in LAYOUTS:
+        raise ValueError(f"layout: found {layout!r}, expected one of {', '.join(LAYOUTS)}")
     grid = projector.grid
     measured = _finite("measured", measured, projector.shape[0])
     place = usable_device(device)
     scale = float(measured.max(initial=0.0)) or 1.0
-    samples = RaySamples.from_segments(projector.segments, grid, measured / scale, place)
+    samples = RaySamples.from_segments(
+        projector.segments, grid, measured / scale, place, live=projector.live, inputs=inputs
+    )
 
     generator = torch.Generator().manual_seed(seed)
     if encoder is None:
@@ -169,6 +189,8 @@ def wernet_paper(
     settings |= {"variant": encoder.variant, "blocks": encoder.blocks}
     # Voxel values count per voxel's edge rather than per length unit: mm and m are one problem.
     to_network = float(np.mean(grid.spacing)) / scale
+    if start is not None:
+        start = additive_start(projector, start, nonnegative=False)
     voxels = _initial_voxels(samples, start, to_network, generator)
     model = WERNet(encoder, voxels, normalise_gradient, freeze_encoder).to(place)
     model.train()
@@ -180,25 +202,29 @@ def wernet_paper(
 
     history: list[Iteration] = []
     stop_reason = f"all {iterations} epochs done"
-    for epoch in range(1, iterations + 1):
-        batches = epoch_batches(len(samples), samples_per_batch, rays_per_sample, generator)
-        residual = _train_epoch(model, samples, batches, optimiser, nonnegative)
-        if not np.isfinite(residual):
-            stop_reason = f"diverged in epoch {epoch}; the volume is that of the one before"
-            break
-        schedule.step()
-        volume = _in_measured_units(model.voxels, projector, measured)
-        history.append(Iteration(epoch, residual, time.perf_counter() - began))
-        if callback is not None and callback(epoch, volume, residual):
-            stop_reason = f"stopped by the callback after epoch {epoch}"
-            break
+    with on_cores(place) as over_parts:
+        for epoch in range(1, iterations + 1):
+            batches = epoch_batches(len(samples), samples_per_batch, rays_per_sample, generator)
+            take = samples.packed if layout == "packed" else samples.padded
+            residual = _train_epoch(
+                model, samples, take, batches, optimiser, nonnegative, over_parts
+            )
+            if not np.isfinite(residual):
+                stop_reason = f"diverged in epoch {epoch}; the volume is that of the one before"
+                break
+            schedule.step()
+            volume = _in_measured_units(model.voxels, projector, measured)
+            history.append(Iteration(epoch, residual, time.perf_counter() - began))
+            if callback is not None and callback(epoch, volume, residual):
+                stop_reason = f"stopped by the callback after epoch {epoch}"
+                break
     if not history:
         raise TrainingDivergedError(
             "wernet-paper: epoch 1: loss: found NaN or infinity, expected a finite number; "
             "try smaller learning rates"
         )
     return Reconstruction(
-        volume=volume.reshape(grid.shape),
+        volume=projector.live.expand(volume).reshape(grid.shape).copy(),
         grid=grid,
         history=tuple(history),
         settings=settings,
@@ -210,24 +236,34 @@ def wernet_paper(
 def _train_epoch(
     model: WERNet,
     samples: RaySamples,
+    take: Callable[[torch.Tensor], PackedBatch | SampleBatch],
     batches: Iterator[torch.Tensor],
     optimiser: torch.optim.Optimizer,
     nonnegative: bool,
+    over_parts: Map,
 ) -> float:
     """Use every ray once; return the relative residual of the predictions made on the way.
 
     As soon as a loss is not finite it gives up and returns NaN, the bad step not taken.
     """
+    trained = [parameter for group in optimiser.param_groups for parameter in group["params"]]
     squared_error = 0.0
     for rays in batches:
-        batch = samples.batch(rays)
-        errors = (model(batch) - batch.measured).square()
-        loss = errors.mean()
-        value = loss.item()
+
+        def of_part(some: torch.Tensor, size: int = len(rays)) -> tuple[float, Sequence]:
+            batch = take(some)
+            loss = (model(batch) - batch.measured).square().sum() / size
+            return loss.item(), torch.autograd.grad(loss, trained)
+
+        if model.encoder.couples_rays or take == samples.padded:
+            done = [of_part(rays)]
+        else:
+            parts = [rays[part] for part in cut(samples.count[rays], SEGMENTS_A_PART)]
+            done = over_parts(of_part, parts)
+        value = sum(loss for loss, _ in done)
         if not np.isfinite(value):
             return float("nan")
-        optimiser.zero_grad(set_to_none=True)
-        loss.backward()
+        add_gradients(trained, [gradients for _, gradients in done])
         optimiser.step()
         if nonnegative:
             with torch.no_grad():
@@ -239,15 +275,13 @@ def _train_epoch(
 
 def _initial_voxels(
     samples: RaySamples,
-    start: ArrayLike | None,
+    start: NDArray[np.float32] | None,
     to_network: float,
     generator: torch.Generator,
 ) -> torch.Tensor:
-    size = len(samples.index)
     if start is not None:
-        start = _finite("start", start, size)
-        return torch.from_numpy((start * to_network).astype(np.float32))
-    random = _START * torch.rand(size, generator=generator)
+        return torch.from_numpy((start.astype(np.float64) * to_network).astype(np.float32))
+    random = _START * torch.rand(len(samples.index), generator=generator)
     return random * samples.crossed().cpu()
 
 
@@ -267,22 +301,3 @@ def _finite(name: str, values: ArrayLike, size: int) -> NDArray[np.float64]:
     if not np.isfinite(values).all():
         raise ValueError(f"{name}: found NaN or infinity, expected finite numbers")
     return values
-
-
-def usable_device(device: str | torch.device) -> torch.device:
-    """Return the device, once a tensor has been made on it.
-
-    Raises
-    ------
-    ValueError
-        If there is no such device here.
-    """
-    try:
-        place = torch.device(device)
-        torch.zeros(1, device=place).item()
-    except (RuntimeError, AssertionError, NotImplementedError) as error:
-        raise ValueError(
-            f"device: found {str(device)!r}, expected one that this PyTorch can use "
-            f"(cpu, cuda, mps): {str(error).splitlines()[0]}"
-        ) from error
-    return place

@@ -25,7 +25,7 @@ def test_a_column_block_holds_indices_then_midpoints_on_one_scale():
     samples = RaySamples.from_segments(_segments(), GRID, [1.0, 2.0, 3.0])
     assert len(samples) == 2  # the pixel without a segment is left out
     assert samples.pixel.tolist() == [0, 2]
-    batch = samples.batch(torch.tensor([1, 0]))
+    batch = samples.padded(torch.tensor([1, 0]))
     assert batch.features.shape == (2, 6, 3)
     assert batch.measured.tolist() == [3.0, 1.0]
     assert batch.mask[:, 0].tolist() == [[1, 1, 1], [1, 1, 0]]
@@ -39,12 +39,12 @@ def test_a_column_block_holds_indices_then_midpoints_on_one_scale():
 
 def test_wider_padding_adds_columns_only():
     samples = RaySamples.from_segments(_segments(), GRID, [1.0, 2.0, 3.0])
-    narrow, wide = samples.batch(torch.arange(2)), samples.batch(torch.arange(2), width=7)
+    narrow, wide = samples.padded(torch.arange(2)), samples.padded(torch.arange(2), width=7)
     assert torch.equal(wide.features[..., :3], narrow.features)
     assert not wide.features[..., 3:].any()
     assert not wide.mask[..., 3:].any()
     with pytest.raises(ValueError, match=r"width: found 2, expected at least 3"):
-        samples.batch(torch.arange(2), width=2)
+        samples.padded(torch.arange(2), width=2)
 
 
 def test_crossed_voxels():

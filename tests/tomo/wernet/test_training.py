@@ -225,8 +225,11 @@ def test_voxels_that_no_ray_crosses_stay_empty(projector, measured):
         ({"halve_every": 0}, "halve_every: found 0"),
         ({"voxel_learning_rate": -1.0}, "voxel_learning_rate: found -1.0"),
         ({"freeze_encoder": True}, "freeze_encoder"),
-        ({"start": np.ones(7)}, "start: found 7 values, expected 1200"),
-        ({"start": np.full(1200, np.nan)}, "start: found NaN"),
+        ({"start": np.ones(7)}, r"start: found shape \(7,\), expected a finite volume"),
+        (
+            {"start": np.full(1200, np.nan)},
+            r"start: found shape \(1200,\), expected a finite volume",
+        ),
         ({"measured": np.ones(3)}, "measured: found 3 values"),
         ({"measured": np.full(2025, np.inf)}, "measured: found NaN or infinity"),
     ],

@@ -1,0 +1,68 @@
+"""A convolution of kernel three along packed rays, as three matrix products."""
+
+from __future__ import annotations
+
+import torch
+from torch.autograd.function import once_differentiable
+
+
+class _PackedConvolution(torch.autograd.Function):
+    """``y_i = W_0 x_(i-1) + W_1 x_i + W_2 x_(i+1) + b`` over the rows of a matrix.
+
+    Three products of the whole matrix, shifted by a row: no patch is copied. Outside the matrix
+    there are zeros, as in a convolution with padding one.
+    """
+
+    @staticmethod
+    def forward(
+        ctx, rows: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor | None
+    ) -> torch.Tensor:
+        """Return ``(N, out)`` of ``rows`` (N, in), ``weight`` (out, in, 3) and ``bias`` (out,)."""
+        ctx.save_for_backward(rows, weight)
+        before, here, after = weight.permute(2, 1, 0)  # each (in, out)
+        out = rows @ here if bias is None else torch.addmm(bias, rows, here)
+        out[1:].addmm_(rows[:-1], before)
+        out[:-1].addmm_(rows[1:], after)
+        return out
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, gradient: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
+        """Return the gradients to rows, weight and bias."""
+        rows, weight = ctx.saved_tensors
+        to_rows = to_weight = to_bias = None
+        if ctx.needs_input_grad[0]:
+            before, here, after = weight.permute(2, 0, 1)  # each (out, in)
+            to_rows = gradient @ here
+            to_rows[:-1].addmm_(gradient[1:], before)
+            to_rows[1:].addmm_(gradient[:-1], after)
+        if ctx.needs_input_grad[1]:
+            by_place = [
+                gradient[1:].T @ rows[:-1],
+                gradient.T @ rows,
+                gradient[:-1].T @ rows[1:],
+            ]
+            to_weight = torch.stack(by_place, dim=2)
+        if ctx.needs_input_grad[2]:
+            to_bias = gradient.sum(dim=0)
+        return to_rows, to_weight, to_bias
+
+
+def packed_convolution(
+    rows: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor | None = None
+) -> torch.Tensor:
+    """Convolve the rows of a matrix with a kernel of three, zeros outside: ``(N, out)``.
+
+    Parameters
+    ----------
+    rows : (N, in) float
+        One row a segment, rays one behind another with a row of zeros between.
+    weight : (out, in, 3) float
+        As of `torch.nn.Conv1d`.
+    bias : (out,) float, optional
+
+    Notes
+    -----
+    ``torch.nn.functional.conv1d(rows.T[None], weight, bias, padding=1)[0].T`` is the same.
+    """
+    return _PackedConvolution.apply(rows, weight, bias)

@@ -1,0 +1,66 @@
+"""Segments of some rays as the rows of one matrix, with an empty row around each ray."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+
+@dataclass(frozen=True, eq=False)
+class Packing:
+    """Where the segments of some rays stand among all segments and among a matrix's rows.
+
+    Rays of different lengths stand one behind another without padding; the single empty row
+    between two keeps a kernel of three from mixing them.
+
+    Attributes
+    ----------
+    entry : (E,) int64
+        The segments, ray after ray.
+    row : (E,) int64
+        Their rows.
+    count : (rays,) int64
+        How many segments each ray has.
+    inside : (E + rays + 1, 1) float32
+        One in a segment's row, zero in an empty one.
+    """
+
+    entry: torch.Tensor
+    row: torch.Tensor
+    count: torch.Tensor
+    inside: torch.Tensor
+
+    @classmethod
+    def of(cls, start: torch.Tensor, count: torch.Tensor) -> Packing:
+        """Return the packing of rays whose segments are ``start[r] : start[r] + count[r]``.
+
+        Parameters
+        ----------
+        start, count : (rays,) int64
+        """
+        ends = torch.cumsum(count, 0)
+        number = torch.arange(int(count.sum()), device=count.device)  # (E,)
+        ray = torch.repeat_interleave(torch.arange(len(count), device=count.device), count)
+        row = number + ray + 1
+        inside = torch.zeros(len(number) + len(count) + 1, 1, device=count.device)
+        inside[row] = 1
+        return cls(number + (start - ends + count)[ray], row, count, inside)
+
+    def __repr__(self) -> str:
+        """Name the sizes: the tensors themselves are too long to print."""
+        return f"<Packing: {len(self.count)} rays, {len(self.entry)} segments>"
+
+    def spread(self, values: torch.Tensor) -> torch.Tensor:
+        """Return ``values`` (E, C) in their rows, zeros in the empty ones."""
+        rows = values.new_zeros(len(self.inside), values.shape[1])
+        rows[self.row] = values
+        return rows
+
+    def per_segment(self, of_ray: torch.Tensor) -> torch.Tensor:
+        """Return one value of each ray, ``(rays, ...)``, for each of its segments: (E, ...)."""
+        return torch.repeat_interleave(of_ray, self.count, dim=0)
+
+    def sum(self, values: torch.Tensor) -> torch.Tensor:
+        """Return the sum over each ray's segments of ``values`` (E,): ``(rays,)``."""
+        return torch.segment_reduce(values, "sum", lengths=self.count, unsafe=True)
