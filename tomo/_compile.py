@@ -14,9 +14,17 @@ import os
 from collections.abc import Callable
 
 import numba
+from numba.core.cpu import ParallelOptions
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read when the threads start
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+
+_WHAT_NUMBA_FINDS = (
+    "comprehension", "fusion", "inplace_binop", "numpy", "reduction", "setitem", "stencil",
+)  # fmt: skip
+_LOOPS_ALONE = ParallelOptions(dict.fromkeys(_WHAT_NUMBA_FINDS, False))
+"""Loops run in parallel where the source says so. To look for others, in whole-array statements,
+takes compilation longer, and they would be inside such a loop."""
 
 
 def compiled(
@@ -30,20 +38,23 @@ def compiled(
         Whether ``numba.prange`` loops run on all cores. Every kernel of the project gives each
         output element to one iteration, so that results do not depend on the number of threads.
     inline : bool
-        For small helpers called from inner loops.
+        For small helpers called from inner loops; only compiled code can call them. What calls
+        them is cached with them in it.
     reassociate : bool
         Whether sums may be taken in another order, so that a loop over one vectorises; NaN and
         infinity keep their meaning. The order is fixed by the compiled code, not by the threads.
     """
-    options = {"parallel": parallel, "error_model": "numpy", "nogil": True}
+    options = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+    if parallel:
+        options["parallel"] = _LOOPS_ALONE
     if inline:
-        options["forceinline"] = True
+        options |= {"forceinline": True, "no_cpython_wrapper": True}
     if reassociate:
         options["fastmath"] = {"reassoc", "nsz", "contract"}
 
     def decorate(function: Callable) -> Callable:
         try:
-            return numba.njit(function, cache=True, **options)
+            return numba.njit(function, cache=not inline, **options)
         except RuntimeError:  # no folder to cache in can be written
             return numba.njit(function, **options)
 

@@ -22,67 +22,54 @@ ENTRIES_A_PRIVATE_VOXEL = 2  # to clear and add a voxel of a part costs about as
 _ADDED_AT_ONCE = 2048  # voxels: what a thread adds stays in its cache
 
 
-@compiled(inline=True)
-def _row_sum(voxel, length, volume, start, stop):
-    """Return the sum of ``length[s] * volume[voxel[s]]`` in double precision, in four lanes."""
-    one, two, three, four = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
-    sum0, sum1, sum2, sum3 = 0.0, 0.0, 0.0, 0.0
-    s = start
-    for _ in range((stop - start) // four):
-        sum0 += np.float64(length[s] * volume[voxel[s]])
-        sum1 += np.float64(length[s + one] * volume[voxel[s + one]])
-        sum2 += np.float64(length[s + two] * volume[voxel[s + two]])
-        sum3 += np.float64(length[s + three] * volume[voxel[s + three]])
-        s += four
-    while s < stop:
-        sum0 += np.float64(length[s] * volume[voxel[s]])
-        s += one
-    return (sum0 + sum1) + (sum2 + sum3)
-
-
 @compiled(parallel=True)
 def gather(starts, stops, voxel, length, volume, images):
-    """Write to ``images`` (P,) the product of the matrix with ``volume`` (n,)."""
+    """Write to ``images`` (P,) the product of the matrix with ``volume`` (n,).
+
+    Rows are summed in double precision, in four lanes.
+    """
     for row in numba.prange(len(images)):
-        start, stop = np.uint64(starts[row]), np.uint64(stops[row])
-        images[row] = _row_sum(voxel, length, volume, start, stop)
-
-
-@compiled(inline=True)
-def _add_rows(starts, stops, voxel, length, images, first, last, volume):
-    """Add rows ``first:last``, each times its pixel, to ``volume``."""
-    for row in range(first, last):
-        pixel = images[row]
-        if pixel == 0:
-            continue
+        one, two, three, four = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
         s, stop = np.uint64(starts[row]), np.uint64(stops[row])
+        sum0, sum1, sum2, sum3 = 0.0, 0.0, 0.0, 0.0
+        for _ in range((stop - s) // four):
+            sum0 += np.float64(length[s] * volume[voxel[s]])
+            sum1 += np.float64(length[s + one] * volume[voxel[s + one]])
+            sum2 += np.float64(length[s + two] * volume[voxel[s + two]])
+            sum3 += np.float64(length[s + three] * volume[voxel[s + three]])
+            s += four
         while s < stop:
-            volume[voxel[s]] += length[s] * pixel
-            s += np.uint64(1)
+            sum0 += np.float64(length[s] * volume[voxel[s]])
+            s += one
+        images[row] = (sum0 + sum1) + (sum2 + sum3)
 
 
 @compiled(parallel=True)
-def _scatter_parts(starts, stops, voxel, length, images, bounds, private):
-    """Write to ``private`` (parts, n) the sums of the rows of each part."""
-    for part in numba.prange(len(private)):
-        own = private[part]
-        own[:] = 0
-        _add_rows(
-            starts, stops, voxel, length, images, bounds[part], bounds[part + 1], own
-        )  # fmt: skip
-
-
-@compiled(parallel=True)
-def _add_up(private, volume):
-    """Add the volumes ``private`` (parts, n) to ``volume`` (n,), one part after another."""
-    for block in numba.prange((len(volume) + _ADDED_AT_ONCE - 1) // _ADDED_AT_ONCE):
-        start = block * _ADDED_AT_ONCE
-        stop = min(start + _ADDED_AT_ONCE, len(volume))
-        total = volume[start:stop]
-        for part in range(len(private)):
-            own = private[part, start:stop]
-            for i in range(len(total)):
-                total[i] += own[i]
+def _scatter(starts, stops, voxel, length, images, bounds, private, volume):
+    """Sum each part's rows in ``private`` (at once, n), and add these to ``volume`` (n,)."""
+    parts, at_once = len(bounds) - 1, len(private)
+    for first in range(0, parts, at_once):
+        last = min(first + at_once, parts)
+        for part in numba.prange(first, last):
+            own = private[part - first]
+            for i in range(len(own)):
+                own[i] = 0
+            for row in range(bounds[part], bounds[part + 1]):
+                pixel = images[row]
+                if pixel == 0:
+                    continue
+                s, stop = np.uint64(starts[row]), np.uint64(stops[row])
+                while s < stop:
+                    own[voxel[s]] += length[s] * pixel
+                    s += np.uint64(1)
+        for block in numba.prange((len(volume) + _ADDED_AT_ONCE - 1) // _ADDED_AT_ONCE):
+            start = block * _ADDED_AT_ONCE
+            stop = min(start + _ADDED_AT_ONCE, len(volume))
+            total = volume[start:stop]
+            for part in range(last - first):
+                own = private[part, start:stop]
+                for i in range(len(total)):
+                    total[i] += own[i]
 
 
 def part_bounds(counts: NDArray[np.int64], n_unknowns: int) -> NDArray[np.int64]:
@@ -113,7 +100,4 @@ def scatter(
     parts = len(bounds) - 1
     at_once = min(numba.get_num_threads(), parts)
     private = np.zeros((at_once, len(volume)), volume.dtype)
-    for part in range(0, parts, at_once):
-        some = private[: min(at_once, parts - part)]
-        _scatter_parts(starts, stops, voxel, length, images, bounds[part:], some)
-        _add_up(some, volume)
+    _scatter(starts, stops, voxel, length, images, bounds, private, volume)

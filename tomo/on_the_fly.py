@@ -186,9 +186,9 @@ class OnTheFlyProjector(ViewedOperator):
             for block in self._blocks(axis):
                 if sums is None:
                     sums = running_sums(volume, self.grid.shape, axis)
-                some = np.zeros(len(block.pixel_ptr) - 1, volume.dtype)
+                some = np.zeros(len(block.pixel_ptr) - 1)
                 column_changes.forward(
-                    block.courses, block.pixel_ptr, shape, number, threads, sums, some
+                    block.courses, block.pixel_ptr, shape, number, threads, *sums, some
                 )
                 block.add_to(images, some)
         return images
@@ -282,12 +282,12 @@ class _Block:
     spans: tuple[tuple[int, int], ...]
 
     def of(self, images: NDArray) -> NDArray:
-        """Return the pixels of the block."""
-        return np.concatenate([images[start:stop] for start, stop in self.spans])
+        """Return the pixels of the block, in double precision."""
+        return np.concatenate([images[start:stop] for start, stop in self.spans], dtype=np.float64)
 
     def add_to(self, images: NDArray, some: NDArray) -> None:
         """Add ``some``, one value for each pixel of the block, to them."""
-        at = 0
+        at, some = 0, some.astype(images.dtype)
         for start, stop in self.spans:
             images[start:stop] += some[at : at + stop - start]
             at += stop - start

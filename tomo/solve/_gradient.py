@@ -42,7 +42,8 @@ def divergence(field, i, j, k, factors):
 
 @compiled(parallel=True)
 def _forward(volume, factors, field):
-    for i in numba.prange(volume.shape[0]):
+    for plane in numba.prange(volume.shape[0]):
+        i = np.int64(plane)
         for j in range(volume.shape[1]):
             for k in range(volume.shape[2]):
                 x, y, z = difference(volume, i, j, k, factors)
@@ -53,7 +54,8 @@ def _forward(volume, factors, field):
 
 @compiled(parallel=True)
 def _adjoint(field, factors, volume):
-    for i in numba.prange(volume.shape[0]):
+    for plane in numba.prange(volume.shape[0]):
+        i = np.int64(plane)
         for j in range(volume.shape[1]):
             for k in range(volume.shape[2]):
                 volume[i, j, k] = divergence(field, i, j, k, factors)

@@ -22,7 +22,8 @@ def _raise_dual(volume, inverse, stretch, factors, weight, momentum, dual, ahead
     nx, ny, nz = volume.shape
     span = np.float32(2) * (factors[0] + factors[1] + factors[2])
     span *= stretch * max(factors[0], factors[1], factors[2])
-    for i in numba.prange(nx):
+    for plane in numba.prange(nx):
+        i = np.int64(plane)
         for j in range(ny):
             for k in range(nz):
                 beyond = np.float32(0)
@@ -57,7 +58,8 @@ def _raise_dual(volume, inverse, stretch, factors, weight, momentum, dual, ahead
 @compiled(parallel=True)
 def _lower_primal(center, inverse, stretch, factors, lowest, field, volume):
     """Set ``volume`` to ``max(center - stretch C D^T field, lowest)``."""
-    for i in numba.prange(volume.shape[0]):
+    for plane in numba.prange(volume.shape[0]):
+        i = np.int64(plane)
         for j in range(volume.shape[1]):
             for k in range(volume.shape[2]):
                 moved = stretch * inverse[i, j, k] * divergence(field, i, j, k, factors)

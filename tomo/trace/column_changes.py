@@ -155,7 +155,7 @@ def _ways(course, shape, nowhere, left, entered, parts):
 
 
 @compiled(parallel=True)
-def forward(courses, pixel_ptr, shape, number, threads, sums, images) -> None:
+def forward(courses, pixel_ptr, shape, number, threads, single, double, images) -> None:
     """Add to ``images`` (P,) the projections of a volume.
 
     Parameters
@@ -169,11 +169,12 @@ def forward(courses, pixel_ptr, shape, number, threads, sums, images) -> None:
         Of which type places are.
     threads : int
         Between which the pixels are dealt out in turn.
-    sums : float32 or float64
-        Running sums of the volume, column by column.
-    images : (P,) float32 or float64
+    single, double : float32, float64
+        Running sums of the volume, column by column, in one of them; the other is empty. One
+        kernel for both types takes half as long to compile as two.
+    images : (P,) float64
     """
-    pixels = len(images)
+    pixels, nowhere = len(images), max(len(single), len(double)) - 2
     rounds = -(-pixels // (RAYS_TOGETHER * threads))
     room = RAYS_AHEAD * (shape[1] + shape[2] + CHAINS) + _LANES
     along = np.zeros(len(courses))
@@ -191,16 +192,23 @@ def forward(courses, pixel_ptr, shape, number, threads, sums, images) -> None:
                 if courses[ray, LEAVE] > courses[ray, ENTER]:
                     at = ends[some]
                     count = _ways(
-                        courses[ray], shape, len(sums) - 2, left[at:], entered[at:], parts[at:]
+                        courses[ray], shape, nowhere, left[at:], entered[at:], parts[at:]
                     )
-                    prefetch(sums, left[at:], entered[at:], count)
+                    if len(single) > 0:
+                        prefetch(single, left[at:], entered[at:], count)
+                    else:
+                        prefetch(double, left[at:], entered[at:], count)
                     numbers[some] = ray
                     some += 1
                     ends[some] = at + count
                 ray += 1
             for k in range(some):
                 at = ends[k]
-                total = between_pairs(sums, left[at:], entered[at:], parts[at:], ends[k + 1] - at)
+                count = ends[k + 1] - at
+                if len(single) > 0:
+                    total = between_pairs(single, left[at:], entered[at:], parts[at:], count)
+                else:
+                    total = between_pairs(double, left[at:], entered[at:], parts[at:], count)
                 along[numbers[k]] = total * courses[numbers[k], SCALE]
         for pixel in range(first, last):
             together = 0.0
@@ -237,7 +245,7 @@ def adjoint(courses, pixel_ptr, shape, number, cuts, per_unit, images, differenc
 
     Part ``p`` has the columns from ``cuts[p]`` to ``cuts[p + 1]`` of axis b; ``differences``
     (uint64, wrapping around) begins with those from ``cuts[0]`` on, in whole numbers of which
-    there are ``per_unit`` to one. Other parameters as in `forward`.
+    there are ``per_unit`` to one; ``images`` are float64. Other parameters as in `forward`.
     """
     first_column = float(cuts[0] * shape[2] * (shape[0] + 1))
     room = RAYS_AHEAD * (shape[1] + shape[2]) + _LANES
@@ -245,7 +253,7 @@ def adjoint(courses, pixel_ptr, shape, number, cuts, per_unit, images, differenc
         left, entered = np.zeros(room, number.dtype), np.zeros(room, number.dtype)
         parts, shares = np.zeros(room), np.zeros(room, np.int64)
         ends, wholes = np.zeros(RAYS_AHEAD + 1, np.int64), np.zeros(RAYS_AHEAD, np.int64)
-        some = 0
+        some = np.int64(0)
         for pixel in range(len(images) if cuts[part] < cuts[part + 1] else 0):
             if images[pixel] == 0:
                 continue
@@ -287,5 +295,5 @@ def adjoint(courses, pixel_ptr, shape, number, cuts, per_unit, images, differenc
                 ends[some] = at + count
                 if some == RAYS_AHEAD:
                     _add_ways(differences, left, entered, shares, ends, wholes, some)
-                    some = 0
+                    some = np.int64(0)
         _add_ways(differences, left, entered, shares, ends, wholes, some)

@@ -66,15 +66,20 @@ def across(axis: int) -> tuple[int, int]:
     return (1 if axis == 0 else 0), (1 if axis == 2 else 2)
 
 
-def running_sums(volume: NDArray, shape: tuple[int, int, int], axis: int) -> NDArray:
-    """Return the running sums of a flat volume along ``axis``: (n_b * n_c * (n_a + 1) + 2,).
+def running_sums(
+    volume: NDArray, shape: tuple[int, int, int], axis: int
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Return the running sums of a flat volume along ``axis``, in single and double precision.
 
-    The last two are zero and belong to no column.
+    ``(n_b * n_c * (n_a + 1) + 2,)`` in the volume's type, none in the other. The last two are
+    zero and belong to no column.
     """
     n_a, n_b, n_c = turned(shape, axis)
     sums = np.zeros(n_b * n_c * (n_a + 1) + 2, volume.dtype)
     _sum_up(volume, _strides(shape, axis), (n_a, n_b, n_c), sums)
-    return sums
+    if sums.dtype == np.float32:
+        return sums, np.zeros(0)
+    return np.zeros(0, np.float32), sums
 
 
 def add_differences(

@@ -162,24 +162,15 @@ def _may_be_live(start, stop, a, b, c, end, occupied):
 
 
 @compiled(parallel=True)
-def _bound(origins, directions, lengths, box, most):
-    """Write to ``most`` (N,) how many voxels each ray crosses at most."""
-    lower, upper, spacing, shape, bricks = box
-    for ray in numba.prange(len(most)):
-        x, y, z, dx, dy, dz, end = enter(
-            origins[ray], directions[ray], lengths[ray], lower, upper, spacing, shape
-        )
-        if end > 0:
-            _, a, b, c = course(x, y, z, dx, dy, dz, end, shape, bricks)
-            most[ray] = most_crossings(end, a, b, c)
-
-
-@compiled(parallel=True)
 def _fill(
     origins, directions, lengths, weights, box, occupied, number, begin,
     counts, voxel, length, middle,
 ):  # fmt: skip
-    """Write the crossings of every chunk of rays from index ``begin[chunk]`` on; count them."""
+    """Write the crossings of every chunk of rays from index ``begin[chunk]`` on; count them.
+
+    Where ``voxel`` has no room, write to ``counts`` how many there can be at most, and no more:
+    in one kernel with the other, for what both need takes long to compile.
+    """
     lower, upper, spacing, shape, bricks = box
     half = (shape[0] / 2, shape[1] / 2, shape[2] / 2)
     for chunk in numba.prange(len(begin)):
@@ -192,8 +183,11 @@ def _fill(
             if not end > 0:
                 continue
             origin, a, b, c = course(x, y, z, dx, dy, dz, end, shape, bricks)
+            if len(voxel) == 0:
+                counts[ray] = most_crossings(end, a, b, c)
+                continue
             entry, direction = (x - half[0], y - half[1], z - half[2]), (dx, dy, dz)
-            before, start, all_layers = at, 0, np.int64(passed(end, a)) + 1
+            before, start, all_layers = at, np.int64(0), np.int64(passed(end, a)) + 1
             while start < all_layers:
                 first, start = start, _end_of_run(start, all_layers, a, occupied)
                 if not _may_be_live(first, start, a, b, c, end, occupied):
@@ -208,17 +202,29 @@ def _fill(
 
 
 @compiled()
-def _move_down(begin, ptr, array):
-    """Move what stands from ``begin[chunk]`` on in ``array`` to ``ptr[chunk]:ptr[chunk + 1]``."""
-    some = np.zeros(4096, array.dtype)
+def _move_down(begin, ptr, words, array):
+    """Move what stands from ``begin[chunk]`` on to ``ptr[chunk]:ptr[chunk + 1]``.
+
+    Parameters
+    ----------
+    begin : (chunks,) int64
+    ptr : (chunks + 1,) int64
+    words : int
+        Of 32 bits, that an entry of the array has.
+    array : uint32
+    """
+    some = np.zeros(4096, np.uint32)
     for chunk in range(len(begin)):
-        shift = begin[chunk] - ptr[chunk]
+        shift = words * (begin[chunk] - ptr[chunk])
         if shift == 0:
             continue
-        for start in range(ptr[chunk], ptr[chunk + 1], len(some)):
-            stop = min(start + len(some), ptr[chunk + 1])
-            some[: stop - start] = array[start + shift : stop + shift]
-            array[start:stop] = some[: stop - start]
+        last = words * ptr[chunk + 1]
+        for start in range(words * ptr[chunk], last, len(some)):
+            count = min(len(some), last - start)
+            for i in range(count):
+                some[i] = array[start + shift + i]
+            for i in range(count):
+                array[start + i] = some[i]
 
 
 @compiled(parallel=True)
@@ -254,30 +260,33 @@ def trace(
         occupied, number = occupied_bricks(live), live.number
     lines = rays.origins, rays.directions, rays.lengths
     box = tuple(grid.lower), tuple(grid.upper), grid.spacing, grid.shape, occupied.shape
-    most = np.zeros(len(rays), np.int64)
-    _bound(*lines, box, most)
-    begin = np.append(0, np.cumsum(most))
-    room, begin = int(begin[-1]), begin[:-1:RAYS_A_CHUNK].copy()
 
-    # Pages that nothing is written to are never taken from the system.
-    voxel = np.zeros(room, voxel_dtype(grid))
-    length = np.zeros(room, dtype)
-    middle = np.zeros((room if midpoints else 0, 3), dtype)
-    counts = np.zeros(len(rays), np.int64)
-    _fill(
-        *lines, rays.weight, box, occupied.ravel(), number, begin, counts,
-        voxel, length, middle,
-    )  # fmt: skip
-    ptr = np.append(0, np.cumsum(counts))
+    def filled(room: int, begin: NDArray[np.int64]) -> tuple[NDArray, ...]:
+        # Pages that nothing is written to are never taken from the system.
+        voxel = np.zeros(room, voxel_dtype(grid))
+        length = np.zeros(room, dtype)
+        middle = np.zeros((room if midpoints else 0, 3), dtype)
+        counts = np.zeros(len(rays), np.int64)
+        _fill(
+            *lines, rays.weight, box, occupied.ravel(), number, begin, counts,
+            voxel, length, middle,
+        )  # fmt: skip
+        return np.append(0, np.cumsum(counts)), voxel, length, middle
+
+    most, *_ = filled(0, np.zeros(-(-len(rays) // RAYS_A_CHUNK), np.int64))
+    begin = most[:-1:RAYS_A_CHUNK].copy()
+    ptr, voxel, length, middle = filled(int(most[-1]), begin)
     ends = np.append(ptr[:-1:RAYS_A_CHUNK], ptr[-1])
     voxel = _closed_up(begin, ends, voxel)
     length = _closed_up(begin, ends, length)
-    middle = _closed_up(3 * begin, 3 * ends, middle.ravel()).reshape(-1, 3) if midpoints else None
+    middle = _closed_up(begin, ends, middle) if midpoints else None
     return Segments(ptr[rays.pixel_ptr], voxel, length, middle)
 
 
 def _closed_up(begin: NDArray[np.int64], ptr: NDArray[np.int64], array: NDArray) -> NDArray:
     """Return the entries of all chunks one behind the other."""
-    _move_down(begin, ptr, array)
+    word = np.dtype(np.uint32)
+    words = array[:1].nbytes // word.itemsize
+    _move_down(begin, ptr, words, array.reshape(-1).view(word))
     found = array[: ptr[-1]]
     return found if len(found) > 0.9 * len(array) else found.copy()
