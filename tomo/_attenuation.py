@@ -20,7 +20,7 @@ def transmission(
     absorption: float,
     self_absorption: float,
     emission: NDArray[np.floating] | None,
-) -> NDArray[np.float64]:
+) -> NDArray[np.floating]:
     """Return the share of the light of every segment that leaves the grid's box: ``(S,)``.
 
     ``exp(-k d - q (sum_n E_n l_n + E l / 2))``: ``d`` from the segment's midpoint to where the
@@ -31,9 +31,9 @@ def transmission(
     Parameters
     ----------
     segments : Segments
-        One row a ray, ordered from the camera on, with midpoints and with chords as lengths.
+        What a tracer made of ``rays``, with midpoints.
     rays : Rays
-        One ray a row, from the camera on.
+        One ray a row, from the camera on; none of weight zero.
     grid : VoxelGrid
     absorption, self_absorption : float
         ``k`` in 1 / length and ``q`` in 1 / (emission * length).
@@ -42,26 +42,27 @@ def transmission(
     """
     entry = enter_box(rays, grid).position * grid.spacing - grid.extent / 2  # (rays, 3)
     near = np.einsum("ij,ij->i", entry, rays.directions)
-    used = np.zeros(0) if self_absorption == 0 else emission.ravel()
-    through = np.zeros(len(segments))
+    used = np.zeros(0, np.float32) if self_absorption == 0 else emission.ravel()
+    through = np.zeros_like(segments.length)
     _transmit(
-        segments.ptr, segments.voxel, segments.length, segments.midpoint,
-        rays.directions, near, used, absorption, self_absorption, through,
+        segments.ptr, segments.voxel, segments.length, segments.midpoint, rays.directions,
+        rays.weight, near, used, float(absorption), float(self_absorption), through,
     )  # fmt: skip
     return through
 
 
 @compiled(parallel=True)
 def _transmit(
-    ptr, voxel, length, midpoint, directions, near, emission, absorption, self_absorption, through
-):
+    ptr, voxel, length, midpoint, directions, weights, near, emission,
+    absorption, self_absorption, through,
+):  # fmt: skip
     """Walk every ray from the camera on and add up what its light has to pass."""
     for ray in numba.prange(len(near)):
-        passed = 0.0
+        dx, dy, dz = directions[ray]
+        strength = self_absorption / weights[ray]  # lengths hold the weight already
+        passed = -absorption * near[ray]
         for s in range(ptr[ray], ptr[ray + 1]):
-            along = -near[ray]
-            for axis in range(3):
-                along += directions[ray, axis] * midpoint[s, axis]
-            own = self_absorption * emission[voxel[s]] * length[s] if len(emission) > 0 else 0.0
+            along = dx * midpoint[s, 0] + dy * midpoint[s, 1] + dz * midpoint[s, 2]
+            own = strength * emission[voxel[s]] * length[s] if len(emission) > 0 else 0.0
             through[s] = np.exp(-(absorption * along + passed + own / 2))
             passed += own

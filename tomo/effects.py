@@ -196,12 +196,10 @@ focus_distance=None, aperture_rays=32)
         """
         if not self.absorbs:
             return trace(rays, grid, tracer)
-        single = replace(rays, weight=np.ones(len(rays)), pixel_ptr=np.arange(len(rays) + 1))
+        single = replace(rays, pixel_ptr=np.arange(len(rays) + 1))
         chords = trace(single, grid, tracer, midpoints=True)
-        weight = np.repeat(rays.weight, np.diff(chords.ptr))
-        weight *= self._transmission(chords, single, grid, emission)
-        length = (chords.length * weight).astype(chords.length.dtype)
-        return Segments(chords.ptr[rays.pixel_ptr], chords.voxel, length)
+        through = self._transmission(chords, single, grid, emission)
+        return Segments(chords.ptr[rays.pixel_ptr], chords.voxel, chords.length * through)
 
     def weight_ratio(
         self,
@@ -254,7 +252,7 @@ focus_distance=None, aperture_rays=32)
         rays: Rays,
         grid: VoxelGrid,
         emission: NDArray[np.floating] | None,
-    ) -> NDArray[np.float64]:
+    ) -> NDArray[np.floating]:
         strengths = self.absorption, self.self_absorption
         return transmission(segments, rays, grid, *strengths, emission)
 

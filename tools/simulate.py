@@ -43,15 +43,41 @@ def simulate(
     ] = None,
     read_noise: Annotated[float, typer.Option(help="Electrons, beside --photons.")] = 0.0,
     bits: Annotated[int | None, typer.Option(help="Quantise to 8, 12 or 16 bits.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the phantom and of the noise.", min=0)] = 0,
+    gain_spread: Annotated[
+        float, typer.Option(help="Relative standard deviation of the cameras' gains.")
+    ] = 0.0,
+    absorption: Annotated[
+        float, typer.Option(help="Of the gas in the whole box, per length unit.")
+    ] = 0.0,
+    self_absorption: Annotated[
+        float, typer.Option(help="The same per emission, where there is any.")
+    ] = 0.0,
+    vignetting: Annotated[
+        float, typer.Option(help="Share of the light lost at the images' corners.")
+    ] = 0.0,
+    aperture: Annotated[float, typer.Option(help="Diameter of the lenses; 0: pinholes.")] = 0.0,
+    focus_distance: Annotated[
+        float | None, typer.Option(help="Beside --aperture; the rig's when absent.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the phantom, the gains and the noise.", min=0)] = 0,
     tracer: Annotated[str, typer.Option(help="march, raycast or reference.")] = "march",
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Simulate the images that a rig's cameras take of a phantom, and write them as a scan."""
     started = time.perf_counter()
     with bad_input_in_one_line():
+        from tomo.effects import Effects
         from tomo.grid import grid_of_rig
         from tomo.simulate import simulate as simulate_scan
+
+        effects = Effects(
+            gain_spread=gain_spread,
+            absorption=absorption,
+            self_absorption=self_absorption,
+            vignetting=vignetting,
+            aperture=aperture,
+            focus_distance=focus_distance,
+        )
 
         loaded = load_rig_or_preset(rig)
         check_output_volume(out, loaded, rig)
@@ -66,6 +92,7 @@ def simulate(
                 voxels,
                 supersample=supersample,
                 refine=refine,
+                effects=effects,
                 noise=noise,
                 photons=photons,
                 read_noise=read_noise,

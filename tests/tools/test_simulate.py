@@ -63,6 +63,24 @@ def test_a_volume_file_brings_its_own_grid(run_tool, rig, tmp_path):
     np.testing.assert_allclose(truth, volume, rtol=1e-6)
 
 
+def test_effects_reach_the_images(run_tool, rig, tmp_path):
+    arguments = ("--rig", rig, "--phantom", "jet", *BOX, "--json")
+    effects = (
+        "--gain-spread", 0.1, "--absorption", 0.2, "--self-absorption", 0.3, "--vignetting", 0.4,
+        "--aperture", 8, "--focus-distance", 90,
+    )  # fmt: skip
+    plain = run_tool("simulate", *arguments, "-o", tmp_path / "plain")
+    done = run_tool("simulate", *arguments, *effects, "-o", tmp_path / "scan")
+    assert done.exit_code == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["settings"]["gains"] == {"front": 1.0}  # the mean of one
+    assert told["settings"]["effects"] == {
+        "gain_spread": 0.1, "absorption": 0.2, "self_absorption": 0.3, "vignetting": 0.4,
+        "aperture": 8.0, "focus_distance": 90.0, "aperture_rays": 32,
+    }  # fmt: skip
+    assert told["maximum"] < 0.9 * json.loads(plain.stdout)["maximum"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -76,6 +94,15 @@ def test_a_volume_file_brings_its_own_grid(run_tool, rig, tmp_path):
         (("--phantom", "jet", *BOX[:4], "--center", "-1e5,0,0"), "no camera that sees"),
         (("--phantom", "jet", *BOX, "--noise", "-1"), "noise: found -1"),
         (("--phantom", "jet", *BOX, "--tracer", "foo"), "tracer: found 'foo'"),
+        (("--phantom", "jet", *BOX, "--gain-spread", "-1"), "gain_spread: found -1"),
+        (("--phantom", "jet", *BOX, "--absorption", "nan"), "absorption: found nan"),
+        (("--phantom", "jet", *BOX, "--self-absorption", "-2"), "self_absorption: found -2"),
+        (("--phantom", "jet", *BOX, "--vignetting", "1"), "vignetting: found 1.0, expected"),
+        (("--phantom", "jet", *BOX, "--aperture", "-1"), "aperture: found -1"),
+        (
+            ("--phantom", "jet", *BOX, "--aperture", "5"),
+            "focus_distance: camera front: found",
+        ),
         (("--phantom", "none.vti", *BOX), "none.vti: no such volume"),
         (("--phantom", "jet", "--grid", "90000x90000x90000", "--spacing", "1e-4"), "would fit"),
     ],

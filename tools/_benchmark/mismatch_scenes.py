@@ -13,7 +13,7 @@ import phantoms
 from _benchmark.scenes import flame_rig
 from _benchmark.sizes import Sizes
 from rigs import Rig
-from tomo import LinearSystem, VoxelGrid
+from tomo import LinearSystem, Projector, Segments, VoxelGrid
 from tomo import noise as noises
 from tomo.effects import Effects
 from tomo.simulate import SimulatedScan, simulate
@@ -24,13 +24,16 @@ NOISES: Mapping[str, float] = {"clean": 0.0, "2 %": 0.02}
 """Standard deviation of white noise in every pixel, over the brightest pixel."""
 
 GAIN_SPREAD = 0.1
-DEPTH = 0.5
-"""Optical depth across the box, and along the brightest line through the flame."""
+BOX_DEPTH = 2.0
+"""Optical depth across the box, most of which the views from both sides make up for."""
+
+FLAME_DEPTH = 1.0
+"""Optical depth of the flame for its own light, through its brightest part."""
 
 CORNER_LOSS = 0.4
 APERTURE = 29.0
-FOCUS_DISTANCE = 5400.0
-"""A lens of 116 mm at f/4, focused 400 mm in front of the flame: a blur of 2 mm."""
+FOCUS_DISTANCE = 5600.0
+"""A lens of 116 mm at f/4, focused 200 mm in front of the flame: a blur of 1 mm, two voxels."""
 
 EFFECTS: Mapping[str, tuple[str, ...]] = {
     "gains": ("gain_spread",),
@@ -113,6 +116,22 @@ class MismatchScene:
         ]
         return np.concatenate(ratios)
 
+    def informed(self, system: LinearSystem) -> Projector:
+        """Return the projector of the same pixels and voxels that knows all of the effects."""
+        live = system.projector.live
+        gains = self.effects.gains(len(self.rig), self.seed)
+        parts = []
+        for camera, pixels, gain in zip(self.rig, system.pixels, gains, strict=True):
+            rays = self.effects.rays(camera, pixels)
+            part = self.effects.trace(rays, self.grid, self.truth).renumbered(live.number)
+            width = camera.image_size[0]
+            centres = np.stack([pixels % width, pixels // width], axis=-1)
+            light = (gain * self.effects.falloff(camera, centres)).astype(np.float32)
+            length = part.length * np.repeat(light, np.diff(part.ptr))
+            parts.append(replace(part, length=length))
+        view_ptr = system.projector.view_ptr
+        return Projector(Segments.concatenate(parts), self.grid, view_ptr, live)
+
 
 def mismatch_scene(effect: str, flame: str, noise: str, seed: int, size: Sizes) -> MismatchScene:
     """Return one scene of the suite.
@@ -153,8 +172,8 @@ def _strengths(grid: VoxelGrid, truth: NDArray[np.float32]) -> dict[str, float]:
     across = max(truth.sum(axis=axis).max() * grid.spacing[axis] for axis in (0, 2))
     return {
         "gain_spread": GAIN_SPREAD,
-        "absorption": DEPTH / float(grid.extent[0]),
-        "self_absorption": DEPTH / float(across),
+        "absorption": BOX_DEPTH / float(grid.extent[0]),
+        "self_absorption": FLAME_DEPTH / float(across),
         "vignetting": CORNER_LOSS,
         "aperture": APERTURE,
         "focus_distance": FOCUS_DISTANCE,
@@ -168,7 +187,7 @@ def _clean(effect: str, flame: str, seed: int, size: Sizes) -> tuple[Effects, Si
     strengths = _strengths(grid, grid.average(fine, size.refine))
     effects = Effects(**{name: strengths[name] for name in EFFECTS[effect]})
     scan = simulate(
-        flame_rig(VIEWS, size.shrink),
+        flame_rig(VIEWS, size.mismatch_shrink),
         phantoms.SampledField(fine, grid.refined(size.refine)),
         grid,
         refine=size.refine,

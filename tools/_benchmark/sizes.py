@@ -27,8 +27,10 @@ class Sizes:
         The most settings of a method that are tried on seed 0.
     repeats : int
         Timings a median is taken of.
-    skip_shrink : int
-        Of the images of the study of skipping: 1 is the presets as they are.
+    skip_shrink, mismatch_shrink : int
+        Of the images of the studies of skipping and of mismatch: 1 is the presets as they are.
+    mismatch_seeds : tuple of int
+        Of flames, gains and noise in the study of mismatch.
     edges, stored_edges : tuple of int
         Voxels along the grid's edge as time and memory grow; those for a stored matrix.
     views : tuple of int
@@ -53,6 +55,8 @@ class Sizes:
     settings: int
     repeats: int
     skip_shrink: int
+    mismatch_shrink: int
+    mismatch_seeds: tuple[int, ...]
     edges: tuple[int, ...]
     stored_edges: tuple[int, ...]
     views: tuple[int, ...]
@@ -75,6 +79,8 @@ FULL = Sizes(
     settings=3,
     repeats=5,
     skip_shrink=1,
+    mismatch_shrink=1,
+    mismatch_seeds=(1, 2, 3, 4, 5),
     edges=(32, 64, 96, 128, 192, 256, 384),
     stored_edges=(32, 64, 96, 128, 192),
     views=(4, 8, 16, 32, 64),
@@ -96,6 +102,8 @@ QUICK = Sizes(
     settings=2,
     repeats=3,
     skip_shrink=2,
+    mismatch_shrink=2,
+    mismatch_seeds=(1,),
     edges=(32, 64, 96),
     stored_edges=(32, 64, 96),
     views=(4, 8, 16),
@@ -117,6 +125,8 @@ TINY = Sizes(
     settings=2,
     repeats=1,
     skip_shrink=10,
+    mismatch_shrink=10,
+    mismatch_seeds=(1,),
     edges=(8, 12),
     stored_edges=(8,),
     views=(4,),
