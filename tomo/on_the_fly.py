@@ -75,7 +75,7 @@ class OnTheFlyProjector(ViewedOperator):
         supersample: int = 1,
         live: LiveVoxels | None = None,
     ) -> OnTheFlyProjector:
-        """Return the projector of cameras, one a view; 4 bytes a pixel, and 8 a distorted ray.
+        """Return the projector of cameras, one a view; 8 bytes a distorted ray, little else.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class OnTheFlyProjector(ViewedOperator):
         threads, number = numba.get_num_threads(), self._number
         shape = n_a, n_b, n_c = turned(self.grid.shape, axis)
         plane = n_c * (n_a + 1)  # numbers for each step along b
-        at_once = max(max(volume.nbytes, DIFFERENCES) // (8 * plane), 1)
+        at_once = -(-max(volume.nbytes, DIFFERENCES) // (8 * plane))
         ranges = -(-n_b // at_once)
         for part in range(ranges):
             low, high = part * n_b // ranges, (part + 1) * n_b // ranges

@@ -21,6 +21,7 @@ from tomo.grid import VoxelGrid
 from tomo.rays import Rays
 from tomo.trace.columns import across, turned
 from tomo.trace.courses import of_pixels, of_rays
+from tomo.trace.pixel_runs import PixelRuns
 
 PIXELS_AT_ONCE = 65_536  # while the bend of a lens is made
 
@@ -144,8 +145,8 @@ class CameraPixels(PixelSource):
     Attributes
     ----------
     camera : Camera
-    pixels : (P,) int32 or int64
-        Flat pixel numbers ``row * width + column``; all pixels when None.
+    pixels : PixelRuns
+        Flat pixel numbers ``row * width + column``.
     supersample : int
         Rays along each side of a pixel.
     bend : (B, K², 2) float32, (B, K², 3) float64 or (0, 0, 0)
@@ -157,7 +158,7 @@ class CameraPixels(PixelSource):
     """
 
     camera: Camera
-    pixels: NDArray[np.integer] | None
+    pixels: PixelRuns
     supersample: int
     bend: NDArray[np.floating]
     rows: NDArray[np.integer] | None = None
@@ -176,31 +177,24 @@ class CameraPixels(PixelSource):
         if supersample < 1:
             raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
         count = math.prod(camera.image_size)
-        kind = np.int32 if count <= np.iinfo(np.int32).max else np.int64
         bend = _bend(camera, np.arange(count) if pixels is None else pixels, supersample)
-        return cls(camera, None if pixels is None else np.asarray(pixels, kind), supersample, bend)
+        runs = PixelRuns.all_of(count) if pixels is None else PixelRuns.of(pixels, count)
+        return cls(camera, runs, supersample, bend)
 
     @property
     def n_pixels(self) -> int:
         """Number of pixels."""
-        return math.prod(self.camera.image_size) if self.pixels is None else len(self.pixels)
+        return len(self.pixels)
 
     @property
     def largest_weight(self) -> float:
         """One: a pixel's rays are averaged."""
         return 1.0
 
-    def _numbers(self, some: slice) -> NDArray[np.integer]:
-        if self.pixels is None:
-            return np.arange(some.start, some.stop, dtype=np.int64)
-        return self.pixels[some]
-
     def take(self, numbers: Numbers) -> CameraPixels:
         """Return the source of some of the pixels."""
-        every = self.pixels
-        if every is None:
-            every = np.arange(self.n_pixels, dtype=np.int32 if self.n_pixels < 2**31 else np.int64)
-        pixels = every[numbers]
+        every = self.pixels.between(0, self.n_pixels)
+        pixels = PixelRuns.of(every[numbers], math.prod(self.camera.image_size))
         if not self.bend.size:
             return replace(self, pixels=pixels)
         rows = np.arange(len(self.bend), dtype=np.int32) if self.rows is None else self.rows
@@ -229,9 +223,10 @@ class CameraPixels(PixelSource):
             bend = bend[some] if self.rows is None else bend[self.rows[some]]
         (fx, skew, cx), (_, fy, cy) = self.camera.camera_matrix[:2]
         of_pixels(
-            self._numbers(some), bend, self.camera.image_size[0], np.array([fx, skew, cx, fy, cy]),
-            _places(self.supersample), self.camera.R, self.camera.position,
-            corners_and_spacing(grid), turned(grid.shape, axis), (axis, *across(axis)), courses,
+            self.pixels.between(start, stop), bend, self.camera.image_size[0],
+            np.array([fx, skew, cx, fy, cy]), _places(self.supersample), self.camera.R,
+            self.camera.position, corners_and_spacing(grid), turned(grid.shape, axis),
+            (axis, *across(axis)), courses,
         )  # fmt: skip
 
 
