@@ -86,6 +86,20 @@ def test_means_are_of_the_runs(studies):
     assert noisy["cosine_distance"] > clean["cosine_distance"]
 
 
+def test_what_is_not_told_costs_accuracy(studies):
+    rows, means = studies["mismatch"], studies["mismatch_mean"]
+    assert [row["effect"] for row in means] == ["gains", "gains", "all", "all"]
+    assert {row["noise"] for row in rows} == {"clean", "2 %"}
+    for row, mean in zip(rows, means, strict=True):
+        assert row["tried"][row["classic"]] == min(row["tried"].values())
+        assert row["classic_cosine_distance"] == row["tried"][row["classic"]] < 0.1
+        assert row["classic_seconds"] > 0
+        assert mean["classic_cosine_distance"] == row["classic_cosine_distance"]  # one seed
+    told, untold = (only(means, effect="all", noise="clean")[0][f"{who}_cosine_distance"]
+                    for who in ("informed", "classic"))  # fmt: skip
+    assert told < 0.8 * untold
+
+
 def test_exact_data_are_matched_sooner_by_better_methods(studies):
     rows = studies["consistent"]
     for row in rows:

@@ -41,7 +41,7 @@ def test_an_interrupted_run_goes_on(run_tool, stubs, monkeypatch, tmp_path):
     monkeypatch.setattr(parts, "PARTS", working)
     stubs.clear()
     assert run_tool("benchmark", "--quick", "--resume", "-o", tmp_path).exit_code == 0
-    assert stubs == ["scaling", "startup"]
+    assert stubs == ["scaling", "startup", "mismatch"]
     after = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))["parts"]
     assert tuple(after) == PARTS
     assert all(after[name] == before[name] for name in before)
@@ -52,7 +52,7 @@ def test_only_what_is_asked_runs(run_tool, stubs, tmp_path):
     assert run_tool(*arguments, "--part", "startup", "--part", "scaling").exit_code == 0
     assert stubs == ["startup", "scaling"]
     assert run_tool(*arguments, "--resume", "--redo", "scaling").exit_code == 0
-    assert stubs[2:] == ["projectors", "solvers", "skipping", "scaling"]
+    assert stubs[2:] == ["projectors", "solvers", "skipping", "scaling", "mismatch"]
     assert run_tool(*arguments, "--part", "startup").exit_code == 0
     parts = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))["parts"]
     assert list(parts) == ["startup"]  # without --resume a run begins anew

@@ -161,6 +161,18 @@ def _default(rows: Sequence) -> Iterator[Claim]:
             yield Claim(what, row["of_best_art"], 0.25, at_least=False)
 
 
+def _mismatch(rows: Sequence) -> Iterator[Claim]:
+    for row in rows:
+        if row["wernet_of_classic"] is None:
+            continue
+        wanted = 1 / 3 if row["effect"] == "gains" else 1 / 5
+        if row["effect"] in ("vignetting", "defocus", "pixel area"):
+            wanted = 1.0
+        where = f"{row['flame']}, {row['noise']}, {row['effect']}"
+        what = f"{where}: WERNet's distance over the best classic's, best-stopped"
+        yield Claim(what, row["wernet_of_classic"], wanted, at_least=False)
+
+
 def _startup(rows: Sequence) -> Iterator[Claim]:
     if any("empty" in row for row in rows if row["what"] == "kernels"):
         yield Claim("first use of every kernel", first_use(rows, "empty"), 20, False, "s")
@@ -180,4 +192,5 @@ _JUDGES: tuple[tuple[tuple[str, ...], Callable[..., Iterator[Claim]]], ...] = (
     (("consistent",), _consistent),
     (("solvers_mean",), _default),
     (("startup",), _startup),
+    (("mismatch_mean",), _mismatch),
 )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from _benchmark.problems import Problem
 from _benchmark.timing import Stopwatch
 from tomo import metrics, solve
+from tomo.smooth_basis import SmoothBasis
 
 PATIENCE = 4
 """Passes without a new best after which a run is over, when only the best counts."""
@@ -52,6 +53,7 @@ def course(
     settings: Mapping[str, object],
     *,
     passes: int,
+    width: float = 0.0,
     until: float | None = None,
     most_seconds: float | None = None,
 ) -> Course:
@@ -67,6 +69,8 @@ def course(
         Its further arguments.
     passes : int
         The most.
+    width : float
+        Of the blobs of a `tomo.smooth_basis.SmoothBasis`, in voxels; boxes when 0.
     until : float, optional
         Cosine distance at which to end; when None the run ends once it gets no better for
         `PATIENCE` passes.
@@ -75,10 +79,12 @@ def course(
     reached: list[tuple[float, float, float]] = []
     projector = problem.system.projector
     watch = Stopwatch()
+    basis = SmoothBasis(projector, width) if width else None
 
     def judge(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
         with watch.paused() as solving:
-            found = projector.live.expand(volume).reshape(truth.shape)
+            values = basis.blur(volume) if basis else volume
+            found = projector.live.expand(values).reshape(truth.shape)
             distance = metrics.cosine_distance(found, truth)
             seconds = problem.seconds + solving
             reached.append((seconds, distance, metrics.nrmse(found, truth)))
@@ -89,7 +95,7 @@ def course(
             return distance <= until or _stalled([r[1] for r in reached])
 
     solver: Callable = getattr(solve, method)
-    solver(projector, problem.measured, iterations=passes, callback=judge, **settings)
+    solver(basis or projector, problem.measured, iterations=passes, callback=judge, **settings)
     return Course(*(tuple(column) for column in zip(*reached, strict=True)))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import phantoms
+from _benchmark.problems import Problem, problem
 from _benchmark.scenes import flame_rig
 from _benchmark.sizes import Sizes
 from rigs import Rig
@@ -17,7 +18,6 @@ from tomo import LinearSystem, Projector, Segments, VoxelGrid
 from tomo import noise as noises
 from tomo.effects import Effects
 from tomo.simulate import SimulatedScan, simulate
-from tomo.support import carve
 
 VIEWS = 33
 NOISES: Mapping[str, float] = {"clean": 0.0, "2 %": 0.02}
@@ -91,17 +91,9 @@ class MismatchScene:
         """The flame's means over the voxels."""
         return self.scan.truth
 
-    def system(self, *, midpoints: bool = True) -> LinearSystem:
+    def problem(self, *, midpoints: bool = False) -> Problem:
         """Return the equations of chords, one ray a pixel, carved as the default carves."""
-        carving = carve(tuple(self.rig), self.images, None, self.grid)
-        return LinearSystem.from_rig(
-            self.rig,
-            self.grid,
-            masks=carving.pixels,
-            live=carving.live,
-            midpoints=midpoints,
-            form="stored",
-        )
+        return problem(self.rig, self.grid, self.images, skip=True, midpoints=midpoints)
 
     def weight_ratios(self, system: LinearSystem) -> NDArray[np.float64]:
         """Return the true weight of each of the system's segments over its chord: ``(S,)``."""

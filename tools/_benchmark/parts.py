@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from _benchmark.consistent import consistent
+from _benchmark.mismatch import mismatch
 from _benchmark.plume import plume
 from _benchmark.projectors import projectors
 from _benchmark.scaling import scaling
@@ -41,10 +42,15 @@ def _startup(sizes: Sizes, data: Path | None, progress: Progress) -> tuple[Rows,
     return {"startup": startup(sizes, progress)}, []
 
 
+def _mismatch(sizes: Sizes, data: Path | None, progress: Progress) -> tuple[Rows, list[str]]:
+    return mismatch(sizes, progress), []
+
+
 PARTS: Mapping[str, Part] = {
     "projectors": _projectors,
     "solvers": _solvers,
     "skipping": _skipping,
     "scaling": _scaling,
     "startup": _startup,
+    "mismatch": _mismatch,
 }

@@ -6,17 +6,24 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tomo.view.figures import INK, MUTED, new_figure, thin_lines
+from _benchmark.plot_axes import (
+    LINES,
+    draw_course,
+    draw_line,
+    log_log,
+    looks_of,
+    name_axes,
+    own_ticks,
+    shared_legend,
+)
+from tomo.view.figures import INK, MUTED, new_figure
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Row = Mapping[str, Any]
 
 _DEFAULT = "#c2500f"
-_LINES = ("#1f6fb2", "#12826a", "#7d5ba6", "#9a7b00", "#a3466a", "#5b6672")
-_STYLES = ("-", "--", ":")
 _NOISES = {
     "clean": "clean",
     "gaussian": "10 % Gaussian noise",
@@ -46,7 +53,7 @@ def _solvers(rows: Sequence[Row]) -> Figure:
     noises = list(dict.fromkeys(row["noise"] for row in rows))
     views = list(dict.fromkeys(row["views"] for row in rows))
     methods = list(dict.fromkeys(row["method"] for row in rows if row["method"] != "auto"))
-    look = _looks(methods)
+    look = looks_of(methods)
     width, height = 10.4, 2.9 * len(noises) + 0.75
     figure = new_figure(width, height)
     panels = figure.subplots(len(noises), len(views), squeeze=False, sharex="col", sharey="row")
@@ -60,7 +67,7 @@ def _solvers(rows: Sequence[Row]) -> Figure:
             ]
             for row in shown:
                 if row["course"]:
-                    _course(axes, row["course"], row["method"], look[row["method"]])
+                    draw_course(axes, row["course"], row["method"], look[row["method"]])
             for row in shown:
                 if row["method"] == "auto":
                     axes.plot(
@@ -68,16 +75,16 @@ def _solvers(rows: Sequence[Row]) -> Figure:
                         color=_DEFAULT, markeredgecolor="white", zorder=5, label="auto",
                     )  # fmt: skip
             axes.set_title(f"{count} views, {_NOISES.get(noise, noise)}", fontsize=8.5, color=INK)
-            _log_log(axes)
-    _label(panels, "seconds since the images were in memory", "cosine distance from the truth")
-    _legend(figure, panels)
+            log_log(axes)
+    name_axes(panels, "seconds since the images were in memory", "cosine distance from the truth")
+    shared_legend(figure, panels)
     return figure
 
 
 def _consistent(rows: Sequence[Row]) -> Figure:
     """Return cosine distance against seconds for exact data: a panel for each flame."""
     flames = list(dict.fromkeys(row["flame"] for row in rows))
-    look = _looks(list(dict.fromkeys(row["method"] for row in rows)))
+    look = looks_of(list(dict.fromkeys(row["method"] for row in rows)))
     figure = new_figure(10.4 if len(flames) > 1 else 6.2, 4.0)
     panels = figure.subplots(1, len(flames), squeeze=False, sharey=True)
     for axes, flame in zip(panels[0], flames, strict=True):
@@ -85,13 +92,15 @@ def _consistent(rows: Sequence[Row]) -> Figure:
             if row["flame"] == flame:
                 colour, _ = look[row["method"]]
                 label = f"{row['method']}{'' if row['skip'] else ', nothing skipped'}"
-                _course(axes, row["course"], label, (colour, "-" if row["skip"] else "--"), dot=0)
+                draw_course(
+                    axes, row["course"], label, (colour, "-" if row["skip"] else "--"), dot=0
+                )
         axes.set_title(f"{flame}, 33 views, exact data", fontsize=8.5, color=INK)
         for level in (1e-3, 1e-6):
             axes.axhline(level, color=MUTED, linewidth=0.6, zorder=0)
-        _log_log(axes)
-    _label(panels, "seconds since the images were in memory", "cosine distance from the truth")
-    _legend(figure, panels)
+        log_log(axes)
+    name_axes(panels, "seconds since the images were in memory", "cosine distance from the truth")
+    shared_legend(figure, panels)
     return figure
 
 
@@ -99,7 +108,7 @@ def _skipping(rows: Sequence[Row]) -> Figure:
     """Return where each method ends, with and without skipping, joined by a line."""
     cases = list(dict.fromkeys((row["flame"], row["noise"]) for row in rows))
     methods = list(dict.fromkeys(row["method"] for row in rows))
-    look = _looks([method for method in methods if method != "auto"])
+    look = looks_of([method for method in methods if method != "auto"])
     down = math.ceil(len(cases) / 2)
     figure = new_figure(10.4, 2.9 * down + 0.75)
     panels = figure.subplots(down, min(len(cases), 2), squeeze=False)
@@ -121,11 +130,11 @@ def _skipping(rows: Sequence[Row]) -> Figure:
             label="hollow: nothing skipped",
         )  # fmt: skip
         axes.set_title(f"{flame}, 33 views, {_NOISES.get(noise, noise)}", fontsize=8.5, color=INK)
-        _log_log(axes, room=0.25)
+        log_log(axes, room=0.25)
     for axes in panels.ravel()[len(cases) :]:
         axes.set_visible(False)
-    _label(panels, "seconds since the images were in memory", "cosine distance from the truth")
-    _legend(figure, panels)
+    name_axes(panels, "seconds since the images were in memory", "cosine distance from the truth")
+    shared_legend(figure, panels)
     return figure
 
 
@@ -136,20 +145,20 @@ def _growth(along: str, words: str) -> Callable[[Sequence[Row]], Figure]:
         figure = new_figure(10.4, 4.1)
         time, memory = panels = figure.subplots(1, 2)
         forms = list(dict.fromkeys(row["form"] for row in rows))
-        for form, colour in zip(forms, _LINES, strict=False):
+        for form, colour in zip(forms, LINES, strict=False):
             mine = [row for row in rows if row["form"] == form]
             x = [row[along] for row in mine]
             for key, style in (("trace", ":"), ("forward", "-"), ("adjoint", "--")):
                 y = [row[f"{key}_seconds"] for row in mine]
                 label = f"{form}: {'set-up' if key == 'trace' else key}"
-                _line(time, x, y, label, (colour, style))
-            _line(memory, x, [row["peak_bytes"] / 2**20 for row in mine], form, (colour, "-"))
+                draw_line(time, x, y, label, (colour, style))
+            draw_line(memory, x, [row["peak_bytes"] / 2**20 for row in mine], form, (colour, "-"))
         some = {row[along]: row["needed_bytes"] / 2**20 for row in rows}
         label = "images + two volumes"
-        _line(memory, list(some), list(some.values()), label, (MUTED, ":"))
+        draw_line(memory, list(some), list(some.values()), label, (MUTED, ":"))
         for axes, y_words in zip(panels, ("seconds", "peak memory (MiB)"), strict=True):
-            _log_log(axes)
-            _own_ticks(axes, sorted({row[along] for row in rows}))
+            log_log(axes)
+            own_ticks(axes, sorted({row[along] for row in rows}))
             axes.set_xlabel(words, fontsize=8)
             axes.set_ylabel(y_words, fontsize=8)
             axes.legend(fontsize=7.5, frameon=False, handlelength=3.2)
@@ -164,15 +173,15 @@ def _threads(rows: Sequence[Row]) -> Figure:
     figure = new_figure(6.2, 4.0)
     axes = figure.subplots()
     forms = list(dict.fromkeys(row["form"] for row in rows))
-    for form, colour in zip(forms, _LINES, strict=False):
+    for form, colour in zip(forms, LINES, strict=False):
         for product, style in (("forward", "-"), ("adjoint", "--")):
             mine = [row for row in rows if (row["form"], row["product"]) == (form, product)]
             x, y = ([row[key] for row in mine] for key in ("threads", "speed_up"))
-            _line(axes, x, y, f"{form}: {product}", (colour, style))
+            draw_line(axes, x, y, f"{form}: {product}", (colour, style))
     counts = sorted({row["threads"] for row in rows})
-    _line(axes, counts, counts, "ideal", (MUTED, ":"))
-    _log_log(axes)
-    _own_ticks(axes, counts)
+    draw_line(axes, counts, counts, "ideal", (MUTED, ":"))
+    log_log(axes)
+    own_ticks(axes, counts)
     axes.set_xlabel("threads", fontsize=8)
     axes.set_ylabel("times faster than one", fontsize=8)
     axes.legend(fontsize=7.5, frameon=False, handlelength=3.2)
@@ -191,13 +200,13 @@ def _projectors(rows: Sequence[Row]) -> Figure:
         for row in mine:
             rate = row["rays_per_second"] / row["threads"] / 1e6
             ours = row["what"].startswith(("on the fly", "stored", "march"))
-            colour = _LINES[0] if ours else MUTED
+            colour = LINES[0] if ours else MUTED
             face = colour if row["threads"] == 1 else "white"
             axes.plot(
                 rate, names.index(row["what"]), "o", color=face, markeredgecolor=colour,
                 markersize=7,
             )  # fmt: skip
-        _log_log(axes, room=0.15)
+        log_log(axes, room=0.15)
         axes.set_yscale("linear")
         axes.set_yticks(range(len(names)), names, fontsize=7.5)
         axes.set_ylim(len(names) - 0.4, -0.6)
@@ -211,6 +220,39 @@ def _projectors(rows: Sequence[Row]) -> Figure:
     return figure
 
 
+def _mismatch(rows: Sequence[Row]) -> Figure:
+    """Return how near to the truth each effect lets methods come: a panel for each scene."""
+    scenes = list(dict.fromkeys((row["flame"], row["noise"]) for row in rows))
+    effects = list(dict.fromkeys(row["effect"] for row in rows))
+    down = math.ceil(len(scenes) / 2)
+    figure = new_figure(10.4, max((0.32 * len(effects) + 0.6) * down + 0.6, 3.4))
+    panels = figure.subplots(down, min(len(scenes), 2), squeeze=False, sharey=True, sharex="col")
+    shown = (
+        ("classic", "o", LINES[0], "best classic, best-stopped"),
+        ("informed", "|", MUTED, "told the true weights, best-stopped"),
+        ("wernet", "*", _DEFAULT, "WERNet"),
+    )
+    for axes, (flame, noise) in zip(panels.ravel(), scenes, strict=False):
+        mine = [row for row in rows if (row["flame"], row["noise"]) == (flame, noise)]
+        for key, marker, colour, label in shown:
+            found = {row["effect"]: row[f"{key}_cosine_distance"] for row in mine}
+            known = [effect for effect in effects if found.get(effect) is not None]
+            if known:
+                axes.plot(
+                    [found[effect] for effect in known], [effects.index(e) for e in known],
+                    marker, color=colour, markersize=9, label=label,
+                )  # fmt: skip
+        log_log(axes, room=0.15)
+        axes.set_yscale("linear")
+        axes.set_yticks(range(len(effects)), effects, fontsize=7.5)
+        axes.set_ylim(len(effects) - 0.4, -0.6)
+        axes.set_title(f"{flame}, 33 views, {noise}", fontsize=8.5, color=INK)
+    for axes in panels[-1]:
+        axes.set_xlabel("cosine distance from the truth", fontsize=8)
+    shared_legend(figure, panels)
+    return figure
+
+
 _DRAWN: Mapping[str, Callable[[Sequence[Row]], Figure]] = {
     "projectors": _projectors,
     "consistent": _consistent,
@@ -218,86 +260,5 @@ _DRAWN: Mapping[str, Callable[[Sequence[Row]], Figure]] = {
     "scaling_edge": _growth("edge", "voxels along the grid's edge"),
     "scaling_views": _growth("views", "views"),
     "threads": _threads,
+    "mismatch_mean": _mismatch,
 }
-
-
-def _looks(methods: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Return a colour and a line style for each method, in alphabetical order."""
-    return {
-        method: (_LINES[n % len(_LINES)], _STYLES[n // len(_LINES) % len(_STYLES)])
-        for n, method in enumerate(sorted(methods))
-    }
-
-
-def _course(
-    axes: Axes, course: Sequence, label: str, look: tuple[str, str], dot: float = 5
-) -> None:
-    """Draw cosine distance against seconds; the start says nothing, the best has a dot."""
-    x, y = [entry[0] for entry in course[1:]], [entry[1] for entry in course[1:]]
-    if not y:
-        return
-    _line(axes, x, y, label, look, marker_size=0)
-    best = min(range(len(y)), key=y.__getitem__)
-    axes.plot(x[best], y[best], "o", color=look[0], markersize=dot)
-
-
-def _line(
-    axes: Axes,
-    x: Sequence[float],
-    y: Sequence[float],
-    label: str,
-    look: tuple[str, str],
-    marker_size: float = 3,
-) -> None:
-    colour, style = look
-    axes.plot(
-        x, y, color=colour, linestyle=style, linewidth=1.4, marker="o", markersize=marker_size,
-        label=label,
-    )  # fmt: skip
-
-
-def _log_log(axes: Axes, room: float = 0.05) -> None:
-    """Give a plot logarithmic axes, thin grey lines, and numbers a reader can read."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y")):
-        axes.set(**{f"{name}scale": "log"})
-        axes.margins(**{name: room})
-        low, high = axes.get_xlim() if name == "x" else axes.get_ylim()
-        narrow = high / low < 300
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if narrow else (1,)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())
-    thin_lines(axes)
-
-
-def _own_ticks(axes: Axes, values: Sequence[float]) -> None:
-    """Set the x axis's ticks to the values measured."""
-    from matplotlib.ticker import FixedLocator, NullLocator
-
-    axes.xaxis.set_major_locator(FixedLocator(values))
-    axes.xaxis.set_minor_locator(NullLocator())
-
-
-def _label(panels: Sequence[Sequence[Axes]], x_words: str, y_words: str) -> None:
-    """Name the axes on the outer panels only."""
-    for axes in panels[-1]:
-        axes.set_xlabel(x_words, fontsize=8)
-    for row in panels:
-        row[0].set_ylabel(y_words, fontsize=8)
-
-
-def _legend(figure: Figure, panels: Sequence[Sequence[Axes]]) -> None:
-    """Put one legend above all panels."""
-    handles: dict[str, Any] = {}
-    for row in panels:
-        for axes in row:
-            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-                handles.setdefault(label, handle)
-    across = 6
-    lines = math.ceil(len(handles) / across)
-    figure.legend(
-        handles.values(), handles.keys(), loc="upper center", ncols=min(len(handles), across),
-        fontsize=8, frameon=False,
-    )  # fmt: skip
-    figure.tight_layout(rect=(0, 0, 1, 1 - (0.1 + 0.2 * lines) / figure.get_figheight()))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,15 +39,14 @@ def problem(
     *,
     skip: bool,
     form: str = "stored",
+    midpoints: bool = False,
 ) -> Problem:
     """Return the equations of all pixels and voxels, or of those that matter (``skip``)."""
     started = time.perf_counter()
+    how: dict[str, Any] = {"form": form, "midpoints": midpoints}
     if skip:
         carving = carve(tuple(rig), images, None, grid)
-        system = LinearSystem.from_rig(
-            rig, grid, masks=carving.pixels, live=carving.live, form=form
-        )
-    else:
-        system = LinearSystem.from_rig(rig, grid, skip=skip, form=form)
+        how |= {"masks": carving.pixels, "live": carving.live}
+    system = LinearSystem.from_rig(rig, grid, skip=skip, **how)
     measured = system.flatten(images)
     return Problem(system, measured, time.perf_counter() - started)

@@ -29,8 +29,10 @@ class Sizes:
         Timings a median is taken of.
     skip_shrink, mismatch_shrink : int
         Of the images of the studies of skipping and of mismatch: 1 is the presets as they are.
+    mismatch_effects : tuple of str
+        Which effects that study has, of `_benchmark.mismatch_scenes.EFFECTS`.
     mismatch_seeds : tuple of int
-        Of flames, gains and noise in the study of mismatch.
+        Of its flames, gains and noise.
     edges, stored_edges : tuple of int
         Voxels along the grid's edge as time and memory grow; those for a stored matrix.
     views : tuple of int
@@ -56,6 +58,7 @@ class Sizes:
     repeats: int
     skip_shrink: int
     mismatch_shrink: int
+    mismatch_effects: tuple[str, ...]
     mismatch_seeds: tuple[int, ...]
     edges: tuple[int, ...]
     stored_edges: tuple[int, ...]
@@ -80,6 +83,16 @@ FULL = Sizes(
     repeats=5,
     skip_shrink=1,
     mismatch_shrink=1,
+    mismatch_effects=(
+        "gains",
+        "absorption",
+        "self-absorption",
+        "vignetting",
+        "defocus",
+        "pixel area",
+        "gains + absorption",
+        "all",
+    ),
     mismatch_seeds=(1, 2, 3, 4, 5),
     edges=(32, 64, 96, 128, 192, 256, 384),
     stored_edges=(32, 64, 96, 128, 192),
@@ -103,6 +116,7 @@ QUICK = Sizes(
     repeats=3,
     skip_shrink=2,
     mismatch_shrink=2,
+    mismatch_effects=("gains", "self-absorption"),
     mismatch_seeds=(1,),
     edges=(32, 64, 96),
     stored_edges=(32, 64, 96),
@@ -126,6 +140,7 @@ TINY = Sizes(
     repeats=1,
     skip_shrink=10,
     mismatch_shrink=10,
+    mismatch_effects=("gains", "all"),
     mismatch_seeds=(1,),
     edges=(8, 12),
     stored_edges=(8,),

@@ -20,6 +20,7 @@ TITLES = {
     "skipping": "Skipping",
     "scaling": "Growth",
     "startup": "Start-up and first use",
+    "mismatch": "Physics that solvers are not told",
 }
 
 

@@ -1,0 +1,196 @@
+"""How much is gained where chord lengths are not the truth by learning what they lack."""
+
+from __future__ import annotations
+
+import collections
+import itertools
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from _benchmark.courses import Course, course
+from _benchmark.mismatch_scenes import NOISES, MismatchScene, mismatch_scene
+from _benchmark.problems import Problem
+from _benchmark.sizes import TINY, Sizes
+from _benchmark.solvers import Progress, Rows
+from tomo import metrics
+
+Candidate = tuple[str, float, Mapping[str, Any]]
+"""A method, the width of its blobs in voxels (0: boxes), and its settings."""
+
+INFORMED: tuple[Candidate, ...] = (
+    ("cgls", 0.0, {}),
+    ("nnls", 0.0, {}),
+    ("nnls", 0.5, {}),
+    ("nnls", 0.8, {}),
+)
+CLASSIC: tuple[Candidate, ...] = (
+    *INFORMED,
+    ("nnls", 1.2, {}),
+    ("sirt", 0.0, {"relaxation": 1.9, "subsets": 8}),
+    ("mlem", 0.0, {"subsets": 8}),
+    ("tv", 0.0, {"strength": 0.0002}),
+    ("tv", 0.0, {"strength": 0.001}),
+    ("tv", 0.0, {"strength": 0.005}),
+)
+
+
+@dataclass(frozen=True)
+class MismatchRow:
+    """The best classic method, one that knows the physics, and WERNet on one scene.
+
+    Attributes
+    ----------
+    effect, flame, noise, seed
+        The scene.
+    classic : str
+        The best of `CLASSIC`, each stopped where it is nearest to the truth.
+    classic_pass : int
+        Where that was.
+    classic_cosine_distance, classic_nrmse, classic_seconds : float
+        There; seconds since the images were in memory.
+    tried : mapping
+        The cosine distance that each of `CLASSIC` reached.
+    informed_cosine_distance, informed_nrmse : float
+        Of the best of `INFORMED` and ``classic``, so stopped, with the true weights in place of
+        chords: about what the images allow.
+    wernet_cosine_distance, wernet_nrmse, wernet_seconds : float or None
+        Of WERNet as it stops by itself; None where it is not there.
+    """
+
+    effect: str
+    flame: str
+    noise: str
+    seed: int
+    classic: str
+    classic_pass: int
+    classic_cosine_distance: float
+    classic_nrmse: float
+    classic_seconds: float
+    tried: Mapping[str, float]
+    informed_cosine_distance: float
+    informed_nrmse: float
+    wernet_cosine_distance: float | None = None
+    wernet_nrmse: float | None = None
+    wernet_seconds: float | None = None
+
+
+def mismatch(sizes: Sizes, progress: Progress) -> Rows:
+    """Return ``mismatch``, one row a scene, and ``mismatch_mean``, over the seeds."""
+    # Both noises of a flame one behind the other: its clean images are kept.
+    scenes = list(
+        itertools.product(sizes.flames, sizes.mismatch_seeds, sizes.mismatch_effects, NOISES)
+    )
+    progress(0, len(scenes), "first use")
+    mismatch_row("gains", "jet", "clean", 0, TINY)
+    rows = []
+    for number, (flame, seed, effect, noise) in enumerate(scenes):
+        progress(number, len(scenes), f"{effect}, {flame}, {noise}, seed {seed}")
+        rows.append(mismatch_row(effect, flame, noise, seed, sizes))
+    progress(len(scenes), len(scenes), "")
+    order = [*itertools.product(sizes.mismatch_effects, sizes.flames, NOISES)]
+    rows.sort(key=lambda row: (order.index((row.effect, row.flame, row.noise)), row.seed))
+    return {"mismatch": [asdict(row) for row in rows], "mismatch_mean": means(rows)}
+
+
+def mismatch_row(effect: str, flame: str, noise: str, seed: int, size: Sizes) -> MismatchRow:
+    """Return what all methods make of one scene, see `mismatch_scene`."""
+    scene = mismatch_scene(effect, flame, noise, seed, size)
+    ready = scene.problem()
+    courses = _courses(ready, scene, CLASSIC, size)
+    best = min(courses, key=lambda name: _least(courses[name]))
+    went = courses[best]
+    told = replace(ready.system, projector=scene.informed(ready.system))
+    alike = [c for c in CLASSIC if c in INFORMED or _name(*c) == best]
+    informed = _courses(replace(ready, system=told), scene, alike, size)
+    limit = min(informed.values(), key=_least)
+    return MismatchRow(
+        effect,
+        flame,
+        noise,
+        seed,
+        classic=best,
+        classic_pass=went.best,
+        classic_cosine_distance=_least(went),
+        classic_nrmse=went.nrmses[went.best],
+        classic_seconds=went.seconds[went.best],
+        tried={name: _least(course) for name, course in courses.items()},
+        informed_cosine_distance=_least(limit),
+        informed_nrmse=limit.nrmses[limit.best],
+        **_learned(scene),
+    )
+
+
+def means(rows: Sequence[MismatchRow]) -> list[dict[str, Any]]:
+    """Return means over the seeds, and ratios of means to the best classic method's."""
+    groups: dict[tuple, list[MismatchRow]] = {}
+    for row in rows:
+        groups.setdefault((row.effect, row.flame, row.noise), []).append(row)
+    found = []
+    for (effect, flame, noise), group in groups.items():
+        won = collections.Counter(row.classic for row in group)
+        mean: dict[str, Any] = {
+            "effect": effect,
+            "flame": flame,
+            "noise": noise,
+            "seeds": len(group),
+            "classic": " / ".join(name for name, _ in won.most_common()),
+        }
+        for key, value in asdict(group[0]).items():
+            if key.startswith(("classic_", "informed_", "wernet_")):
+                values = [getattr(row, key) for row in group]
+                mean[key] = None if value is None else statistics.fmean(values)
+        classic = mean["classic_cosine_distance"]
+        for name in ("informed", "wernet"):
+            distance = mean[f"{name}_cosine_distance"]
+            mean[f"{name}_of_classic"] = None if distance is None else distance / classic
+        found.append(mean)
+    return found
+
+
+def _courses(
+    ready: Problem, scene: MismatchScene, candidates: Sequence[Candidate], size: Sizes
+) -> dict[str, Course]:
+    return {
+        _name(*candidate): course(
+            ready, scene.truth, method, settings, passes=size.passes, width=width
+        )
+        for candidate in candidates
+        for method, width, settings in (candidate,)
+    }
+
+
+def _name(method: str, width: float, settings: Mapping[str, Any]) -> str:
+    if width:
+        return f"{method}, width {width:g}"
+    return f"{method}, strength {settings['strength']:g}" if "strength" in settings else method
+
+
+def _least(course: Course) -> float:
+    return course.cosine_distances[course.best]
+
+
+def _learned(scene: MismatchScene) -> dict[str, float]:
+    """Return what WERNet reaches, without the truth; nothing where there is no WERNet."""
+    wernet = _wernet()
+    if wernet is None:
+        return {}
+    started = time.perf_counter()
+    ready = scene.problem(midpoints=True)
+    found = wernet(ready.system.projector, ready.measured, seed=scene.seed)
+    seconds = time.perf_counter() - started
+    return {
+        "wernet_cosine_distance": metrics.cosine_distance(found.volume, scene.truth),
+        "wernet_nrmse": metrics.nrmse(found.volume, scene.truth),
+        "wernet_seconds": seconds,
+    }
+
+
+def _wernet() -> Callable | None:
+    try:
+        from tomo.wernet import wernet
+    except ImportError:
+        return None
+    return wernet
