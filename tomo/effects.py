@@ -8,7 +8,7 @@ two cameras have the same gain.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,7 @@ from tomo.trace import trace
 if TYPE_CHECKING:
     from rigs import Camera
 
+_STRENGTHS = ("gain_spread", "absorption", "self_absorption", "vignetting", "aperture")
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 _GAIN_STREAM = 1  # gains are drawn beside the noise: one does not change the other
 
@@ -78,7 +79,7 @@ focus_distance=None, aperture_rays=32)
 
     def __post_init__(self) -> None:
         """Check every value."""
-        for name in ("gain_spread", "absorption", "self_absorption", "vignetting", "aperture"):
+        for name in _STRENGTHS:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: found {value}, expected a number >= 0")
@@ -87,7 +88,7 @@ focus_distance=None, aperture_rays=32)
         distance = self.focus_distance
         if distance is not None and not (math.isfinite(distance) and distance > 0):
             raise ValueError(f"focus_distance: found {distance}, expected a number > 0")
-        if self.aperture_rays < 1 or self.aperture_rays != int(self.aperture_rays):
+        if not (self.aperture_rays >= 1 and self.aperture_rays % 1 == 0):
             raise ValueError(
                 f"aperture_rays: found {self.aperture_rays}, expected a whole number >= 1"
             )
@@ -95,8 +96,7 @@ focus_distance=None, aperture_rays=32)
     @property
     def any(self) -> bool:
         """Whether there is an effect at all."""
-        strengths = (f.name for f in fields(self) if isinstance(f.default, float))
-        return any(getattr(self, name) != 0 for name in strengths)
+        return any(getattr(self, name) != 0 for name in _STRENGTHS)
 
     @property
     def absorbs(self) -> bool:

@@ -342,6 +342,7 @@ def test_effects_print_as_what_they_are():
         ({"focus_distance": 0}, "focus_distance: found 0, expected a number > 0"),
         ({"aperture_rays": 0}, "aperture_rays: found 0, expected a whole number >= 1"),
         ({"aperture_rays": 2.5}, "aperture_rays: found 2.5"),
+        ({"aperture_rays": float("inf")}, "aperture_rays: found inf"),
     ],
 )
 def test_bad_values(values, message):
