@@ -73,7 +73,7 @@ def test_optical_depths_are_those_asked_for(scene):
     assert 0.5 < deepest / mismatch_scenes.FLAME_DEPTH < 1.5
 
 
-@pytest.mark.parametrize("effect", ["gains", "gains + absorption", "self-absorption"])
+@pytest.mark.parametrize("effect", ["gains + absorption", "self-absorption", "defocus", "all"])
 def test_true_weights_explain_the_images(scene, effect):
     from _benchmark.sizes import TINY
 
@@ -82,26 +82,20 @@ def test_true_weights_explain_the_images(scene, effect):
     ready = made.problem(midpoints=True)
     projector = ready.system.projector
     emission = projector.live.compress(made.truth)
+    assert projector.live.size < made.grid.size
     informed = made.informed(ready.system) @ emission
-    dark = projector.live.size / made.grid.size < 1
-    assert dark
     chords, told = (
         np.linalg.norm(images - ready.measured) / np.linalg.norm(ready.measured)
         for images in (projector @ emission, informed)
     )
-    assert told < 0.02 < chords
+    assert told < 0.01
+    assert told < 0.3 * chords
+    if made.effects.aperture > 0:
+        return
     segments = projector.segments
     length = (segments.length * made.weight_ratios(ready.system)).astype(np.float32)
     weighted = type(projector)(replace(segments, length=length), made.grid, live=projector.live)
     np.testing.assert_allclose(weighted @ emission, informed, rtol=1e-3, atol=1e-4)
-
-
-def test_an_informed_solver_knows_the_lens_too(scene):
-    made = scene("defocus")
-    ready = made.problem()
-    informed = made.informed(ready.system)
-    assert informed.shape == ready.system.projector.shape
-    assert informed.n_crossings > 2 * ready.system.projector.n_crossings
 
 
 @pytest.mark.parametrize(("effect", "noise"), [("heat", "clean"), ("gains", "5 %")])

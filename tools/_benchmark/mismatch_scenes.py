@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+import scipy.sparse
 from numpy.typing import NDArray
 
 import phantoms
@@ -120,7 +121,10 @@ class MismatchScene:
             centres = np.stack([pixels % width, pixels // width], axis=-1)
             light = (gain * self.effects.falloff(camera, centres)).astype(np.float32)
             length = part.length * np.repeat(light, np.diff(part.ptr))
-            parts.append(replace(part, length=length))
+            rows = scipy.sparse.csr_array((length, part.voxel, part.ptr), (len(pixels), live.size))
+            rows.sum_duplicates()  # the rays of a lens share most of their voxels
+            voxel = rows.indices.astype(part.voxel.dtype)
+            parts.append(Segments(rows.indptr.astype(np.int64), voxel, rows.data))
         view_ptr = system.projector.view_ptr
         return Projector(Segments.concatenate(parts), self.grid, view_ptr, live)
 
