@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from tomo.methods import AUTO, Method, method_named, method_names
 from tomo.outcome import UNSEEN
@@ -35,14 +35,24 @@ def check_device(device: str, methods: Sequence[Method]) -> None:
     """Refuse a device that none of the methods runs on, or that is not there."""
     if device == "cpu":
         return
-    if not any(method.takes_device for method in methods):
+    if not any(method.takes("device") for method in methods):
         raise ValueError(
             f"device: found {device!r}, expected cpu for method {methods[0].name}: "
-            "only wernet-paper runs on others"
+            "only wernet and wernet-paper run on others"
         )
     from tomo.wernet import usable_device
 
     usable_device(device)
+
+
+def check_learning(method: Method, asked: Mapping[str, object]) -> None:
+    """Refuse arguments about what is learnt for a method that learns nothing of the kind."""
+    for name, value in asked.items():
+        if value and not method.takes(name):
+            raise ValueError(
+                f"{name}: found {value!s}, expected none for method {method.name}: "
+                "only wernet and wernet-paper learn"
+            )
 
 
 def check_hold_out(hold_out: Sequence[str], scan: Scan) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -20,14 +21,17 @@ from tomo.viewed import ViewedOperator
 
 
 class Run:
-    """Solves one system by one method after another, recording the distance from a truth."""
+    """Solves one system by one method after another, recording the distance from a truth.
+
+    ``learning`` are arguments that only methods that learn take: device, encoder ...
+    """
 
     def __init__(
         self,
         projector: ViewedOperator,
         measured: NDArray[np.float32],
         truth: NDArray[np.float32] | None,
-        device: str,
+        learning: Mapping[str, Any],
         seed: int,
         time_limit: float | None,
         progress: Progress | None,
@@ -35,7 +39,7 @@ class Run:
         self.projector = projector
         self.measured = measured
         self.truth = truth
-        self.device = device
+        self.learning = learning
         self.seed = seed
         self.time_limit = math.inf if time_limit is None else time_limit
         self.progress = progress
@@ -64,8 +68,8 @@ class Run:
             found = solve_as_chosen(self.projector, self.measured, choice, callback=watch)
             extra: dict[str, Any] = {"chosen_by": "auto", "tried": choice.tried}
         else:
-            device = self.device if method.takes_device else "cpu"
-            arguments = method.arguments(device=device, seed=self.seed, iterations=iterations)
+            learning = {k: v for k, v in self.learning.items() if method.takes(k)}
+            arguments = method.arguments(**learning, seed=self.seed, iterations=iterations)
             total = method.default_iterations if iterations is None else iterations
             name, solving = method.name, started
             found = method.solver(self.projector, self.measured, callback=watch, **arguments)

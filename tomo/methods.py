@@ -10,7 +10,7 @@ from tomo import solve, wernet
 from tomo.reconstruction import Reconstruction
 
 AUTO = "auto"
-_WERNET = {"wernet-paper": "wernet_paper"}
+_WERNET = {"wernet": "wernet", "wernet-paper": "wernet_paper"}
 _BY_PIXEL = ("art", "mart")
 
 
@@ -39,29 +39,27 @@ class Method:
             return getattr(wernet, _WERNET[self.name])
         return getattr(solve, self.name)
 
-    @property
-    def takes_device(self) -> bool:
-        """Whether it can run elsewhere than on the CPU."""
-        return self.name != AUTO and "device" in inspect.signature(self.solver).parameters
+    def takes(self, name: str) -> bool:
+        """Whether the solver has an argument of that name; ``auto`` has none."""
+        return self.name != AUTO and name in inspect.signature(self.solver).parameters
 
     @property
     def default_iterations(self) -> int:
         """How many iterations the solver runs when it is not told; ``auto`` has no such number."""
         return inspect.signature(self.solver).parameters["iterations"].default
 
-    def arguments(self, *, device: str, seed: int, iterations: int | None) -> dict[str, object]:
-        """Return those of the arguments that the solver takes.
+    def arguments(self, **given: object) -> dict[str, object]:
+        """Return those of the arguments that the solver takes and that are not None.
 
         Raises
         ------
         ValueError
             If a device is asked for that the method cannot run on.
         """
-        known = inspect.signature(self.solver).parameters
-        if "device" not in known and device != "cpu":
+        device = given.get("device", "cpu")
+        if device != "cpu" and not self.takes("device"):
             raise ValueError(f"device: found {device!r}, expected cpu for method {self.name}")
-        given = {"device": device, "seed": seed, "iterations": iterations}
-        return {k: v for k, v in given.items() if k in known and v is not None}
+        return {k: v for k, v in given.items() if v is not None and self.takes(k)}
 
 
 def method_names() -> tuple[str, ...]:

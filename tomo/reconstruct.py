@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from tomo._prepare import prepare
 from tomo._request import (
     check_device,
     check_hold_out,
+    check_learning,
     check_numbers,
     check_unseen,
     comparison,
@@ -27,6 +29,7 @@ from tomo.io import is_integer_image, read_volume
 from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
 from tomo.methods import AUTO, method_named
 from tomo.outcome import ZERO, Outcome, View
+from tomo.reconstruction import Reconstruction
 from tomo.scan import Images, Masks, Scan
 from tomo.support import STORED
 
@@ -51,6 +54,10 @@ def reconstruct(
     unseen: str = ZERO,
     supersample: int = 1,
     device: str = "cpu",
+    encoder: str | PathLike | None = None,
+    freeze_encoder: bool = False,
+    checkpoint: str | PathLike | None = None,
+    resume: bool = False,
     seed: int = 0,
     time_limit: float | None = None,
     progress: Progress | None = None,
@@ -99,6 +106,14 @@ def reconstruct(
         Rays along each side of a pixel.
     device : str
         For WERNet: cpu, cuda ... The classic methods, also beside it, run on the CPU.
+    encoder : path or name, optional
+        For WERNet: the encoder to start from, see `tomo.wernet.load_encoder`.
+    freeze_encoder : bool
+        Use it as it is.
+    checkpoint : path, optional
+        For the default WERNet: a file to keep the state of training in.
+    resume : bool
+        Go on from the checkpoint where there is one.
     seed : int
         Of everything random.
     time_limit : float, optional
@@ -119,6 +134,9 @@ def reconstruct(
     check_numbers(seed, time_limit)
     check_unseen(unseen)
     check_device(device, methods)
+    check_learning(
+        main, {"encoder": encoder, "freeze_encoder": freeze_encoder, "checkpoint": checkpoint}
+    )
     check_hold_out(hold_out, scan)
     grid = grid if grid is not None else scan.grid
     if grid is None:
@@ -142,9 +160,7 @@ def reconstruct(
         training_masks,
         grid,
         align=align,
-        carving={"margin": margin, "threshold": dark_level, "votes": votes}
-        if skip and not midpoints  # WERNet numbers all voxels
-        else None,
+        carving={"margin": margin, "threshold": dark_level, "votes": votes} if skip else None,
     )
     tracing = time.perf_counter()
     how: dict[str, Any] = {
@@ -169,7 +185,7 @@ def reconstruct(
         raise VolumeNotSeenError(f"{scan.source}: {error}{held_out}") from None
     if system.form != STORED:
         first_use += warm_up(tracer, system.form)
-    how["live"] = system.projector.live
+    how |= {"live": system.projector.live, "midpoints": main.needs_midpoints}
     judged_system = _held_out_system(judged, grid, held_out_masks, how)
     warnings += [*prepared.warnings, *_warnings_of_views(system, judged_system)]
     traced = time.perf_counter()
@@ -181,7 +197,14 @@ def reconstruct(
     if gains:
         measured = gains.correct(system.projector, measured)
         warnings += _warning_of_gains(gains, fit_gain)
-    run = Run(system.projector, measured, truth, device, seed, time_limit, progress)
+    learning = {
+        "device": device,
+        "encoder": encoder,
+        "freeze_encoder": freeze_encoder,
+        "checkpoint": checkpoint,
+        "resume": resume,
+    }
+    run = Run(system.projector, measured, truth, learning, seed, time_limit, progress)
     found = run.solve(main, iterations)
     solved = time.perf_counter()
     comparisons = []
@@ -192,9 +215,11 @@ def reconstruct(
             warnings.append(f"comparison {other.name}: {error}")
     compared = time.perf_counter()
 
-    views = _views(system, found.volume, training_images, training_masks, gains)
+    seeing = _as_learned(system, found, same_views=True)
+    views = _views(seeing, found.volume, training_images, training_masks, gains)
     if judged_system is not None:
-        judged_views = _views(judged_system, found.volume, held_out_images, held_out_masks)
+        judging = _as_learned(judged_system, found, same_views=False)
+        judged_views = _views(judging, found.volume, held_out_images, held_out_masks)
         views += [replace(view, held_out=True) for view in judged_views]
     order = {name: place for place, name in enumerate(scan.rig.names)}
     no_ray = system.unseen
@@ -220,6 +245,8 @@ def reconstruct(
         "supersample": supersample,
         "scale": scan.shrink,
         "device": device,
+        "encoder": None if encoder is None else str(encoder),
+        "freeze_encoder": freeze_encoder,
         "seed": seed,
         "time_limit": time_limit,
         "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},
@@ -298,6 +325,14 @@ def _warning_of_gains(gains: Gains, asked: bool | None) -> list[str]:
         f"the cameras' gains differ by {gains.disagreement:.1%}, or their backgrounds: both were "
         "fitted and corrected"
     ]
+
+
+def _as_learned(system: LinearSystem, found: Reconstruction, same_views: bool) -> LinearSystem:
+    """Return the system with the weights that were learnt, where there are any."""
+    if found.weights is None:
+        return system
+    learned = found.weights.projector(system.projector, same_views=same_views)
+    return replace(system, projector=learned)
 
 
 def _views(

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
+
+if TYPE_CHECKING:
+    from tomo.wernet import RayWeights
 
 Callback = Callable[[int, NDArray[np.float32], float], bool | None]
 """Called as ``callback(index, volume, relative_residual)`` after each update, and before the
@@ -58,6 +61,8 @@ class Reconstruction:
         Wall time of each stage.
     peak_memory : int
         The process's largest resident memory so far, in bytes; 0 when not measured.
+    weights : RayWeights, optional
+        What was learnt in place of the chord lengths, see `tomo.wernet`; None: chords.
     """
 
     volume: NDArray[np.float32]
@@ -68,6 +73,7 @@ class Reconstruction:
     quality: Mapping[str, float] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     peak_memory: int = 0
+    weights: RayWeights | None = None
 
     def __post_init__(self) -> None:
         """Check that the volume lives on the grid."""

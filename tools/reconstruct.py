@@ -32,7 +32,8 @@ def reconstruct(
     method: Annotated[
         str,
         typer.Option(
-            help="auto, art, cgls, mart, mlem, nnls, sart, sirt, smart, tikhonov, tv, wernet-paper"
+            help="auto, art, cgls, mart, mlem, nnls, sart, sirt, smart, tikhonov, tv, "
+            "wernet, wernet-paper"
         ),
     ] = "auto",
     grid: Annotated[str | None, typer.Option(help="Voxels, like 30x140x30.")] = None,
@@ -81,6 +82,15 @@ def reconstruct(
         str, typer.Option(help="What stands where no ray crosses a voxel: zero or nan.")
     ] = "zero",
     device: Annotated[str, typer.Option(help="For WERNet: cpu, cuda ...")] = "cpu",
+    encoder: Annotated[
+        str | None, typer.Option(help="For WERNet: start from an encoder's file or name.")
+    ] = None,
+    freeze_encoder: Annotated[
+        bool, typer.Option("--freeze-encoder", help="Use the encoder as it is.")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with WERNet where OUT/checkpoint.pt stopped.")
+    ] = False,
     seed: Annotated[int, typer.Option(help="Of everything random.", min=0)] = 0,
     time_limit: Annotated[
         float | None, typer.Option(help="Seconds for the solver, once auto has chosen.")
@@ -119,6 +129,10 @@ def reconstruct(
                 unseen=unseen,
                 supersample=supersample,
                 device=device,
+                encoder=encoder,
+                freeze_encoder=freeze_encoder,
+                checkpoint=_checkpoint(out, method, resume),
+                resume=resume,
                 seed=seed,
                 time_limit=time_limit,
                 progress=progress,
@@ -140,6 +154,16 @@ def _load(scan: Path | None, rig: Path | None, images: Path | None) -> object:
     if scan is None and rig is not None and images is not None:
         return Scan.from_images(rig, images)
     raise ValueError("SCAN: expected either a scan, or --rig and --images together")
+
+
+def _checkpoint(out: Path, method: str, resume: bool) -> Path | None:
+    """Return where WERNet keeps the state of its training; None for other methods."""
+    if method == "wernet":
+        out.mkdir(parents=True, exist_ok=True)
+        return out / "checkpoint.pt"
+    if resume:
+        raise ValueError(f"--resume: found it with method {method}, expected wernet")
+    return None
 
 
 def _number_or_auto(option: str, text: str, kind: type) -> float | str:

@@ -7,7 +7,7 @@ from tomo.methods import AUTO, method_named, method_names
 
 def test_every_classic_method_the_papers_and_auto_have_a_name():
     names = method_names()
-    assert set(names) == {AUTO, "wernet-paper", *solve.METHODS}
+    assert set(names) == {AUTO, "wernet", "wernet-paper", *solve.METHODS}
     assert len(set(names)) == len(names)
     assert set(solve.METHODS) == {
         "art", "cgls", "mart", "mlem", "nnls", "sart", "sirt", "smart", "tikhonov", "tv",

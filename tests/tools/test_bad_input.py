@@ -272,7 +272,7 @@ OPTIONS = {
     ),
     "device of a classic": (
         ("--method", "sirt", "--device", "cuda"),
-        "expected cpu for method sirt: only wernet-paper runs on others",
+        "expected cpu for method sirt: only wernet and wernet-paper run on others",
     ),
     "device of auto": (("--device", "cuda"), "device: found 'cuda', expected cpu"),
     "unknown device": (

@@ -41,7 +41,7 @@ WORTH_WIDENING = 0.1
 and detail is lost for it."""
 
 SEGMENTS_A_TRIAL = 2_500_000
-PIXELS_AN_UNKNOWN = 4
+PIXELS_AN_UNKNOWN = 8
 """Pixels of larger systems are thinned evenly to about so many crossings while choosing. Where
 there are more pixels than unknowns, so many an unknown stay: a system that is no longer
 overdetermined would ask for more smoothness than the whole one."""

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from pathlib import Path
 
 import torch
 from torch import nn
 from torch.nn import functional
 
-from tomo.io.atomic import atomic_path
 from tomo.wernet.convolution import packed_convolution
 
 VARIANTS = ("no-bias", "bias-mask", "batch-norm")
-_FORMAT, _VERSION = "wernet-encoder", 1
 _SLOPE = 0.01  # of the Leaky ReLU below zero: PyTorch's default, the paper names none
 
 
@@ -105,6 +102,11 @@ class WeightEncoder(nn.Module):
         )
         self.last = convolution(widths[-1], 1, variant != "no-bias", generator)
 
+    @property
+    def settings(self) -> dict[str, int | str]:
+        """What it takes to build it again."""
+        return {"variant": self.variant, "blocks": self.blocks, "channels": self.channels}
+
     def forward(self, features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return the weights: at least zero, zero where ``mask`` is zero.
 
@@ -152,52 +154,3 @@ def convolution(before: int, after: int, bias: bool, generator: torch.Generator)
     for parameter in layer.parameters():
         nn.init.uniform_(parameter, -bound, bound, generator=generator)
     return layer
-
-
-def save_encoder(encoder: WeightEncoder, path: str | Path) -> None:
-    """Write an encoder, with what it takes to build it again, to ``path`` (``.pt``)."""
-    content = {
-        "format": _FORMAT,
-        "version": _VERSION,
-        "variant": encoder.variant,
-        "blocks": encoder.blocks,
-        "channels": encoder.channels,
-        "state": {name: value.cpu() for name, value in encoder.state_dict().items()},
-    }
-    with atomic_path(path) as temporary:
-        torch.save(content, temporary)
-
-
-def load_encoder(path: str | Path) -> WeightEncoder:
-    """Read an encoder that `save_encoder` wrote; code in the file is never run.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the file is not an encoder, or is one of another version.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"{path}: no such file, expected an encoder")
-    try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch raises half a dozen kinds for a file it cannot read
-        raise ValueError(
-            f"{path}: found a file that cannot be read ({type(error).__name__}), "
-            "expected an encoder written by save_encoder"
-        ) from error
-    if not isinstance(content, dict) or content.get("format") != _FORMAT:
-        raise ValueError(f"{path}: format: found no {_FORMAT!r}, expected an encoder")
-    if content.get("version") != _VERSION:
-        raise ValueError(f"{path}: version: found {content.get('version')!r}, expected {_VERSION}")
-    try:
-        encoder = WeightEncoder(
-            content["variant"], blocks=content["blocks"], channels=content["channels"]
-        )
-        encoder.load_state_dict(content["state"])
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        reason = str(error).splitlines()[0]
-        raise ValueError(f"{path}: found an encoder that does not fit itself: {reason}") from error
-    return encoder

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from tomo.reconstruction import Callback, Iteration, Reconstruction
 from tomo.solve._drive import additive_start
 from tomo.wernet.device import usable_device
-from tomo.wernet.encoder import WeightEncoder, load_encoder
+from tomo.wernet.encoder import WeightEncoder
+from tomo.wernet.encoder_file import load_encoder
 from tomo.wernet.model import WERNet
 from tomo.wernet.parts import Map, add_gradients, cut, on_cores
 from tomo.wernet.samples import PackedBatch, RaySamples, SampleBatch, epoch_batches
@@ -185,7 +186,7 @@ def wernet_paper(
     if encoder is None:
         encoder = WeightEncoder(variant, blocks=blocks, seed=seed)
     elif not isinstance(encoder, WeightEncoder):
-        encoder = load_encoder(encoder)
+        encoder = load_encoder(encoder, WeightEncoder)
     settings |= {"variant": encoder.variant, "blocks": encoder.blocks}
     # Voxel values count per voxel's edge rather than per length unit: mm and m are one problem.
     to_network = float(np.mean(grid.spacing)) / scale

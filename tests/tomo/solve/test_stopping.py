@@ -161,6 +161,7 @@ def test_large_systems_are_thinned_evenly_over_rows_and_columns(projector, cases
 
     case = cases["jet", 0.0]
     monkeypatch.setattr(stopping, "SEGMENTS_A_TRIAL", projector.n_crossings // 2 + 1)
+    monkeypatch.setattr(stopping, "PIXELS_AN_UNKNOWN", 4)  # the system has nine
     monkeypatch.setattr(stopping, "Trial", Spy)
     choice = choose_by_held_out_views(projector, case.images)
     thinned, measured = seen[0]
@@ -178,6 +179,7 @@ def test_large_systems_are_thinned_evenly_over_rows_and_columns(projector, cases
 
 def test_thinning_keeps_what_overdetermines_a_system(projector, monkeypatch):
     monkeypatch.setattr(stopping, "SEGMENTS_A_TRIAL", 1)
+    monkeypatch.setattr(stopping, "PIXELS_AN_UNKNOWN", 4)  # the system has nine
     stride = stopping._stride(projector)
     assert stride >= 2
     assert projector.shape[0] / stride >= stopping.PIXELS_AN_UNKNOWN * projector.shape[1]

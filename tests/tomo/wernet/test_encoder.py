@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch import nn
 
-from tomo.wernet import VARIANTS, WeightEncoder, load_encoder, save_encoder
+from tomo.wernet import VARIANTS, WeightEncoder
 
 
 def _rays(counts=(9, 4, 1), width=9, seed=0):
@@ -91,57 +91,6 @@ def test_the_seed_alone_decides_the_initial_weights():
     assert torch.equal(torch.get_rng_state(), state)
     assert all(torch.equal(first[name], second[name]) for name in first)
     assert not torch.equal(first["last.weight"], other["last.weight"])
-
-
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_save_and_load_round_trip(variant, tmp_path):
-    encoder = WeightEncoder(variant, blocks=2, channels=8, seed=4)
-    encoder(*_rays())  # moves the running statistics, which belong to the state
-    path = tmp_path / "encoder.pt"
-    save_encoder(encoder, path)
-    assert [p.name for p in tmp_path.iterdir()] == ["encoder.pt"]
-    again = load_encoder(path)
-    assert (again.variant, again.blocks, again.channels) == (variant, 2, 8)
-    assert torch.equal(encoder.eval()(*_rays()), again.eval()(*_rays()))
-
-
-def test_files_that_are_no_encoder_are_refused(tmp_path):
-    with pytest.raises(FileNotFoundError, match="nothing"):
-        load_encoder(tmp_path / "nothing.pt")
-    path = tmp_path / "encoder.pt"
-    path.write_bytes(b"not a torch file")
-    with pytest.raises(ValueError, match=r"encoder\.pt: found a file that cannot be read"):
-        load_encoder(path)
-    save_encoder(WeightEncoder(blocks=1), path)
-    whole = path.read_bytes()
-    path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ValueError, match="cannot be read"):
-        load_encoder(path)
-    torch.save([1, 2], path)
-    with pytest.raises(ValueError, match="format"):
-        load_encoder(path)
-    path.write_bytes(whole)
-    content = torch.load(path, weights_only=True)
-    torch.save(content | {"version": 2}, path)
-    with pytest.raises(ValueError, match="version: found 2, expected 1"):
-        load_encoder(path)
-    torch.save(content | {"blocks": 2}, path)
-    with pytest.raises(ValueError, match="does not fit itself") as caught:
-        load_encoder(path)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_pickle_in_the_file_is_not_run(tmp_path):
-    ran = tmp_path / "ran"
-
-    class Mischief:
-        def __reduce__(self):
-            return ran.touch, ()
-
-    torch.save({"format": "wernet-encoder", "state": Mischief()}, tmp_path / "encoder.pt")
-    with pytest.raises(ValueError, match="cannot be read"):
-        load_encoder(tmp_path / "encoder.pt")
-    assert not ran.exists()
 
 
 @pytest.mark.parametrize(

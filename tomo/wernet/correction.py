@@ -1,0 +1,98 @@
+"""The default encoder: how much each ray-voxel weight differs from the chord length."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import torch
+from torch import nn
+from torch.nn import functional
+
+from tomo.wernet.convolution import packed_convolution
+from tomo.wernet.encoder import convolution
+from tomo.wernet.ray_features import NAMES
+
+_SLOPE = 0.01  # of the Leaky ReLU below zero
+
+
+class CorrectionEncoder(nn.Module):
+    """Convolutions along the ray from a segment's features to its correction ``c``.
+
+    The weight is ``length (1 + c)²``. A new encoder gives zero everywhere: the chord lengths.
+
+    Parameters
+    ----------
+    blocks, channels : int
+        Hidden convolutions of kernel three, and their width.
+    seed : int
+        Of the initial weights; the global random state is neither read nor changed.
+    """
+
+    def __init__(self, *, blocks: int = 2, channels: int = 16, seed: int = 0):
+        super().__init__()
+        for name, found in (("blocks", blocks), ("channels", channels)):
+            if found < 1 or found != int(found):
+                raise ValueError(f"{name}: found {found}, expected a whole number >= 1")
+        self.blocks, self.channels = int(blocks), int(channels)
+        generator = torch.Generator().manual_seed(seed)
+        widths = [len(NAMES)] + [self.channels] * self.blocks
+        self.hidden = nn.ModuleList(
+            convolution(before, after, True, generator) for before, after in pairwise(widths)
+        )
+        self.last = convolution(widths[-1], 1, True, generator)
+        nn.init.zeros_(self.last.weight)
+        nn.init.zeros_(self.last.bias)
+
+    @property
+    def settings(self) -> dict[str, int]:
+        """What it takes to build it again."""
+        return {"blocks": self.blocks, "channels": self.channels}
+
+    def forward(
+        self,
+        features: torch.Tensor,
+        inside: torch.Tensor,
+        token: torch.Tensor | None = None,
+    ) -> torch.Tensor:
+        """Return the correction in every row, ``(rows,)``; what empty rows hold means nothing.
+
+        Parameters
+        ----------
+        features : (rows, 13) float
+            Of packed rays, see `tomo.wernet.ray_features`.
+        inside : (rows, 1) float
+            One on a segment, zero in an empty row.
+        token : (rows, channels) float, optional
+            What is particular to the row's view; added to the first layer.
+        """
+        x = features
+        for number, layer in enumerate(self.hidden):
+            x = packed_convolution(x, layer.weight, layer.bias)
+            if number == 0 and token is not None:
+                x = x + token
+            x = functional.leaky_relu(x, _SLOPE) * inside
+        return packed_convolution(x, self.last.weight, self.last.bias)[:, 0]
+
+
+class ViewTokens(nn.Module):
+    """What is particular to each view: numbers for the first layer, and one for the correction.
+
+    All zero at first. A view that was not trained with takes the mean of those that were.
+
+    Parameters
+    ----------
+    views, channels : int
+    """
+
+    def __init__(self, views: int, channels: int):
+        super().__init__()
+        self.hidden = nn.Parameter(torch.zeros(views, channels))
+        self.level = nn.Parameter(torch.zeros(views))
+
+    def mean(self, views: int) -> ViewTokens:
+        """Return the tokens of ``views`` other views of the same rig."""
+        other = ViewTokens(views, self.hidden.shape[1]).to(self.level.device)
+        with torch.no_grad():
+            other.hidden.copy_(self.hidden.mean(dim=0).expand_as(other.hidden))
+            other.level.copy_(self.level.mean().expand_as(other.level))
+        return other

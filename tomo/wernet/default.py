@@ -1,0 +1,272 @@
+"""The default WERNet: a classic solve whose ray-voxel weights are learnt from the images."""
+
+from __future__ import annotations
+
+import copy
+import math
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
+
+from tomo.reconstruction import Callback, Iteration, Reconstruction
+from tomo.solve._drive import additive_start, check_measured
+from tomo.solve.stopping import FEW_VIEWS, Choice, choose_by_held_out_views, solve_as_chosen
+from tomo.wernet._checkpoint import Checkpoint
+from tomo.wernet.alternation import Alternation
+from tomo.wernet.correction import CorrectionEncoder, ViewTokens
+from tomo.wernet.device import usable_device
+from tomo.wernet.encoder_file import load_encoder
+from tomo.wernet.parts import on_cores
+from tomo.wernet.ray_features import RayFeatures
+from tomo.wernet.ray_weights import RayWeights, corrections, reweighted
+
+if TYPE_CHECKING:
+    from tomo.projector import Projector
+
+WORTH_LEARNING = 0.98
+"""The left-out views' residual must fall below this share of the chord lengths', or these stay:
+with less the corrections explain noise and voxels' edges."""
+
+SETTLED = 0.99
+"""Training ends when the left-out views' residual falls by less than this factor."""
+
+JUDGED_EVERY = 2
+PATIENCE = 4
+"""Rounds after which what is learnt must be worth it."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Learned:
+    """What one judged round gave."""
+
+    index: int
+    held_out_residual: float
+    found: Reconstruction
+    weights: RayWeights
+
+
+def wernet(
+    projector: Projector,
+    measured: ArrayLike,
+    *,
+    iterations: int = 8,
+    start: ArrayLike | None = None,
+    callback: Callback | None = None,
+    encoder: str | Path | CorrectionEncoder | None = None,
+    freeze_encoder: bool = False,
+    blocks: int = 2,
+    channels: int = 16,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    device: str | torch.device = "cpu",
+    seed: int = 0,
+) -> Reconstruction:
+    """Reconstruct with weights ``length (1 + c)²`` whose correction ``c`` an encoder learns.
+
+    It starts from the classic solve that predicts left-out views best. Then rounds alternate: the
+    encoder is trained at fixed voxels (`tomo.wernet.alternation`), and the classic solve is done
+    again with the weights that it gives. Every other round method, smoothness and stop are chosen
+    anew. What predicts the left-out views best is returned: unless that is clearly better than
+    the chord lengths do, the classic solve itself.
+
+    Parameters
+    ----------
+    projector : Projector
+        Stored, of chord lengths, its segments with midpoints.
+    measured : (pixels,)
+    iterations : int
+        Rounds; none with a frozen encoder.
+    start : (voxels,), optional
+        The voxels of the first round; those of the classic solve when None.
+    callback : callable, optional
+        ``callback(index, volume, relative_residual)`` for the classic solve, index 0, and after
+        every round; returning True stops.
+    encoder : path, name or CorrectionEncoder, optional
+        Start from this one: a file of `save_encoder`, one of `shipped_encoders`, or one in
+        memory, which is copied. A new one when None.
+    freeze_encoder : bool
+        Use the encoder as it is.
+    blocks, channels : int
+        Of a new encoder.
+    checkpoint : path, optional
+        A file to write the state to after every round.
+    resume : bool
+        Go on from the checkpoint, where there is one.
+    device : str or torch.device
+        Where the encoder is trained. The voxels are solved for on the CPU.
+    seed : int
+        Of a new encoder's weights and of the order of the rays.
+
+    Returns
+    -------
+    Reconstruction
+        ``weights`` holds what was learnt; None where the chord lengths stay.
+        ``settings["held_out_residual"]`` are the left-out views' relative residuals, of the chord
+        lengths and of what was learnt.
+
+    Raises
+    ------
+    ValueError
+        For segments without midpoints, sizes that do not match, values that are not finite, an
+        unknown device, an encoder of another kind, or a checkpoint of another problem.
+
+    Notes
+    -----
+    On a CPU the result is the same bits for any number of threads.
+
+    At voxels that are optimal for the weights, the gradient of the loss to the encoder is that of
+    the loss with the voxels eliminated (variable projection, by the envelope theorem): the
+    alternation goes downhill on that, which joint steps of both, tried as well, do more slowly.
+
+    References
+    ----------
+    Weights from an encoder: Pan, Li, Xu, arXiv 2010.00893. Eliminating the linear unknowns: Golub
+    and Pereyra, "The differentiation of pseudo-inverses and nonlinear least squares problems whose
+    variables separate", SIAM Journal on Numerical Analysis 10 (1973).
+    """
+    began = time.perf_counter()
+    if iterations < 0 or iterations != int(iterations):
+        raise ValueError(f"iterations: found {iterations}, expected a whole number >= 0")
+    if freeze_encoder and encoder is None:
+        raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder=")
+    measured = check_measured(projector, measured)
+    place = usable_device(device)
+    tells_views = np.count_nonzero(np.diff(projector.view_ptr)) > FEW_VIEWS
+    features = RayFeatures.of(projector, place, tells_views=tells_views)
+    settings: dict[str, Any] = {
+        "method": "wernet",
+        "iterations": 0 if freeze_encoder else int(iterations),
+        "start": start is not None,
+        "encoder": "in memory" if isinstance(encoder, CorrectionEncoder) else encoder,
+        "freeze_encoder": freeze_encoder,
+        "device": str(device),
+        "seed": seed,
+    }
+    if settings["encoder"] is not None:
+        settings["encoder"] = str(settings["encoder"])
+    if encoder is None:
+        encoder = CorrectionEncoder(blocks=blocks, channels=channels, seed=seed)
+    elif isinstance(encoder, CorrectionEncoder):
+        encoder = copy.deepcopy(encoder)
+    else:
+        encoder = load_encoder(encoder, CorrectionEncoder)
+    settings |= encoder.settings
+    encoder.to(place)
+    tokens = ViewTokens(projector.n_views, encoder.channels).to(place)
+
+    chord_choice = choose_by_held_out_views(projector, measured)
+    classic = solve_as_chosen(projector, measured, chord_choice)
+    volume = projector.live.compress(classic.volume)
+    history = [Iteration(0, classic.relative_residual, time.perf_counter() - began)]
+    stopped = bool(callback and callback(0, volume, classic.relative_residual))
+    if start is not None:
+        volume = additive_start(projector, start, nonnegative=True)
+    unit = float(np.sqrt(np.mean(np.square(measured, dtype=np.float64)))) or 1.0
+    best: _Learned | None = None
+    choice, stop_reason = chord_choice, f"all {settings['iterations']} rounds done"
+    if stopped:
+        stop_reason = "stopped by the callback before the first round"
+    if math.isnan(chord_choice.held_out_residual):
+        stopped, stop_reason = True, f"nothing to judge by: {chord_choice.reason}"
+
+    with on_cores(place) as over_parts:
+        alternation = Alternation(
+            features,
+            measured,
+            encoder,
+            tokens,
+            rounds=max(settings["iterations"], 1),
+            seed=seed,
+            over_parts=over_parts,
+        )
+        saved = Checkpoint.of(checkpoint, settings, projector, measured)
+        first = 0
+        if resume and saved and (state := saved.load()) is not None:
+            first, volume, choice = state.round, state.volume, state.choice
+            alternation.restore(state.training)
+        rounds = [0] if freeze_encoder else range(first, settings["iterations"])
+        previous = math.inf
+        for number in rounds if not stopped else ():
+            front = features.emission_in_front(volume, unit)
+            loss = 0.0 if freeze_encoder else alternation.round(number, volume, front)
+            if not math.isfinite(loss):
+                stop_reason = f"diverged in round {number + 1}"
+                break
+            correction = corrections(encoder, tokens, features, front, over_parts)
+            learned = reweighted(projector, correction)
+            judged = (number + 1) % JUDGED_EVERY == 0 or number + 1 >= len(rounds)
+            if judged:
+                choice = choose_by_held_out_views(learned, measured)
+            found = solve_as_chosen(learned, measured, choice)
+            weights = RayWeights(
+                copy.deepcopy(encoder), copy.deepcopy(tokens), volume, unit, tells_views
+            )
+            volume = projector.live.compress(found.volume)
+            residual = found.relative_residual
+            history.append(Iteration(number + 1, residual, time.perf_counter() - began))
+            if judged and (best is None or choice.held_out_residual < best.held_out_residual):
+                best = _Learned(number + 1, choice.held_out_residual, found, weights)
+            if saved and not freeze_encoder:
+                saved.save(number + 1, volume, choice, alternation.state())
+            if callback is not None and callback(number + 1, volume, residual):
+                stop_reason = f"stopped by the callback after round {number + 1}"
+                break
+            if judged and not freeze_encoder:
+                now = choice.held_out_residual
+                if now > SETTLED * previous:
+                    stop_reason = f"settled after round {number + 1}"
+                    break
+                worth = now < WORTH_LEARNING * chord_choice.held_out_residual
+                if number + 1 >= PATIENCE and not worth:
+                    stop_reason = f"nothing worth learning after round {number + 1}"
+                    break
+                previous = now
+    return _outcome(classic, chord_choice, best, settings, history, stop_reason, began)
+
+
+def _outcome(
+    classic: Reconstruction,
+    chord_choice: Choice,
+    best: _Learned | None,
+    settings: dict[str, Any],
+    history: list[Iteration],
+    stop_reason: str,
+    began: float,
+) -> Reconstruction:
+    """Return what was learnt where it is worth it, the classic solve otherwise."""
+    chords = chord_choice.held_out_residual
+    judged = {"chords": chords, "learned": best.held_out_residual if best else math.nan}
+    accepted = best is not None and best.held_out_residual < WORTH_LEARNING * chords
+    if accepted:
+        found, weights = best.found, best.weights
+        reason = (
+            f"{stop_reason}; learned weights of round {best.index} predict left-out views better: "
+            f"relative residual {judged['learned']:.4f}, chord lengths {chords:.4f}"
+        )
+    else:
+        found, weights = classic, None
+        reason = (
+            f"{stop_reason}; the classic solve stays: left-out views are not predicted clearly "
+            f"better by learned weights (relative residual {judged['learned']:.4f}, chord lengths "
+            f"{chords:.4f})"
+        )
+    solved_by = {k: v for k, v in found.settings.items() if k not in ("method", "iterations")}
+    settings = {
+        **settings,
+        "solved_by": {**solved_by, "method": found.settings["method"]},
+        "held_out_residual": judged,
+        "learned": accepted,
+    }
+    return replace(
+        found,
+        settings=settings,
+        history=tuple(history),
+        stop_reason=reason,
+        weights=weights,
+        seconds={"solve": time.perf_counter() - began},
+    )

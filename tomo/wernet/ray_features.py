@@ -1,0 +1,210 @@
+"""What the default encoder sees of a segment: nothing of where in the world it lies."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from tomo.projector import Projector
+from tomo.wernet._directions import ray_directions
+from tomo.wernet.packing import Packing
+
+NAMES = (
+    "place in the voxel, x",
+    "place in the voxel, y",
+    "place in the voxel, z",
+    "direction, x",
+    "direction, y",
+    "direction, z",
+    "depth in the grid",
+    "chord",
+    "place in the image, across",
+    "place in the image, up",
+    "place in the image, across squared",
+    "place in the image, up squared",
+    "emission in front",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class RayFeatures:
+    """The crossings of a projector's rays, and the numbers that describe each to the encoder.
+
+    An encoder that sees where a voxel lies can hide a smooth factor in the weights and its inverse
+    in the voxels, with the loss still falling. So it is told the place *within* the voxel (from -1
+    to 1), the ray's direction, how deep in the grid the segment lies as seen from the camera (from
+    -1 to 1 over the grid's shortest edge), the chord in voxels, the pixel's place in its image
+    (its angles from the view's mean direction, the largest of all views being one) and how much of
+    what the camera sees lies in front.
+
+    Attributes
+    ----------
+    start, count : (rays,) int64
+        Where each ray's segments begin, and how many there are.
+    view : (rays,) int64
+    direction : (rays, 3) float32
+    place : (rays, 2) float32
+    entry : (rays,) float32
+        Where along its direction, measured from the grid's centre, a ray enters the grid.
+    midpoint : (S, 3) float32
+        From the grid's centre.
+    length : (S,) float32
+    voxel : (S,) integer
+        The unknown that each segment crosses.
+    centre : (unknowns, 3) float32
+        Of the unknowns' voxels, from the grid's centre.
+    spacing : (3,) float32
+    shortest : float
+        Edge of the grid.
+    tells_views : bool
+        Whether views have numbers of their own, and pixels their place in the image: with few
+        views what is particular to each would be memorised instead of what is common to all.
+    """
+
+    start: torch.Tensor
+    count: torch.Tensor
+    view: torch.Tensor
+    direction: torch.Tensor
+    place: torch.Tensor
+    entry: torch.Tensor
+    midpoint: torch.Tensor
+    length: torch.Tensor
+    voxel: torch.Tensor
+    centre: torch.Tensor
+    spacing: torch.Tensor
+    shortest: float
+    tells_views: bool
+
+    @classmethod
+    def of(
+        cls, projector: Projector, device: torch.device | str = "cpu", *, tells_views: bool = True
+    ) -> RayFeatures:
+        """Return the features of a stored projector whose segments have midpoints.
+
+        Raises
+        ------
+        ValueError
+            If the segments have no midpoints.
+        """
+        segments, grid = projector.segments, projector.grid
+        if segments.midpoint is None:
+            raise ValueError(
+                "segments midpoint: found none, expected (S, 3): trace with midpoints=True"
+            )
+        direction = ray_directions(segments)
+        place = _places(direction, projector.view_ptr)
+        half = (np.asarray(grid.upper) - np.asarray(grid.lower)) / 2
+        view = np.repeat(np.arange(projector.n_views), np.diff(projector.view_ptr))
+        first = segments.midpoint[np.minimum(segments.ptr[:-1], max(len(segments) - 1, 0))]
+        index = np.arange(grid.size) if projector.live.all else projector.live.index
+        places = np.stack(np.unravel_index(index, grid.shape), axis=1)
+        centre = (places - (np.asarray(grid.shape) - 1) / 2) * np.asarray(grid.spacing)
+
+        def move(array: NDArray, kind: type = np.float32) -> torch.Tensor:
+            return torch.from_numpy(np.ascontiguousarray(array, kind)).to(device)
+
+        return cls(
+            start=move(segments.ptr[:-1], np.int64),
+            count=move(np.diff(segments.ptr), np.int64),
+            view=move(view, np.int64),
+            direction=move(direction),
+            place=move(place if tells_views else np.zeros_like(place)),
+            entry=move(_entries(first.astype(np.float64), direction, half)),
+            midpoint=move(segments.midpoint),
+            length=move(segments.length),
+            voxel=move(segments.voxel, segments.voxel.dtype.type),
+            centre=move(centre),
+            spacing=move(np.asarray(grid.spacing)),
+            shortest=float(2 * half.min()),
+            tells_views=tells_views,
+        )
+
+    def __repr__(self) -> str:
+        """Name the sizes: the tensors themselves are too long to print."""
+        return f"<RayFeatures: {len(self)} rays, {len(self.voxel)} segments>"
+
+    def __len__(self) -> int:
+        """Return the number of rays, those without a segment included."""
+        return len(self.start)
+
+    def packed(self, rays: torch.Tensor, front: torch.Tensor) -> tuple[Packing, torch.Tensor]:
+        """Return the packing of some rays and the features of their segments: ``(E, 13)``.
+
+        Parameters
+        ----------
+        rays : (B,) int64
+            Each with at least one segment.
+        front : (S,) float32
+            What `emission_in_front` returned.
+        """
+        packing = Packing.of(self.start[rays], self.count[rays])
+        entry = packing.entry
+        midpoint = self.midpoint[entry]
+        direction = packing.per_segment(self.direction[rays])
+        depth = (midpoint * direction).sum(dim=1) - packing.per_segment(self.entry[rays])
+        place = packing.per_segment(self.place[rays])
+        features = [
+            2 * (midpoint - self.centre[self.voxel[entry].long()]) / self.spacing,
+            direction,
+            (2 * depth / self.shortest - 1)[:, None],
+            (self.length[entry] / self.spacing.log().mean().exp() - 0.5)[:, None],
+            place,
+            place.square(),
+            front[entry][:, None],
+        ]
+        return packing, torch.cat(features, dim=1)
+
+    def emission_in_front(
+        self, volume: NDArray[np.float32], unit: float, weight: NDArray[np.float32] | None = None
+    ) -> torch.Tensor:
+        """Return the emission between each segment's middle and the camera: ``(S,)`` float32.
+
+        The sum of ``weight x volume`` along the ray up to there, half of the segment's own
+        included, over ``unit``.
+
+        Parameters
+        ----------
+        volume : (unknowns,) float32
+        unit : float
+            A typical pixel; above zero.
+        weight : (S,) float32, optional
+            The chords when None.
+        """
+        chord = self.length.cpu().numpy() if weight is None else weight
+        own = chord.astype(np.float64) * volume[self.voxel.cpu().numpy()]
+        before = np.concatenate([[0.0], np.cumsum(own)])
+        start, count = self.start.cpu().numpy(), self.count.cpu().numpy()
+        front = before[:-1] + own / 2 - np.repeat(before[start], count)
+        return torch.from_numpy((front / unit).astype(np.float32)).to(self.length.device)
+
+
+def _entries(
+    point: NDArray[np.float64], direction: NDArray[np.float64], half: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return where along ``direction`` rays through ``point`` enter the box ``±half``."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        back = (point + np.where(direction > 0, half, -half)) / direction  # (rays, 3)
+    back = np.where(direction == 0, np.inf, back).min(axis=1)
+    back = np.where(np.isfinite(back), back, 0.0)
+    return (point * direction).sum(axis=1) - back
+
+
+def _places(direction: NDArray[np.float64], view_ptr: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the angles of each ray from its view's mean direction, in units of the largest."""
+    place = np.zeros((len(direction), 2))
+    for start, stop in itertools.pairwise(view_ptr):
+        own = direction[start:stop]
+        mean = own.sum(axis=0)
+        if not np.linalg.norm(mean) > 0:
+            continue
+        mean /= np.linalg.norm(mean)
+        up = np.eye(3)[1] if abs(mean[1]) < 0.9 else np.eye(3)[2]
+        across = np.cross(mean, up)
+        across /= np.linalg.norm(across)
+        axes = np.stack([across, np.cross(mean, across)], axis=1)  # (3, 2)
+        place[start:stop] = (own @ axes) / np.maximum(own @ mean, 0.1)[:, None]
+    return place / (np.abs(place).max(initial=0.0) or 1.0)

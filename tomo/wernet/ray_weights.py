@@ -1,0 +1,106 @@
+"""Learned ray-voxel weights, as a projector like any other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from tomo.projector import Projector
+from tomo.segments import Segments
+from tomo.wernet.correction import CorrectionEncoder, ViewTokens
+from tomo.wernet.packing import Packing
+from tomo.wernet.parts import Map, cut, on_cores
+from tomo.wernet.ray_features import RayFeatures
+
+SEGMENTS_A_PART = 16384
+
+
+@dataclass(frozen=True, eq=False)
+class RayWeights:
+    """Weights ``length (1 + c)²`` with the correction ``c`` of an encoder.
+
+    Attributes
+    ----------
+    encoder : CorrectionEncoder
+    tokens : ViewTokens
+        Of the views that it was trained with.
+    volume : (unknowns,) float32
+        Of what it takes the emission in front.
+    unit : float
+        In which that emission is counted.
+    tells_views : bool
+        See `RayFeatures`.
+    """
+
+    encoder: CorrectionEncoder
+    tokens: ViewTokens
+    volume: NDArray[np.float32]
+    unit: float
+    tells_views: bool
+
+    def __repr__(self) -> str:
+        """Name the sizes."""
+        return f"<RayWeights: {len(self.tokens.level)} views, {self.encoder.settings}>"
+
+    def projector(self, projector: Projector, *, same_views: bool = True) -> Projector:
+        """Return the projector of the same rays with the learned weights.
+
+        Parameters
+        ----------
+        projector : Projector
+            Of chord lengths, its segments with midpoints; on the live voxels of ``volume``.
+        same_views : bool
+            Whether its views are those trained with; others take the mean token.
+        """
+        device = self.tokens.level.device
+        features = RayFeatures.of(projector, device, tells_views=self.tells_views)
+        tokens = self.tokens if same_views else self.tokens.mean(projector.n_views)
+        front = features.emission_in_front(self.volume, self.unit)
+        with on_cores(device) as over_parts:
+            correction = corrections(self.encoder, tokens, features, front, over_parts)
+        return reweighted(projector, correction)
+
+
+def correction_of(
+    encoder: CorrectionEncoder,
+    tokens: ViewTokens,
+    features: RayFeatures,
+    front: torch.Tensor,
+    rays: torch.Tensor,
+) -> tuple[Packing, torch.Tensor]:
+    """Return the packing of some rays and the corrections of their segments, ``(E,)``."""
+    packing, described = features.packed(rays, front)
+    view = packing.per_segment(features.view[rays])
+    rows = encoder(packing.spread(described), packing.inside, packing.spread(tokens.hidden[view]))
+    return packing, rows[packing.row] + tokens.level[view]
+
+
+def corrections(
+    encoder: CorrectionEncoder,
+    tokens: ViewTokens,
+    features: RayFeatures,
+    front: torch.Tensor,
+    over_parts: Map,
+) -> NDArray[np.float32]:
+    """Return the correction of every segment, ``(S,)``."""
+    found = np.zeros(len(features.voxel), np.float32)
+    crossing = features.count.nonzero()[:, 0]
+
+    def fill(part: slice) -> None:
+        with torch.no_grad():
+            packing, values = correction_of(encoder, tokens, features, front, crossing[part])
+        found[packing.entry.cpu().numpy()] = values.cpu().numpy()
+
+    over_parts(fill, cut(features.count[crossing], SEGMENTS_A_PART))
+    return found
+
+
+def reweighted(projector: Projector, correction: NDArray[np.float32]) -> Projector:
+    """Return a stored projector with ``length (1 + correction)²`` in place of its lengths."""
+    segments = projector.segments
+    length = segments.length * np.square(1 + correction)
+    segments = Segments(segments.ptr, segments.voxel, length, segments.midpoint)
+    return Projector(segments, projector.grid, projector.view_ptr, projector.live)
