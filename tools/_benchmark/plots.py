@@ -243,10 +243,11 @@ def _mismatch(rows: Sequence[Row]) -> Figure:
                     marker, color=colour, markersize=9, label=label,
                 )  # fmt: skip
         log_log(axes, room=0.15)
+        axes.set_title(f"{flame}, 33 views, {noise}", fontsize=8.5, color=INK)
+    for axes in panels.ravel():  # they share an axis, which a logarithm must not see below zero
         axes.set_yscale("linear")
         axes.set_yticks(range(len(effects)), effects, fontsize=7.5)
         axes.set_ylim(len(effects) - 0.4, -0.6)
-        axes.set_title(f"{flame}, 33 views, {noise}", fontsize=8.5, color=INK)
     for axes in panels[-1]:
         axes.set_xlabel("cosine distance from the truth", fontsize=8)
     shared_legend(figure, panels)
