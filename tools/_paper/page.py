@@ -1,0 +1,211 @@
+"""The page: claims, then each part's tables beside its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from _benchmark.tables import Column, number, significant, table, words
+
+from _paper.claims import short
+from _paper.sizes import Problem, Sizes
+from _paper.training import Reading
+
+_LAYOUT: Column = ("layout", lambda row: short(row["layout"]))
+_COST: list[Column] = [
+    ("rays", number("rays")),
+    ("segments", number("segments")),
+    ("live voxels", number("live_voxels")),
+    ("core seconds/epoch", number("core_seconds_per_epoch", 2)),
+    ("minutes", number("seconds", 2, 1 / 60)),
+]
+_REACHED: list[Column] = [
+    ("epochs", number("epochs")),
+    ("cosine distance", number("cosine_distance")),
+    ("best", number("best_cosine_distance")),
+    ("at epoch", number("best_epoch")),
+    ("NRMSE", number("nrmse")),
+]
+_NORMALISED: Column = ("gradient normalisation", words("normalise_gradient"))
+
+_COLUMNS: Mapping[str, list[Column]] = {
+    "readings": [
+        ("reading", words("reading")),
+        ("steps/epoch", number("steps_per_epoch")),
+        *_REACHED,
+        ("core seconds/epoch", number("core_seconds_per_epoch", 2)),
+    ],
+    "layouts": [_LAYOUT, *_REACHED, *_COST],
+    "views": [_LAYOUT, *_REACHED, *_COST],
+    "ablation": [("variant", words("variant")), *_REACHED, *_COST],
+    "first_steps": [
+        ("variant", words("variant")),
+        _NORMALISED,
+        ("first loss", lambda row: significant(row["losses"][0])),
+        ("last loss", lambda row: significant(row["losses"][-1])),
+        ("steps", lambda row: f"{len(row['losses'])}"),
+        ("cosine distance", number("cosine_distance")),
+    ],
+    "normalisation": [_NORMALISED, *_REACHED, *_COST],
+    "denoising": [
+        ("flame", words("flame")),
+        ("rays a step", number("samples_per_batch", scale=100)),
+        *_REACHED,
+        *_COST,
+    ],
+    "art": [
+        ("flame", words("flame")),
+        ("on", words("on")),
+        ("segments", number("segments")),
+        ("relaxation", number("relaxation", 1)),
+        ("best sweep", number("sweeps")),
+        ("cosine distance", number("cosine_distance")),
+        ("NRMSE", number("nrmse")),
+    ],
+    "transfer": [
+        ("encoder of", words("encoder_of")),
+        ("flame", words("flame")),
+        ("frozen", words("frozen")),
+        *_REACHED,
+        ("core seconds/epoch", number("core_seconds_per_epoch", 2)),
+    ],
+    "homogeneous": [("set", words("flame")), *_REACHED, *_COST],
+}
+
+TITLES = {
+    "readings": "Readings of the text",
+    "layouts": "Jet, three layouts of 33 cameras",
+    "views": "Turbulent flame, 33 and 11 views",
+    "ablation": "Without bias, bias and mask, batch normalisation",
+    "first_steps": "Gradient normalisation: the first steps",
+    "normalisation": "Gradient normalisation: whole runs",
+    "denoising": "Noise of 10 % of the maximum: WERNet",
+    "art": "Noise of 10 % of the maximum: ART",
+    "transfer": "Encoders of other flames",
+    "homogeneous": "The random homogeneous set that gave an encoder",
+}
+
+
+def page(result: Mapping[str, Any], plots: Mapping[str, Sequence[str]], sizes: Sizes) -> str:
+    """Return the page in Markdown.
+
+    Parameters
+    ----------
+    result : mapping
+        What `_paper.results.save` writes.
+    plots : mapping
+        The figures of each study, as paths from the page.
+    sizes : Sizes
+        What the run was asked for.
+    """
+    here = result["machine"]
+    lines = [
+        "# The WERNet paper, run again",
+        "",
+        _about(sizes),
+        "",
+        f"Made by `python tools/paper.py -o docs`, size {result['size']}; {here['cpu']}, "
+        f"{here['cores']} cores, {result['threads']} thread"
+        f"{'s' if result['threads'] > 1 else ''} of PyTorch. Other work ran on the machine: "
+        "minutes are upper bounds; core seconds are the time that its cores worked on the run.",
+    ]
+    if result["claims"]:
+        columns: list[Column] = [
+            ("what", words("what")),
+            ("the paper", words("paper")),
+            ("here", words("ours")),
+            ("holds", words("holds")),
+            ("why not", words("why")),
+        ]
+        lines += ["", "## Claims", "", "Distances are cosine distances, 1 - similarity.", ""]
+        lines.append(table(result["claims"], columns))
+    for record in result["parts"].values():
+        for name, rows in record["studies"].items():
+            if rows:
+                lines += _study(name, rows, plots.get(name, ()), sizes)
+    return "\n".join(lines) + "\n"
+
+
+def _study(name: str, rows: Sequence[Mapping], plots: Sequence[str], sizes: Sizes) -> list[str]:
+    title, text = TITLES[name], _TEXTS.get(name)
+    lines = ["", f"## {title}", *(["", text(sizes)] if text else [])]
+    lines += ["", table(rows, _COLUMNS[name])]
+    for plot in plots:
+        lines += ["", f"![{title}]({plot})"]
+    return lines
+
+
+def _about(sizes: Sizes) -> str:
+    reading, epochs = Reading(), sizes.epochs_in_full
+    if sizes.jet == sizes.problem:
+        where = f"All flames stand on {_problem(sizes.problem)}."
+    else:
+        where = (
+            f"The jet's three layouts stand on {_problem(sizes.jet)}. To save time, every other "
+            f"part stands on {_problem(sizes.problem)}: as many rays to a voxel."
+        )
+    points = [
+        "Flames are this project's phantoms, not the paper's data: `phantoms.create` with `jet`, "
+        "`turbulent`, `homogeneous`.",
+        where,
+        "Images are the true voxels projected through the chord lengths of those same voxels, as "
+        "in the paper: there is no error of discretisation, which real images have.",
+        "Voxels that dark pixels prove empty, and their rays, are left out "
+        "(`tomo.support.carve`).",
+        "One seed, 0, for flame, noise, encoder and order of the rays.",
+        "What the text leaves open was decided on the jet and then used everywhere: "
+        f"`{reading.variant}`, {reading.blocks} blocks, {reading.inputs} inputs, "
+        f"{reading.samples_per_batch} x 100 rays a step, learning rates "
+        f"{reading.voxel_learning_rate:g} (voxels) and {reading.encoder_learning_rate:g} "
+        f"(encoder), PyTorch's initial weights but for the last bias, which starts at "
+        f"{reading.first_bias}, uniform random voxels, the gradient's norm over each ray's own "
+        "weights, mean squared error.",
+        f"The jet's layouts ran {epochs} epochs, all else as many as the tables say."
+        + (
+            " Both learning rates halve every 5 epochs, as in the paper, so that what is left "
+            "out of its 80 epochs are steps of less than a 60th of the first."
+            if epochs < 80
+            else ""
+        ),
+    ]
+    title = (
+        'Pan, Li, Xu, "Weight Encode Reconstruction Network for Computed Tomography in a '
+        'Semi-Case-Wise and Learning-Based Way", arXiv 2010.00893: its experiments, with '
+        "`tomo.wernet.wernet_paper`."
+    )
+    return "\n".join([title, "", *(f"- {point}" for point in points)])
+
+
+def _problem(problem: Problem) -> str:
+    counts = " x ".join(str(n) for n in problem.grid_shape)
+    return (
+        f"{counts} voxels of {problem.spacing:g} mm, seen in the presets' images shrunk "
+        f"{problem.shrink}-fold"
+    )
+
+
+_TEXTS: Mapping[str, Callable[[Sizes], str]] = {
+    "readings": lambda sizes: (
+        f"The jet on {_problem(sizes.readings)}, {sizes.reading_epochs} epochs. Each row changes "
+        "what it names in the one chosen. 3200 rays a step, 32 samples of 100, are the paper's; "
+        "its images gave it at least 96 steps an epoch."
+    ),
+    "views": lambda _: "The 11 views cover 121, 242 and 363 degrees.",
+    "first_steps": lambda _: (
+        "The loss of each step of the first epoch. Adam takes the steps, as in the paper."
+    ),
+    "denoising": lambda _: (
+        "White noise whose standard deviation is a tenth of the brightest pixel, in every pixel. "
+        "Carving smooths the noisy images and lets views vote; rays of dark pixels are left out. "
+        "`best` is the epoch nearest to the truth, which only a known truth can tell."
+    ),
+    "art": lambda _: (
+        "Kaczmarz sweeps with non-negativity, each relaxation of 0.01, 0.03, 0.1 and 0.3, stopped "
+        "where it is nearest to the truth: the best that ART can do here."
+    ),
+    "transfer": lambda sizes: (
+        "The encoder comes from a training of its own on the other flame "
+        f"({sizes.epochs} epochs; the homogeneous set {sizes.homogeneous_epochs}); voxels start "
+        "afresh. `frozen`: only the voxels are trained."
+    ),
+}
