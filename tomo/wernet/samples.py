@@ -118,7 +118,7 @@ class RaySamples:
     inputs) are counted in voxels from the middle of the grid and divided by ``half``::
 
         index    -> (i - (n - 1) / 2) / (max(shape) / 2)
-        midpoint -> (m - center) / spacing / (max(shape) / 2)
+        midpoint -> m / spacing / (max(shape) / 2)
 
     so that all six rows lie in [-1, 1], a midpoint at a voxel's centre has the value of its
     index, and one step along any axis is the same number.
@@ -191,8 +191,7 @@ class RaySamples:
                 f"measured: found shape {measured.shape}, expected ({segments.n_pixels},)"
             )
         half = max(grid.shape) / 2
-        # Scaled in float64: a world coordinate may be large against the voxels.
-        midpoint = (segments.midpoint - np.asarray(grid.center)) / np.asarray(grid.spacing) / half
+        midpoint = segments.midpoint / np.asarray(grid.spacing) / half  # from the grid's centre
         axes = [(np.arange(n) - (n - 1) / 2) / half for n in grid.shape]
         index = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         if live is not None and live.index is not None:

@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch import nn
 
-from tomo.wernet import VARIANTS, WeightEncoder
+from tomo.wernet import VARIANTS, Packing, WeightEncoder
 
 
 def _rays(counts=(9, 4, 1), width=9, seed=0):
@@ -69,6 +69,42 @@ def test_batch_normalisation_agrees_with_pytorchs_on_the_entries_without_padding
     norm.eval(), twin.eval()
     found = norm(features, mask).transpose(1, 2)[mask[:, 0] > 0]
     torch.testing.assert_close(found, twin(packed), rtol=1e-4, atol=1e-5)
+
+
+def _far(found, expected):
+    """Return the largest difference, relative to the largest entry."""
+    return float((found - expected).abs().max() / expected.abs().max())
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("training", [True, False])
+def test_packed_rays_give_the_padded_ones_weights_and_gradients(variant, training):
+    counts = torch.randint(1, 25, (60,), generator=torch.Generator().manual_seed(3))
+    mask = (torch.arange(25) < counts[:, None]).float()[:, None, :]
+    inside = mask[:, 0] > 0
+    generator = torch.Generator().manual_seed(0)
+    features = torch.randn(60, 6, 25, generator=generator) * mask
+    upstream = torch.randn(int(counts.sum()), generator=generator)
+    packing = Packing.of(torch.cumsum(counts, 0) - counts, counts)
+    rows = packing.spread(features.transpose(1, 2)[inside])
+
+    def results(packed):
+        encoder = WeightEncoder(variant, seed=1)
+        if variant == "batch-norm":  # statistics unlike those of a new encoder
+            encoder(3 * features + 1, mask)
+        encoder.train(training)
+        if packed:
+            weights = encoder(rows, packing.inside)
+            assert not weights[packing.inside[:, 0] == 0].any()
+            weights = weights[packing.row]
+        else:
+            weights = encoder(features, mask)[inside]
+        weights.backward(upstream)
+        buffers = [value for value in encoder.buffers()]
+        return [weights.detach(), *(p.grad for p in encoder.parameters()), *buffers]
+
+    for found, expected in zip(results(packed=True), results(packed=False), strict=True):
+        assert _far(found, expected) < 1e-5
 
 
 @pytest.mark.parametrize(("blocks", "reach"), [(1, 2), (3, 4)])

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from tomo.wernet import weighted_sum
+from tomo.wernet import Packing, packed_sum, weighted_sum
 
 
 def _case(dtype=torch.float64):
@@ -11,6 +11,63 @@ def _case(dtype=torch.float64):
     voxels = torch.rand(7, generator=generator, dtype=dtype)
     index = torch.randint(0, 7, (4, 5), generator=generator)
     return weights.requires_grad_(), voxels.requires_grad_(), index
+
+
+def _packed_case():
+    """Return `_case` with the padding left out, and its packing."""
+    weights, voxels, index = _case()
+    inside = weights.detach() != 0
+    assert inside.sum(dim=1).tolist() == [5, 3, 5, 5]
+    count = inside.sum(dim=1)
+    packing = Packing.of(torch.cumsum(count, 0) - count, count)
+    return weights.detach()[inside].requires_grad_(), voxels, index[inside], packing, inside
+
+
+@pytest.mark.parametrize("normalise_gradient", [True, False])
+def test_packed_and_padded_sums_and_gradients_are_the_same(normalise_gradient):
+    weights, voxels, index = _case()
+    upstream = torch.tensor([1.0, -2.0, 0.5, 3.0], dtype=torch.float64)
+    padded = weighted_sum(weights, voxels, index, normalise_gradient)
+    expected = torch.autograd.grad(padded, (weights, voxels), upstream)
+    some, voxels, index, packing, inside = _packed_case()
+    packed = packed_sum(some, voxels, index, packing, normalise_gradient)
+    found = torch.autograd.grad(packed, (some, voxels), upstream)
+    torch.testing.assert_close(packed, padded, rtol=1e-12, atol=0)
+    torch.testing.assert_close(found[0], expected[0][inside], rtol=1e-12, atol=0)
+    torch.testing.assert_close(found[1], expected[1], rtol=1e-12, atol=1e-15)
+
+
+def test_the_plain_packed_form_is_the_true_gradient():
+    weights, voxels, index, packing, _ = _packed_case()
+    assert torch.autograd.gradcheck(
+        lambda w, x: packed_sum(w, x, index, packing, normalise_gradient=False),
+        (weights, voxels),
+        atol=1e-6,
+        rtol=1e-6,
+    )
+
+
+def test_the_normalised_packed_form_is_the_plain_one_over_each_ray_s_norm():
+    weights, voxels, index, packing, _ = _packed_case()
+    norm = packing.sum(weights.detach().square()).sqrt()
+    upstream = torch.tensor([1.0, -2.0, 0.5, 3.0], dtype=torch.float64)
+    inputs = weights, voxels
+    normalised = torch.autograd.grad(packed_sum(*inputs, index, packing), inputs, upstream)
+    plain = packed_sum(*inputs, index, packing, normalise_gradient=False)
+    divided = torch.autograd.grad(plain, inputs, upstream / norm, retain_graph=True)
+    undivided = torch.autograd.grad(plain, inputs, upstream)
+    torch.testing.assert_close(normalised[1], divided[1], rtol=1e-12, atol=1e-15)
+    torch.testing.assert_close(normalised[0], undivided[0], rtol=1e-12, atol=0)
+    assert (normalised[1] - undivided[1]).abs().max() > 0.1
+
+
+def test_a_packed_ray_without_any_weight_sends_back_zero():
+    packing = Packing.of(torch.tensor([0, 2]), torch.tensor([2, 3]))
+    weights = torch.tensor([0.0, 0.0, 1.0, 0.0, 2.0], requires_grad=True)
+    voxels = torch.ones(5, requires_grad=True)
+    packed_sum(weights, voxels, torch.arange(5), packing).sum().backward()
+    assert voxels.grad[:2].tolist() == [0, 0]
+    assert voxels.grad[2:].norm().item() == pytest.approx(1)
 
 
 @pytest.mark.parametrize("normalise_gradient", [True, False])

@@ -21,15 +21,6 @@ GRID = VoxelGrid((10, 12, 10), 0.5, (3.0, -2.0, 1.0))
 SMALL_STEPS = {"samples_per_batch": 1, "rays_per_sample": 50}
 
 
-@pytest.fixture(autouse=True)
-def _one_thread():
-    # Tiny tensors are slower on several threads, and the last bits depend on their number.
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
 @pytest.fixture(scope="module")
 def projector():
     """Nine cameras around the box, alternately 15 degrees above and below."""

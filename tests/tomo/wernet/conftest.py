@@ -1,0 +1,65 @@
+"""Small scenes: a ring of cameras around three smooth flames."""
+
+from functools import lru_cache
+from types import SimpleNamespace
+
+import numba
+import numpy as np
+import pytest
+import torch
+
+import rigs
+from phantoms import GaussianBlobs
+from tomo import LinearSystem, VoxelGrid
+from tomo.simulate import simulate
+
+GRID = VoxelGrid((10, 16, 10), 1.0, (4.0, -2.0, 1.0))
+
+
+@pytest.fixture(autouse=True)
+def _one_thread():
+    # Tiny arrays are slower on several threads; tests of their number set it themselves.
+    before = torch.get_num_threads(), numba.get_num_threads()
+    torch.set_num_threads(1)
+    numba.set_num_threads(1)
+    yield
+    torch.set_num_threads(before[0])
+    numba.set_num_threads(before[1])
+
+
+def flames(grid):
+    """Return a field that the voxels of ``grid`` resolve."""
+    center, size = np.asarray(grid.center), float(np.mean(grid.spacing))
+    places = np.array([[1.3, -3.0, 0.4], [-1.2, 2.6, -0.8], [0.2, 0.5, 1.5]])
+    return GaussianBlobs(center + size * places, size * np.array([1.6, 1.5, 1.8]), [1.0, 0.8, 0.6])
+
+
+@lru_cache
+def make_scene(views=12, effects=None, supersample=1, seed=3, grid=GRID, image_size=(14, 20)):
+    """Return a ring's images, alternately from above and below, and their equations."""
+    edge = float(np.mean(grid.spacing))
+    rig = rigs.ring(
+        views,
+        150.0 * edge,
+        image_size=image_size,
+        footprint=16.8 * edge / image_size[1],
+        center=grid.center,
+        pitch_degrees=[12.0 * (-1) ** view for view in range(views)],
+    )
+    scan = simulate(rig, flames(grid), grid, effects=effects, seed=seed, supersample=supersample)
+    system = LinearSystem.from_rig(rig, grid, midpoints=True)
+    return SimpleNamespace(
+        grid=grid,
+        rig=rig,
+        scan=scan,
+        truth=scan.truth,
+        system=system,
+        projector=system.projector,
+        measured=system.flatten(list(scan.images.values())),
+    )
+
+
+@pytest.fixture(scope="session")
+def scene():
+    """Return the function that makes scenes, each once."""
+    return make_scene
