@@ -65,7 +65,7 @@ def measured(projector, truth):
 def test_training_finds_the_phantom_roughly(projector, measured, truth, variant):
     result = wernet_paper(projector, measured, iterations=8, variant=variant, **SMALL_STEPS)
     flat = cosine_distance(np.ones(GRID.shape), truth)
-    assert cosine_distance(result.volume, truth) < 0.25 * flat
+    assert cosine_distance(result.volume, truth) < 0.3 * flat
     residuals = [entry.relative_residual for entry in result.history]
     assert residuals[-1] < 0.5 * residuals[0]
     assert [entry.index for entry in result.history] == list(range(1, 9))
