@@ -95,7 +95,10 @@ class RayFeatures:
             raise ValueError(
                 "segments midpoint: found none, expected (S, 3): trace with midpoints=True"
             )
-        direction = ray_directions(segments)
+        # a view at a time: a pixel without a direction of its own takes that of a near one
+        direction = np.concatenate(
+            [ray_directions(projector.view(v).segments) for v in range(projector.n_views)]
+        )
         place = _places(direction, projector.view_ptr)
         half = (np.asarray(grid.upper) - np.asarray(grid.lower)) / 2
         view = np.repeat(np.arange(projector.n_views), np.diff(projector.view_ptr))
