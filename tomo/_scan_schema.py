@@ -80,6 +80,19 @@ class _Corrections(_Strict):
     bit_depth: _BitDepth = None
 
 
+class _Effects(_Strict):
+    """The fields of `tomo.effects.Effects`, which checks their ranges, and the cameras' gains."""
+
+    gain_spread: float = 0.0
+    absorption: float = 0.0
+    self_absorption: float = 0.0
+    vignetting: float = 0.0
+    aperture: float = 0.0
+    focus_distance: float | None = None
+    aperture_rays: int = 32
+    gains: dict[str, float] = {}
+
+
 class ScanFile(_Strict):
     format: Literal["emission-scan"]
     version: Literal[1]
@@ -88,6 +101,7 @@ class ScanFile(_Strict):
     frames: Annotated[list[_Frame], Field(min_length=1)]
     corrections: _Corrections = _Corrections()
     truth: str | None = None
+    effects: _Effects | None = None
 
 
 def parse_scan_file(path: Path) -> ScanFile:

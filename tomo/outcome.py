@@ -7,7 +7,7 @@ import math
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from rigs import Rig
 from tomo import metrics
 from tomo._sums import dot, norm
 from tomo.reconstruction import Reconstruction
+
+if TYPE_CHECKING:
+    from tomo.wernet import LearnedWeights
 
 UNSEEN = (ZERO, NOT_A_NUMBER) = ("zero", "nan")
 """What may stand in voxels that no ray crosses."""
@@ -135,6 +138,8 @@ class Outcome:
     cosine_distances : tuple of tuple of float
         Of the reconstruction and then of each comparison: the distance from the truth at each
         entry of its history; empty without a truth.
+    learned : LearnedWeights, optional
+        What was learned in place of chord lengths; None: chords.
     """
 
     reconstruction: Reconstruction
@@ -153,6 +158,7 @@ class Outcome:
     warnings: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     cosine_distances: tuple[tuple[float, ...], ...] = ()
+    learned: LearnedWeights | None = None
 
     @property
     def volume(self) -> NDArray[np.float32]:
@@ -174,6 +180,7 @@ class Outcome:
             "skipping": dict(self.skipping),
             "alignment": self.alignment,
             "gains": self.gains,
+            "learned": self.learned.report() if self.learned else None,
             "relative_residual": found.relative_residual,
             "stop_reason": found.stop_reason,
             "quality": dict(found.quality),

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from tomo._request import (
     comparison,
 )
 from tomo._run import Run
+from tomo._true_weights import true_effects, true_ratios
 from tomo.gains import Gains, gains_worth_correcting
 from tomo.grid import VoxelGrid
 from tomo.io import is_integer_image, read_volume
@@ -32,6 +33,9 @@ from tomo.outcome import ZERO, Outcome, View
 from tomo.reconstruction import Reconstruction
 from tomo.scan import Images, Masks, Scan
 from tomo.support import STORED
+
+if TYPE_CHECKING:
+    from tomo.wernet import LearnedWeights
 
 
 def reconstruct(
@@ -144,6 +148,7 @@ def reconstruct(
             f"{scan.source}: grid: found none in the scan or its rig, expected one: "
             "--grid with --spacing, or with --lower and --upper"
         )
+    effects = true_effects(scan)
     truth, warnings = _read_truth(scan, grid)
     training = scan.without(*hold_out) if hold_out else scan
     training_images, training_masks = training.read(frame)
@@ -217,6 +222,10 @@ def reconstruct(
 
     seeing = _as_learned(system, found, same_views=True)
     views = _views(seeing, found.volume, training_images, training_masks, gains)
+    learned = None
+    if found.weights is not None:
+        ratios = true_ratios(system, effects, truth, gains) if supersample == 1 else None
+        learned = _summed_up(system, seeing, found, ratios)
     if judged_system is not None:
         judging = _as_learned(judged_system, found, same_views=False)
         judged_views = _views(judging, found.volume, held_out_images, held_out_masks)
@@ -281,6 +290,7 @@ def reconstruct(
         warnings=tuple(warnings),
         settings=settings,
         cosine_distances=tuple(run.cosine_distances),
+        learned=learned,
     )
 
 
@@ -333,6 +343,26 @@ def _as_learned(system: LinearSystem, found: Reconstruction, same_views: bool) -
         return system
     learned = found.weights.projector(system.projector, same_views=same_views)
     return replace(system, projector=learned)
+
+
+def _summed_up(
+    system: LinearSystem,
+    seeing: LinearSystem,
+    found: Reconstruction,
+    ratios: NDArray[np.float64] | None,
+) -> LearnedWeights:
+    """Return what the weights of ``seeing`` are over the chords, beside the true ratios."""
+    from tomo.wernet import LearnedWeights
+
+    return LearnedWeights.of(
+        found.weights,
+        system.projector,
+        seeing.projector,
+        found.volume,
+        system.rig.names,
+        held_out_residual=found.settings.get("held_out_residual"),
+        truth=ratios,
+    )
 
 
 def _views(

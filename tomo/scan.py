@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +92,9 @@ class Scan:
         By how much the images are shrunk when read.
     recorded_sizes : mapping, optional
         Camera to ``(width, height)`` of the files; that of the rig when None.
+    effects : mapping, optional
+        What the images were simulated with: the fields of `tomo.effects.Effects`, and ``gains``,
+        camera to gain. Only compared with, as the truth is.
     """
 
     rig: Rig
@@ -102,6 +105,7 @@ class Scan:
     source: Path | None = None
     shrink: int = 1
     recorded_sizes: Mapping[str, tuple[int, int]] | None = None
+    effects: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         """Check that names belong together; whether files can be read shows when they are."""

@@ -93,7 +93,10 @@ def _load_scan_file(path: Path) -> Scan:
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
     truth = None if content.truth is None else _inside(path, content.truth, "truth")
-    return Scan(rig, frames, Corrections(**corrections), grid, truth, source=path)
+    effects = None if content.effects is None else content.effects.model_dump()
+    if effects is not None:
+        _check_cameras(path, "effects.gains", effects["gains"], rig)
+    return Scan(rig, frames, Corrections(**corrections), grid, truth, source=path, effects=effects)
 
 
 def _inside(scan_file: Path, text: str, field: str) -> Path:
@@ -162,6 +165,7 @@ def save_scan(
     grid: VoxelGrid | None = None,
     truth: ArrayLike | None = None,
     corrections: Corrections | None = None,
+    effects: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write a scan folder: ``rig.yaml``, ``images/<camera>/<frame>.tif``, ``scan.yaml``.
 
@@ -179,6 +183,8 @@ def save_scan(
         The true volume on ``grid``; stored as ``truth.npz``.
     corrections : Corrections, optional
         Its image paths must lie inside ``folder``.
+    effects : mapping, optional
+        What the images were simulated with, see `Scan`.
 
     Returns
     -------
@@ -212,6 +218,8 @@ def save_scan(
         content["corrections"] = _plain_corrections(folder, corrections)
     if truth is not None:
         content["truth"] = "truth.npz"
+    if effects is not None:
+        content["effects"] = {name: value for name, value in effects.items() if value is not None}
 
     scan_file = folder / SCAN_FILE
     folder.mkdir(parents=True, exist_ok=True)

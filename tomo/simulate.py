@@ -67,6 +67,9 @@ class SimulatedScan:
             full_scale = self.settings["full_scale"]
             corrections = Corrections(gain=full_scale, bit_depth=bits)
             images = {n: noises.quantise(i, bits, full_scale) for n, i in images.items()}
+        effects = self.settings.get("effects")
+        if effects is not None and "gains" in self.settings:
+            effects = effects | {"gains": self.settings["gains"]}
         return save_scan(
             folder,
             self.rig,
@@ -74,6 +77,7 @@ class SimulatedScan:
             grid=self.grid,
             truth=self.truth,
             corrections=corrections,
+            effects=effects,
         )
 
 

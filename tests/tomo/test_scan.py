@@ -74,6 +74,18 @@ def test_round_trip(folder):
                 np.testing.assert_array_equal(found, expected)
             assert all(mask.dtype == bool and mask.all() for mask in scan.masks(name))
     assert read_volume(scan.truth)[1] == GRID
+    assert scan.effects is None
+
+
+def test_what_a_scan_was_simulated_with_comes_back(tmp_path):
+    camera = RIG.names[0]
+    effects = {"absorption": 0.5, "focus_distance": None, "gains": {camera: 1.25}}
+    save_scan(tmp_path, RIG, FRAMES, effects=effects)
+    found = Scan.load(tmp_path).effects
+    assert found["absorption"] == 0.5
+    assert found["vignetting"] == 0
+    assert found["focus_distance"] is None
+    assert found["gains"] == {camera: 1.25}
 
 
 def test_no_frame_named_is_the_first(folder):
@@ -350,6 +362,9 @@ def test_links_that_leave_the_folder(folder, tmp_path):
         (lambda c: c.update(corrections={"mask": True}), ["corrections.mask", "True"]),
         (lambda c: c.update(truth="a\0b"), ["truth"]),
         (lambda c: c.update(truth="x" * 5000), ["truth"]),
+        (lambda c: c.update(effects={"heat": 1.0}), ["effects.heat", "unknown field"]),
+        (lambda c: c.update(effects={"absorption": "k"}), ["effects.absorption", "found 'k'"]),
+        (lambda c: c.update(effects={"gains": {"cam9": 1.0}}), ["effects.gains", "'cam9'"]),
     ],
 )
 def test_bad_fields_are_named(folder, change, parts):

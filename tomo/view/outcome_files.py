@@ -15,7 +15,7 @@ from tomo.reconstruction import Reconstruction
 from tomo.view.report import write_report
 from tomo.view.results import Convergence, Results, draw, write_pictures
 
-PICTURES = ("rig", "slices", "views", "convergence", "difference")
+PICTURES = ("rig", "slices", "views", "convergence", "difference", "learned")
 
 VOLUME_FILES = ("volume.npz", "volume.vti", "volume.nrrd")
 
@@ -64,6 +64,7 @@ def results_of(outcome: Outcome) -> Results:
         truth=outcome.truth,
         comparisons=[(other.settings["method"], other.volume) for other in outcome.comparisons],
         method=found.settings["method"],
+        learned=outcome.learned,
     )
 
 

@@ -19,6 +19,7 @@ _TITLES = {
     "slices": "Reconstructed volume",
     "convergence": "Convergence",
     "difference": "Comparison of volumes",
+    "learned": "What was learned in place of chord lengths",
 }
 
 
@@ -178,6 +179,7 @@ def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
         ("skipping", "What takes no part"),
         ("alignment", "Where the cameras look"),
         ("gains", "Gains and backgrounds"),
+        ("learned", "Learned weights"),
         ("settings", "Settings"),
         ("versions", "Versions"),
     ):

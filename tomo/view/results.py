@@ -19,6 +19,8 @@ from tomo.view.figures import png_bytes
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from tomo.wernet import LearnedWeights
+
 
 @dataclass(frozen=True, eq=False)
 class Convergence:
@@ -67,6 +69,8 @@ class Results:
         What other methods made of the same images.
     method : str
         What to call the reconstruction in figures.
+    learned : LearnedWeights, optional
+        What was learned in place of chord lengths.
     """
 
     rig: Rig
@@ -77,6 +81,7 @@ class Results:
     truth: NDArray | None = None
     comparisons: Sequence[tuple[str, NDArray]] = ()
     method: str = "reconstruction"
+    learned: LearnedWeights | None = None
 
     def __post_init__(self) -> None:
         """Take mappings for views and histories too, and check shapes."""
@@ -112,8 +117,12 @@ class Picture:
 
 
 def draw(results: Results) -> tuple[Picture, ...]:
-    """Return the figures: rig, slices, views, convergence, difference; empty ones are left out."""
+    """Return the figures; those that there is nothing for are left out.
+
+    Rig, slices, views, convergence, difference and learned weights.
+    """
     from tomo.view import result_figures
+    from tomo.view.learned_picture import draw_learned
     from tomo.view.rig_picture import draw_rig
     from tomo.view.volume_picture import draw_volume
 
@@ -165,6 +174,23 @@ def draw(results: Results) -> tuple[Picture, ...]:
                 else "."
             ),
             "Middle planes of every volume, side by side on one colour scale.",
+        ),
+        (
+            results.learned is not None,
+            "learned",
+            lambda: draw_learned(results.learned, unit),
+            "Learned weights over chord lengths: means over the light (grey: where it is) by "
+            "depth in the grid as seen from the camera, emission in front, place in the image, "
+            "place in the voxel along each axis, and camera; and the relative residual of views "
+            "left out, with chord lengths and with learned weights. A common factor says nothing."
+            + (
+                " Dashed: the true ones, of what the images were simulated with, scaled to the "
+                "same mean."
+                if results.learned is not None and results.learned.true_by_camera is not None
+                else ""
+            ),
+            "Line plots of the learned weight over the chord length against five quantities, and "
+            "bars of left-out views' residuals.",
         ),
     ]
     return tuple(

@@ -15,6 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "encoder_file": ["load_encoder", "save_encoder", "shipped_encoders"],
         "correction": ["CorrectionEncoder", "ViewTokens"],
         "default": ["wernet"],
+        "learned": ["LearnedWeights", "Profile"],
         "model": ["WERNet"],
         "packing": ["Packing"],
         "ray_features": ["RayFeatures"],

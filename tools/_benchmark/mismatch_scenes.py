@@ -17,6 +17,7 @@ from _benchmark.sizes import Sizes
 from rigs import Rig
 from tomo import LinearSystem, Projector, Segments, VoxelGrid
 from tomo import noise as noises
+from tomo._true_weights import true_ratios
 from tomo.effects import Effects
 from tomo.simulate import SimulatedScan, simulate
 
@@ -98,16 +99,9 @@ class MismatchScene:
 
     def weight_ratios(self, system: LinearSystem) -> NDArray[np.float64]:
         """Return the true weight of each of the system's segments over its chord: ``(S,)``."""
-        projector = system.projector
-        emission = projector.live.compress(self.truth)
         gains = self.effects.gains(len(self.rig), self.seed)
-        ratios = [
-            self.effects.weight_ratio(
-                camera, projector.view(view).segments, self.grid, emission, gain=gain
-            )
-            for view, (camera, gain) in enumerate(zip(self.rig, gains, strict=True))
-        ]
-        return np.concatenate(ratios)
+        known = self.effects, dict(zip(self.rig.names, gains, strict=True))
+        return true_ratios(system, known, self.truth)
 
     def informed(self, system: LinearSystem) -> Projector:
         """Return the projector of the same pixels and voxels that knows all of the effects."""
