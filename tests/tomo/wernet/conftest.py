@@ -40,7 +40,7 @@ def make_scene(views=12, effects=None, supersample=1, seed=3, grid=GRID, image_s
     edge = float(np.mean(grid.spacing))
     rig = rigs.ring(
         views,
-        150.0 * edge,
+        distance=100.0 * edge,
         image_size=image_size,
         footprint=16.8 * edge / image_size[1],
         center=grid.center,

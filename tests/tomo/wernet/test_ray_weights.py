@@ -1,0 +1,149 @@
+import numpy as np
+import pytest
+import torch
+
+from tomo import Projector
+from tomo.live_voxels import LiveVoxels
+from tomo.projector import dot_test
+from tomo.segments import Segments
+from tomo.wernet import CorrectionEncoder, RayFeatures, RayWeights, ViewTokens
+from tomo.wernet.ray_weights import SEGMENTS_A_PART, correction_of, reweighted
+
+
+def _weights(projector, trained=True, tells_views=True):
+    encoder = CorrectionEncoder(blocks=1, channels=8, seed=1)
+    tokens = ViewTokens(projector.n_views, 8)
+    if trained:
+        generator = torch.Generator().manual_seed(0)
+        torch.nn.init.normal_(encoder.last.weight, 0, 0.3, generator=generator)
+        if tells_views:
+            torch.nn.init.normal_(tokens.hidden, 0, 0.3, generator=generator)
+            torch.nn.init.normal_(tokens.level, 0, 0.1, generator=generator)
+    volume = np.random.default_rng(2).random(projector.shape[1]).astype(np.float32)
+    return RayWeights(encoder, tokens, volume, 8.0, tells_views)
+
+
+def test_a_new_encoder_gives_the_chord_projector_itself(scene):
+    chords = scene().projector
+    learned = _weights(chords, trained=False).projector(chords)
+    assert np.array_equal(learned.segments.length, chords.segments.length)
+    assert learned.segments.length.dtype == chords.segments.length.dtype
+    assert np.array_equal(learned.segments.voxel, chords.segments.voxel)
+    assert np.array_equal(learned.view_ptr, chords.view_ptr)
+    volume = scene().truth.ravel()
+    assert np.array_equal(learned @ volume, chords @ volume)
+
+
+@pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-6)])
+def test_the_learned_projector_has_its_adjoint(scene, dtype, bound):
+    chords = scene().projector
+    learned = _weights(chords).projector(chords)
+    assert np.abs(learned.segments.length / chords.segments.length - 1).max() > 0.1
+    for operator in (learned, learned.subset([2, 0]), learned.take(np.arange(0, 3000, 7))):
+        assert max(dot_test(operator, seed, dtype) for seed in range(20)) < bound
+
+
+def test_weights_are_chords_times_one_plus_the_correction_squared(scene):
+    chords = scene().projector
+    weights = _weights(chords)
+    features = RayFeatures.of(chords)
+    front = features.emission_in_front(weights.volume, weights.unit)
+    learned = weights.projector(chords)
+    for ray in range(0, len(features), 131):
+        one = torch.tensor([ray])
+        packing, described = features.packed(one, front)
+        view = int(features.view[ray])
+        token = torch.zeros(len(packing.inside), 8) + weights.tokens.hidden[view]
+        rows = packing.spread(described)
+        with torch.no_grad():
+            correction = weights.encoder(rows, packing.inside, token)[packing.row]
+            correction = correction + weights.tokens.level[view]
+        expected = chords.segments.length[packing.entry] * (1 + correction.numpy()) ** 2
+        found = learned.segments.length[packing.entry]
+        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
+        with torch.no_grad():
+            _, again = correction_of(weights.encoder, weights.tokens, features, front, one)
+        np.testing.assert_allclose(again, correction, rtol=1e-4, atol=1e-6)
+
+
+def test_weights_are_at_least_zero():
+    segments = Segments(
+        np.array([0, 3]), np.arange(3, dtype=np.int32), np.ones(3, np.float32),
+        np.zeros((3, 3), np.float32),
+    )  # fmt: skip
+    from tomo.grid import VoxelGrid
+
+    chords = Projector(segments, VoxelGrid((3, 1, 1), 1.0))
+    found = reweighted(chords, np.array([-3.0, -1.0, 0.5], np.float32))
+    assert found.segments.length.tolist() == [4.0, 0.0, 2.25]
+    assert chords.segments.length.tolist() == [1.0, 1.0, 1.0]
+
+
+def test_the_same_bits_for_any_number_of_threads(scene):
+    chords = scene(image_size=(21, 30)).projector
+    assert chords.n_crossings > 4 * SEGMENTS_A_PART
+    found = []
+    for threads in (1, 2, 4):
+        torch.set_num_threads(threads)
+        found.append(_weights(chords).projector(chords).segments.length)
+        assert torch.get_num_threads() == threads
+    assert all(np.array_equal(found[0], other) for other in found[1:])
+
+
+def test_other_views_take_the_mean_of_what_is_each_view_s_own(scene):
+    chords = scene().projector
+    weights = _weights(chords)
+    mean = weights.tokens.mean(chords.n_views)
+    expected = RayWeights(weights.encoder, mean, weights.volume, weights.unit, True)
+    found = weights.projector(chords, same_views=False).segments.length
+    assert np.array_equal(found, expected.projector(chords).segments.length)
+    assert not np.array_equal(found, weights.projector(chords).segments.length)
+    fewer = chords.subset([1, 4])
+    assert weights.projector(fewer, same_views=False).n_views == 2
+
+
+def test_without_numbers_of_their_own_views_do_not_matter(scene):
+    chords = scene().projector
+    weights = _weights(chords, tells_views=False)
+    whole = weights.projector(chords)
+    some = [7, 2]
+    for same_views in (True, False):
+        found = weights.projector(chords.subset(some), same_views=same_views)
+        np.testing.assert_allclose(
+            found.segments.length, whole.subset(some).segments.length, rtol=1e-5, atol=1e-7
+        )
+
+
+def test_pixels_that_cross_nothing_stay_empty(scene):
+    one = scene()
+    s = one.projector.segments
+    gone = np.zeros(s.n_pixels, bool)
+    gone[[0, 5, 6, 7, 500, s.n_pixels - 1]] = True
+    counts = np.where(gone, 0, np.diff(s.ptr))
+    kept = np.repeat(~gone, np.diff(s.ptr))
+    some = Segments(
+        np.concatenate([[0], np.cumsum(counts)]), s.voxel[kept], s.length[kept], s.midpoint[kept]
+    )
+    chords = Projector(some, one.grid, one.projector.view_ptr)
+    learned = _weights(chords, tells_views=False).projector(chords)
+    assert np.array_equal(learned.segments.ptr, some.ptr)
+    whole = _weights(chords, tells_views=False).projector(one.projector)
+    np.testing.assert_allclose(
+        learned.segments.length, whole.segments.length[kept], rtol=1e-5, atol=1e-7
+    )
+
+
+def test_live_voxels_stay(scene):
+    one = scene()
+    live = LiveVoxels.from_mask(one.grid, one.truth > 0.05)
+    part = one.projector.segments.renumbered(live.number)
+    chords = Projector(part, one.grid, one.projector.view_ptr, live)
+    learned = _weights(chords).projector(chords)
+    assert learned.live is live
+    assert learned.shape == chords.shape
+    assert max(dot_test(learned, seed) for seed in range(5)) < 1e-12
+
+
+def test_repr_names_the_sizes(scene):
+    text = repr(_weights(scene().projector))
+    assert text == "<RayWeights: 12 views, {'blocks': 1, 'channels': 8}>"
