@@ -19,7 +19,8 @@ def paper(
     half: Annotated[
         bool,
         typer.Option(
-            "--half", help="All but the jet's layouts on voxels twice as wide, and fewer epochs."
+            "--half",
+            help="Fewer epochs; all but layouts and denoising on voxels twice as wide.",
         ),
     ] = False,
     quick: Annotated[

@@ -121,7 +121,7 @@ def test_claims_hold_as_their_figures_say(run_tool, studies):
 
     row = dict(studies["layouts"][0])
     for distance, holds in ((5e-4, True), (2e-3, False)):
-        (claim,) = claims({"layouts": [{**row, "cosine_distance": distance}]})
+        claim, _ = claims({"layouts": [{**row, "cosine_distance": distance}]})
         assert claim["holds"] is holds
         assert bool(claim["why"]) is not holds
     runs = [{**studies["normalisation"][0], "normalise_gradient": n, "cosine_distance": d}

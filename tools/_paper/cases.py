@@ -20,6 +20,9 @@ NOISE = 0.10
 
 SEED = 0
 
+SHIFTED = "_shifted"
+"""At the end of a layout's name: the images' first row is cut off before they are shrunk."""
+
 
 @dataclass(frozen=True, eq=False)
 class Case:
@@ -89,8 +92,7 @@ def case(flame: str, layout: str, problem: Problem, fraction: float = 0.0) -> Ca
     is left of an error afterwards is the method's. ``fraction`` adds white noise of that part of
     the images' maximum.
     """
-    rig = rigs.preset(layout)
-    rig = replace(rig, cameras=tuple(camera.shrunk(problem.shrink) for camera in rig))
+    rig = _rig(layout, problem.shrink)
     grid, truth = grid_of(problem), truth_of(flame, problem)
     whole = LinearSystem.from_rig(rig, grid, form="stored")
     images = whole.images(whole.projector @ truth.reshape(-1))
@@ -104,3 +106,15 @@ def case(flame: str, layout: str, problem: Problem, fraction: float = 0.0) -> Ca
     measured = system.flatten(images)
     seconds = time.perf_counter() - started
     return Case(flame, layout, fraction, truth, system, measured, whole, images, seconds)
+
+
+def _rig(layout: str, shrink: int) -> rigs.Rig:
+    rig = rigs.preset(layout.removesuffix(SHIFTED))
+    cameras = list(rig)
+    if layout.endswith(SHIFTED):
+        sizes = [camera.image_size for camera in cameras]
+        cameras = [
+            camera.cropped(0, 1, width, height - 1)
+            for camera, (width, height) in zip(cameras, sizes, strict=True)
+        ]
+    return replace(rig, cameras=tuple(camera.shrunk(shrink) for camera in cameras))

@@ -38,7 +38,7 @@ def plots(
     for name, rows in _SECTIONS.items():
         chosen = rows(studies)
         if chosen:
-            problem = sizes.jet if name == "layouts" else sizes.problem
+            problem = sizes.large if name in ("layouts", "denoising") else sizes.problem
             for suffix, some in _pages(chosen).items():
                 draw = partial(_sections, some, problem)
                 found.setdefault(name, {})[f"{name}_sections{suffix}"] = draw

@@ -29,10 +29,10 @@ class Sizes:
     Attributes
     ----------
     name : str
-    jet : Problem
-        Of the jet in the paper's three layouts.
+    large : Problem
+        Of the jet in the paper's three layouts, and of the noisy images.
     epochs_in_full : int
-        Of the same.
+        Of the jet in the layouts.
     problem : Problem
         Of the other parts, but for the readings.
     epochs : int
@@ -51,7 +51,7 @@ class Sizes:
     """
 
     name: str
-    jet: Problem
+    large: Problem
     epochs_in_full: int
     problem: Problem
     epochs: int
@@ -68,7 +68,7 @@ _HALF = Problem((15, 70, 15), 1.0, 4)
 _SMALL = Problem((6, 28, 6), 2.5, 10)
 FULL = Sizes(
     name="full",
-    jet=_PAPER,
+    large=_PAPER,
     epochs_in_full=80,
     problem=_PAPER,
     epochs=80,
@@ -81,7 +81,7 @@ FULL = Sizes(
 )
 HALF = Sizes(
     name="half",
-    jet=_PAPER,
+    large=_PAPER,
     epochs_in_full=30,
     problem=_HALF,
     epochs=20,
@@ -94,7 +94,7 @@ HALF = Sizes(
 )
 QUICK = Sizes(
     name="quick",
-    jet=_SMALL,
+    large=_SMALL,
     epochs_in_full=4,
     problem=_SMALL,
     epochs=3,
