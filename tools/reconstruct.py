@@ -159,7 +159,6 @@ def _load(scan: Path | None, rig: Path | None, images: Path | None) -> object:
 def _checkpoint(out: Path, method: str, resume: bool) -> Path | None:
     """Return where WERNet keeps the state of its training; None for other methods."""
     if method == "wernet":
-        out.mkdir(parents=True, exist_ok=True)
         return out / "checkpoint.pt"
     if resume:
         raise ValueError(f"--resume: found it with method {method}, expected wernet")

@@ -283,6 +283,31 @@ OPTIONS = {
         (*QUICK, "--compare", "wernet-paper:1", "--device", "foo"),
         "device: found 'foo', expected one that this PyTorch can use",
     ),
+    "encoder of a classic": (
+        ("--method", "sirt", "--encoder", "e.pt"),
+        "encoder: found e.pt, expected none for method sirt: only wernet and wernet-paper learn",
+    ),
+    "encoder of auto": (
+        ("--encoder", "e.pt"),
+        "encoder: found e.pt, expected none for method auto",
+    ),
+    "frozen classic": (
+        ("--method", "sirt", "--freeze-encoder"),
+        "freeze_encoder: found True, expected none for method sirt",
+    ),
+    "frozen without encoder": (
+        ("--method", "wernet", "--freeze-encoder"),
+        "freeze_encoder: found no encoder to freeze, expected",
+    ),
+    "resumed classic": (
+        ("--method", "sirt", "--resume"),
+        "--resume: found it with method sirt, expected wernet",
+    ),
+    "resumed auto": (("--resume",), "--resume: found it with method auto, expected wernet"),
+    "resumed paper": (
+        ("--method", "wernet-paper", "--resume"),
+        "--resume: found it with method wernet-paper, expected wernet",
+    ),
     "compare unknown": (("--compare", "foo"), "compare: found 'foo', expected one of art"),
     "compare auto": (("--compare", "auto"), "compare: found 'auto', expected one of art"),
     "compare no count": (("--compare", "sirt:"), "--compare: found 'sirt:', expected METHOD"),
@@ -305,6 +330,47 @@ def test_a_wrong_option(refused, scan, tmp_path, fault):
     options, words = OPTIONS[fault]
     line = refused("reconstruct", scan, *options, "-o", tmp_path / "out")
     assert words in line
+
+
+def _write_encoder(path, kind):
+    from tomo.wernet import CorrectionEncoder, WeightEncoder, save_encoder
+
+    save_encoder({"weights": WeightEncoder, "correction": CorrectionEncoder}[kind](), path)
+
+
+ENCODER_FAULTS = {
+    "missing": ("wernet", None, "no such file, expected an encoder"),
+    "missing, paper": ("wernet-paper", None, "no such file, expected an encoder"),
+    "text": ("wernet", "text", "found a file that cannot be read"),
+    "kind": ("wernet", "weights", "kind: found an encoder of weights, expected one of correction"),
+    "kind, paper": (
+        "wernet-paper",
+        "correction",
+        "kind: found an encoder of correction, expected one of weights",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", ENCODER_FAULTS)
+def test_a_wrong_encoder(refused, scan, tmp_path, fault):
+    method, content, words = ENCODER_FAULTS[fault]
+    path = tmp_path / "encoder.pt"
+    if content == "text":
+        path.write_text("no encoder")
+    elif content is not None:
+        _write_encoder(path, content)
+    options = ("--method", method, "--encoder", path)
+    line = refused("reconstruct", scan, *options, "-o", tmp_path / "out")
+    assert f"{path}: {words}" in line
+
+
+@pytest.mark.parametrize("content", [b"", b"no checkpoint"])
+def test_a_wrong_checkpoint(refused, scan, tmp_path, content):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "checkpoint.pt").write_bytes(content)
+    line = refused("reconstruct", scan, "--method", "wernet", "--resume", "-o", out)
+    assert f"{out / 'checkpoint.pt'}: found a file that cannot be read" in line
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="CUDA is here")

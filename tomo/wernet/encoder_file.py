@@ -71,7 +71,10 @@ def load_encoder(path: str | Path, kind: type[Encoder] | None = None) -> Encoder
     try:
         encoder = _KINDS[content["kind"]](**content["settings"])
         encoder.load_state_dict(content["state"])
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        for name, numbers in encoder.state_dict().items():
+            if not numbers.isfinite().all():
+                raise ValueError(f"{name}: NaN or infinity")
+    except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
         reason = str(error).splitlines()[0]
         raise ValueError(f"{path}: found an encoder that does not fit itself: {reason}") from error
     if kind is not None and not isinstance(encoder, kind):

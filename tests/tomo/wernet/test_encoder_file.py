@@ -78,3 +78,54 @@ def test_an_encoder_of_another_kind_is_refused(tmp_path):
         ValueError, match="kind: found an encoder of weights, expected one of corr"
     ):
         load_encoder(tmp_path / "encoder.pt", CorrectionEncoder)
+
+
+MALFORMED = {
+    "no kind": lambda c: c.pop("kind"),
+    "unknown kind": lambda c: c.update(kind="transformer"),
+    "kind of another type": lambda c: c.update(kind=["correction"]),
+    "no settings": lambda c: c.pop("settings"),
+    "settings of another type": lambda c: c.update(settings=3),
+    "unknown setting": lambda c: c["settings"].update(depth=3),
+    "setting out of range": lambda c: c["settings"].update(blocks=0),
+    "setting of another type": lambda c: c["settings"].update(blocks="two"),
+    "far too large": lambda c: c["settings"].update(channels=10**9),
+    "no state": lambda c: c.pop("state"),
+    "state of another type": lambda c: c.update(state=[1.0]),
+    "number missing": lambda c: c["state"].pop("last.bias"),
+    "number of another shape": lambda c: c["state"].update({"last.bias": torch.zeros(2)}),
+    "key of another type": lambda c: c["state"].update({3: torch.zeros(1)}),
+    "NaN": lambda c: c["state"]["last.bias"].fill_(torch.nan),
+    "infinite": lambda c: c["state"]["hidden.0.weight"].fill_(torch.inf),
+}
+
+
+@pytest.mark.parametrize("fault", MALFORMED)
+def test_a_malformed_encoder_is_refused_in_one_line(tmp_path, fault):
+    path = tmp_path / "encoder.pt"
+    save_encoder(CorrectionEncoder(blocks=1, channels=4), path)
+    content = torch.load(path, weights_only=True)
+    MALFORMED[fault](content)
+    torch.save(content, path)
+    with pytest.raises(ValueError, match=r"encoder\.pt: found an encoder that ") as caught:
+        load_encoder(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_saving_replaces_what_was_there_or_leaves_it(tmp_path, monkeypatch):
+    path = tmp_path / "deep" / "encoder.pt"
+    save_encoder(CorrectionEncoder(blocks=1, channels=4, seed=1), path)
+    content = path.read_bytes()
+
+    def fail(_content, temporary):
+        temporary.write_bytes(b"half")
+        raise OSError("no space left")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(torch, "save", fail)
+        with pytest.raises(OSError, match="no space left"):
+            save_encoder(CorrectionEncoder(), path)
+    assert path.read_bytes() == content
+    assert [p.name for p in path.parent.iterdir()] == ["encoder.pt"]
+    save_encoder(CorrectionEncoder(blocks=3), path)
+    assert load_encoder(path).blocks == 3
