@@ -1,7 +1,10 @@
 """Small scenes: a ring of cameras around three smooth flames."""
 
+import os
 from functools import lru_cache
 from types import SimpleNamespace
+
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # as tomo does, if loaded before torch is
 
 import numba
 import numpy as np

@@ -3,6 +3,7 @@ import pytest
 import torch
 
 from tomo.grid import VoxelGrid
+from tomo.live_voxels import LiveVoxels
 from tomo.metrics import cosine_distance
 from tomo.projector import Projector
 from tomo.rays import Rays
@@ -75,6 +76,67 @@ def test_training_finds_the_phantom_roughly(projector, measured, truth, variant)
     # The scale of the volume is the one that fits best.
     projected = projector @ result.volume.ravel().astype(np.float64)
     assert projected @ measured == pytest.approx(projected @ projected, rel=1e-5)
+
+
+@pytest.mark.parametrize("inputs", ["absolute", "relative"])
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_packed_and_padded_rays_lead_to_the_same_volume(projector, measured, variant, inputs):
+    """One step in double precision would be the same; rounding grows a little with each."""
+    arguments = {"iterations": 1, "variant": variant, "inputs": inputs, **SMALL_STEPS}
+    packed, padded = (
+        wernet_paper(projector, measured, layout=layout, **arguments)
+        for layout in ("packed", "padded")
+    )
+    assert np.abs(packed.volume - padded.volume).max() < 2e-3 * padded.volume.max()
+    assert packed.relative_residual == pytest.approx(padded.relative_residual, rel=1e-4)
+    assert not np.array_equal(packed.volume, padded.volume)  # they are two computations
+
+
+@pytest.mark.parametrize("variant", ["no-bias", "bias-mask"])
+def test_where_rays_are_apart_the_number_of_threads_changes_no_bit(
+    projector, measured, variant, monkeypatch
+):
+    monkeypatch.setattr("tomo.wernet.training.SEGMENTS_A_PART", 200)  # several parts a step
+    volumes = []
+    for threads in (1, 2, 4):
+        torch.set_num_threads(threads)
+        found = wernet_paper(projector, measured, iterations=1, variant=variant, **SMALL_STEPS)
+        volumes.append(found.volume)
+        assert torch.get_num_threads() == threads
+    assert all(np.array_equal(volumes[0], other) for other in volumes[1:])
+
+
+def test_parts_of_a_step_are_the_step(projector, measured, monkeypatch):
+    arguments = {"iterations": 1, "variant": "bias-mask", **SMALL_STEPS}
+    whole = wernet_paper(projector, measured, **arguments)
+    monkeypatch.setattr("tomo.wernet.training.SEGMENTS_A_PART", 100)
+    parts = wernet_paper(projector, measured, **arguments)
+    assert np.abs(parts.volume - whole.volume).max() < 2e-3 * whole.volume.max()
+
+
+def test_live_voxels_alone_are_trained(projector, measured, truth):
+    live = LiveVoxels.from_mask(GRID, truth > 0.05)
+    part = Projector(projector.segments.renumbered(live.number), GRID, projector.view_ptr, live)
+    seen = part @ live.compress(truth)
+    volumes = []
+    found = wernet_paper(
+        part,
+        seen,
+        iterations=2,
+        callback=lambda index, volume, residual: volumes.append(volume),
+        **SMALL_STEPS,
+    )
+    assert volumes[-1].shape == (live.size,)
+    np.testing.assert_array_equal(live.compress(found.volume), volumes[-1])
+    assert not found.volume.ravel()[live.number < 0].any()
+
+
+def test_where_the_grid_stands_changes_nothing(projector, measured):
+    here = wernet_paper(projector, measured, iterations=1, **SMALL_STEPS)
+    far = VoxelGrid(GRID.shape, GRID.spacing, (1e4, -3e5, 50.0))
+    moved = Projector(projector.segments, far)  # midpoints count from the grid's centre
+    there = wernet_paper(moved, measured, iterations=1, **SMALL_STEPS)
+    np.testing.assert_array_equal(there.volume, here.volume)
 
 
 def test_the_result_scales_with_the_unit_of_the_measurement(projector, measured):
@@ -212,6 +274,8 @@ def test_voxels_that_no_ray_crosses_stay_empty(projector, measured):
         ({"device": "abacus"}, "device: found 'abacus'"),
         ({"device": "meta"}, "device: found 'meta'"),
         ({"variant": "none"}, "variant: found 'none', expected one of no-bias"),
+        ({"layout": "sparse"}, "layout: found 'sparse', expected one of packed, padded"),
+        ({"inputs": "polar"}, "inputs: found 'polar', expected one of absolute, relative"),
         ({"iterations": 0}, "iterations: found 0"),
         ({"halve_every": 0}, "halve_every: found 0"),
         ({"voxel_learning_rate": -1.0}, "voxel_learning_rate: found -1.0"),
