@@ -184,6 +184,58 @@ def test_in_a_process_of_its_own(scan, tmp_path):
     assert "Traceback" not in done.stderr
 
 
+WERNET = ("--method", "wernet", "--seed", "3", "--iterations", "2")
+
+
+def test_wernet_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, monkeypatch):
+    from tomo.wernet._checkpoint import Checkpoint
+
+    save = Checkpoint.save
+
+    def save_and_stop(checkpoint, *state):
+        save(checkpoint, *state)
+        raise KeyboardInterrupt
+
+    out = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr(Checkpoint, "save", save_and_stop)
+        assert run_tool("reconstruct", scan, *WERNET, "-o", out).exit_code != 0
+    assert [path.name for path in out.iterdir()] == ["checkpoint.pt"]
+    resumed = run_tool("reconstruct", scan, *WERNET, "--resume", "--json", "-o", out)
+    assert resumed.exit_code == 0, resumed.stderr
+    whole = reconstruct(Scan.load(scan), method="wernet", seed=3, iterations=2)
+    volume = read_volume(out / "volume.npz")[0]
+    np.testing.assert_array_equal(volume, whole.reconstruction.volume)
+    report = json.loads(resumed.stdout)
+    assert report["method"] == "wernet"
+    assert report["settings"] == json.loads(json.dumps(whole.report()["settings"]))
+    # of other settings it is refused, and what is there stays
+    other = run_tool("reconstruct", scan, *WERNET, "--scale", "2", "--resume", "-o", out)
+    assert other.exit_code == 2
+    assert f"{out / 'checkpoint.pt'}: problem: found a checkpoint of other images" in other.stderr
+    assert (out / "report.json").exists()
+
+
+def test_an_encoder_is_used_as_it_is(run_tool, scan, tmp_path):
+    from tomo.wernet import CorrectionEncoder, save_encoder
+
+    path = tmp_path / "encoder.pt"
+    save_encoder(CorrectionEncoder(blocks=1, channels=4, seed=5), path)
+    content = path.read_bytes()
+    options = ("--encoder", path, "--freeze-encoder", "--hold-out", "cam02", "--json")
+    done = run_tool("reconstruct", scan, *WERNET, *options, "-o", tmp_path / "out")
+    assert done.exit_code == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert report["settings"]["encoder"] == str(path)
+    assert report["settings"]["freeze_encoder"] is True
+    assert report["settings"]["channels"] == 4
+    assert report["held_out"]["cam02"]["psnr"] > 25
+    assert path.read_bytes() == content
+    # one that corrects nothing gives the classic solve
+    classic = reconstruct(Scan.load(scan), hold_out=["cam02"]).reconstruction.volume
+    np.testing.assert_array_equal(read_volume(tmp_path / "out" / "volume.npz")[0], classic)
+
+
 def test_help_names_every_method(run_tool):
     from tomo.methods import method_names
 

@@ -38,8 +38,11 @@ def flames(grid):
 
 
 @lru_cache
-def make_scene(views=12, effects=None, supersample=1, seed=3, grid=GRID, image_size=(14, 20)):
-    """Return a ring's images, alternately from above and below, and their equations."""
+def make_scene(views=12, effects=None, finer=1, seed=3, grid=GRID, image_size=(14, 20)):
+    """Return a ring's images, alternately from above and below, and their equations.
+
+    With ``finer`` above 1, pixels and voxels of the images are: what the equations leave out.
+    """
     edge = float(np.mean(grid.spacing))
     rig = rigs.ring(
         views,
@@ -49,7 +52,8 @@ def make_scene(views=12, effects=None, supersample=1, seed=3, grid=GRID, image_s
         center=grid.center,
         pitch_degrees=[12.0 * (-1) ** view for view in range(views)],
     )
-    scan = simulate(rig, flames(grid), grid, effects=effects, seed=seed, supersample=supersample)
+    finite = {"supersample": finer, "refine": finer}
+    scan = simulate(rig, flames(grid), grid, effects=effects, seed=seed, **finite)
     system = LinearSystem.from_rig(rig, grid, midpoints=True)
     return SimpleNamespace(
         grid=grid,

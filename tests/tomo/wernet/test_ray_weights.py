@@ -7,7 +7,8 @@ from tomo.live_voxels import LiveVoxels
 from tomo.projector import dot_test
 from tomo.segments import Segments
 from tomo.wernet import CorrectionEncoder, RayFeatures, RayWeights, ViewTokens
-from tomo.wernet.ray_weights import SEGMENTS_A_PART, correction_of, reweighted
+from tomo.wernet.ray_features import TRENDS
+from tomo.wernet.ray_weights import SEGMENTS_A_PART, correction_of, reweighted, trend_corrections
 
 
 def _weights(projector, trained=True, tells_views=True):
@@ -16,6 +17,7 @@ def _weights(projector, trained=True, tells_views=True):
     if trained:
         generator = torch.Generator().manual_seed(0)
         torch.nn.init.normal_(encoder.last.weight, 0, 0.3, generator=generator)
+        torch.nn.init.normal_(tokens.trend, 0, 0.05, generator=generator)
         if tells_views:
             torch.nn.init.normal_(tokens.hidden, 0, 0.3, generator=generator)
             torch.nn.init.normal_(tokens.level, 0, 0.1, generator=generator)
@@ -58,12 +60,28 @@ def test_weights_are_chords_times_one_plus_the_correction_squared(scene):
         with torch.no_grad():
             correction = weights.encoder(rows, packing.inside, token)[packing.row]
             correction = correction + weights.tokens.level[view]
+            correction = correction + described[:, TRENDS] @ weights.tokens.trend
         expected = chords.segments.length[packing.entry] * (1 + correction.numpy()) ** 2
         found = learned.segments.length[packing.entry]
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
         with torch.no_grad():
             _, again = correction_of(weights.encoder, weights.tokens, features, front, one)
         np.testing.assert_allclose(again, correction, rtol=1e-4, atol=1e-6)
+
+
+def test_an_encoder_of_zeros_leaves_trends_and_levels(scene):
+    chords = scene().projector
+    weights = _weights(chords)
+    features = RayFeatures.of(chords)
+    front = features.emission_in_front(weights.volume, weights.unit)
+    plain = CorrectionEncoder(blocks=1, channels=8)
+    simple = RayWeights(plain, weights.tokens, weights.volume, weights.unit, True)
+    expected = reweighted(chords, trend_corrections(weights.tokens, features, front))
+    found = simple.projector(chords).segments.length
+    np.testing.assert_allclose(found, expected.segments.length, rtol=1e-5, atol=1e-7)
+    packing, described = features.packed(features.count.nonzero()[:, 0], front)
+    trends = features.trends(front)[packing.entry]
+    np.testing.assert_allclose(trends, described[:, TRENDS], atol=1e-5)
 
 
 def test_weights_are_at_least_zero():
