@@ -1,0 +1,141 @@
+"""Training an encoder that any scene may start from: at true voxels, on many random scenes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from _encoders.scenes import Exercise, random_exercise
+from tomo.wernet.alternation import LAST_RATE, LEARNING_RATE
+from tomo.wernet.correction import CorrectionEncoder, ViewTokens
+from tomo.wernet.parts import Map, add_gradients, cut, on_cores
+from tomo.wernet.ray_features import NAMES, RayFeatures
+from tomo.wernet.ray_weights import SEGMENTS_A_PART, correction_of
+
+LOCAL = (
+    "place in the voxel, x",
+    "place in the voxel, y",
+    "place in the voxel, z",
+    "direction, x",
+    "direction, y",
+    "direction, z",
+    "chord",
+)
+"""What a finite pixel's weight can hang on; all else that an encoder sees is not looked at."""
+
+PENALTY = 0.1
+"""Of the mean squared correction, against a misfit that is 1 for the chords."""
+
+RAYS_A_STEP = 1500
+
+Progress = Callable[[int, int, str], None]
+
+
+def train_finite_pixels(
+    *,
+    scenes: int,
+    epochs: int,
+    seed: int,
+    channels: int = 16,
+    progress: Progress | None = None,
+) -> tuple[CorrectionEncoder, NDArray[np.float64]]:
+    """Return an encoder trained on random scenes, and the mean misfit of every epoch.
+
+    The loss is that of `tomo.wernet.alternation` at the true voxels, a scene's squared misfit
+    counted in that of its chords: large pixels, whose chords are far off, would else decide alone,
+    and an encoder is not told how large a pixel is.
+
+    Parameters
+    ----------
+    scenes, epochs : int
+        Each epoch shows every scene some of its rays, drawn anew.
+    seed : int
+    channels : int
+        Of the encoder.
+    progress : callable, optional
+        ``progress(done, total, where)``.
+    """
+    random = np.random.default_rng(seed)
+    show = progress or (lambda *_: None)
+    lessons = []
+    for number in range(scenes):
+        show(number, scenes + epochs, "scenes")
+        lessons.append(_Lesson(random_exercise(random)))
+    encoder = CorrectionEncoder(channels=channels, seed=seed)
+    _look_at_nothing_but(encoder, LOCAL)
+    optimiser = torch.optim.Adam(encoder.parameters(), lr=LEARNING_RATE, betas=(0.9, 0.99))
+    misfits = np.zeros(epochs)
+    with on_cores(torch.device("cpu")) as over_parts:
+        for epoch in range(epochs):
+            show(scenes + epoch, scenes + epochs, "training")
+            share = 0.5 * (1 + math.cos(math.pi * epoch / epochs))
+            for group in optimiser.param_groups:
+                group["lr"] = LEARNING_RATE * (LAST_RATE + (1 - LAST_RATE) * share)
+            order = random.permutation(scenes)
+            misfits[epoch] = np.mean(
+                [lessons[i].step(encoder, optimiser, random, over_parts) for i in order]
+            )
+    show(scenes + epochs, scenes + epochs, "")
+    return encoder, misfits
+
+
+class _Lesson:
+    """One scene, ready to be learned from."""
+
+    def __init__(self, exercise: Exercise) -> None:
+        self.features = RayFeatures.of(exercise.projector, tells_views=False)
+        self.volume = torch.from_numpy(exercise.volume)
+        self.measured = torch.from_numpy(exercise.measured)
+        unit = float(self.measured.double().square().mean().sqrt())
+        self.front = self.features.emission_in_front(exercise.volume, unit)
+        chords = exercise.projector @ exercise.volume - exercise.measured
+        self.power = float(np.mean(np.square(chords, dtype=np.float64)))
+        self.crossing = self.features.count.nonzero()[:, 0]
+
+    def step(
+        self,
+        encoder: CorrectionEncoder,
+        optimiser: torch.optim.Optimizer,
+        random: np.random.Generator,
+        over_parts: Map,
+    ) -> float:
+        """Take one step; return the mean squared misfit before it, that of the chords being 1."""
+        number = min(RAYS_A_STEP, len(self.crossing))
+        chosen = np.sort(random.choice(len(self.crossing), number, replace=False))
+        rays = self.crossing[torch.from_numpy(chosen)]
+        counts = self.features.count[rays]
+        segments = int(counts.sum())
+        tokens = ViewTokens(int(self.features.view.max()) + 1, encoder.channels)
+        parameters = list(encoder.parameters())
+
+        def of_part(part: slice) -> tuple[float, tuple[torch.Tensor, ...]]:
+            packing, correction = correction_of(
+                encoder, tokens, self.features, self.front, rays[part]
+            )
+            entry = packing.entry
+            weight = self.features.length[entry] * (1 + correction).square()
+            seen = packing.sum(weight * self.volume[self.features.voxel[entry].long()])
+            apart = (seen - self.measured[rays[part]]).square().sum() / (self.power * number)
+            loss = apart + PENALTY * correction.square().sum() / segments
+            return apart.item(), torch.autograd.grad(loss, parameters)
+
+        done = over_parts(of_part, cut(counts, SEGMENTS_A_PART))
+        add_gradients(parameters, [gradients for _, gradients in done])
+        # what is not to be looked at stays so: its weights are zero, and their gradients
+        first = encoder.hidden[0].weight
+        first.grad[:, _others(LOCAL)] = 0
+        optimiser.step()
+        return sum(one for one, _ in done)
+
+
+def _others(names: tuple[str, ...]) -> list[int]:
+    return [number for number, name in enumerate(NAMES) if name not in names]
+
+
+def _look_at_nothing_but(encoder: CorrectionEncoder, names: tuple[str, ...]) -> None:
+    with torch.no_grad():
+        encoder.hidden[0].weight[:, _others(names)] = 0

@@ -1,0 +1,62 @@
+"""Draw what the default WERNet learns of effects it is not told, beside the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from _command import bad_input_in_one_line, check_output_folder, print_json
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def learned_weights(
+    out: Annotated[Path, typer.Option("--out", "-o", help="The PNG to write.")],
+    effect: Annotated[
+        str, typer.Option(help="One of the benchmark's, see docs/benchmark.md.")
+    ] = "gains + absorption",
+    flame: Annotated[str, typer.Option(help="jet or turbulent.")] = "jet",
+    noise: Annotated[str, typer.Option(help="clean, or 2 %.")] = "2 %",
+    seed: Annotated[int, typer.Option(help="Of flame, gains, noise and training.", min=0)] = 1,
+    quick: Annotated[bool, typer.Option(help="Voxels of 1 mm instead of 0.5.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Draw what the default WERNet learns of effects it is not told, beside the truth."""
+    with bad_input_in_one_line():
+        from _benchmark.mismatch_scenes import mismatch_scene
+        from _benchmark.sizes import FULL, QUICK
+
+        from tomo.metrics import cosine_distance
+        from tomo.view.figures import save_figure
+        from tomo.view.learned_picture import draw_learned
+        from tomo.wernet import LearnedWeights, wernet
+
+        check_output_folder(out.parent)
+        scene = mismatch_scene(effect, flame, noise, seed, QUICK if quick else FULL)
+        ready = scene.problem(midpoints=True)
+        chords = ready.system.projector
+        found = wernet(chords, ready.measured, seed=seed)
+        if found.weights is None:
+            raise ValueError(f"effect {effect}: found nothing learned: {found.stop_reason}")
+        learned = LearnedWeights.of(
+            found.weights,
+            chords,
+            found.weights.projector(chords),
+            found.volume,
+            scene.rig.names,
+            held_out_residual=found.settings["held_out_residual"],
+            truth=scene.weight_ratios(ready.system),
+        )
+        save_figure(draw_learned(learned, scene.rig.length_unit), out)
+    if json:
+        figures = learned.report()
+        figures.pop("profiles")
+        figures["cosine_distance"] = cosine_distance(found.volume, scene.truth)
+        figures["seconds"] = found.seconds["solve"]
+        print_json(figures)
+
+
+if __name__ == "__main__":
+    app()
