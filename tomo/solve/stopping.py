@@ -108,15 +108,7 @@ def choose_by_held_out_views(
     if len(views) < 3 or not measured.any():
         reason = "too few views to leave any out" if measured.any() else "the images are dark"
         return Choice(*FALLBACK, math.nan, reason=reason)
-    stride = _stride(projector)
-    if stride > 1:
-        thinned = interleaved(projector.shape[0], stride)[0]
-        projector, measured = projector.take(thinned), measured[thinned]
-    trials = [
-        Trial.leaving_out(left_out, views, projector, measured)
-        for left_out in views_to_leave_out(views)
-    ]
-    scale = sum(norm(trial.left_out_pixels) ** 2 for trial in trials) or norm(measured) ** 2
+    trials, scale = _trials_of(projector, measured, views)
     tried: list[Candidate] = []
     few = len(views) <= FEW_VIEWS
     methods = ["mlem", "nnls"] if few else ["nnls"]
@@ -154,6 +146,42 @@ def choose_by_held_out_views(
         progress(total, total, "")
     reason = f"left-out views are predicted best so (relative residual {best[3]:.4f})"
     return Choice(*best, reason=reason, tried=tuple(tried))
+
+
+def residual_of_left_out_views(
+    projector: ViewedOperator, measured: ArrayLike, choice: Choice
+) -> float:
+    """Return the relative residual of views left out when it is done as ``choice`` says.
+
+    Of the views that `choose_by_held_out_views` leaves out; NaN where it could leave out none.
+    """
+    measured = check_measured(projector, measured)
+    if math.isnan(choice.held_out_residual):
+        return math.nan
+    views = np.flatnonzero(np.diff(projector.view_ptr)).tolist()
+    trials, scale = _trials_of(projector, measured, views)
+    squared = 0.0
+    for trial in trials:
+        found = solve_as_chosen(trial.training, trial.training_pixels, choice)
+        seen = trial.left_out @ projector.live.compress(found.volume)
+        squared += norm(seen - trial.left_out_pixels) ** 2
+    return math.sqrt(squared / max(scale, np.finfo(float).tiny))
+
+
+def _trials_of(
+    projector: ViewedOperator, measured: NDArray[np.float32], views: Sequence[int]
+) -> tuple[list[Trial], float]:
+    """Return the trials, and the squared norm to judge their left-out pixels by."""
+    stride = _stride(projector)
+    if stride > 1:
+        thinned = interleaved(projector.shape[0], stride)[0]
+        projector, measured = projector.take(thinned), measured[thinned]
+    trials = [
+        Trial.leaving_out(left_out, views, projector, measured)
+        for left_out in views_to_leave_out(views)
+    ]
+    scale = sum(norm(trial.left_out_pixels) ** 2 for trial in trials) or norm(measured) ** 2
+    return trials, scale
 
 
 def _stride(projector: ViewedOperator) -> int:

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from tomo.io.atomic import atomic_path
 from tomo.solve.stopping import Choice
+from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.encoder_file import load_tensors
+from tomo.wernet.ray_weights import RayWeights
 
 if TYPE_CHECKING:
     from tomo.projector import Projector
@@ -23,12 +25,42 @@ _FORMAT, _VERSION = "wernet-checkpoint", 1
 
 
 @dataclass(frozen=True, eq=False)
+class Learned:
+    """What one judged round gave.
+
+    Attributes
+    ----------
+    index : int
+        The round.
+    held_out_residual, relative_residual : float
+        Of left-out views, and of all with the volume.
+    volume : (nx, ny, nz) float32
+    solved_by : mapping
+        The settings of the classic solve.
+    weights : RayWeights
+    """
+
+    index: int
+    held_out_residual: float
+    relative_residual: float
+    volume: NDArray[np.float32]
+    solved_by: Mapping[str, Any]
+    weights: RayWeights
+
+
+@dataclass(frozen=True, eq=False)
 class State:
-    """What a checkpoint holds: rounds done, voxels, how they were solved for, and the training."""
+    """What a checkpoint holds: rounds done, voxels, how they are solved for, and the training.
+
+    ``ended`` says why training ended, and is empty while it has not.
+    """
 
     round: int
     volume: NDArray[np.float32]
     choice: Choice
+    best: Learned | None
+    previous: float
+    ended: str
     training: dict[str, Any]
 
 
@@ -58,22 +90,27 @@ class Checkpoint:
         if path is None:
             return None
         images = zlib.crc32(np.ascontiguousarray(measured))
-        rays = zlib.crc32(np.ascontiguousarray(projector.segments.voxel))
+        segments = projector.segments
+        rays = 0
+        for part in (projector.view_ptr, segments.ptr, segments.voxel, segments.length):
+            rays = zlib.crc32(np.ascontiguousarray(part), rays)
         told = {key: value for key, value in settings.items() if key != "device"}
         return cls(Path(path), f"{projector.shape} {images:08x} {rays:08x} {told}")
 
-    def save(
-        self, number: int, volume: NDArray[np.float32], choice: Choice, training: dict[str, Any]
-    ) -> None:
-        """Write the state after round ``number``; the one before stays until this is whole."""
+    def save(self, state: State) -> None:
+        """Write a state; the one before stays until this is whole."""
+        choice = state.choice
         content = {
             "format": _FORMAT,
             "version": _VERSION,
             "problem": self.problem,
-            "round": number,
-            "volume": torch.from_numpy(volume.copy()),
+            "round": state.round,
+            "volume": torch.from_numpy(state.volume.copy()),
             "choice": [choice.method, choice.width, choice.iterations, choice.held_out_residual],
-            "training": training,
+            "best": None if state.best is None else _packed(state.best),
+            "previous": state.previous,
+            "ended": state.ended,
+            "training": state.training,
         }
         with atomic_path(self.path) as temporary:
             torch.save(content, temporary)
@@ -98,4 +135,38 @@ class Checkpoint:
             )
         method, width, iterations, residual = content["choice"]
         choice = Choice(method, width, iterations, residual, reason="as before the interruption")
-        return State(content["round"], content["volume"].numpy(), choice, content["training"])
+        return State(
+            content["round"],
+            content["volume"].numpy(),
+            choice,
+            None if content["best"] is None else _unpacked(content["best"]),
+            content["previous"],
+            content["ended"],
+            content["training"],
+        )
+
+
+def _packed(best: Learned) -> dict[str, Any]:
+    weights = best.weights
+    return {
+        "numbers": [best.index, best.held_out_residual, best.relative_residual, weights.unit],
+        "volume": torch.from_numpy(best.volume.copy()),
+        "solved_by": dict(best.solved_by),
+        "encoder": [weights.encoder.settings, weights.encoder.state_dict()],
+        "tokens": weights.tokens.state_dict(),
+        "seen": torch.from_numpy(weights.volume.copy()),
+        "tells_views": bool(weights.tells_views),
+    }
+
+
+def _unpacked(content: Mapping[str, Any]) -> Learned:
+    settings, numbers = content["encoder"]
+    encoder = CorrectionEncoder(**settings)
+    encoder.load_state_dict(numbers)
+    tokens = ViewTokens(*content["tokens"]["hidden"].shape)
+    tokens.load_state_dict(content["tokens"])
+    index, held_out, residual, unit = content["numbers"]
+    weights = RayWeights(encoder, tokens, content["seen"].numpy(), unit, content["tells_views"])
+    return Learned(
+        index, held_out, residual, content["volume"].numpy(), content["solved_by"], weights
+    )

@@ -67,9 +67,9 @@ class Alternation:
         self.rounds, self.over_parts = rounds, over_parts
         self.measured = torch.from_numpy(measured).to(features.length.device)
         self.power = float(np.mean(np.square(measured, dtype=np.float64))) or 1.0
-        self.parameters = list(encoder.parameters())
+        self.parameters = [*encoder.parameters(), tokens.trend]
         if features.tells_views:
-            self.parameters += tokens.parameters()
+            self.parameters += [tokens.hidden, tokens.level]
         self.optimiser = torch.optim.Adam(self.parameters, lr=LEARNING_RATE, betas=(0.9, 0.99))
         self.generator = torch.Generator().manual_seed(seed)
         self.crossing = features.count.nonzero()[:, 0].cpu()

@@ -10,7 +10,7 @@ from torch.nn import functional
 
 from tomo.wernet.convolution import packed_convolution
 from tomo.wernet.encoder import convolution
-from tomo.wernet.ray_features import NAMES
+from tomo.wernet.ray_features import NAMES, TRENDS
 
 _SLOPE = 0.01  # of the Leaky ReLU below zero
 
@@ -75,9 +75,11 @@ class CorrectionEncoder(nn.Module):
 
 
 class ViewTokens(nn.Module):
-    """What is particular to each view: numbers for the first layer, and one for the correction.
+    """What is particular to a scene: trends along its rays, and each view's own numbers.
 
-    All zero at first. A view that was not trained with takes the mean of those that were.
+    ``trend`` multiplies the features `tomo.wernet.ray_features.TRENDS`, ``level`` is added to a
+    view's corrections, ``hidden`` to the first layer of the encoder. All are zero at first. A view
+    that was not trained with takes the mean of those that were.
 
     Parameters
     ----------
@@ -88,6 +90,13 @@ class ViewTokens(nn.Module):
         super().__init__()
         self.hidden = nn.Parameter(torch.zeros(views, channels))
         self.level = nn.Parameter(torch.zeros(views))
+        self.trend = nn.Parameter(torch.zeros(len(TRENDS)))
+
+    def take(self, other: ViewTokens) -> None:
+        """Take up the levels and trends of other tokens of the same views."""
+        with torch.no_grad():
+            self.level.copy_(other.level)
+            self.trend.copy_(other.trend)
 
     def mean(self, views: int) -> ViewTokens:
         """Return the tokens of ``views`` other views of the same rig."""
@@ -95,4 +104,5 @@ class ViewTokens(nn.Module):
         with torch.no_grad():
             other.hidden.copy_(self.hidden.mean(dim=0).expand_as(other.hidden))
             other.level.copy_(self.level.mean().expand_as(other.level))
+            other.trend.copy_(self.trend)
         return other

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,39 +15,40 @@ from numpy.typing import ArrayLike
 
 from tomo.reconstruction import Callback, Iteration, Reconstruction
 from tomo.solve._drive import additive_start, check_measured
-from tomo.solve.stopping import FEW_VIEWS, Choice, choose_by_held_out_views, solve_as_chosen
-from tomo.wernet._checkpoint import Checkpoint
+from tomo.solve.stopping import (
+    FEW_VIEWS,
+    choose_by_held_out_views,
+    residual_of_left_out_views,
+    solve_as_chosen,
+)
+from tomo.wernet._checkpoint import Checkpoint, Learned, State
 from tomo.wernet.alternation import Alternation
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.device import usable_device
+from tomo.wernet.elimination import first_guess
 from tomo.wernet.encoder_file import load_encoder
 from tomo.wernet.parts import on_cores
 from tomo.wernet.ray_features import RayFeatures
-from tomo.wernet.ray_weights import RayWeights, corrections, reweighted
+from tomo.wernet.ray_weights import RayWeights, corrections, reweighted, trend_corrections
 
 if TYPE_CHECKING:
     from tomo.projector import Projector
 
-WORTH_LEARNING = 0.98
+WORTH_LEARNING = 0.95
 """The left-out views' residual must fall below this share of the chord lengths', or these stay:
 with less the corrections explain noise and voxels' edges."""
 
 SETTLED = 0.99
 """Training ends when the left-out views' residual falls by less than this factor."""
 
+FEW_VIEW_ROUNDS = 2
+FEW_VIEWS_WORTH = 1.02
+"""With few views, views cannot be spared to tell whether the weights are better: what is learnt is
+common to all of them, is little, and is kept unless the left-out views are predicted worse."""
+
 JUDGED_EVERY = 2
 PATIENCE = 4
 """Rounds after which what is learnt must be worth it."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Learned:
-    """What one judged round gave."""
-
-    index: int
-    held_out_residual: float
-    found: Reconstruction
-    weights: RayWeights
 
 
 def wernet(
@@ -68,7 +69,8 @@ def wernet(
 ) -> Reconstruction:
     """Reconstruct with weights ``length (1 + c)²`` whose correction ``c`` an encoder learns.
 
-    It starts from the classic solve that predicts left-out views best. Then rounds alternate: the
+    It starts from the classic solve that predicts left-out views best, and from trends along the
+    rays and levels of the views found by `tomo.wernet.elimination`. Then rounds alternate: the
     encoder is trained at fixed voxels (`tomo.wernet.alternation`), and the classic solve is done
     again with the weights that it gives. Every other round method, smoothness and stop are chosen
     anew. What predicts the left-out views best is returned: unless that is clearly better than
@@ -85,7 +87,8 @@ def wernet(
         The voxels of the first round; those of the classic solve when None.
     callback : callable, optional
         ``callback(index, volume, relative_residual)`` for the classic solve, index 0, and after
-        every round; returning True stops.
+        every round; returning True stops. Called once more at the end where what is returned is
+        not the last round's.
     encoder : path, name or CorrectionEncoder, optional
         Start from this one: a file of `save_encoder`, one of `shipped_encoders`, or one in
         memory, which is copied. A new one when None.
@@ -167,13 +170,14 @@ def wernet(
     if start is not None:
         volume = additive_start(projector, start, nonnegative=True)
     unit = float(np.sqrt(np.mean(np.square(measured, dtype=np.float64)))) or 1.0
-    best: _Learned | None = None
+    best: Learned | None = None
     choice, stop_reason = chord_choice, f"all {settings['iterations']} rounds done"
     if stopped:
         stop_reason = "stopped by the callback before the first round"
     if math.isnan(chord_choice.held_out_residual):
         stopped, stop_reason = True, f"nothing to judge by: {chord_choice.reason}"
 
+    last = settings["iterations"] if tells_views else min(settings["iterations"], FEW_VIEW_ROUNDS)
     with on_cores(place) as over_parts:
         alternation = Alternation(
             features,
@@ -185,12 +189,22 @@ def wernet(
             over_parts=over_parts,
         )
         saved = Checkpoint.of(checkpoint, settings, projector, measured)
-        first = 0
-        if resume and saved and (state := saved.load()) is not None:
-            first, volume, choice = state.round, state.volume, state.choice
+        state = saved.load() if saved and resume and not stopped else None
+        first, previous = 0, math.inf
+        if state is not None:
+            first, volume, choice, best = state.round, state.volume, state.choice, state.best
+            previous = state.previous
             alternation.restore(state.training)
-        rounds = [0] if freeze_encoder else range(first, settings["iterations"])
-        previous = math.inf
+            if state.ended:
+                stopped, stop_reason = True, state.ended
+        elif tells_views and last and not stopped:
+            tokens.take(first_guess(projector, measured, chord_choice, unit))
+            front = features.emission_in_front(volume, unit)
+            trend = trend_corrections(tokens, features, front)
+            if start is None:
+                guessed = solve_as_chosen(reweighted(projector, trend), measured, chord_choice)
+                volume = projector.live.compress(guessed.volume)
+        rounds = (0,) if freeze_encoder else range(first, last)
         for number in rounds if not stopped else ():
             front = features.emission_in_front(volume, unit)
             loss = 0.0 if freeze_encoder else alternation.round(number, volume, front)
@@ -199,74 +213,82 @@ def wernet(
                 break
             correction = corrections(encoder, tokens, features, front, over_parts)
             learned = reweighted(projector, correction)
-            judged = (number + 1) % JUDGED_EVERY == 0 or number + 1 >= len(rounds)
-            if judged:
+            judged = (number + 1) % JUDGED_EVERY == 0 or number + 1 >= last
+            if judged and tells_views:
                 choice = choose_by_held_out_views(learned, measured)
+            elif judged:
+                now = residual_of_left_out_views(learned, measured, chord_choice)
+                choice = replace(chord_choice, held_out_residual=now)
             found = solve_as_chosen(learned, measured, choice)
             weights = RayWeights(
                 copy.deepcopy(encoder), copy.deepcopy(tokens), volume, unit, tells_views
             )
-            volume = projector.live.compress(found.volume)
+            volume, now = projector.live.compress(found.volume), choice.held_out_residual
             residual = found.relative_residual
             history.append(Iteration(number + 1, residual, time.perf_counter() - began))
-            if judged and (best is None or choice.held_out_residual < best.held_out_residual):
-                best = _Learned(number + 1, choice.held_out_residual, found, weights)
+            if judged and (best is None or now < best.held_out_residual):
+                best = Learned(number + 1, now, residual, found.volume, _solved_by(found), weights)
+            ended = ""
+            if judged:
+                worth = now < WORTH_LEARNING * chord_choice.held_out_residual
+                if now > SETTLED * previous:
+                    ended = f"settled after round {number + 1}"
+                elif number + 1 >= PATIENCE and not worth:
+                    ended = f"nothing worth learning after round {number + 1}"
+                previous = now
             if saved and not freeze_encoder:
-                saved.save(number + 1, volume, choice, alternation.state())
+                training = alternation.state()
+                saved.save(State(number + 1, volume, choice, best, previous, ended, training))
             if callback is not None and callback(number + 1, volume, residual):
                 stop_reason = f"stopped by the callback after round {number + 1}"
                 break
-            if judged and not freeze_encoder:
-                now = choice.held_out_residual
-                if now > SETTLED * previous:
-                    stop_reason = f"settled after round {number + 1}"
-                    break
-                worth = now < WORTH_LEARNING * chord_choice.held_out_residual
-                if number + 1 >= PATIENCE and not worth:
-                    stop_reason = f"nothing worth learning after round {number + 1}"
-                    break
-                previous = now
-    return _outcome(classic, chord_choice, best, settings, history, stop_reason, began)
-
-
-def _outcome(
-    classic: Reconstruction,
-    chord_choice: Choice,
-    best: _Learned | None,
-    settings: dict[str, Any],
-    history: list[Iteration],
-    stop_reason: str,
-    began: float,
-) -> Reconstruction:
-    """Return what was learnt where it is worth it, the classic solve otherwise."""
+            if ended:
+                stop_reason = ended
+                break
+    limit = WORTH_LEARNING if tells_views else FEW_VIEWS_WORTH
     chords = chord_choice.held_out_residual
-    judged = {"chords": chords, "learned": best.held_out_residual if best else math.nan}
-    accepted = best is not None and best.held_out_residual < WORTH_LEARNING * chords
-    if accepted:
-        found, weights = best.found, best.weights
-        reason = (
-            f"{stop_reason}; learned weights of round {best.index} predict left-out views better: "
-            f"relative residual {judged['learned']:.4f}, chord lengths {chords:.4f}"
-        )
-    else:
-        found, weights = classic, None
-        reason = (
-            f"{stop_reason}; the classic solve stays: left-out views are not predicted clearly "
-            f"better by learned weights (relative residual {judged['learned']:.4f}, chord lengths "
-            f"{chords:.4f})"
-        )
-    solved_by = {k: v for k, v in found.settings.items() if k not in ("method", "iterations")}
-    settings = {
-        **settings,
-        "solved_by": {**solved_by, "method": found.settings["method"]},
-        "held_out_residual": judged,
-        "learned": accepted,
-    }
-    return replace(
-        found,
-        settings=settings,
+    accepted = best is not None and best.held_out_residual < limit * chords
+    judged_residuals = {"chords": chords, "learned": best.held_out_residual if best else math.nan}
+    result = best if accepted else None
+    volume, residual, index = (
+        (best.volume, best.relative_residual, best.index)
+        if accepted
+        else (classic.volume, classic.relative_residual, 0)
+    )
+    if history[-1].index != index:  # what is returned stands last
+        entry = history[-1].index + 1
+        history.append(Iteration(entry, residual, time.perf_counter() - began))
+        if callback is not None:
+            callback(entry, projector.live.compress(volume), residual)
+    return Reconstruction(
+        volume=volume,
+        grid=projector.grid,
         history=tuple(history),
-        stop_reason=reason,
-        weights=weights,
+        settings={
+            **settings,
+            "solved_by": result.solved_by if result else _solved_by(classic),
+            "held_out_residual": judged_residuals,
+            "learned": accepted,
+        },
+        stop_reason=_reason(stop_reason, result, judged_residuals),
+        weights=result.weights if result else None,
         seconds={"solve": time.perf_counter() - began},
+    )
+
+
+def _solved_by(found: Reconstruction) -> dict[str, Any]:
+    """Return how the voxels were solved for."""
+    return dict(found.settings)
+
+
+def _reason(stop_reason: str, learned: Learned | None, residuals: dict[str, float]) -> str:
+    both = f"{residuals['learned']:.4f}, chord lengths {residuals['chords']:.4f}"
+    if learned is None:
+        return (
+            f"{stop_reason}; the classic solve stays: left-out views are not predicted clearly "
+            f"better by learned weights (relative residual {both})"
+        )
+    return (
+        f"{stop_reason}; learned weights of round {learned.index} are kept: left-out views' "
+        f"relative residual {both}"
     )

@@ -30,6 +30,10 @@ NAMES = (
 )
 
 
+TRENDS = (NAMES.index("depth in the grid"), NAMES.index("emission in front"))
+"""Along these what a scene does to its rays is looked for first, see `tomo.wernet.elimination`."""
+
+
 @dataclass(frozen=True, eq=False)
 class RayFeatures:
     """The crossings of a projector's rays, and the numbers that describe each to the encoder.
@@ -88,13 +92,15 @@ class RayFeatures:
         Raises
         ------
         ValueError
-            If the segments have no midpoints.
+            If the segments have no midpoints, or there is none.
         """
         segments, grid = projector.segments, projector.grid
         if segments.midpoint is None:
             raise ValueError(
                 "segments midpoint: found none, expected (S, 3): trace with midpoints=True"
             )
+        if len(segments) == 0:
+            raise ValueError("segments: found none, expected at least one ray through the grid")
         # a view at a time: a pixel without a direction of its own takes that of a near one
         direction = np.concatenate(
             [ray_directions(projector.view(v).segments) for v in range(projector.n_views)]
@@ -102,7 +108,7 @@ class RayFeatures:
         place = _places(direction, projector.view_ptr)
         half = (np.asarray(grid.upper) - np.asarray(grid.lower)) / 2
         view = np.repeat(np.arange(projector.n_views), np.diff(projector.view_ptr))
-        first = segments.midpoint[np.minimum(segments.ptr[:-1], max(len(segments) - 1, 0))]
+        first = segments.midpoint[np.minimum(segments.ptr[:-1], len(segments) - 1)]
         index = np.arange(grid.size) if projector.live.all else projector.live.index
         places = np.stack(np.unravel_index(index, grid.shape), axis=1)
         centre = (places - (np.asarray(grid.shape) - 1) / 2) * np.asarray(grid.spacing)
@@ -160,6 +166,13 @@ class RayFeatures:
             front[entry][:, None],
         ]
         return packing, torch.cat(features, dim=1)
+
+    def trends(self, front: torch.Tensor) -> NDArray[np.float32]:
+        """Return the features `TRENDS` of all segments: ``(S, 2)``."""
+        direction = torch.repeat_interleave(self.direction, self.count, dim=0)
+        entry = torch.repeat_interleave(self.entry, self.count)
+        depth = (self.midpoint * direction).sum(dim=1) - entry
+        return torch.stack([2 * depth / self.shortest - 1, front], dim=1).cpu().numpy()
 
     def emission_in_front(
         self, volume: NDArray[np.float32], unit: float, weight: NDArray[np.float32] | None = None

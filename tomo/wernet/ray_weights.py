@@ -13,7 +13,7 @@ from tomo.segments import Segments
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.packing import Packing
 from tomo.wernet.parts import Map, cut, on_cores
-from tomo.wernet.ray_features import RayFeatures
+from tomo.wernet.ray_features import TRENDS, RayFeatures
 
 SEGMENTS_A_PART = 16384
 
@@ -75,7 +75,18 @@ def correction_of(
     packing, described = features.packed(rays, front)
     view = packing.per_segment(features.view[rays])
     rows = encoder(packing.spread(described), packing.inside, packing.spread(tokens.hidden[view]))
-    return packing, rows[packing.row] + tokens.level[view]
+    trend = described[:, TRENDS] @ tokens.trend
+    return packing, rows[packing.row] + trend + tokens.level[view]
+
+
+def trend_corrections(
+    tokens: ViewTokens, features: RayFeatures, front: torch.Tensor
+) -> NDArray[np.float32]:
+    """Return the corrections that an encoder of zeros leaves: trends and levels, ``(S,)``."""
+    view = torch.repeat_interleave(features.view, features.count)
+    with torch.no_grad():
+        trend = torch.from_numpy(features.trends(front)).to(view.device) @ tokens.trend
+        return (trend + tokens.level[view]).cpu().numpy()
 
 
 def corrections(

@@ -106,7 +106,6 @@ def test_wherever_it_stopped_it_goes_on_to_the_same_bits(scene, checkpoint, afte
     _assert_same(found, expected, one.projector)
 
 
-@pytest.mark.xfail(strict=True, reason="the returned volume's entry is numbered by their count")
 def test_the_history_of_what_went_on_ascends(scene, checkpoint):
     one = scene()  # the classic solve is what is returned, and stands last
     arguments = {"iterations": ROUNDS, "checkpoint": checkpoint}
@@ -126,7 +125,6 @@ def test_a_run_that_was_done_is_done(scene, checkpoint):
     _assert_same(again, whole, one.projector)
 
 
-@pytest.mark.xfail(strict=True, reason="a checkpoint does not say that training had ended")
 def test_a_run_that_had_settled_has_settled(scene, checkpoint):
     """Training that ended before its last round is not taken up again."""
     one = scene()

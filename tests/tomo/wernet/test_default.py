@@ -239,7 +239,6 @@ def test_a_start_is_where_the_first_round_begins(scene):
     assert whole.settings["start"] is True
 
 
-@pytest.mark.xfail(strict=True, reason="the first guess of the weights replaces the start")
 def test_a_start_makes_a_difference(scene):
     one = scene(effects=GAINS)
     start = np.where(one.truth > 0, 0.5 + one.truth, 0.0).astype(np.float32)

@@ -1,0 +1,212 @@
+"""A first guess of what weights a scene needs: few numbers, with the voxels eliminated."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from tomo._sums import dot
+from tomo.segments import Segments
+from tomo.smooth_basis import SmoothBasis
+from tomo.solve import cgls
+from tomo.solve.stopping import (
+    Choice,
+    choose_by_held_out_views,
+    residual_of_left_out_views,
+    solve_as_chosen,
+)
+from tomo.wernet.correction import ViewTokens
+from tomo.wernet.ray_features import TRENDS, RayFeatures
+from tomo.wernet.ray_weights import reweighted, trend_corrections
+
+if TYPE_CHECKING:
+    from tomo.projector import Projector
+    from tomo.viewed import ViewedOperator
+
+STEPS = 3
+PIXELS_AN_UNKNOWN = 3
+PRIOR = 0.3
+"""Standard deviation of the correction that one number may make, before the images are asked."""
+
+CORRELATED = 10
+"""Pixels whose residuals belong together: so many count as one."""
+
+WORTH = 0.95
+"""A trend must lower the left-out views' residual to this share of that without it: by some per
+cent it also imitates what voxels and single rays leave out."""
+
+
+def first_guess(
+    projector: Projector, measured: NDArray[np.float32], choice: Choice, unit: float
+) -> ViewTokens:
+    """Return levels of the views and trends along the rays that predict left-out views best.
+
+    What dims along a ray, by depth or by the emission in front, the voxels imitate almost: the
+    images hardly change, the volume does. Steps of the encoder at fixed voxels see none of that
+    and come near very slowly. These few numbers ``t`` are therefore found with the voxels
+    eliminated: Gauss-Newton steps on the residual ``m - A(t) x(t)``, ``x(t)`` the solve with
+    weights ``A(t)``. Its derivative is that of the rows at fixed voxels less what voxels can
+    imitate of it (Kaufman's form of variable projection)::
+
+        J_k = y_k - A z_k,   y_k = (dA / dt_k) x,   z_k the solve of A z = y_k
+
+    For the levels of the views, of which the voxels can imitate little, ``J = y``. Trends are
+    added one by one, as long as left-out views are predicted better.
+
+    Parameters
+    ----------
+    projector : Projector
+        Of chord lengths, with midpoints.
+    measured : (pixels,) float32
+    choice : Choice
+        How to solve for the voxels.
+    unit : float
+        Of the emission in front.
+
+    References
+    ----------
+    Kaufman, "A variable projection method for solving separable nonlinear least squares problems",
+    BIT 15 (1975).
+    """
+    stride = max(projector.shape[0] // (PIXELS_AN_UNKNOWN * max(projector.shape[1], 1)), 1)
+    pixels = np.arange(0, projector.shape[0], stride)
+    some, images = projector.take(pixels), measured[pixels]
+    features = RayFeatures.of(some)
+    best, chosen = ViewTokens(projector.n_views, 1), ()
+    _fit(best, some, images, features, choice, unit, chosen)
+    while True:
+        # What still disagrees asks for more smoothness than what is left once it is explained.
+        learned = _learned(some, images, features, best, choice, unit)
+        choice = choose_by_held_out_views(learned, images)
+        residual, better = WORTH * choice.held_out_residual, None
+        for trend in sorted(set(range(len(TRENDS))) - set(chosen)):
+            tokens = copy.deepcopy(best)
+            _fit(tokens, some, images, features, choice, unit, (*chosen, trend))
+            learned = _learned(some, images, features, tokens, choice, unit)
+            found = residual_of_left_out_views(learned, images, choice)
+            if found < residual:
+                residual, better = found, (tokens, (*chosen, trend))
+        if better is None:
+            return best
+        best, chosen = better
+
+
+def _learned(
+    projector: Projector,
+    measured: NDArray[np.float32],
+    features: RayFeatures,
+    tokens: ViewTokens,
+    choice: Choice,
+    unit: float,
+) -> Projector:
+    """Return the projector with the weights of the tokens."""
+    volume = _volume(projector, measured, features, tokens, choice, unit)
+    front = features.emission_in_front(volume, unit)
+    return reweighted(projector, trend_corrections(tokens, features, front))
+
+
+def _fit(
+    tokens: ViewTokens,
+    projector: Projector,
+    measured: NDArray[np.float32],
+    features: RayFeatures,
+    choice: Choice,
+    unit: float,
+    trends: Sequence[int],
+) -> None:
+    """Fit levels and ``trends`` to the images, in place."""
+    view = np.repeat(np.arange(projector.n_views), np.diff(projector.view_ptr))
+    for _ in range(STEPS):
+        volume = _volume(projector, measured, features, tokens, choice, unit)
+        front = features.emission_in_front(volume, unit)
+        columns = features.trends(front)  # (S, 2)
+        scale = np.sqrt(np.mean(np.square(columns, dtype=np.float64), axis=0)) + 1e-6
+        correction = trend_corrections(tokens, features, front)
+        learned = reweighted(projector, correction)
+        basis = SmoothBasis(learned, choice.width) if choice.width else learned
+        free = _solved(basis, measured, choice)
+        residual = (measured - learned @ free).astype(np.float64)
+        slope = 2 * projector.segments.length * (1 + correction)
+        rows = [
+            _not_imitated(basis, _times(projector, slope * columns[:, k], free), choice) / scale[k]
+            for k in trends
+        ]
+        level = _times(projector, slope, free)
+        step = _gauss_newton(rows, level, view, residual, tokens)
+        with torch.no_grad():
+            for k, change in zip(trends, step, strict=False):
+                # Light dims on its way: brightening is what coarse voxels and pixels look like.
+                tokens.trend[k] = min(float(tokens.trend[k]) + float(change / scale[k]), 0.0)
+            levels = tokens.level.numpy() + step[len(trends) :]
+            tokens.level.copy_(torch.from_numpy((levels - levels.mean()).astype(np.float32)))
+
+
+def _volume(
+    projector: Projector,
+    measured: NDArray[np.float32],
+    features: RayFeatures,
+    tokens: ViewTokens,
+    choice: Choice,
+    unit: float,
+) -> NDArray[np.float32]:
+    """Return the voxels that go with the tokens, the emission in front from those before."""
+    front = torch.zeros_like(features.length)
+    for _ in range(2 if tokens.trend[1] else 1):
+        learned = reweighted(projector, trend_corrections(tokens, features, front))
+        volume = projector.live.compress(solve_as_chosen(learned, measured, choice).volume)
+        front = features.emission_in_front(volume, unit)
+    return volume
+
+
+def _times(
+    projector: Projector, length: NDArray[np.float32], volume: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return the projection of ``volume`` with other entries, of either sign."""
+    segments = projector.segments
+    entries = Segments(segments.ptr, segments.voxel, length, None)
+    return type(projector)(entries, projector.grid, projector.view_ptr, projector.live) @ volume
+
+
+def _not_imitated(
+    basis: ViewedOperator, image: NDArray[np.float32], choice: Choice
+) -> NDArray[np.float64]:
+    """Return what is left of ``image`` once voxels, of any sign, have imitated it."""
+    rows = basis.projector if isinstance(basis, SmoothBasis) else basis
+    return (image - rows @ _solved(basis, image, choice)).astype(np.float64)
+
+
+def _solved(
+    basis: ViewedOperator, image: NDArray[np.float32], choice: Choice
+) -> NDArray[np.float32]:
+    """Return voxels of any sign: where some are held at zero, a solve is not linear."""
+    found = cgls(basis, image, iterations=choice.iterations, nonnegative=False)
+    values = basis.live.compress(found.volume)
+    return basis.blur(values) if isinstance(basis, SmoothBasis) else values
+
+
+def _gauss_newton(
+    rows: Sequence[NDArray[np.float64]],
+    level: NDArray[np.float32],
+    view: NDArray[np.integer],
+    residual: NDArray[np.float64],
+    tokens: ViewTokens,
+) -> NDArray[np.float64]:
+    """Return the change of each trend, in units of its column's size, and of each level."""
+    n, views = len(rows), len(tokens.level)
+    level = level.astype(np.float64)
+    normal, right = np.zeros((n + views, n + views)), np.zeros(n + views)
+    places = np.arange(n, n + views)
+    normal[places, places] = np.bincount(view, level * level, views)
+    right[n:] = np.bincount(view, level * residual, views)
+    for i, row in enumerate(rows):
+        normal[i, n:] = normal[n:, i] = np.bincount(view, level * row, views)
+        right[i] = dot(row, residual)
+        for j, other in enumerate(rows):
+            normal[i, j] = dot(row, other)
+    ridge = CORRELATED * float(np.mean(residual**2)) / PRIOR**2
+    return np.linalg.solve(normal + max(ridge, 1e-30) * np.eye(n + views), right)
