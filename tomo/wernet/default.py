@@ -46,6 +46,10 @@ FEW_VIEWS_WORTH = 1.02
 """With few views, views cannot be spared to tell whether the weights are better: what is learnt is
 common to all of them, is little, and is kept unless the left-out views are predicted worse."""
 
+WIDEST_WITH_FEW_VIEWS = 1.0
+"""Voxels. Where so few views ask for a wider smooth basis, most of what the chord lengths do not
+explain is detail that the basis lacks."""
+
 JUDGED_EVERY = 2
 PATIENCE = 4
 """Rounds after which what is learnt must be worth it."""
@@ -124,7 +128,7 @@ def wernet(
 
     At voxels that are optimal for the weights, the gradient of the loss to the encoder is that of
     the loss with the voxels eliminated (variable projection, by the envelope theorem): the
-    alternation goes downhill on that, which joint steps of both, tried as well, do more slowly.
+    alternation goes downhill on that.
 
     References
     ----------
@@ -171,13 +175,17 @@ def wernet(
         volume = additive_start(projector, start, nonnegative=True)
     unit = float(np.sqrt(np.mean(np.square(measured, dtype=np.float64)))) or 1.0
     best: Learned | None = None
-    choice, stop_reason = chord_choice, f"all {settings['iterations']} rounds done"
+    last = settings["iterations"] if tells_views else min(settings["iterations"], FEW_VIEW_ROUNDS)
+    choice, stop_reason = chord_choice, f"all {last} rounds done"
     if stopped:
         stop_reason = "stopped by the callback before the first round"
     if math.isnan(chord_choice.held_out_residual):
         stopped, stop_reason = True, f"nothing to judge by: {chord_choice.reason}"
 
-    last = settings["iterations"] if tells_views else min(settings["iterations"], FEW_VIEW_ROUNDS)
+    elif not tells_views and chord_choice.width > WIDEST_WITH_FEW_VIEWS and not freeze_encoder:
+        stopped = True
+        stop_reason = "few views, which allow no detail: smoothness would be taken for optics"
+
     with on_cores(place) as over_parts:
         alternation = Alternation(
             features,
@@ -227,7 +235,9 @@ def wernet(
             residual = found.relative_residual
             history.append(Iteration(number + 1, residual, time.perf_counter() - began))
             if judged and (best is None or now < best.held_out_residual):
-                best = Learned(number + 1, now, residual, found.volume, _solved_by(found), weights)
+                best = Learned(
+                    number + 1, now, residual, found.volume, dict(found.settings), weights
+                )
             ended = ""
             if judged:
                 worth = now < WORTH_LEARNING * chord_choice.held_out_residual
@@ -266,7 +276,7 @@ def wernet(
         history=tuple(history),
         settings={
             **settings,
-            "solved_by": result.solved_by if result else _solved_by(classic),
+            "solved_by": result.solved_by if result else dict(classic.settings),
             "held_out_residual": judged_residuals,
             "learned": accepted,
         },
@@ -274,11 +284,6 @@ def wernet(
         weights=result.weights if result else None,
         seconds={"solve": time.perf_counter() - began},
     )
-
-
-def _solved_by(found: Reconstruction) -> dict[str, Any]:
-    """Return how the voxels were solved for."""
-    return dict(found.settings)
 
 
 def _reason(stop_reason: str, learned: Learned | None, residuals: dict[str, float]) -> str:
