@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,17 +10,13 @@ import torch
 from numpy.typing import NDArray
 
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
-from tomo.wernet.parts import Map, add_gradients, cut
+from tomo.wernet.fixed_voxels import LEARNING_RATE, FixedVoxels, set_rate
+from tomo.wernet.parts import Map
 from tomo.wernet.ray_features import RayFeatures
-from tomo.wernet.ray_weights import SEGMENTS_A_PART, correction_of
 
 STEPS = 24
 RAYS_A_STEP = 3000
 """A round sees so many rays, drawn anew each time: where there are more, not all of them."""
-
-LEARNING_RATE = 3e-3
-LAST_RATE = 0.02
-"""The learning rate falls along half a cosine from round to round, to this share of it."""
 
 PENALTY = 1e-3
 """Of the mean squared correction, against the mean squared relative residual."""
@@ -30,12 +25,9 @@ PENALTY = 1e-3
 class Alternation:
     """The encoder's half of an alternation between weights and voxels.
 
-    The loss of some rays, at fixed voxels ``x``::
-
-        mean (p - m)² / mean m²  +  PENALTY mean c²,    p = sum_j length_j (1 + c_j)² x_j
-
-    The penalty fixes the gauge: of all the ways to share a factor between weights and voxels it
-    takes the one nearest the chord lengths, so that units are kept.
+    The loss is that of `tomo.wernet.fixed_voxels`, with ``mean m²`` as its power. The penalty
+    fixes the gauge: of all the ways to share a factor between weights and voxels it takes the one
+    nearest the chord lengths, so that units are kept.
 
     Parameters
     ----------
@@ -85,36 +77,19 @@ class Alternation:
         front : (S,) float32
             The emission in front of each segment.
         """
-        share = 0.5 * (1 + math.cos(math.pi * min(number / self.rounds, 1.0)))
-        for group in self.optimiser.param_groups:
-            group["lr"] = LEARNING_RATE * (LAST_RATE + (1 - LAST_RATE) * share)
+        set_rate(self.optimiser, min(number / self.rounds, 1.0))
         values = torch.from_numpy(np.ascontiguousarray(volume)).to(self.measured.device)
+        fixed = FixedVoxels(self.features, front, values, self.measured, self.power, PENALTY)
         order = torch.randperm(len(self.crossing), generator=self.generator)
         steps = self.crossing[order[: STEPS * RAYS_A_STEP]].split(RAYS_A_STEP)
-        losses = [self._step(rays.sort().values, values, front) for rays in steps]
-        return float(np.mean(losses))
+        return float(np.mean([self._step(rays.sort().values, fixed) for rays in steps]))
 
-    def _step(self, rays: torch.Tensor, values: torch.Tensor, front: torch.Tensor) -> float:
-        """Take one step of the optimiser; return the loss before it."""
-        counts = self.features.count[rays.to(self.features.count.device)]
-        n_rays, n_segments = len(rays), int(counts.sum())
-
-        def of_part(part: slice) -> tuple[float, Sequence[torch.Tensor]]:
-            some = rays[part].to(self.measured.device)
-            packing, correction = correction_of(
-                self.encoder, self.tokens, self.features, front, some
-            )
-            entry = packing.entry
-            weight = self.features.length[entry] * (1 + correction).square()
-            seen = packing.sum(weight * values[self.features.voxel[entry].long()])
-            misfit = (seen - self.measured[some]).square().sum() / (self.power * n_rays)
-            loss = misfit + PENALTY * correction.square().sum() / n_segments
-            return loss.item(), torch.autograd.grad(loss, self.parameters)
-
-        done = self.over_parts(of_part, cut(counts, SEGMENTS_A_PART))
-        loss = sum(one for one, _ in done)
+    def _step(self, rays: torch.Tensor, fixed: FixedVoxels) -> float:
+        """Take one step of the optimiser, unless the loss is not finite; return it."""
+        loss, _ = fixed.set_gradients(
+            self.encoder, self.tokens, self.parameters, rays, self.over_parts
+        )
         if math.isfinite(loss):
-            add_gradients(self.parameters, [gradients for _, gradients in done])
             self.optimiser.step()
         return loss
 

@@ -149,13 +149,13 @@ def wernet(
         "method": "wernet",
         "iterations": 0 if freeze_encoder else int(iterations),
         "start": start is not None,
-        "encoder": "in memory" if isinstance(encoder, CorrectionEncoder) else encoder,
+        "encoder": "in memory"
+        if isinstance(encoder, CorrectionEncoder)
+        else encoder and str(encoder),
         "freeze_encoder": freeze_encoder,
         "device": str(device),
         "seed": seed,
     }
-    if settings["encoder"] is not None:
-        settings["encoder"] = str(settings["encoder"])
     if encoder is None:
         encoder = CorrectionEncoder(blocks=blocks, channels=channels, seed=seed)
     elif isinstance(encoder, CorrectionEncoder):
@@ -181,7 +181,6 @@ def wernet(
         stop_reason = "stopped by the callback before the first round"
     if math.isnan(chord_choice.held_out_residual):
         stopped, stop_reason = True, f"nothing to judge by: {chord_choice.reason}"
-
     elif not tells_views and chord_choice.width > WIDEST_WITH_FEW_VIEWS and not freeze_encoder:
         stopped = True
         stop_reason = "few views, which allow no detail: smoothness would be taken for optics"
@@ -207,9 +206,9 @@ def wernet(
                 stopped, stop_reason = True, state.ended
         elif tells_views and last and not stopped:
             tokens.take(first_guess(projector, measured, chord_choice, unit))
-            front = features.emission_in_front(volume, unit)
-            trend = trend_corrections(tokens, features, front)
             if start is None:
+                front = features.emission_in_front(volume, unit)
+                trend = trend_corrections(tokens, features, front)
                 guessed = solve_as_chosen(reweighted(projector, trend), measured, chord_choice)
                 volume = projector.live.compress(guessed.volume)
         rounds = (0,) if freeze_encoder else range(first, last)

@@ -11,7 +11,6 @@ import torch
 from numpy.typing import NDArray
 
 from tomo._sums import dot
-from tomo.segments import Segments
 from tomo.smooth_basis import SmoothBasis
 from tomo.solve import cgls
 from tomo.solve.stopping import (
@@ -22,7 +21,7 @@ from tomo.solve.stopping import (
 )
 from tomo.wernet.correction import ViewTokens
 from tomo.wernet.ray_features import TRENDS, RayFeatures
-from tomo.wernet.ray_weights import reweighted, trend_corrections
+from tomo.wernet.ray_weights import reweighted, trend_corrections, with_lengths
 
 if TYPE_CHECKING:
     from tomo.projector import Projector
@@ -130,13 +129,16 @@ def _fit(
         learned = reweighted(projector, correction)
         basis = SmoothBasis(learned, choice.width) if choice.width else learned
         free = _solved(basis, measured, choice)
+        if isinstance(basis, SmoothBasis):
+            free = basis.blur(free)
         residual = (measured - learned @ free).astype(np.float64)
         slope = 2 * projector.segments.length * (1 + correction)
         rows = [
-            _not_imitated(basis, _times(projector, slope * columns[:, k], free), choice) / scale[k]
+            _not_imitated(basis, with_lengths(projector, slope * columns[:, k]) @ free, choice)
+            / scale[k]
             for k in trends
         ]
-        level = _times(projector, slope, free)
+        level = with_lengths(projector, slope) @ free
         step = _gauss_newton(rows, level, view, residual, tokens)
         with torch.no_grad():
             for k, change in zip(trends, step, strict=False):
@@ -163,30 +165,19 @@ def _volume(
     return volume
 
 
-def _times(
-    projector: Projector, length: NDArray[np.float32], volume: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Return the projection of ``volume`` with other entries, of either sign."""
-    segments = projector.segments
-    entries = Segments(segments.ptr, segments.voxel, length, None)
-    return type(projector)(entries, projector.grid, projector.view_ptr, projector.live) @ volume
-
-
 def _not_imitated(
     basis: ViewedOperator, image: NDArray[np.float32], choice: Choice
 ) -> NDArray[np.float64]:
     """Return what is left of ``image`` once voxels, of any sign, have imitated it."""
-    rows = basis.projector if isinstance(basis, SmoothBasis) else basis
-    return (image - rows @ _solved(basis, image, choice)).astype(np.float64)
+    return (image - basis @ _solved(basis, image, choice)).astype(np.float64)
 
 
 def _solved(
     basis: ViewedOperator, image: NDArray[np.float32], choice: Choice
 ) -> NDArray[np.float32]:
-    """Return voxels of any sign: where some are held at zero, a solve is not linear."""
+    """Return coefficients of any sign: where some are held at zero, a solve is not linear."""
     found = cgls(basis, image, iterations=choice.iterations, nonnegative=False)
-    values = basis.live.compress(found.volume)
-    return basis.blur(values) if isinstance(basis, SmoothBasis) else values
+    return basis.live.compress(found.volume)
 
 
 def _gauss_newton(

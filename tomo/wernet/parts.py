@@ -9,6 +9,9 @@ from contextlib import contextmanager
 
 import torch
 
+SEGMENTS_A_PART = 16384
+"""What one thread computes at a time: its layers of 32 channels then stay near the core."""
+
 Map = Callable[[Callable, Sequence], list]
 """Applies a function to every part and returns the results in the parts' order."""
 

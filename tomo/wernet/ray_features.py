@@ -28,8 +28,6 @@ NAMES = (
     "place in the image, up squared",
     "emission in front",
 )
-
-
 TRENDS = (NAMES.index("depth in the grid"), NAMES.index("emission in front"))
 """Along these what a scene does to its rays is looked for first, see `tomo.wernet.elimination`."""
 
@@ -154,12 +152,12 @@ class RayFeatures:
         entry = packing.entry
         midpoint = self.midpoint[entry]
         direction = packing.per_segment(self.direction[rays])
-        depth = (midpoint * direction).sum(dim=1) - packing.per_segment(self.entry[rays])
+        depth = self._depth(midpoint, direction, packing.per_segment(self.entry[rays]))
         place = packing.per_segment(self.place[rays])
         features = [
             2 * (midpoint - self.centre[self.voxel[entry].long()]) / self.spacing,
             direction,
-            (2 * depth / self.shortest - 1)[:, None],
+            depth[:, None],
             (self.length[entry] / self.spacing.log().mean().exp() - 0.5)[:, None],
             place,
             place.square(),
@@ -171,8 +169,13 @@ class RayFeatures:
         """Return the features `TRENDS` of all segments: ``(S, 2)``."""
         direction = torch.repeat_interleave(self.direction, self.count, dim=0)
         entry = torch.repeat_interleave(self.entry, self.count)
-        depth = (self.midpoint * direction).sum(dim=1) - entry
-        return torch.stack([2 * depth / self.shortest - 1, front], dim=1).cpu().numpy()
+        depth = self._depth(self.midpoint, direction, entry)
+        return torch.stack([depth, front], dim=1).cpu().numpy()
+
+    def _depth(
+        self, midpoint: torch.Tensor, direction: torch.Tensor, entry: torch.Tensor
+    ) -> torch.Tensor:
+        return 2 * ((midpoint * direction).sum(dim=1) - entry) / self.shortest - 1
 
     def emission_in_front(
         self, volume: NDArray[np.float32], unit: float, weight: NDArray[np.float32] | None = None

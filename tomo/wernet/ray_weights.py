@@ -12,10 +12,8 @@ from tomo.projector import Projector
 from tomo.segments import Segments
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.packing import Packing
-from tomo.wernet.parts import Map, cut, on_cores
+from tomo.wernet.parts import SEGMENTS_A_PART, Map, cut, on_cores
 from tomo.wernet.ray_features import TRENDS, RayFeatures
-
-SEGMENTS_A_PART = 16384
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +109,11 @@ def corrections(
 
 def reweighted(projector: Projector, correction: NDArray[np.float32]) -> Projector:
     """Return a stored projector with ``length (1 + correction)²`` in place of its lengths."""
+    return with_lengths(projector, projector.segments.length * np.square(1 + correction))
+
+
+def with_lengths(projector: Projector, length: NDArray[np.float32]) -> Projector:
+    """Return a stored projector with other entries ``length`` (S,), of either sign."""
     segments = projector.segments
-    length = segments.length * np.square(1 + correction)
     segments = Segments(segments.ptr, segments.voxel, length, segments.midpoint)
     return Projector(segments, projector.grid, projector.view_ptr, projector.live)

@@ -17,15 +17,13 @@ from tomo.wernet.device import usable_device
 from tomo.wernet.encoder import WeightEncoder
 from tomo.wernet.encoder_file import load_encoder
 from tomo.wernet.model import WERNet
-from tomo.wernet.parts import Map, add_gradients, cut, on_cores
+from tomo.wernet.parts import SEGMENTS_A_PART, Map, add_gradients, cut, on_cores
 from tomo.wernet.samples import PackedBatch, RaySamples, SampleBatch, epoch_batches
 
 if TYPE_CHECKING:
     from tomo.projector import Projector
 
 LAYOUTS = ("packed", "padded")
-SEGMENTS_A_PART = 16384
-"""What one thread computes at a time: its layers of 32 channels then stay near the core."""
 
 # Upper end of the random initial voxels, the measurement's maximum being one. With 1 instead, the
 # first predictions are several times too large and training ends much further from the truth.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -10,11 +9,10 @@ import torch
 from numpy.typing import NDArray
 
 from _encoders.scenes import Exercise, random_exercise
-from tomo.wernet.alternation import LAST_RATE, LEARNING_RATE
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
-from tomo.wernet.parts import Map, add_gradients, cut, on_cores
+from tomo.wernet.fixed_voxels import LEARNING_RATE, FixedVoxels, set_rate
+from tomo.wernet.parts import Map, on_cores
 from tomo.wernet.ray_features import NAMES, RayFeatures
-from tomo.wernet.ray_weights import SEGMENTS_A_PART, correction_of
 
 LOCAL = (
     "place in the voxel, x",
@@ -64,7 +62,7 @@ def train_finite_pixels(
     lessons = []
     for number in range(scenes):
         show(number, scenes + epochs, "scenes")
-        lessons.append(_Lesson(random_exercise(random)))
+        lessons.append(_Lesson(random_exercise(random), channels))
     encoder = CorrectionEncoder(channels=channels, seed=seed)
     _look_at_nothing_but(encoder, LOCAL)
     optimiser = torch.optim.Adam(encoder.parameters(), lr=LEARNING_RATE, betas=(0.9, 0.99))
@@ -72,9 +70,7 @@ def train_finite_pixels(
     with on_cores(torch.device("cpu")) as over_parts:
         for epoch in range(epochs):
             show(scenes + epoch, scenes + epochs, "training")
-            share = 0.5 * (1 + math.cos(math.pi * epoch / epochs))
-            for group in optimiser.param_groups:
-                group["lr"] = LEARNING_RATE * (LAST_RATE + (1 - LAST_RATE) * share)
+            set_rate(optimiser, epoch / epochs)
             order = random.permutation(scenes)
             misfits[epoch] = np.mean(
                 [lessons[i].step(encoder, optimiser, random, over_parts) for i in order]
@@ -86,15 +82,21 @@ def train_finite_pixels(
 class _Lesson:
     """One scene, ready to be learned from."""
 
-    def __init__(self, exercise: Exercise) -> None:
-        self.features = RayFeatures.of(exercise.projector, tells_views=False)
-        self.volume = torch.from_numpy(exercise.volume)
-        self.measured = torch.from_numpy(exercise.measured)
-        unit = float(self.measured.double().square().mean().sqrt())
-        self.front = self.features.emission_in_front(exercise.volume, unit)
+    def __init__(self, exercise: Exercise, channels: int) -> None:
+        features = RayFeatures.of(exercise.projector, tells_views=False)
+        measured = torch.from_numpy(exercise.measured)
+        unit = float(measured.double().square().mean().sqrt())
         chords = exercise.projector @ exercise.volume - exercise.measured
-        self.power = float(np.mean(np.square(chords, dtype=np.float64)))
-        self.crossing = self.features.count.nonzero()[:, 0]
+        self.fixed = FixedVoxels(
+            features,
+            features.emission_in_front(exercise.volume, unit),
+            torch.from_numpy(exercise.volume),
+            measured,
+            float(np.mean(np.square(chords, dtype=np.float64))),
+            PENALTY,
+        )
+        self.tokens = ViewTokens(exercise.projector.n_views, channels)
+        self.crossing = features.count.nonzero()[:, 0]
 
     def step(
         self,
@@ -107,29 +109,14 @@ class _Lesson:
         number = min(RAYS_A_STEP, len(self.crossing))
         chosen = np.sort(random.choice(len(self.crossing), number, replace=False))
         rays = self.crossing[torch.from_numpy(chosen)]
-        counts = self.features.count[rays]
-        segments = int(counts.sum())
-        tokens = ViewTokens(int(self.features.view.max()) + 1, encoder.channels)
-        parameters = list(encoder.parameters())
-
-        def of_part(part: slice) -> tuple[float, tuple[torch.Tensor, ...]]:
-            packing, correction = correction_of(
-                encoder, tokens, self.features, self.front, rays[part]
-            )
-            entry = packing.entry
-            weight = self.features.length[entry] * (1 + correction).square()
-            seen = packing.sum(weight * self.volume[self.features.voxel[entry].long()])
-            apart = (seen - self.measured[rays[part]]).square().sum() / (self.power * number)
-            loss = apart + PENALTY * correction.square().sum() / segments
-            return apart.item(), torch.autograd.grad(loss, parameters)
-
-        done = over_parts(of_part, cut(counts, SEGMENTS_A_PART))
-        add_gradients(parameters, [gradients for _, gradients in done])
+        _, misfit = self.fixed.set_gradients(
+            encoder, self.tokens, list(encoder.parameters()), rays, over_parts
+        )
         # what is not to be looked at stays so: its weights are zero, and their gradients
         first = encoder.hidden[0].weight
         first.grad[:, _others(LOCAL)] = 0
         optimiser.step()
-        return sum(one for one, _ in done)
+        return misfit
 
 
 def _others(names: tuple[str, ...]) -> list[int]:
