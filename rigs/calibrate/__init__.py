@@ -1,0 +1,10 @@
+"""Calibration: from images of a flat target to a rig, and how far that rig can be trusted."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "observations": ["Observations"],
+    },
+)

@@ -1,0 +1,116 @@
+"""What the cameras saw of the target: what detection hands over to calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Observations:
+    """Where each camera saw each point of the target in each frame, one row a sighting.
+
+    Parameters
+    ----------
+    target_points : (points, 3) float64
+        The target's points in its own axes, flat: z = 0, in the target's length unit.
+    cameras : tuple of str
+    image_sizes : tuple of (int, int)
+        Width and height of each camera's images.
+    frames : tuple of str
+        Moments: images of one frame show the target in one place.
+    camera, frame, point : (sightings,) int64
+        Places in ``cameras``, ``frames`` and ``target_points``.
+    uv : (sightings, 2) float64
+        Pixel coordinates (column, row), pixel centres at integers.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree, a number is not finite, a place is out of range, or one camera sees
+        one point twice in a frame.
+    """
+
+    target_points: NDArray[np.float64]
+    cameras: tuple[str, ...]
+    image_sizes: tuple[tuple[int, int], ...]
+    frames: tuple[str, ...]
+    camera: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    point: NDArray[np.int64]
+    uv: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        """Check the fields and make the arrays read-only."""
+        points = np.array(self.target_points, np.float64)
+        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise ValueError(
+                f"target_points: found shape {points.shape}, expected finite (points, 3)"
+            )
+        uv = np.array(self.uv, np.float64).reshape(-1, 2)
+        if not np.isfinite(uv).all():
+            raise ValueError("uv: found a number that is not finite, expected pixel coordinates")
+        if len(self.image_sizes) != len(self.cameras):
+            raise ValueError(
+                f"image_sizes: found {len(self.image_sizes)}, expected {len(self.cameras)}, "
+                "one a camera"
+            )
+        arrays = {"target_points": points, "uv": uv}
+        limits = {"camera": len(self.cameras), "frame": len(self.frames), "point": len(points)}
+        for name, limit in limits.items():
+            places = np.array(getattr(self, name), np.int64).reshape(-1)
+            if len(places) != len(uv):
+                raise ValueError(f"{name}: found {len(places)} rows, expected {len(uv)}, as in uv")
+            if len(places) and not (places.min() >= 0 and places.max() < limit):
+                raise ValueError(f"{name}: found a place outside 0 to {limit - 1}")
+            arrays[name] = places
+        keys = np.stack([arrays[name] for name in limits], axis=-1)  # (sightings, 3)
+        if len(np.unique(keys, axis=0)) != len(keys):
+            raise ValueError("point: found twice in one image, expected once")
+        for name, array in arrays.items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        sizes = tuple((int(width), int(height)) for width, height in self.image_sizes)
+        object.__setattr__(self, "image_sizes", sizes)
+        for name in ("cameras", "frames"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+
+    def __repr__(self) -> str:
+        return (
+            f"<Observations: {len(self)} sightings of {len(self.target_points)} points by "
+            f"{len(self.cameras)} cameras in {len(self.frames)} frames>"
+        )
+
+    def __len__(self) -> int:
+        return len(self.uv)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Observations):
+            return NotImplemented
+        return all(
+            np.array_equal(getattr(self, field.name), getattr(other, field.name))
+            for field in fields(self)
+        )
+
+    __hash__ = None
+
+    def where(self, keep: NDArray[np.bool_]) -> Observations:
+        """Return the sightings where ``keep`` ``(sightings,)`` holds; cameras and frames stay."""
+        return Observations(
+            self.target_points,
+            self.cameras,
+            self.image_sizes,
+            self.frames,
+            self.camera[keep],
+            self.frame[keep],
+            self.point[keep],
+            self.uv[keep],
+        )
+
+    def counts(self) -> NDArray[np.int64]:
+        """Return how many points each camera saw in each frame, ``(cameras, frames)``."""
+        counts = np.zeros((len(self.cameras), len(self.frames)), np.int64)
+        np.add.at(counts, (self.camera, self.frame), 1)
+        return counts
