@@ -2,4 +2,8 @@
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["transforms"])
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submodules=["middlebury", "registry", "transforms"],
+    submod_attrs={"registry": ["FORMATS", "load", "names", "save", "sniff"]},
+)

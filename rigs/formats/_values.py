@@ -1,0 +1,95 @@
+"""Values out of foreign files: what is missing or of the wrong kind is said in one line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@contextmanager
+def errors_of(where: object) -> Iterator[None]:
+    """Put ``where``, a file or a camera, before the one line of a ValueError."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(" ".join(f"{where}: {error}".split())) from None
+
+
+@contextmanager
+def errors_of_file(path: str | PathLike) -> Iterator[None]:
+    """Put the file's name before the one line of a ValueError that does not begin with it."""
+    try:
+        yield
+    except ValueError as error:
+        line = " ".join(str(error).split())
+        named = line.startswith(" ".join(f"{path}: ".split()))
+        raise ValueError(line if named else f"{path}: {line}") from None
+
+
+def shortened(value: object) -> str:
+    """Return what was found, not longer than a line can bear."""
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def as_number(found: object, what: str) -> float:
+    """Return ``found`` as a finite number; text like ``1e-5``, YAML 1.1's text, counts too."""
+    try:
+        number = math.nan if isinstance(found, bool) else float(found)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{what}: found {shortened(found)}, expected a finite number")
+    return number
+
+
+def as_count(found: object, what: str) -> int:
+    """Return ``found`` as a whole number from 1."""
+    number = as_number(found, what)
+    if number != int(number) or number < 1:
+        raise ValueError(f"{what}: found {shortened(found)}, expected a whole number >= 1")
+    return int(number)
+
+
+def as_mapping(found: object, what: str) -> dict[str, Any]:
+    """Return ``found``, a mapping."""
+    if not isinstance(found, dict):
+        raise ValueError(f"{what}: found {shortened(found)}, expected a mapping")
+    return found
+
+
+def required(values: Mapping[str, Any], key: str, expected: str = "it in the file") -> Any:
+    """Return what stands under ``key``."""
+    if key not in values or values[key] is None:
+        raise ValueError(f"{key}: missing, expected {expected}")
+    return values[key]
+
+
+def as_array(found: object, shape: tuple[int | None, ...], what: str) -> NDArray[np.float64]:
+    """Return ``found`` as finite numbers of ``shape``; None stands for any length."""
+    try:
+        array = np.array(found, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.zeros((0,) * 9)
+    fits = array.ndim == len(shape) and all(
+        want in (None, have) for want, have in zip(shape, array.shape, strict=True)
+    )
+    if not fits or not np.isfinite(array).all():
+        wanted = " x ".join("n" if n is None else str(n) for n in shape)
+        raise ValueError(f"{what}: found {shortened(found)}, expected {wanted} finite numbers")
+    return array
+
+
+def numbers_of_line(fields: Sequence[str], names: Sequence[str]) -> list[float]:
+    """Return one number a name from the words of a line."""
+    if len(fields) != len(names):
+        raise ValueError(
+            f"found {len(fields)} values, expected {len(names)}: {' '.join(names)[:60]}"
+        )
+    return [as_number(word, name) for word, name in zip(fields, names, strict=True)]

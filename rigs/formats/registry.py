@@ -1,0 +1,161 @@
+"""Every format under one roof: told apart by content, read into a Rig, written from one."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+from rigs.formats._units import in_unit
+from rigs.formats._values import errors_of_file
+from rigs.rig import Rig
+
+_HEAD = 65536  # characters of a file that tell its format
+
+
+@dataclass(frozen=True)
+class Format:
+    """What a module of this package is for.
+
+    Parameters
+    ----------
+    name : str
+        The module's name.
+    about : str
+        In a few words.
+    suffixes : tuple of str
+        By which a file to be *written* is of this format, unless its name says otherwise.
+    reads, writes : bool
+        Whether the module has ``load``, and ``save``.
+    """
+
+    name: str
+    about: str
+    suffixes: tuple[str, ...] = ()
+    reads: bool = True
+    writes: bool = False
+
+    @property
+    def module(self) -> ModuleType:
+        """Its ``looks_like(path, head)``, ``load(path, image_size)`` and ``save(rig, path)``."""
+        return importlib.import_module(f"rigs.formats.{self.name}")
+
+
+#: In the order in which files are tried.
+FORMATS: dict[str, Format] = {
+    item.name: item for item in (Format("middlebury", "Middlebury multi-view *_par.txt"),)
+}
+
+
+def names(writable: bool = False) -> tuple[str, ...]:
+    """Return the names of the formats that can be read, or of those that can be written."""
+    return tuple(
+        name for name, item in FORMATS.items() if (item.writes if writable else item.reads)
+    )
+
+
+def sniff(path: str | os.PathLike) -> str:
+    """Return the name of the format of the file or folder at ``path``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is nothing.
+    ValueError
+        If it is in none of the formats, in one line that names those known.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file")
+    head = ""
+    if path.is_file():
+        with path.open("rb") as file:
+            head = file.read(_HEAD).decode("utf-8-sig", "replace").replace("\r\n", "\n")
+    for name in names():
+        if FORMATS[name].module.looks_like(path, head):
+            return name
+    raise ValueError(f"{path}: found none of the rig formats, expected {', '.join(names())}")
+
+
+def load(
+    path: str | os.PathLike,
+    format: str | None = None,
+    *,
+    length_unit: str | None = None,
+    image_size: tuple[int, int] | None = None,
+) -> Rig:
+    """Return the rig in a file, or a folder, of any format.
+
+    Parameters
+    ----------
+    path : path
+    format : str, optional
+        One of `names`; by default it is told from the content.
+    length_unit : str, optional
+        Of the rig returned: lengths are converted into it where the format says what they are
+        in, else they are taken to be in it.
+    image_size : (int, int), optional
+        Width and height in pixels, for formats that hold none.
+
+    Raises
+    ------
+    FileNotFoundError, IsADirectoryError
+        If there is no such file.
+    ValueError
+        In one line: the file, the camera, the field, what was found, what was expected.
+    """
+    path = Path(path)
+    module = _known(format, names(), "read").module if format else FORMATS[sniff(path)].module
+    rig = module.load(path, image_size)
+    with errors_of_file(path):
+        for camera in rig:
+            if image_size is not None and camera.image_size != tuple(image_size):
+                raise ValueError(
+                    f"camera {camera.name}: image_size: found {tuple(image_size)}, "
+                    f"expected {camera.image_size} as in the file"
+                )
+        return rig if length_unit is None else in_unit(rig, length_unit)
+
+
+def save(rig: Rig, path: str | os.PathLike, format: str | None = None) -> None:
+    """Write ``rig`` in a foreign format.
+
+    Parameters
+    ----------
+    rig : Rig
+    path : path
+        A file, or a folder for formats of several files.
+    format : str, optional
+        One of ``names(writable=True)``; by default it is told from the ending of ``path``.
+
+    Raises
+    ------
+    ValueError
+        Naming camera and field, where the format cannot hold what the rig holds.
+    """
+    path = Path(path)
+    item = _known(format, names(writable=True), "written") if format else _by_name(path)
+    with errors_of_file(path):
+        item.module.save(rig, path)
+
+
+def _known(name: str, choices: tuple[str, ...], verb: str) -> Format:
+    """Return the format called ``name``."""
+    if name not in choices:
+        raise ValueError(
+            f"format: found {name!r}, expected one that can be {verb}: {', '.join(choices)}"
+        )
+    return FORMATS[name]
+
+
+def _by_name(path: Path) -> Format:
+    """Return the format that files named like ``path`` are written in."""
+    for item in FORMATS.values():
+        if item.writes and any(path.name.endswith(suffix) for suffix in item.suffixes):
+            return item
+    raise ValueError(
+        f"{path}: its ending names no format, expected one of {', '.join(names(writable=True))} "
+        "told by --to"
+    )
