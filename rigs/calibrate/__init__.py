@@ -6,5 +6,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "observations": ["Observations"],
+        "targets": ["CharucoBoard", "Chessboard", "CircleGrid", "parse_target"],
     },
 )
