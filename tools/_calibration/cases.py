@@ -1,0 +1,108 @@
+"""The sets of pictures that the study calibrates from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from _calibration.rendering import Board, Exposure
+from _calibration.scenes import COMPLETE, Poses, arc_rig, held, photograph, ring_rig
+from rigs import Rig
+from rigs.calibrate.targets import parse_target
+
+TARGET = "charuco:9x7:18:13.5:DICT_4X4_50"
+"""In mm; 48 inner corners on 162 x 126 mm, seen in images of 256 x 205 mm."""
+
+TEXELS = 12.0
+"""Of the print in a millimetre: squares and markers' cells are whole numbers of them."""
+
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A kind of rig and of poses.
+
+    Attributes
+    ----------
+    name, words : str
+        A word for files, and what it is.
+    layout : str
+        ``arc`` or ``ring``.
+    poses : Poses
+    complete : bool
+        Whether only images that show the whole target are used.
+    cameras : int
+    """
+
+    name: str
+    words: str
+    layout: str
+    poses: Poses
+    complete: bool
+    cameras: int
+
+    def rig(self, seed: int) -> Rig:
+        """Return the true rig, which is another for each seed."""
+        make = arc_rig if self.layout == "arc" else ring_rig
+        return make(seed, self.cameras)
+
+
+CASES = (
+    Case("arc", "5 cameras over 120 degrees, partial boards", "arc", Poses(30), False, 5),
+    Case("ring", "12 cameras all round, partial boards", "ring", Poses(36, 180.0), False, 12),
+    Case(
+        "arc_complete", "5 cameras over 120 degrees, complete boards", "arc",
+        replace(COMPLETE, count=30), True, 5,
+    ),
+    Case(
+        "ring_complete", "12 cameras all round, complete boards", "ring",
+        replace(COMPLETE, count=36, facing=180.0), True, 12,
+    ),
+)  # fmt: skip
+
+
+def pictures(
+    case: Case, seed: int, folder: Path, *, progress: Progress | None = None, workers: int = 2
+) -> dict[str, dict[str, Path]]:
+    """Return the images of a case, ``images[camera][frame]``; rendered unless they are there.
+
+    Parameters
+    ----------
+    case : Case
+    seed : int
+        Of rig, poses and noise.
+    folder : Path
+        Where the images are or are written to, with a file that says what they were made from.
+    progress : callable, optional
+        Called with done, total and the camera's name.
+    workers : int
+        Threads.
+    """
+    here = folder / f"{case.name}_{seed}"
+    made_from = {
+        "case": asdict(case), "seed": seed, "target": TARGET, "texels": TEXELS,
+        "exposure": asdict(Exposure()), "rig": repr(case.rig(seed)),
+    }  # fmt: skip
+    record = here / "made_from.json"
+    if record.exists() and json.loads(record.read_text("utf-8")) == made_from:
+        return {
+            camera.name: {path.stem: path for path in sorted((here / camera.name).glob("*.png"))}
+            for camera in case.rig(seed)
+        }
+    target = parse_target(TARGET)
+    images = photograph(
+        here,
+        case.rig(seed),
+        Board.of(target, TEXELS),
+        held(case.poses, target.points.mean(axis=0), np.random.default_rng([seed, 3])),
+        seed=seed,
+        progress=progress,
+        workers=workers,
+    )
+    record.write_text(json.dumps(made_from), "utf-8")
+    return images
