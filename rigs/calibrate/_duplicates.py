@@ -1,0 +1,43 @@
+"""Images that came twice: they add no knowledge and must not count twice."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.calibrate.observations import Observations
+
+
+def without_repeats(observations: Observations) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Return which sightings to keep ``(sightings,)``, and what was left out in words.
+
+    An image is a repeat where one camera's sightings are the same as in an earlier frame, to the
+    last digit: noise never repeats itself.
+    """
+    keep = np.ones(len(observations), bool)
+    first: dict[tuple[int, bytes], int] = {}
+    repeats: dict[tuple[int, int], list[int]] = {}
+    order = np.lexsort((observations.point, observations.camera, observations.frame))
+    image = observations.frame[order] * len(observations.cameras) + observations.camera[order]
+    for rows in np.split(order, np.flatnonzero(np.diff(image)) + 1):
+        if not len(rows):
+            continue
+        camera, frame = int(observations.camera[rows[0]]), int(observations.frame[rows[0]])
+        content = observations.point[rows].tobytes() + observations.uv[rows].tobytes()
+        earlier = first.setdefault((camera, content), frame)
+        if earlier != frame:
+            keep[rows] = False
+            repeats.setdefault((earlier, frame), []).append(camera)
+    counts = observations.counts()
+    notes = []
+    for (earlier, frame), cameras in sorted(repeats.items()):
+        was, now = observations.frames[earlier], observations.frames[frame]
+        if len(cameras) == np.count_nonzero(counts[:, frame]):
+            notes.append(f"frame {now}: the same as {was} in every camera, counted once")
+        else:
+            named = ", ".join(observations.cameras[camera] for camera in cameras)
+            notes.append(
+                f"camera {named}: frame {now} is the same image as {was} while other cameras "
+                "moved on, left out: is the camera in step?"
+            )
+    return keep, tuple(notes)

@@ -1,0 +1,376 @@
+"""One least-squares adjustment of all lenses, camera poses and target poses.
+
+A sighting is predicted as ``project(lens_c, R_c (R_f x + t_f) + t_c)`` for target point x, camera
+c and frame f. Rotations are adjusted by rotation vectors multiplied from the left. Each sighting
+touches one camera and one frame, so the frames' 6 x 6 blocks of the normal equations are
+eliminated first (Schur complement) and what is solved has the size of the cameras alone:
+Triggs, McLauchlan, Hartley and Fitzgibbon, "Bundle adjustment, a modern synthesis" (2000), 6.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.calibrate._projection import Lens, project
+
+_LEAST_GAIN = 1e-9  # relative fall of the cost below which the method has arrived
+_DAMPING = 1e-4
+_MOST_DAMPING = 1e9
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Sightings in order of camera, then frame; lengths in any unit.
+
+    Parameters
+    ----------
+    camera, frame : (N,) int64
+    points : (N, 3) float64
+        Each sighting's point in the target's axes.
+    uv : (N, 2) float64
+    """
+
+    camera: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    points: NDArray[np.float64]
+    uv: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.uv)
+
+    def where(self, keep: NDArray) -> Sightings:
+        """Return the sightings where ``keep`` holds, or in the order it gives."""
+        return Sightings(self.camera[keep], self.frame[keep], self.points[keep], self.uv[keep])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that is adjusted.
+
+    Parameters
+    ----------
+    lenses : tuple of Lens
+    camera_R, camera_t : (cameras, 3, 3), (cameras, 3)
+        ``x_camera = R x_world + t``.
+    target_R, target_t : (frames, 3, 3), (frames, 3)
+        ``x_world = R x_target + t``; NaN where a frame has no pose.
+    """
+
+    lenses: tuple[Lens, ...]
+    camera_R: NDArray[np.float64]  # noqa: N815 (the field's symbol)
+    camera_t: NDArray[np.float64]
+    target_R: NDArray[np.float64]  # noqa: N815
+    target_t: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """What may be adjusted; the target poses always are.
+
+    Parameters
+    ----------
+    lens : tuple of (4 + n,) bool
+        Of each camera's fx, fy, cx, cy and coefficients.
+    pose : (cameras,) bool
+    """
+
+    lens: tuple[NDArray[np.bool_], ...]
+    pose: NDArray[np.bool_]
+
+    def columns(self, camera: int) -> NDArray[np.bool_]:
+        """Return what is free of rotation, translation, fx, fy, cx, cy, coefficients."""
+        return np.r_[np.repeat(self.pose[camera], 6), self.lens[camera]]
+
+    @property
+    def slices(self) -> list[slice]:
+        """Where each camera's free parameters stand among those of all cameras."""
+        counts = [int(self.columns(camera).sum()) for camera in range(len(self.lens))]
+        ends = np.cumsum([0, *counts])
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The adjusted scene and what the sightings still say about it.
+
+    Parameters
+    ----------
+    scene : Scene
+    residuals : (N, 2) float64
+        Measured less projected, pixels.
+    cost : float
+    iterations : int
+    """
+
+    scene: Scene
+    residuals: NDArray[np.float64]
+    cost: float
+    iterations: int
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """Normal equations in blocks; P camera parameters, F frames with sightings."""
+
+    cameras: NDArray[np.float64]  # (P, P)
+    targets: NDArray[np.float64]  # (F, 6, 6)
+    mixed: NDArray[np.float64]  # (F, P, 6)
+    camera_gradient: NDArray[np.float64]  # (P,)
+    target_gradient: NDArray[np.float64]  # (F, 6)
+    frames: NDArray[np.int64]  # (F,) places of these frames in the scene
+
+
+def adjust(
+    scene: Scene,
+    sightings: Sightings,
+    freedom: Freedom,
+    *,
+    huber: NDArray[np.float64] | None = None,
+    iterations: int = 60,
+    tolerance: float = _LEAST_GAIN,
+) -> Solution:
+    """Return the scene of least squared residuals, by Levenberg and Marquardt's method.
+
+    Parameters
+    ----------
+    scene : Scene
+        Start; every frame with a sighting needs a pose with its points before their cameras.
+    sightings : Sightings
+        In order of camera, then frame.
+    freedom : Freedom
+    huber : (N,) float64, optional
+        Residual length from which a sighting counts linearly (Huber's loss); squares when None.
+    iterations : int
+        At most.
+    tolerance : float
+        Relative fall of the cost that ends the method.
+    """
+    residuals, cost = _residuals(scene, sightings, huber)
+    if not np.isfinite(cost):
+        raise ValueError("scene: found a sighting behind its camera, expected a start before it")
+    damping, done = _DAMPING, 0
+    for _ in range(iterations):
+        normal = _normal_equations(scene, sightings, freedom, huber)
+        done += 1
+        gain = 0.0
+        while damping < _MOST_DAMPING:
+            step = _solve(normal, damping)
+            if step is not None:
+                trial = _moved(scene, freedom, normal.frames, *step)
+                trial_residuals, trial_cost = _residuals(trial, sightings, huber)
+                if trial_cost < cost:
+                    gain = (cost - trial_cost) / cost
+                    scene, residuals, cost = trial, trial_residuals, trial_cost
+                    damping = max(damping / 10, 1e-12)
+                    break
+            damping *= 10
+        if gain < tolerance:
+            break
+    return Solution(scene, residuals, cost, done)
+
+
+def information(
+    scene: Scene, sightings: Sightings, freedom: Freedom
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what the sightings say about all cameras' free parameters at unit pixel noise.
+
+    Returns
+    -------
+    matrix : (P, P) float64
+        The normal equations with the target poses eliminated; its inverse times the noise's
+        variance is the covariance.
+    gradient : (P,) float64
+        Of half the sum of squares, with the target poses at their best.
+    """
+    normal = _normal_equations(scene, sightings, freedom, None)
+    return _reduced(normal, 0.0)[:2]
+
+
+def predicted(scene: Scene, sightings: Sightings) -> NDArray[np.float64]:
+    """Return where the scene has the sightings, ``(N, 2)``; NaN behind the camera."""
+    uv = np.full((len(sightings), 2), np.nan)
+    for camera, rows in _camera_rows(sightings):
+        in_camera, *_ = _in_camera(scene, sightings, camera, rows)
+        uv[rows] = project(scene.lenses[camera], in_camera)[0]
+    return uv
+
+
+def jacobian(
+    scene: Scene, sightings: Sightings, camera: int, rows: slice
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return predictions of one camera's ``rows`` and their derivatives.
+
+    Returns
+    -------
+    uv : (n, 2) float64
+    by_camera : (n, 2, 10 + coefficients) float64
+        With respect to the camera's rotation, translation, fx, fy, cx, cy, coefficients.
+    by_target : (n, 2, 6) float64
+        With respect to the target's rotation and translation.
+    """
+    in_camera, turned, on_target = _in_camera(scene, sightings, camera, rows)
+    uv, by_point, by_lens = project(scene.lenses[camera], in_camera)
+    # d (w x p) = -[p] dw, and g . (w x p) = w . (p x g)
+    by_camera = np.concatenate([_cross(turned, by_point), by_point, by_lens], axis=2)
+    by_world = by_point @ scene.camera_R[camera]  # (n, 2, 3)
+    by_target = np.concatenate([_cross(on_target, by_world), by_world], axis=2)
+    return uv, by_camera, by_target
+
+
+def rotation_matrices(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rotations ``(N, 3, 3)`` of rotation vectors ``(N, 3)``."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(vectors).as_matrix()
+
+
+def _cross(points: NDArray, gradients: NDArray) -> NDArray[np.float64]:
+    """Return ``points`` ``(n, 3)`` times each row of ``gradients`` ``(n, 2, 3)``, crosswise."""
+    x, y, z = (points[:, None, axis] for axis in range(3))
+    a, b, c = (gradients[:, :, axis] for axis in range(3))
+    return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=2)
+
+
+def _in_camera(
+    scene: Scene, sightings: Sightings, camera: int, rows: slice
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the points in the camera's axes, turned into them, and turned on the target."""
+    frames = sightings.frame[rows]
+    on_target = np.einsum("nij,nj->ni", scene.target_R[frames], sightings.points[rows])
+    turned = (on_target + scene.target_t[frames]) @ scene.camera_R[camera].T
+    return turned + scene.camera_t[camera], turned, on_target
+
+
+def _camera_rows(sightings: Sightings) -> list[tuple[int, slice]]:
+    """Return each camera that has sightings and where they stand."""
+    return _runs(sightings.camera)
+
+
+def _runs(values: NDArray[np.int64]) -> list[tuple[int, slice]]:
+    """Return each run of equal ``values`` and where it stands."""
+    starts = np.r_[0, np.flatnonzero(np.diff(values)) + 1] if len(values) else np.zeros(0, int)
+    ends = np.r_[starts[1:], len(values)].astype(int)
+    return [(int(values[a]), slice(int(a), int(b))) for a, b in zip(starts, ends, strict=False)]
+
+
+def _residuals(
+    scene: Scene, sightings: Sightings, huber: NDArray | None
+) -> tuple[NDArray[np.float64], float]:
+    """Return measured less projected ``(N, 2)`` and the cost; infinite behind a camera."""
+    residuals = sightings.uv - predicted(scene, sightings)
+    squares = (residuals**2).sum(axis=1)
+    if huber is not None:
+        length = np.sqrt(squares)
+        squares = np.where(length > huber, huber * (2 * length - huber), squares)
+    cost = float(squares.sum()) / 2
+    return residuals, cost if np.isfinite(cost) else np.inf
+
+
+def _normal_equations(
+    scene: Scene, sightings: Sightings, freedom: Freedom, huber: NDArray | None
+) -> _Normal:
+    """Return the normal equations of Gauss and Newton, weighted for Huber's loss."""
+    slices = freedom.slices
+    size = slices[-1].stop
+    frames = np.unique(sightings.frame)
+    cameras, camera_gradient = np.zeros((size, size)), np.zeros(size)
+    targets, target_gradient = np.zeros((len(frames), 6, 6)), np.zeros((len(frames), 6))
+    mixed = np.zeros((len(frames), size, 6))
+    for camera, rows in _camera_rows(sightings):
+        uv, by_camera, by_target = jacobian(scene, sightings, camera, rows)
+        residual = sightings.uv[rows] - uv
+        if huber is not None:
+            length = np.linalg.norm(residual, axis=1)
+            root = np.sqrt(np.minimum(1.0, huber[rows] / np.maximum(length, 1e-300)))
+            residual = residual * root[:, None]
+            by_camera, by_target = by_camera * root[:, None, None], by_target * root[:, None, None]
+        by_camera = by_camera[:, :, freedom.columns(camera)]
+        own = slices[camera]
+        for frame, part in _runs(sightings.frame[rows]):
+            place = int(np.searchsorted(frames, frame))
+            r = residual[part].reshape(-1)
+            A = by_camera[part].reshape(len(r), by_camera.shape[2])
+            B = by_target[part].reshape(len(r), 6)
+            targets[place] += B.T @ B
+            target_gradient[place] += B.T @ r
+            mixed[place, own] = A.T @ B
+        flat = by_camera.reshape(2 * len(uv), by_camera.shape[2])
+        cameras[own, own] = flat.T @ flat
+        camera_gradient[own] = flat.T @ residual.reshape(-1)
+    return _Normal(cameras, targets, mixed, camera_gradient, target_gradient, frames)
+
+
+def _reduced(
+    normal: _Normal, damping: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the camera equations with the targets eliminated, and ``mixed inverse(targets)``.
+
+    Marquardt's damping is relative to the diagonal, so that units do not matter.
+    """
+    diagonal = np.einsum("fii->fi", normal.targets)
+    floor = 1e-14 * diagonal.max(axis=1, keepdims=True)
+    targets = normal.targets + np.eye(6) * (damping * diagonal + floor)[:, None, :]
+    solved = np.linalg.solve(targets, normal.mixed.transpose(0, 2, 1)).transpose(0, 2, 1)
+    size = len(normal.cameras)
+    width = 6 * len(targets)
+    left = solved.transpose(1, 0, 2).reshape(size, width)
+    right = normal.mixed.transpose(1, 0, 2).reshape(size, width)
+    matrix = normal.cameras + np.diag(damping * np.diag(normal.cameras)) - left @ right.T
+    gradient = normal.camera_gradient - left @ normal.target_gradient.reshape(-1)
+    return (matrix + matrix.T) / 2, gradient, targets
+
+
+def _solve(normal: _Normal, damping: float) -> tuple[NDArray, NDArray] | None:
+    """Return the damped step of the cameras ``(P,)`` and targets ``(F, 6)``, None on failure."""
+    from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+    matrix, gradient, targets = _reduced(normal, damping)
+    camera_step = np.zeros(len(gradient))
+    if len(gradient):
+        scale = np.sqrt(np.maximum(np.diag(normal.cameras), 1e-300))
+        try:
+            factor = cho_factor(matrix / np.outer(scale, scale))
+        except LinAlgError:
+            return None
+        camera_step = cho_solve(factor, gradient / scale) / scale
+    right = normal.target_gradient - np.einsum("fpi,p->fi", normal.mixed, camera_step)
+    target_step = np.linalg.solve(targets, right[:, :, None])[:, :, 0]
+    finite = np.isfinite(camera_step).all() and np.isfinite(target_step).all()
+    return (camera_step, target_step) if finite else None
+
+
+def _moved(
+    scene: Scene,
+    freedom: Freedom,
+    frames: NDArray[np.int64],
+    camera_step: NDArray[np.float64],
+    target_step: NDArray[np.float64],
+) -> Scene:
+    """Return the scene after a step of the free parameters."""
+    lenses, full = [], np.zeros((len(scene.lenses), 6))
+    for camera, (lens, own) in enumerate(zip(scene.lenses, freedom.slices, strict=True)):
+        step = np.zeros(6 + lens.size)
+        step[freedom.columns(camera)] = camera_step[own]
+        full[camera] = step[:6]
+        lenses.append(lens.moved(step[6:]))
+    target_R, target_t = scene.target_R.copy(), scene.target_t.copy()
+    target_R[frames] = rotation_matrices(target_step[:, :3]) @ target_R[frames]
+    target_t[frames] += target_step[:, 3:]
+    return replace(
+        scene,
+        lenses=tuple(lenses),
+        camera_R=rotation_matrices(full[:, :3]) @ scene.camera_R,
+        camera_t=scene.camera_t + full[:, 3:],
+        target_R=target_R,
+        target_t=target_t,
+    )
+
+
+def ordered(sightings: Sightings) -> Sequence[int]:
+    """Return the order of camera, then frame."""
+    return np.lexsort((sightings.frame, sightings.camera))

@@ -1,0 +1,258 @@
+"""From sightings of a flat target to a calibrated rig."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.calibrate._culling import adjust_and_cull
+from rigs.calibrate._duplicates import without_repeats
+from rigs.calibrate._lens_choice import TERMS, Terms
+from rigs.calibrate._projection import Lens
+from rigs.calibrate._world import placed
+from rigs.calibrate.bundle import Freedom, Scene, Sightings, information, ordered, predicted
+from rigs.calibrate.initial import View, lens_alone, rig_poses, view
+from rigs.calibrate.observations import Observations
+from rigs.camera import Camera
+from rigs.rig import Rig
+
+_GIVEN = Terms("given", "none", ())
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration:
+    """A calibrated rig and all that says how far it can be trusted.
+
+    Parameters
+    ----------
+    rig : Rig
+        ``rig.calibration`` holds the figures as plain data.
+    observations : Observations
+        What it was made from.
+    residuals : (sightings, 2) float64
+        Measured less projected, pixels; NaN where the frame has no pose.
+    used : (sightings,) bool
+        False where a sighting was left out: culled, a repeated image, or in a frame without pose.
+    target_R, target_t : (frames, 3, 3), (frames, 3) float64
+        ``x_world = R x_target + t``; NaN where a frame has no pose.
+    terms : tuple of str
+        Each camera's lens terms: a name of those of `calibrate`, or "given".
+    noise : float
+        Standard deviation of a pixel coordinate, from the residuals used.
+    parameters : tuple of (str, str)
+        Camera and name of each adjusted number: wx wy wz (rotation vector multiplied from the
+        left, radians), tx ty tz (length units), fx fy cx cy (pixels), c0 c1 ... (coefficients).
+    covariance : (parameters, parameters) float64
+        Of these, while the pose of camera ``gauge`` is held.
+    gauge : str
+    notes : tuple of str
+        What was found in the input that the user should know.
+    """
+
+    rig: Rig
+    observations: Observations
+    residuals: NDArray[np.float64]
+    used: NDArray[np.bool_]
+    target_R: NDArray[np.float64]  # noqa: N815 (the field's symbol)
+    target_t: NDArray[np.float64]
+    terms: tuple[str, ...]
+    noise: float
+    parameters: tuple[tuple[str, str], ...]
+    covariance: NDArray[np.float64]
+    gauge: str
+    notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        rms = np.sqrt((self.residuals[self.used] ** 2).sum(axis=1).mean())
+        return (
+            f"<Calibration: {len(self.rig)} cameras, {int(self.used.sum())} of {len(self.used)} "
+            f"sightings, RMS {rms:.3g} px>"
+        )
+
+
+def calibrate(
+    observations: Observations,
+    *,
+    intrinsics: Rig | None = None,
+    world: str | Mapping[str, ArrayLike] | None = None,
+    rescale: bool = False,
+    length_unit: str = "mm",
+    distortion: str = "auto",
+    target: object | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Calibration:
+    """Return the rig that explains the sightings best, and how far it can be trusted.
+
+    Each camera's lens is found by itself, all poses follow along the tree of shared views, then
+    lenses, camera poses and target poses are adjusted together to least squared residuals;
+    sightings and images that do not belong to the rest are left out and listed.
+
+    Parameters
+    ----------
+    observations : Observations
+    intrinsics : Rig, optional
+        Cameras of the same names whose lenses are kept as they are.
+    world : str or mapping of str to (3,) array_like, optional
+        The world of the rig: the axes of the camera or of the target in the frame of this name;
+        or where cameras' centres or targets' points (0, 0, 0) are, at least three by name, met
+        in the least-squares sense. By default the axes of the first camera.
+    rescale : bool
+        Let the positions in ``world`` set the scale instead of the target.
+    length_unit : str
+        Of the target, and so of the rig.
+    distortion : str
+        Which terms of the lenses are free: "none", "radial" (k1 k2), "brown4", "brown5",
+        "rational", "thin_prism", "tilted", "fisheye"; "auto" frees those that pay, camera by
+        camera, up to "rational".
+    target : object, optional
+        What was seen, for its ``ambiguity``: text that says why its pose has several answers.
+    progress : callable, optional
+        Called with a line of text at each step.
+
+    Raises
+    ------
+    ValueError
+        In one line, if cameras share no views (they are named), a camera has too few, the target
+        is ambiguous, or names do not match.
+    """
+    say = progress or (lambda _: None)
+    _check(observations, intrinsics, distortion, target)
+    names, frames = observations.cameras, len(observations.frames)
+    keep, notes = without_repeats(observations)
+    order = ordered(observations)
+    order = order[keep[order]]
+    points = observations.target_points
+    scale = float(np.linalg.norm(np.ptp(points, axis=0)))
+    sightings = Sightings(
+        observations.camera[order],
+        observations.frame[order],
+        points[observations.point[order]] / scale,
+        observations.uv[order],
+    )
+    views = []
+    for camera, name in enumerate(names):
+        say(f"lens of camera {name}")
+        own = sightings.where(sightings.camera == camera)
+        own = replace(own, camera=np.zeros(len(own), np.int64))
+        lens, terms = (
+            lens_alone(name, own, frames, observations.image_sizes[camera], distortion)
+            if intrinsics is None
+            else _given(intrinsics[name])
+        )
+        views.append(view(lens, terms, own, frames))
+    say("poses along shared views")
+    scene, root = rig_poses(names, views, sightings, frames)
+    freedom = Freedom(tuple(_lens_freedom(view) for view in views), np.arange(len(names)) != root)
+    say("joint adjustment")
+    kept = adjust_and_cull(scene, sightings, freedom)
+    scene, words, size = placed(
+        _scaled(kept.solution.scene, scale), names, observations.frames, world, rescale
+    )
+    if size != 1:
+        observations = replace(observations, target_points=points * size)
+    sightings = replace(sightings, points=sightings.points * (scale * size))
+    residuals = np.full((len(observations), 2), np.nan)
+    used = np.zeros(len(observations), bool)
+    residuals[order] = sightings.uv - predicted(scene, sightings)
+    used[order] = kept.used
+    cameras = tuple(
+        Camera(
+            name,
+            observations.image_sizes[index],
+            scene.lenses[index].matrix,
+            scene.lenses[index].distortion,
+            scene.camera_R[index],
+            scene.camera_t[index],
+            None if intrinsics is None else intrinsics[name].optics,
+            "calibrated",
+        )
+        for index, name in enumerate(names)
+    )
+    noise, covariance = _covariance(scene, sightings.where(kept.used), freedom)
+    return Calibration(
+        Rig(cameras, length_unit, words),
+        observations,
+        residuals,
+        used,
+        scene.target_R,
+        scene.target_t,
+        tuple(view.terms.name for view in views),
+        noise,
+        _labels(names, freedom),
+        covariance,
+        names[root],
+        notes,
+    )
+
+
+def _check(
+    observations: Observations, intrinsics: Rig | None, distortion: str, target: object | None
+) -> None:
+    """Raise if what was asked for cannot be done with what there is."""
+    names = observations.cameras
+    if not names or not len(observations):
+        raise ValueError("observations: found no sightings, expected the target in some images")
+    if distortion != "auto" and distortion not in TERMS:
+        raise ValueError(
+            f"distortion: found {distortion!r}, expected one of auto, {', '.join(TERMS)}"
+        )
+    ambiguity = getattr(target, "ambiguity", None)
+    if ambiguity and len(names) > 1:
+        raise ValueError(
+            f"target: its pose is ambiguous ({ambiguity}), expected one that looks the same from "
+            "one side only, to find where cameras stand"
+        )
+    if np.ptp(observations.target_points[:, 2]) > 0:
+        raise ValueError("target_points: found points off the plane z = 0, expected a flat target")
+    for name, size in zip(names, observations.image_sizes, strict=True):
+        if intrinsics is not None:
+            if name not in intrinsics:
+                raise ValueError(f"intrinsics: camera {name}: not in the rig, expected its lens")
+            if intrinsics[name].image_size != size:
+                raise ValueError(
+                    f"intrinsics: camera {name}: image_size: found {intrinsics[name].image_size}, "
+                    f"expected {size} as its images"
+                )
+
+
+def _given(camera: Camera) -> tuple[Lens, Terms]:
+    """Return the lens of a camera whose intrinsics are kept."""
+    lens = camera.distortion
+    return Lens(camera.camera_matrix, lens.model, np.array(lens.coefficients)), _GIVEN
+
+
+def _lens_freedom(view: View) -> NDArray[np.bool_]:
+    """Return which numbers of a camera's lens are adjusted."""
+    return np.zeros(view.lens.size, bool) if view.terms is _GIVEN else view.terms.freedom()
+
+
+def _scaled(scene: Scene, scale: float) -> Scene:
+    """Return the scene with all lengths multiplied by ``scale``."""
+    return replace(scene, camera_t=scene.camera_t * scale, target_t=scene.target_t * scale)
+
+
+def _covariance(
+    scene: Scene, sightings: Sightings, freedom: Freedom
+) -> tuple[float, NDArray[np.float64]]:
+    """Return the pixel noise and the covariance of the cameras' free parameters."""
+    matrix, _ = information(scene, sightings, freedom)
+    residuals = sightings.uv - predicted(scene, sightings)
+    unknowns = len(matrix) + 6 * len(np.unique(sightings.frame))
+    variance = float((residuals**2).sum()) / max(residuals.size - unknowns, 1)
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    inverse = np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-15, hermitian=True)
+    return float(np.sqrt(variance)), variance * inverse * np.outer(scale, scale)
+
+
+def _labels(names: tuple[str, ...], freedom: Freedom) -> tuple[tuple[str, str], ...]:
+    """Return camera and name of each free parameter."""
+    labels = []
+    for camera, name in enumerate(names):
+        own = ["wx", "wy", "wz", "tx", "ty", "tz", "fx", "fy", "cx", "cy"]
+        own += [f"c{i}" for i in range(len(freedom.lens[camera]) - 4)]
+        free = freedom.columns(camera)
+        labels += [(name, label) for label, is_free in zip(own, free, strict=True) if is_free]
+    return tuple(labels)
