@@ -10,11 +10,13 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submodules=["formats", "paper"],
     submod_attrs={
         "camera": ["Camera", "look_at"],
+        "coverage": ["Coverage", "ray_miss"],
         "distortion": ["Distortion"],
         "file": ["load_rig", "preset", "preset_names", "save_rig"],
         "lines": ["nearest_point"],
         "optics": ["Optics"],
         "rig": ["Rig", "Volume"],
+        "rig_check": ["check_rig"],
         "virtual": ["arc", "ring"],
     },
 )
