@@ -9,6 +9,8 @@ from typing import Annotated, Any
 
 import pydantic
 
+from rigs._text import shortened
+
 
 def _number(value: object) -> float:
     """Return a finite float; text like ``1e-5``, which YAML 1.1 takes for text, counts too."""
@@ -157,7 +159,7 @@ def _one_line(error: Mapping[str, Any], data: Mapping[str, Any]) -> str:
         expected = "a mapping"
     else:
         expected = " ".join(error["msg"].split())
-    return f"{where}: found {_shortened(error['input'])}, expected {expected}"
+    return f"{where}: found {shortened(error['input'])}, expected {expected}"
 
 
 def _is_union_branch(part: str | int) -> bool:
@@ -171,9 +173,3 @@ def _dotted(path: list[str | int]) -> str:
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
     return " ".join(text.split())
-
-
-def _shortened(value: object) -> str:
-    """Return what was found, not longer than a line can bear."""
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

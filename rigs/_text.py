@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import json
 import os
 import tempfile
 from pathlib import Path
@@ -59,13 +60,23 @@ def write_text(path: str | os.PathLike, text: str) -> None:
         raise
 
 
+def shortened(value: object) -> str:
+    """Return what was found, not longer than a line can bear."""
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
 def read_yaml_mapping(path: str | os.PathLike) -> dict[str, Any]:
     """Return the plain data of a YAML file whose top level is a mapping.
 
     Aliases are refused (a few lines of them stand for any amount of data), so are keys that
     stand twice. Dates become text.
     """
-    text = read_text(path)
+    return yaml_mapping(read_text(path), path)
+
+
+def yaml_mapping(text: str, path: str | os.PathLike) -> dict[str, Any]:
+    """Return the plain data of ``text``, which was read from ``path``: see `read_yaml_mapping`."""
     try:
         loader = _Loader(text)
         try:
@@ -91,6 +102,24 @@ def read_yaml_mapping(path: str | os.PathLike) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise ValueError(f"{path}: found {type(data).__name__}, expected a YAML mapping")
     return _plain(data)
+
+
+def read_json_mapping(path: str | os.PathLike) -> dict[str, Any]:
+    """Return the data of a JSON file whose top level is an object."""
+    text = read_text(path)
+    if not text.strip():
+        raise ValueError(f"{path}: found an empty file, expected JSON")
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{path}: broken JSON at line {error.lineno}: {error.msg}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: broken JSON: nested too deeply") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: broken JSON: {error}") from None
+    if not isinstance(data, dict):
+        raise ValueError(f"{path}: found {type(data).__name__}, expected a JSON object")
+    return data
 
 
 def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:

@@ -4,6 +4,6 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=["middlebury", "registry", "transforms"],
+    submodules=["colmap", "emission_rig", "middlebury", "opencv", "registry", "transforms"],
     submod_attrs={"registry": ["FORMATS", "load", "names", "save", "sniff"]},
 )

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs._rotation import rotation
+from rigs._text import shortened
 from rigs.camera import Camera
 from rigs.distortion import Distortion
+from rigs.formats._lens import named_model, refuse_skew
+from rigs.formats._values import as_rotation
 
 _RADIAL, _TANGENTIAL = tuple(f"k{i}" for i in range(1, 7)), ("p1", "p2")
 #: The lens keys that each of the format's camera models uses, and our model; all others must be 0.
@@ -29,7 +31,6 @@ _SLOTS = {
     "rational": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
     "fisheye": ("k1", "k2", "k3", "k4"),
 }
-_RIGID = 1e-4  # largest deviation from orthonormal of a rotation that passed through float32
 
 
 def entry_camera(entry: Mapping[str, Any], shared: Mapping[str, Any]) -> Camera:
@@ -53,6 +54,26 @@ def entry_camera(entry: Mapping[str, Any], shared: Mapping[str, Any]) -> Camera:
         raise ValueError(str(error).removeprefix("camera entry: ")) from None
 
 
+def camera_entry(camera: Camera) -> dict[str, Any]:
+    """Return the entry of a camera, the inverse of `entry_camera`."""
+    refuse_skew(camera, "transforms.json")
+    model, coefficients = named_model(camera, "transforms.json")
+    (fx, _, cx), (_, fy, cy) = camera.camera_matrix[:2].tolist()
+    pose = np.eye(4)
+    pose[:3, :3] = camera.R.T @ np.diag([1.0, -1.0, -1.0])
+    pose[:3, 3] = camera.position
+    width, height = camera.image_size
+    entry = {"w": width, "h": height, "fl_x": fx, "fl_y": fy, "cx": cx + 0.5, "cy": cy + 0.5}
+    fisheye = {"is_fisheye": True} if model == "OPENCV_FISHEYE" else {}
+    return {
+        "camera_model": model,
+        **fisheye,
+        **entry,
+        **coefficients,
+        "transform_matrix": pose.tolist(),
+    }
+
+
 def _pose(matrix: object) -> tuple[NDArray, NDArray]:
     """Return OpenCV's world-to-camera ``R`` and ``t`` of OpenGL's camera-to-world matrix."""
     try:
@@ -67,7 +88,7 @@ def _pose(matrix: object) -> tuple[NDArray, NDArray]:
         raise ValueError(
             f"transform_matrix: found last row {pose[3].tolist()}, expected [0, 0, 0, 1]"
         )
-    turn = rotation(pose[:3, :3], "transform_matrix", _RIGID)
+    turn = as_rotation(pose[:3, :3], "transform_matrix")
     R = np.diag([1.0, -1.0, -1.0]) @ turn.T
     return R, -R @ pose[:3, 3]
 
@@ -136,9 +157,3 @@ def _positive(values: Mapping[str, Any], key: str) -> float:
     if not number > 0:
         raise ValueError(f"{key}: found {number}, expected a positive number")
     return number
-
-
-def shortened(value: object) -> str:
-    """Return what was found, not longer than a line can bear."""
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -11,6 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs._rotation import rotation
+from rigs._text import shortened
+
+_RIGID = 1e-4  # largest deviation from orthonormal of a rotation that passed through float32
+
 
 @contextmanager
 def errors_of(where: object) -> Iterator[None]:
@@ -30,12 +35,6 @@ def errors_of_file(path: str | PathLike) -> Iterator[None]:
         line = " ".join(str(error).split())
         named = line.startswith(" ".join(f"{path}: ".split()))
         raise ValueError(line if named else f"{path}: {line}") from None
-
-
-def shortened(value: object) -> str:
-    """Return what was found, not longer than a line can bear."""
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def as_number(found: object, what: str) -> float:
@@ -84,6 +83,11 @@ def as_array(found: object, shape: tuple[int | None, ...], what: str) -> NDArray
         wanted = " x ".join("n" if n is None else str(n) for n in shape)
         raise ValueError(f"{what}: found {shortened(found)}, expected {wanted} finite numbers")
     return array
+
+
+def as_rotation(found: object, what: str) -> NDArray[np.float64]:
+    """Return ``found`` as a rotation ``(3, 3)``; it may have passed through few digits."""
+    return rotation(as_array(found, (3, 3), what), what, _RIGID)
 
 
 def numbers_of_line(fields: Sequence[str], names: Sequence[str]) -> list[float]:

@@ -14,16 +14,14 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from rigs._rotation import rotation
-from rigs._text import read_text
+from rigs._text import read_text, shortened
 from rigs.camera import Camera
 from rigs.formats._image_size import required_size
-from rigs.formats._values import as_number, errors_of, errors_of_file, numbers_of_line, shortened
+from rigs.formats._values import as_number, as_rotation, errors_of, errors_of_file, numbers_of_line
 from rigs.rig import Rig
 
 _TURN = [f"r{i}{j}" for i in "123" for j in "123"]
 _NAMES = [f"k{i}{j}" for i in "123" for j in "123"] + _TURN + ["t1", "t2", "t3"]
-_RIGID = 1e-4  # largest deviation from orthonormal of a rotation that passed through float32
 
 LENGTH_UNIT = "m"
 
@@ -69,7 +67,7 @@ def _camera(line: str, folder: Path, image_size: tuple[int, int] | None) -> Came
         values = np.array(numbers_of_line(words, _NAMES))
         K, R = (
             values[:9].reshape(3, 3),
-            rotation(values[9:18].reshape(3, 3), "r11 ... r33", _RIGID),
+            as_rotation(values[9:18].reshape(3, 3), "r11 ... r33"),
         )
         size = required_size(image_size, "Middlebury", folder / PurePosixPath(image).name)
     return Camera(name, size, K, R=R, t=values[18:], status="calibrated")

@@ -45,7 +45,14 @@ class Format:
 
 #: In the order in which files are tried.
 FORMATS: dict[str, Format] = {
-    item.name: item for item in (Format("middlebury", "Middlebury multi-view *_par.txt"),)
+    item.name: item
+    for item in (
+        Format("emission_rig", "our rig.yaml", (".yaml",), writes=True),
+        Format("middlebury", "Middlebury multi-view *_par.txt"),
+        Format("colmap", "COLMAP text model (a folder)", ("cameras.txt",), writes=True),
+        Format("transforms", "NeRF-style transforms.json", ("transforms.json",), writes=True),
+        Format("opencv", "cv2.FileStorage YAML and JSON", (".yml", ".json"), writes=True),
+    )
 }
 
 

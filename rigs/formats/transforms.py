@@ -10,21 +10,28 @@ import json
 import logging
 import os
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
-from rigs._text import read_text
+from rigs._text import read_json_mapping, shortened, write_text
 from rigs.camera import Camera
-from rigs.formats._entry import entry_camera, shortened
+from rigs.formats._entry import camera_entry, entry_camera
+from rigs.formats._units import UNKNOWN
+from rigs.formats._values import errors_of_file
+from rigs.formats._views import Frames, grouped, named
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
 
-Frames = list[tuple[str, dict[str, Path]]]
-
+_FIELDS = {
+    "image_size": "w, h",
+    "distortion": "distortion",
+    "camera_matrix": "fl_x, fl_y, cx, cy",
+    "R": "transform_matrix",
+    "t": "transform_matrix",
+}
 _SCALE_KEYS = ("scale", "offset", "applied_scale", "applied_transform")
 
 
@@ -59,7 +66,7 @@ def load_transforms(path: str | os.PathLike) -> tuple[Rig, Frames]:
     which is named like the file.
     """
     path = Path(path)
-    data = _read_json(path)
+    data = read_json_mapping(path)
     entries = data.get("frames")
     if not isinstance(entries, list) or not entries:
         raise ValueError(f"{path}: frames: found {shortened(entries)}, expected a list of entries")
@@ -79,29 +86,88 @@ def load_transforms(path: str | os.PathLike) -> tuple[Rig, Frames]:
             where = f"frames[{index}]" + (f" ({name})" if isinstance(name, str) else "")
             raise ValueError(f"{path}: {' '.join(f'{where}: {error}'.split())}") from None
         images.append(image)
-    try:
-        names, frame_names = _names(entries, images, cameras, path.stem)
-        return _grouped(path.parent, images, cameras, names, frame_names, data)
-    except ValueError as error:
-        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
+    with errors_of_file(path):
+        given = [_camera_name(index, entry) for index, entry in enumerate(entries)]
+        names, frame_names = named(images, cameras, given, path.stem)
+        found, frames = grouped(path.parent, images, cameras, names, frame_names, _FIELDS)
+        unit = data.get("length_unit", UNKNOWN)
+        if not isinstance(unit, str):
+            raise ValueError(f"length_unit: found {shortened(unit)}, expected text")
+        return Rig(tuple(found), unit, "as in transforms.json"), frames
 
 
-def _read_json(path: Path) -> dict[str, Any]:
-    """Return the mapping in a JSON file."""
-    text = read_text(path)
-    if not text.strip():
-        raise ValueError(f"{path}: found an empty file, expected JSON")
+def save_transforms(rig: Rig, path: str | os.PathLike, frames: Frames | None = None) -> None:
+    """Write a ``transforms.json`` that nerfstudio and instant-ngp read.
+
+    Parameters
+    ----------
+    rig : Rig
+    path : path
+    frames : list of (str, {camera name: Path}), optional
+        As `load_transforms` returns them: one entry an image, its path relative to the file's
+        folder. By default one entry a camera, ``images/<camera>.png``.
+
+    Raises
+    ------
+    ValueError
+        Naming the camera and the field: a lens or a skew that the format lacks, or an image
+        outside the file's folder.
+
+    Notes
+    -----
+    instant-ngp knows only k1, k2, p1, p2 of a lens, and fisheyes; of others it reads those four.
+    """
+    path = Path(path)
+    entries = {camera.name: camera_entry(camera) for camera in rig}
+    if frames is None:
+        views = [(name, PurePosixPath("images", f"{name}.png")) for name in rig.names]
+    else:
+        views = [
+            (rig[name].name, _relative(image, path.parent))
+            for _, images in frames
+            for name, image in images.items()
+        ]
+    data = {
+        "length_unit": rig.length_unit,
+        "frames": [
+            {"file_path": str(image), "camera": name, **entries[name]} for name, image in views
+        ],
+    }
+    models = {entry["camera_model"] for entry in entries.values()}
+    if len(models) == 1:  # nerfstudio looks for the model beside the frames
+        data = {"camera_model": models.pop(), **data}
+    write_text(path, json.dumps(data, indent=2, ensure_ascii=False) + "\n")
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Say whether a file holds frames with camera-to-world matrices."""
+    return path.suffix == ".json" and '"frames"' in head and '"transform_matrix"' in head
+
+
+def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
+    """Return the rig alone of a ``transforms.json``: see `load_transforms`."""
+    return load_transforms(path)[0]
+
+
+def save(rig: Rig, path: Path) -> None:
+    """Write a ``transforms.json`` of one frame: see `save_transforms`."""
+    save_transforms(rig, path)
+
+
+def _camera_name(index: int, entry: Mapping[str, Any]) -> str | None:
+    """Return the name that an entry gives its camera, if it does."""
+    name = entry.get("camera")
+    if "camera" in entry and not isinstance(name, str):
+        raise ValueError(f"frames[{index}]: camera: found {shortened(name)}, expected text")
+    return name
+
+
+def _relative(image: Path, folder: Path) -> PurePosixPath:
+    """Return an image's path from ``folder``."""
     try:
-        data = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise ValueError(f"{path}: broken JSON at line {error.lineno}: {error.msg}") from None
-    except RecursionError:
-        raise ValueError(f"{path}: broken JSON: nested too deeply") from None
-    except ValueError as error:
-        raise ValueError(f"{path}: broken JSON: {error}") from None
-    if not isinstance(data, dict):
-        raise ValueError(f"{path}: found {type(data).__name__}, expected a JSON object")
-    return data
+        return PurePosixPath(Path(image).relative_to(folder))
+    except ValueError:
+        raise ValueError(f"file_path: found {image}, expected a path inside {folder}") from None
 
 
 def _image_path(entry: Mapping[str, Any], folder: Path) -> PurePosixPath:
@@ -118,88 +184,6 @@ def _image_path(entry: Mapping[str, Any], folder: Path) -> PurePosixPath:
     if not is_inside:
         raise ValueError(f"file_path: found {shortened(found)}, expected a path inside the folder")
     return PurePosixPath(relative)
-
-
-def _names(
-    entries: list[dict], images: list[PurePosixPath], cameras: list[Camera], file_stem: str
-) -> tuple[list[str], list[str]]:
-    """Return each entry's camera name and frame name."""
-    unnamed = [i for i, entry in enumerate(entries) if "camera" not in entry]
-    folders = {images[i].parent for i in unnamed}
-    alone = len(folders) == 1 and any(not _agree(cameras[i], cameras[unnamed[0]]) for i in unnamed)
-    names, frame_names = [], []
-    for index, (entry, image) in enumerate(zip(entries, images, strict=True)):
-        if "camera" in entry:
-            if not isinstance(entry["camera"], str):
-                raise ValueError(
-                    f"frames[{index}]: camera: found {shortened(entry['camera'])}, expected text"
-                )
-            names.append(entry["camera"])
-            frame_names.append(image.stem)
-        elif alone or not image.parent.name:
-            names.append(image.stem)
-            frame_names.append(file_stem)
-        else:
-            names.append(_folder_name(image.parent, folders))
-            frame_names.append(image.stem)
-    return names, frame_names
-
-
-def _folder_name(folder: PurePosixPath, folders: set[PurePosixPath]) -> str:
-    """Return a folder's last part, or all of them where another folder ends the same."""
-    alike = [other for other in folders if other.name == folder.name]
-    return folder.name if len(alike) == 1 else "_".join(folder.parts)
-
-
-def _grouped(
-    folder: Path,
-    images: list[PurePosixPath],
-    cameras: list[Camera],
-    names: list[str],
-    frame_names: list[str],
-    data: Mapping[str, Any],
-) -> tuple[Rig, Frames]:
-    """Return the rig of the different cameras and the images by frame and camera."""
-    by_name: dict[str, tuple[Camera, PurePosixPath]] = {}
-    frames: dict[str, dict[str, Path]] = {}
-    for image, camera, name, frame in zip(images, cameras, names, frame_names, strict=True):
-        first, first_image = by_name.setdefault(name, (camera, image))
-        field = _difference(camera, first)
-        if field:
-            raise ValueError(
-                f"camera {name}: {field}: differs between {first_image} and {image}, "
-                "expected the same in all its entries"
-            )
-        views = frames.setdefault(frame, {})
-        if name in views:
-            raise ValueError(f"camera {name}: frame {frame}: found twice, expected one image")
-        views[name] = folder / image
-    unit = data.get("length_unit", "unit")
-    if not isinstance(unit, str):
-        raise ValueError(f"length_unit: found {shortened(unit)}, expected text")
-    renamed = [replace(camera, name=name) for name, (camera, _) in by_name.items()]
-    return Rig(tuple(renamed), unit, "as in transforms.json"), list(frames.items())
-
-
-def _difference(camera: Camera, other: Camera) -> str:
-    """Return the name of the first field in which two cameras differ, or nothing."""
-    if camera.image_size != other.image_size:
-        return "w, h"
-    if camera.distortion != other.distortion:
-        return "distortion"
-    for field, name in (
-        ("camera_matrix", "fl_x, fl_y, cx, cy"),
-        ("R", "transform_matrix"),
-        ("t", "transform_matrix"),
-    ):
-        if not np.allclose(getattr(camera, field), getattr(other, field), rtol=1e-9, atol=1e-12):
-            return name
-    return ""
-
-
-def _agree(camera: Camera, other: Camera) -> bool:
-    """Say whether two entries' cameras are one."""
-    return not _difference(camera, other)
 
 
 def _is_neutral(value: object) -> bool:

@@ -1,3 +1,5 @@
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -66,7 +68,7 @@ def test_the_size_is_asked_for_where_no_image_is(par):
 )
 def test_what_is_wrong_is_named(par, edit, message):
     par.write_text(edit(par.read_text()))
-    with pytest.raises(ValueError) as error:
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
         formats.load(par, "middlebury")
     assert str(error.value).startswith(f"{par}: {message}")
     assert "\n" not in str(error.value)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rigs import look_at
-from rigs.formats.transforms import load_transforms
+from rigs import formats, look_at
+from rigs.formats.transforms import load_transforms, save_transforms
 
 PROJECT = Path(__file__).parents[3]
 DATA = Path(os.environ.get("TOMO_TEST_DATA", PROJECT.parent / "shared" / "data"))
@@ -273,3 +273,32 @@ def test_a_real_plume():
         assert camera.inside(uv).all()
         assert 1.0 < depth[0] < 1.5
         assert camera.project(np.add(middle, [0, 0.1, 0]))[0][0, 1] < uv[0, 1]  # smoke rises
+
+
+@pytest.mark.parametrize("model", ["none", "brown", "rational", "fisheye"])
+def test_rigs_come_back(make_rig, assert_same_views, tmp_path, model):
+    rig = make_rig(model, "none")
+    formats.save(rig, tmp_path / "transforms.json")
+    assert formats.sniff(tmp_path / "transforms.json") == "transforms"
+    assert_same_views(formats.load(tmp_path / "transforms.json"), rig)
+
+
+def test_images_come_back(make_rig, tmp_path):
+    rig = make_rig("brown", "none")
+    frames = [
+        (frame, {name: tmp_path / f"pictures/{name}/{frame}.png" for name in rig.names})
+        for frame in ("t0", "t1")
+    ]
+    save_transforms(rig, tmp_path / "transforms.json", frames)
+    assert load_transforms(tmp_path / "transforms.json")[1] == frames
+    with pytest.raises(ValueError, match=r"file_path: found /else/a.png, expected a path inside"):
+        save_transforms(rig, tmp_path / "transforms.json", [("t", {"cam0": Path("/else/a.png")})])
+
+
+def test_what_the_format_lacks_is_refused(make_rig, tmp_path):
+    for rig, message in (
+        (make_rig("none", "tilted"), "camera cam1: distortion: found model tilted"),
+        (make_rig("none", skew=0.1), r"camera cam0: camera_matrix: found skew 0\.1"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            formats.save(rig, tmp_path / "transforms.json")

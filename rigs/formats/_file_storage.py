@@ -1,0 +1,110 @@
+"""Values out of ``cv2.FileStorage`` files, under the names that different programs give them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs._text import read_json_mapping, read_text, shortened, yaml_mapping
+from rigs.formats._quaternion import matrix_of_vector
+from rigs.formats._values import as_array, as_count, as_rotation
+
+MATRIX = ("camera_matrix", "cameraMatrix", "intrinsic_matrix", "K", "M")
+LENS = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "distortion_coeffs", "D")
+TURN, SHIFT = ("R", "rvec"), ("T", "tvec", "t")
+#: ROS's and our names of lenses, and whether they are fisheyes.
+_LENS_NAMES = {
+    "plumb_bob": False,
+    "rational_polynomial": False,
+    "thin_prism": False,
+    "pinhole": False,
+    "equidistant": True,
+    "fisheye": True,
+}
+
+
+def read_storage(path: Path) -> dict[str, Any]:
+    """Return the plain data of a file, its matrices as mappings of rows, cols and data."""
+    if path.suffix == ".json":
+        return read_json_mapping(path)
+    text = read_text(path)
+    # OpenCV's directive has a colon too many for YAML, and its tags say what the keys say too.
+    text = re.sub(r"\A%YAML:?\s*\d+\.\d+[^\n]*", "", text)
+    return yaml_mapping(re.sub(r"(:\s|-\s|^)\s*!!opencv-[a-z-]+", r"\1", text), path)
+
+
+def first(entry: Mapping[str, Any], keys: tuple[str, ...]) -> str | None:
+    """Return the first of ``keys`` that is in the entry."""
+    return next((key for key in keys if entry.get(key) is not None), None)
+
+
+def _plain(found: object, what: str) -> object:
+    """Return the rows of a matrix, be it OpenCV's or plain lists."""
+    if not isinstance(found, dict):
+        return found
+    rows, columns = (as_count(found.get(key), f"{what}.{key}") for key in ("rows", "cols"))
+    data = as_array(found.get("data"), (None,), f"{what}.data")
+    if len(data) != rows * columns:
+        raise ValueError(f"{what}.data: found {len(data)} numbers, expected {rows} x {columns}")
+    return data.reshape(rows, columns)
+
+
+def matrix(entry: Mapping[str, Any], keys: tuple[str, ...], shape: tuple[int, int]) -> NDArray:
+    """Return the matrix under the first of ``keys``."""
+    key = first(entry, keys)
+    if key is None:
+        raise ValueError(f"{keys[0]}: missing, expected {shape[0]} x {shape[1]} numbers")
+    return as_array(_plain(entry[key], key), shape, key)
+
+
+def vector(entry: Mapping[str, Any], keys: tuple[str, ...], count: int | None = None) -> NDArray:
+    """Return the numbers under the first of ``keys``, a row, a column or a list."""
+    key = first(entry, keys)
+    if key is None:
+        raise ValueError(f"{keys[0]}: missing, expected numbers")
+    found = _plain(entry[key], key)
+    try:
+        found = np.asarray(found, np.float64).reshape(-1)
+    except (TypeError, ValueError, OverflowError):
+        found = entry[key]
+    return as_array(found, (count,), key)
+
+
+def turn(entry: Mapping[str, Any]) -> NDArray:
+    """Return the rotation of an entry, a matrix or OpenCV's rvec."""
+    key = first(entry, TURN)
+    values = vector(entry, TURN)
+    if len(values) == 3:
+        return matrix_of_vector(values)
+    return as_rotation(values.reshape(3, 3) if len(values) == 9 else entry[key], key)
+
+
+def size_of(entry: Mapping[str, Any]) -> tuple[int, int] | None:
+    """Return the image size that an entry holds."""
+    for keys in (("image_width", "image_height"), ("width", "height")):
+        if entry.get(keys[0]) is not None:
+            width, height = (as_count(entry.get(key), key) for key in keys)
+            return width, height
+    for key in ("image_size", "imageSize"):
+        if entry.get(key) is not None:
+            width, height = (as_count(n, key) for n in as_array(entry[key], (2,), key).tolist())
+            return width, height
+    return None
+
+
+def is_fisheye(entry: Mapping[str, Any]) -> bool:
+    """Say whether an entry's lens is a fisheye."""
+    if entry.get("distortion_model") is not None:
+        model = entry["distortion_model"]
+        if not isinstance(model, str) or model not in _LENS_NAMES:
+            raise ValueError(
+                f"distortion_model: found {shortened(model)}, "
+                f"expected one of {', '.join(_LENS_NAMES)}"
+            )
+        return _LENS_NAMES[model]
+    return bool(entry.get("fisheye_model", False))

@@ -1,0 +1,24 @@
+"""Our own ``rig.yaml``, so that commands that read and write any format know it too."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from rigs.file import load_rig, save_rig
+from rigs.rig import Rig
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Say whether a file says that it is a rig of ours."""
+    return bool(re.search(r"^format\s*:\s*['\"]?emission-rig", head, re.MULTILINE))
+
+
+def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
+    """Return the rig of a ``rig.yaml``: see `rigs.load_rig`."""
+    return load_rig(path)
+
+
+def save(rig: Rig, path: Path) -> None:
+    """Write a ``rig.yaml``: see `rigs.save_rig`."""
+    save_rig(rig, path)

@@ -1,0 +1,224 @@
+"""OpenCV's ``cv2.FileStorage`` files, YAML and JSON, as its calibration programs write them.
+
+Conventions are ours: ``x_cam = R @ x_world + T``, pixel centres at integers. Known are
+
+- one camera a file, as ``samples/cpp/tutorial_code/calib3d/camera_calibration`` writes it:
+  ``image_width, image_height, camera_matrix, distortion_coefficients, fisheye_model``, here with
+  its pose ``R, T`` beside them (ROS writes the same keys, without poses);
+- several in one: a list ``cameras`` of such entries with a ``name`` each, or a mapping of names;
+- a folder of one-camera files, named by the files;
+- ``intrinsics.yml`` (``M1, D1, M2, D2``) and ``extrinsics.yml`` (``R, T``: second camera from
+  first) of ``samples/cpp/stereo_calib``, either of them, or both in one; the cameras are
+  ``left`` and ``right`` and the world is the left one's axes. They hold no image size.
+
+Cameras of a file without any pose all stand at the origin, ``nominal``: intrinsics alone.
+OpenCV's files name no unit; ours hold ``length_unit``. Written are lists of ``cameras`` for rigs
+and single files for rigs of one. https://docs.opencv.org/5.x/d4/da4/tutorial_file_input_output.html
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rigs._text import read_text, shortened, write_text
+from rigs.camera import Camera
+from rigs.formats._file_storage import (
+    LENS,
+    MATRIX,
+    SHIFT,
+    TURN,
+    first,
+    is_fisheye,
+    matrix,
+    read_storage,
+    size_of,
+    turn,
+    vector,
+)
+from rigs.formats._image_size import required_size
+from rigs.formats._lens import from_vector, refuse_skew
+from rigs.formats._units import UNKNOWN
+from rigs.formats._values import as_mapping, errors_of, errors_of_file
+from rigs.rig import Rig
+
+logger = logging.getLogger(__name__)
+
+_SUFFIXES = (".yml", ".yaml", ".json")
+_STEREO = (("M1", "M2"), ("K1", "K2"), ("cameraMatrix1", "cameraMatrix2"))
+_STEREO_LENS = (("D1", "D2"), ("distCoeffs1", "distCoeffs2"))
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Say whether a file, or one in a folder, holds the keys of OpenCV's programs."""
+    if path.is_dir():
+        return any(looks_like(file, read_text(file)) for file in _files_of(path))
+    keys = "|".join(key for keys in (*_STEREO, MATRIX[:2]) for key in keys)
+    has_camera = re.search(rf'["\s{{,](?:{keys})"?\s*:', head)
+    is_opencv = head.startswith("%YAML") or "opencv-matrix" in head
+    return bool(
+        path.suffix in _SUFFIXES
+        and not re.search(r"^format\s*:\s*emission", head, re.MULTILINE)
+        and (has_camera or (is_opencv and re.search(r'["\s]R"?\s*:', head)))
+    )
+
+
+def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
+    """Return the rig of a file of cameras, of a folder of them, or of a stereo pair's two files.
+
+    Raises
+    ------
+    ValueError
+        In one line: the file, the camera, the field, what was found, what was expected.
+    """
+    path = Path(path)
+    if path.is_dir():
+        entries, unit = {}, UNKNOWN
+        for file in _files_of(path):
+            data = read_storage(file)
+            if any(pair[0] in data for pair in _STEREO):
+                return load(file, image_size)
+            if first(data, MATRIX) is not None:
+                entries[file.stem] = data
+                unit = data.get("length_unit", unit)
+        if not entries:
+            raise ValueError(f"{path}: found no camera_matrix in its files, expected OpenCV's")
+    else:
+        data = read_storage(path)
+        unit = data.get("length_unit", UNKNOWN)
+        with errors_of_file(path):
+            is_pair = any(key in data for key in (*(pair[0] for pair in _STEREO), "R1", "P1"))
+            if is_pair and "cameras" not in data and first(data, MATRIX) is None:
+                return _stereo(path, data, image_size)
+            entries = _entries(data, path.stem)
+    with errors_of_file(path):
+        if not isinstance(unit, str):
+            raise ValueError(f"length_unit: found {shortened(unit)}, expected text")
+        posed = {name for name, entry in entries.items() if first(entry, TURN) is not None}
+        if posed and len(posed) < len(entries):
+            lost = next(name for name in entries if name not in posed)
+            raise ValueError(f"camera {lost}: R: missing, expected it as other cameras have one")
+        if not posed:
+            logger.warning("%s: no poses (R, T) in it: all cameras stand at the origin", path)
+        world = f"as in {path.name}" if posed else "none: every camera stands at the origin"
+        cameras = [_camera(name, entry, image_size) for name, entry in entries.items()]
+        return Rig(tuple(cameras), unit, world)
+
+
+def save(rig: Rig, path: Path) -> None:
+    """Write a rig as ``cv2.FileStorage`` does: JSON where ``path`` ends so, else YAML.
+
+    Raises
+    ------
+    ValueError
+        Naming a camera with skew, which OpenCV's functions pass over.
+    """
+    import cv2
+
+    for camera in rig:
+        refuse_skew(camera, "OpenCV")
+    kind = cv2.FILE_STORAGE_FORMAT_JSON if path.suffix == ".json" else cv2.FILE_STORAGE_FORMAT_YAML
+    storage = cv2.FileStorage(path.name, cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | kind)
+    try:
+        storage.write("length_unit", rig.length_unit)
+        if len(rig) == 1:
+            _write_camera(storage, rig[0])
+        else:
+            storage.startWriteStruct("cameras", cv2.FILE_NODE_SEQ)
+            for camera in rig:
+                storage.startWriteStruct("", cv2.FILE_NODE_MAP)
+                _write_camera(storage, camera)
+                storage.endWriteStruct()
+            storage.endWriteStruct()
+    except cv2.error as error:
+        raise ValueError(f"OpenCV: {error.err}") from None
+    write_text(path, storage.releaseAndGetString())
+
+
+def _files_of(folder: Path) -> list[Path]:
+    """Return the files of a folder that can hold cameras."""
+    return sorted(p for p in folder.iterdir() if p.suffix in _SUFFIXES and p.is_file())
+
+
+def _entries(data: dict[str, Any], stem: str) -> dict[str, dict[str, Any]]:
+    """Return the entries of the cameras in a file by name."""
+    if first(data, MATRIX) is not None:
+        name = data.get("name", data.get("camera_name", stem))
+        return {name if isinstance(name, str) else str(name): data}
+    found = data.get("cameras", data)
+    if isinstance(found, list):
+        entries = {}
+        for index, item in enumerate(found):
+            entry = as_mapping(item, f"cameras[{index}]")
+            name = str(entry.get("name", f"camera{index}"))
+            if name in entries:
+                raise ValueError(f"camera {name}: name: found twice, expected once in a rig")
+            entries[name] = entry
+    elif found is data:
+        entries = {k: v for k, v in data.items() if isinstance(v, dict) and first(v, MATRIX)}
+    else:
+        entries = {
+            k: as_mapping(v, f"camera {k}") for k, v in as_mapping(found, "cameras").items()
+        }
+    if not entries:
+        raise ValueError("camera_matrix: missing, expected a camera or a list of cameras")
+    return entries
+
+
+def _camera(name: str, entry: Mapping[str, Any], image_size: tuple[int, int] | None) -> Camera:
+    """Return the camera of an entry."""
+    with errors_of(f"camera {name}"):
+        K = matrix(entry, MATRIX, (3, 3))
+        distortion = from_vector(vector(entry, LENS), is_fisheye(entry), LENS[0])
+        size = size_of(entry) or required_size(image_size, "such OpenCV")
+        if first(entry, TURN) is None:
+            R, t = np.eye(3), np.zeros(3)
+        else:
+            R, t = turn(entry), vector(entry, SHIFT, 3)
+        status = "calibrated" if first(entry, TURN) is not None else "nominal"
+    return Camera(name, size, K, distortion, R, t, status=status)
+
+
+def _stereo(path: Path, data: dict[str, Any], image_size: tuple[int, int] | None) -> Rig:
+    """Return the pair of stereo_calib's two files, of which ``path`` is one."""
+    merged = dict(data)
+    if not {"R", "T"} <= data.keys() or not any(pair[0] in data for pair in _STEREO):
+        other = "intrinsics" if "R" in data else "extrinsics"
+        beside = path.with_name(re.sub("(?i)in?trinsics?|extrinsics?", other, path.stem, count=1))
+        beside = beside.with_suffix(path.suffix)
+        if beside == path or not beside.is_file():
+            field = "M1" if other == "intrinsics" else "R"
+            raise ValueError(f"{field}: missing, expected it here or in {other}{path.suffix}")
+        merged = {**read_storage(beside), **data}
+    size = size_of(merged) or required_size(image_size, "stereo_calib's")
+    unit = merged.get("length_unit", UNKNOWN)
+    pair = next(keys for keys in _STEREO if keys[0] in merged)
+    lenses = next((keys for keys in _STEREO_LENS if keys[0] in merged), _STEREO_LENS[0])
+    cameras = []
+    for index, name in enumerate(("left", "right")):
+        with errors_of(f"camera {name}"):
+            K = matrix(merged, (pair[index],), (3, 3))
+            lens = vector(merged, (lenses[index],))
+            distortion = from_vector(lens, is_fisheye(merged), lenses[index])
+            R = turn(merged) if index else np.eye(3)
+            t = vector(merged, SHIFT, 3) if index else np.zeros(3)
+        cameras.append(Camera(name, size, K, distortion, R, t, status="calibrated"))
+    return Rig(tuple(cameras), unit, "the left camera's axes")
+
+
+def _write_camera(storage: Any, camera: Camera) -> None:
+    """Write the entries of a camera into the open structure of a ``cv2.FileStorage``."""
+    coefficients = camera.distortion.coefficients or (0.0,) * 5
+    storage.write("name", camera.name)
+    storage.write("image_width", camera.image_size[0])
+    storage.write("image_height", camera.image_size[1])
+    storage.write("fisheye_model", int(camera.distortion.model == "fisheye"))
+    storage.write("camera_matrix", np.array(camera.camera_matrix))
+    storage.write("distortion_coefficients", np.array([coefficients]))
+    storage.write("R", np.array(camera.R))
+    storage.write("T", np.array(camera.t).reshape(3, 1))

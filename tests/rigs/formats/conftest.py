@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from rigs import Camera, Distortion, Rig, look_at
+
+LENSES = {
+    "none": (),
+    "brown": (-0.21, 0.08, 0.001, -0.002, 0.03),
+    "rational": (0.4, -0.3, 0.001, -0.0005, 0.02, 0.6, -0.1, 0.01),
+    "thin_prism": (0.1, -0.05, 0.001, 0.002, 0, 0.2, 0, 0, 0.002, -0.001, 0.001, 0.0005),
+    "tilted": (-0.1, 0.02, 0.001, 0.002, 0, 0, 0, 0, 0.001, 0, 0.001, 0, 0.02, -0.01),
+    "fisheye": (0.02, -0.01, 0.003, -0.001),
+}
+
+
+@pytest.fixture(scope="session")
+def make_rig():
+    """Return a function: a rig of one camera for each lens named, somewhere round the origin."""
+
+    def make(*models, seed=0, skew=0.0):
+        rng = np.random.default_rng(seed)
+        cameras = []
+        for index, model in enumerate(models):
+            R, t = look_at(rng.normal(size=3) * 400, rng.normal(size=3) * 5, rng.normal(size=3))
+            K = [
+                [rng.uniform(800, 900), skew, 321.3],
+                [0, rng.uniform(800, 900), 238.4],
+                [0, 0, 1],
+            ]
+            lens = Distortion(model, LENSES[model])
+            cameras.append(Camera(f"cam{index}", (640, 480), K, lens, R, t, status="calibrated"))
+        return Rig(tuple(cameras), "unit")
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def assert_same_views():
+    """Return a function: 200 points of each camera's view appear within 1e-6 px in the other."""
+
+    def check(found, expected, names=None):
+        assert found.names == (names or expected.names)
+        rng = np.random.default_rng(1)
+        for camera, truth in zip(found, expected, strict=True):
+            assert camera.image_size == truth.image_size
+            size = np.array(truth.image_size)
+            origins, directions = truth.rays(rng.uniform(0, 1, (200, 2)) * (size - 1))
+            points = origins + directions * rng.uniform(50, 800, (200, 1))
+            uv, depth, valid = camera.project(points)
+            expected_uv, expected_depth, _ = truth.project(points)
+            assert valid.all()
+            np.testing.assert_allclose(uv, expected_uv, rtol=0, atol=1e-6)
+            np.testing.assert_allclose(depth, expected_depth, rtol=1e-9)
+
+    return check
+
+
+@pytest.fixture(scope="session")
+def read_or_refused():
+    """Return a function: what ``load(path)`` returns, or None where it refuses in one line."""
+
+    def read(load, path):
+        try:
+            return load(path)
+        except ValueError as error:
+            message = str(error)
+        assert message.startswith(str(path))
+        assert len(message.splitlines()) == 1
+        return None
+
+    return read

@@ -1,0 +1,177 @@
+import json
+import re
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rigs import formats
+from rigs.formats import opencv
+
+ALL = ("none", "brown", "rational", "thin_prism", "tilted", "fisheye")
+SAMPLE = """%YAML:1.0
+---
+calibration_time: "Mon 13 May 2019 10:00:00"
+image_width: 640
+image_height: 480
+flags: 0
+fisheye_model: 0
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 5.3591573396163199e+02, 0., 3.4228315473308373e+02, 0.,
+       5.3591573396163199e+02, 2.3557082909788173e+02, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -2.6637260909660682e-01, -3.8588898922304653e-02,
+       1.7831947042852964e-03, -2.8122100441115472e-04,
+       2.3839153080878486e-01 ]
+avg_reprojection_error: 3.9e-01
+"""
+
+
+@pytest.mark.parametrize("suffix", [".yml", ".json"])
+def test_rigs_come_back(make_rig, assert_same_views, tmp_path, suffix):
+    rig = make_rig(*ALL)
+    path = tmp_path / f"rig{suffix}"
+    formats.save(rig, path)
+    assert formats.sniff(path) == "opencv"
+    assert_same_views(formats.load(path), rig)
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("suffix", [".yml", ".json"])
+@pytest.mark.parametrize("model", ALL)
+def test_opencv_itself_reads_and_projects_what_is_written(make_rig, tmp_path, suffix, model):
+    rig = make_rig(model)
+    formats.save(rig, tmp_path / f"one{suffix}")
+    file = cv2.FileStorage(str(tmp_path / f"one{suffix}"), cv2.FILE_STORAGE_READ)
+    K, D, R, T = (
+        file.getNode(key).mat() for key in ("camera_matrix", "distortion_coefficients", "R", "T")
+    )
+    origins, directions = rig[0].rays(np.random.default_rng(0).uniform(100, 400, (200, 2)))
+    points = origins + 300 * directions
+    project = cv2.fisheye.projectPoints if model == "fisheye" else cv2.projectPoints
+    uv, *_ = project(points[:, None], cv2.Rodrigues(R)[0], T, K, D)
+    np.testing.assert_allclose(rig[0].project(points)[0], uv[:, 0], atol=1e-6)
+    assert int(file.getNode("image_width").real()) == 640
+    assert int(file.getNode("fisheye_model").real()) == (model == "fisheye")
+
+
+def test_the_calibration_samples_own_file(tmp_path):
+    (tmp_path / "left.yml").write_text(SAMPLE)
+    rig = formats.load(tmp_path / "left.yml")
+    assert rig.names == ("left",)
+    assert rig[0].image_size == (640, 480)
+    assert rig[0].status == "nominal"  # there is no pose in it
+    assert rig[0].distortion.coefficients[4] == 2.3839153080878486e-01
+    (tmp_path / "right.yml").write_text(SAMPLE)
+    assert formats.load(tmp_path).names == ("left", "right")
+
+
+def test_a_mapping_of_names(make_rig, assert_same_views, tmp_path):
+    rig = make_rig("brown", "none")
+    data = {
+        camera.name: {
+            "image_size": list(camera.image_size),
+            "K": camera.camera_matrix.tolist(),
+            "dist_coeffs": list(camera.distortion.coefficients) or [0] * 5,
+            "rvec": cv2.Rodrigues(np.array(camera.R))[0].ravel().tolist(),
+            "tvec": camera.t.tolist(),
+        }
+        for camera in rig
+    }
+    (tmp_path / "rig.json").write_text(json.dumps(data))
+    assert_same_views(opencv.load(tmp_path / "rig.json"), rig)
+    (tmp_path / "rig.yml").write_text(yaml.safe_dump({"cameras": data}))
+    assert_same_views(opencv.load(tmp_path / "rig.yml"), rig)
+
+
+@pytest.mark.parametrize("given", ["intrinsics.yml", "extrinsics.yml", ""])
+def test_the_stereo_samples_files(make_rig, assert_same_views, tmp_path, given):
+    left, right = make_rig("brown", "rational")
+    turn = right.R @ left.R.T
+    storage = cv2.FileStorage(str(tmp_path / "intrinsics.yml"), cv2.FILE_STORAGE_WRITE)
+    for index, camera in enumerate((left, right), 1):
+        storage.write(f"M{index}", np.array(camera.camera_matrix))
+        storage.write(f"D{index}", np.array([camera.distortion.coefficients]))
+    storage.release()
+    storage = cv2.FileStorage(str(tmp_path / "extrinsics.yml"), cv2.FILE_STORAGE_WRITE)
+    storage.write("R", turn)
+    storage.write("T", (right.t - turn @ left.t).reshape(3, 1))
+    for key in ("R1", "P1", "Q"):
+        storage.write(key, np.eye(3))
+    storage.release()
+    rig = formats.load(tmp_path / given, image_size=(640, 480))
+    expected = make_rig("brown", "rational").transformed(left.R, left.t)
+    assert_same_views(rig, expected, ("left", "right"))
+    with pytest.raises(ValueError, match=r"image_size: missing.*--image-size"):
+        formats.load(tmp_path / given)
+
+
+def test_half_a_stereo_pair_is_refused(tmp_path):
+    path = tmp_path / "intrinsics.yml"
+    path.write_text("%YAML:1.0\n---\nM1: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n")
+    with pytest.raises(
+        ValueError, match=r"intrinsics.yml: R: missing, expected it here or in ext"
+    ):
+        formats.load(path)
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (("image_width: 640\n", ""), "camera left: image_size: missing"),
+        (("image_height: 480\n", ""), "camera left: image_height: found None, expected"),
+        (("cols: 1", "cols: 2"), "distortion_coefficients.data: found 5 numbers, expected 5 x 2"),
+        (("distortion_coeff", "distorted_coeff"), "distortion_coefficients: missing"),
+        (("fisheye_model: 0", "fisheye_model: 1"), "found 5 coefficients, expected 4"),
+        (("5.3591573396163199e+02, 0.,", ".Nan, 0.,"), "camera_matrix.data: found"),
+        (("fisheye_model: 0", "distortion_model: mei"), "distortion_model: found 'mei'"),
+        (("camera_matrix", "R: [1, 2, 3, 4]\ncamera_matrix"), "camera left: R: found"),
+        (("camera_matrix", "R: [0, 0, 1]\ncamera_matrix"), "camera left: T: missing"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, edit, message):
+    assert edit[0] in SAMPLE
+    path = tmp_path / "left.yml"
+    path.write_text(SAMPLE.replace(*edit))
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
+        formats.load(path, "opencv")
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+
+
+def test_poses_are_all_there_or_none_is(make_rig, tmp_path):
+    path = tmp_path / "rig.json"
+    formats.save(make_rig("brown", "none"), path)
+    data = json.loads(path.read_text())
+    del data["cameras"][1]["R"]
+    path.write_text(json.dumps(data))
+    with pytest.raises(ValueError, match="camera cam1: R: missing"):
+        formats.load(path)
+
+
+def test_skew_is_refused(make_rig, tmp_path):
+    with pytest.raises(ValueError, match=r"camera cam0: camera_matrix: found skew 0.5"):
+        formats.save(make_rig("none", skew=0.5), tmp_path / "rig.yml")
+    assert list(tmp_path.iterdir()) == []
+
+
+@given(
+    cut=st.integers(0, len(SAMPLE)),
+    end=st.integers(0, 40),
+    text=st.text("0123456789.-:[]{}!%&*\n\t'\"# einf", max_size=12),
+)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200)
+def test_broken_files_are_refused_or_read(read_or_refused, tmp_path, cut, end, text):
+    path = tmp_path / "left.yml"
+    path.write_text(SAMPLE[:cut] + text + SAMPLE[cut + end :])
+    rig = read_or_refused(opencv.load, path)
+    assert rig is None or len(rig)
