@@ -7,6 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "calibration": ["Calibration", "calibrate"],
         "observations": ["Observations"],
+        "quality": ["Quality", "ray_miss"],
         "targets": ["CharucoBoard", "Chessboard", "CircleGrid", "parse_target"],
     },
 )

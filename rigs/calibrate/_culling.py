@@ -32,15 +32,17 @@ class Kept:
     used: NDArray[np.bool_]
 
 
-def adjust_and_cull(scene: Scene, sightings: Sightings, freedom: Freedom) -> Kept:
+def adjust_and_cull(scene: Scene, sightings: Sightings, freedom: Freedom, cull: bool) -> Kept:
     """Return the least-squares adjustment of all sightings but gross outliers.
 
     First with Huber's loss; then sightings and images far beyond their camera's noise are left
     out, the rest is adjusted by plain least squares, and what was left out is judged anew, until
-    nothing changes.
+    nothing changes. Without ``cull`` all that can be seen at all is kept.
     """
     used = _supported(sightings, np.isfinite(predicted(scene, sightings)).all(axis=1))
     scene = adjust_robustly(scene, sightings.where(used), freedom, tolerance=1e-4).scene
+    if not cull:
+        return Kept(adjust(scene, sightings.where(used), freedom), used)
     before = None
     for _ in range(_ROUNDS):
         kept = _agreeing(scene, sightings, used)

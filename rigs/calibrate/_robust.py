@@ -10,7 +10,7 @@ from rigs.calibrate.bundle import Freedom, Scene, Sightings, Solution, adjust, p
 _RAYLEIGH_MEDIAN = 1.1774  # of the length of a residual, in standard deviations a coordinate
 _HUBER = 3.0  # standard deviations
 _ROUNDS = 6
-_LEAST_NOISE = 1e-9  # pixels: of exact data
+_LEAST_NOISE = 1e-3  # pixels: exact data are not searched for outliers below
 
 
 def noise(

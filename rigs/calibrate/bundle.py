@@ -222,6 +222,24 @@ def jacobian(
     return uv, by_camera, by_target
 
 
+def rays_by_camera(
+    scene: Scene, camera: int, points: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the derivatives of the pixels of world ``points`` ``(n, 3)``.
+
+    Returns
+    -------
+    by_point : (n, 2, 3) float64
+        With respect to the point in the world.
+    by_camera : (n, 2, 10 + coefficients) float64
+        As of `jacobian`.
+    """
+    turned = points @ scene.camera_R[camera].T
+    _, by_point, by_lens = project(scene.lenses[camera], turned + scene.camera_t[camera])
+    by_camera = np.concatenate([_cross(turned, by_point), by_point, by_lens], axis=2)
+    return by_point @ scene.camera_R[camera], by_camera
+
+
 def rotation_matrices(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the rotations ``(N, 3, 3)`` of rotation vectors ``(N, 3)``."""
     from scipy.spatial.transform import Rotation
@@ -327,17 +345,16 @@ def _reduced(
 
 def _solve(normal: _Normal, damping: float) -> tuple[NDArray, NDArray] | None:
     """Return the damped step of the cameras ``(P,)`` and targets ``(F, 6)``, None on failure."""
-    from scipy.linalg import LinAlgError, cho_factor, cho_solve
-
     matrix, gradient, targets = _reduced(normal, damping)
     camera_step = np.zeros(len(gradient))
     if len(gradient):
         scale = np.sqrt(np.maximum(np.diag(normal.cameras), 1e-300))
         try:
-            factor = cho_factor(matrix / np.outer(scale, scale))
-        except LinAlgError:
+            lower = np.linalg.cholesky(matrix / np.outer(scale, scale))
+        except np.linalg.LinAlgError:  # too little damping for where the scene is
             return None
-        camera_step = cho_solve(factor, gradient / scale) / scale
+        forward = np.linalg.solve(lower, gradient / scale)
+        camera_step = np.linalg.solve(lower.T, forward) / scale
     right = normal.target_gradient - np.einsum("fpi,p->fi", normal.mixed, camera_step)
     target_step = np.linalg.solve(targets, right[:, :, None])[:, :, 0]
     finite = np.isfinite(camera_step).all() and np.isfinite(target_step).all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,14 +13,17 @@ from rigs.calibrate._culling import adjust_and_cull
 from rigs.calibrate._duplicates import without_repeats
 from rigs.calibrate._lens_choice import TERMS, Terms
 from rigs.calibrate._projection import Lens
+from rigs.calibrate._verdict import findings, verdict
 from rigs.calibrate._world import placed
-from rigs.calibrate.bundle import Freedom, Scene, Sightings, information, ordered, predicted
+from rigs.calibrate.bundle import Freedom, Scene, Sightings, ordered, predicted
 from rigs.calibrate.initial import View, lens_alone, rig_poses, view
 from rigs.calibrate.observations import Observations
+from rigs.calibrate.quality import Quality, labels, measure
 from rigs.camera import Camera
-from rigs.rig import Rig
+from rigs.rig import Rig, Volume
 
 _GIVEN = Terms("given", "none", ())
+_UNKNOWN_FOCAL_LENGTH = 0.1  # standard deviation relative to it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,8 +52,11 @@ class Calibration:
     covariance : (parameters, parameters) float64
         Of these, while the pose of camera ``gauge`` is held.
     gauge : str
-    notes : tuple of str
-        What was found in the input that the user should know.
+    quality : Quality
+    findings : tuple of str
+        What is wrong or was left out, a line each: cameras and frames by name.
+    verdict : str
+        The figure that counts, what it means, then the findings.
     """
 
     rig: Rig
@@ -63,7 +70,9 @@ class Calibration:
     parameters: tuple[tuple[str, str], ...]
     covariance: NDArray[np.float64]
     gauge: str
-    notes: tuple[str, ...]
+    quality: Quality
+    findings: tuple[str, ...]
+    verdict: str
 
     def __repr__(self) -> str:
         rms = np.sqrt((self.residuals[self.used] ** 2).sum(axis=1).mean())
@@ -82,6 +91,8 @@ def calibrate(
     length_unit: str = "mm",
     distortion: str = "auto",
     target: object | None = None,
+    volume: Volume | None = None,
+    cull: bool = True,
     progress: Callable[[str], None] | None = None,
 ) -> Calibration:
     """Return the rig that explains the sightings best, and how far it can be trusted.
@@ -109,6 +120,11 @@ def calibrate(
         camera, up to "rational".
     target : object, optional
         What was seen, for its ``ambiguity``: text that says why its pose has several answers.
+    volume : Volume, optional
+        Where ray-miss is judged, in the rig's world; by default where the target was. Kept in
+        the rig.
+    cull : bool
+        Leave out what does not belong to the rest; False keeps every sighting.
     progress : callable, optional
         Called with a line of text at each step.
 
@@ -147,18 +163,47 @@ def calibrate(
     scene, root = rig_poses(names, views, sightings, frames)
     freedom = Freedom(tuple(_lens_freedom(view) for view in views), np.arange(len(names)) != root)
     say("joint adjustment")
-    kept = adjust_and_cull(scene, sightings, freedom)
+    kept = adjust_and_cull(scene, sightings, freedom, cull)
     scene, words, size = placed(
         _scaled(kept.solution.scene, scale), names, observations.frames, world, rescale
     )
     if size != 1:
         observations = replace(observations, target_points=points * size)
     sightings = replace(sightings, points=sightings.points * (scale * size))
+    rig = Rig(_cameras(observations, scene, intrinsics), length_unit, words, volume)
+    say("quality")
+    alone = np.stack([view.rms[:, 0] for view in views])
+    quality, noise, covariance = measure(rig, scene, sightings, kept.used, freedom, alone, volume)
+    _refuse_unknown_lenses(quality, names)
     residuals = np.full((len(observations), 2), np.nan)
-    used = np.zeros(len(observations), bool)
     residuals[order] = sightings.uv - predicted(scene, sightings)
+    used = np.zeros(len(observations), bool)
     used[order] = kept.used
-    cameras = tuple(
+    found = (*notes, *findings(quality, observations, used, intrinsics is not None))
+    calibration = Calibration(
+        rig,
+        observations,
+        residuals,
+        used,
+        scene.target_R,
+        scene.target_t,
+        tuple(view.terms.name for view in views),
+        noise,
+        labels(names, freedom),
+        covariance,
+        names[root],
+        quality,
+        found,
+        verdict(quality, found, length_unit),
+    )
+    return replace(calibration, rig=replace(rig, calibration=_summary(calibration)))
+
+
+def _cameras(
+    observations: Observations, scene: Scene, intrinsics: Rig | None
+) -> tuple[Camera, ...]:
+    """Return the scene's cameras as values of the package."""
+    return tuple(
         Camera(
             name,
             observations.image_sizes[index],
@@ -169,23 +214,59 @@ def calibrate(
             None if intrinsics is None else intrinsics[name].optics,
             "calibrated",
         )
-        for index, name in enumerate(names)
+        for index, name in enumerate(observations.cameras)
     )
-    noise, covariance = _covariance(scene, sightings.where(kept.used), freedom)
-    return Calibration(
-        Rig(cameras, length_unit, words),
-        observations,
-        residuals,
-        used,
-        scene.target_R,
-        scene.target_t,
-        tuple(view.terms.name for view in views),
-        noise,
-        _labels(names, freedom),
-        covariance,
-        names[root],
-        notes,
-    )
+
+
+def _summary(calibration: Calibration) -> dict[str, Any]:
+    """Return the figures as plain data, to travel in the rig's file."""
+    quality, used = calibration.quality, calibration.used
+    cameras = {}
+    for index, camera in enumerate(calibration.rig):
+        own = calibration.observations.camera == index
+        cameras[camera.name] = {
+            "images": int(np.isfinite(quality.image_rms[index]).sum()),
+            "points_used": int((own & used).sum()),
+            "points_left_out": int((own & ~used).sum()),
+            "lens_terms": calibration.terms[index],
+            "rms_px": _plain(quality.camera_rms[index]),
+            "image_coverage": _plain(quality.image_coverage[index]),
+            "depth_range": [_plain(depth) for depth in quality.depth_range[index]],
+            "focal_length_error": _plain(quality.focal_error[index]),
+            "ray_miss": _plain(quality.camera_ray_miss[index]),
+        }
+    return {
+        "method": "target images, joint adjustment of lenses, camera poses and target poses",
+        "rms_px": _plain(np.sqrt((calibration.residuals[used] ** 2).sum(axis=1).mean())),
+        "noise_px": _plain(calibration.noise),
+        "frames": int(np.isfinite(quality.frame_rms).sum()),
+        "points_used": int(used.sum()),
+        "points_left_out": int((~used).sum()),
+        "held": calibration.gauge,
+        "ray_miss_predicted": _plain(quality.predicted_ray_miss),
+        "ray_miss_between_halves": _plain(quality.cross_ray_miss),
+        "ray_miss_between_halves_expected": _plain(quality.cross_expected),
+        "pixel_footprint": _plain(np.nanmedian(quality.footprint)),
+        "findings": list(calibration.findings),
+        "verdict": calibration.verdict,
+        "cameras": cameras,
+    }
+
+
+def _plain(value: float) -> float | None:
+    """Return a number as files keep it: six digits, None where there is none."""
+    return float(f"{value:.6g}") if np.isfinite(value) else None
+
+
+def _refuse_unknown_lenses(quality: Quality, names: tuple[str, ...]) -> None:
+    """Raise if a focal length is not known: the rig would look fine and not be."""
+    worst = int(np.argmax(quality.focal_error))
+    if quality.focal_error[worst] > _UNKNOWN_FOCAL_LENGTH:
+        raise ValueError(
+            f"camera {names[worst]}: its focal length is uncertain by "
+            f"{100 * quality.focal_error[worst]:.0f} %, expected views of the target tilted in "
+            "different directions, not all parallel, or given intrinsics"
+        )
 
 
 def _check(
@@ -232,27 +313,3 @@ def _lens_freedom(view: View) -> NDArray[np.bool_]:
 def _scaled(scene: Scene, scale: float) -> Scene:
     """Return the scene with all lengths multiplied by ``scale``."""
     return replace(scene, camera_t=scene.camera_t * scale, target_t=scene.target_t * scale)
-
-
-def _covariance(
-    scene: Scene, sightings: Sightings, freedom: Freedom
-) -> tuple[float, NDArray[np.float64]]:
-    """Return the pixel noise and the covariance of the cameras' free parameters."""
-    matrix, _ = information(scene, sightings, freedom)
-    residuals = sightings.uv - predicted(scene, sightings)
-    unknowns = len(matrix) + 6 * len(np.unique(sightings.frame))
-    variance = float((residuals**2).sum()) / max(residuals.size - unknowns, 1)
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    inverse = np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-15, hermitian=True)
-    return float(np.sqrt(variance)), variance * inverse * np.outer(scale, scale)
-
-
-def _labels(names: tuple[str, ...], freedom: Freedom) -> tuple[tuple[str, str], ...]:
-    """Return camera and name of each free parameter."""
-    labels = []
-    for camera, name in enumerate(names):
-        own = ["wx", "wy", "wz", "tx", "ty", "tz", "fx", "fy", "cx", "cy"]
-        own += [f"c{i}" for i in range(len(freedom.lens[camera]) - 4)]
-        free = freedom.columns(camera)
-        labels += [(name, label) for label, is_free in zip(own, free, strict=True) if is_free]
-    return tuple(labels)

@@ -1,0 +1,133 @@
+"""Ray-miss: how far the cameras' rays pass from their best common point."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.calibrate.bundle import Freedom, Scene, rays_by_camera
+from rigs.rig import Rig
+
+_BLOCK = 64  # points at a time
+
+
+def ray_miss(true: Rig, estimated: Rig, points: ArrayLike) -> float:
+    """Return the RMS distance of rays from their best common point, in length units.
+
+    Points of the true world are projected with the true cameras; their pixels are cast back with
+    the estimated ones. Free of the estimate's choice of world, and zero for a perfect rig.
+
+    Parameters
+    ----------
+    true, estimated : Rig
+        With the same cameras in the same order.
+    points : (points, 3) array_like
+        Those that fewer than two cameras see are left out.
+
+    Returns
+    -------
+    float
+        NaN if no point is seen by two cameras.
+    """
+    if true.names != estimated.names:
+        raise ValueError(f"estimated: found cameras {estimated.names}, expected {true.names}")
+    points = np.asarray(points, np.float64).reshape(-1, 3)
+    seen = views(true, points)
+    origins, directions = np.zeros((2, len(true), len(points), 3))
+    for index, (camera, other) in enumerate(zip(true, estimated, strict=True)):
+        uv, _, valid = camera.project(points)
+        uv = np.where(valid[:, None], uv, 0.0)
+        origins[index], directions[index] = other.rays(uv)
+        seen[index] &= np.isfinite(directions[index]).all(axis=1)
+    origins, directions = origins.transpose(1, 0, 2), np.nan_to_num(directions).transpose(1, 0, 2)
+    squares, seen = _squares(origins, directions, seen.T)
+    return float(np.sqrt(squares.sum() / seen.sum())) if seen.any() else np.nan
+
+
+def views(rig: Rig, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Say which camera has which of ``points`` in its image, ``(cameras, points)``."""
+    seen = np.zeros((len(rig), len(points)), bool)
+    for index, camera in enumerate(rig):
+        uv, _, valid = camera.project(points)
+        seen[index] = valid & camera.inside(np.where(valid[:, None], uv, -9.0))
+    return seen
+
+
+def _squares(
+    origins: NDArray, directions: NDArray, seen: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the squared distances ``(points, cameras)`` of rays from their nearest point.
+
+    The nearest point y solves ``sum (I - d d^T) (y - o) = 0``; rays not ``seen``, or of points
+    with fewer than two, count as zero.
+    """
+    seen = seen & (seen.sum(axis=1) > 1)[:, None]
+    across = (np.eye(3) - directions[..., :, None] * directions[..., None, :]) * seen[
+        ..., None, None
+    ]
+    middle = origins.mean(axis=1, keepdims=True)
+    right = np.einsum("pcij,pcj->pi", across, origins - middle)
+    nearest = np.einsum("pij,pj->pi", _inverse(across.sum(axis=1)), right) + middle[:, 0]
+    miss = np.einsum("pcij,pcj->pci", across, nearest[:, None] - origins)
+    return (miss**2).sum(axis=2), seen
+
+
+def predicted_squares(
+    scene: Scene,
+    freedom: Freedom,
+    covariance: NDArray[np.float64],
+    points: NDArray[np.float64],
+    seen: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """Return the expected squared distances of rays, from the covariance of all cameras.
+
+    A small change p of the parameters shifts the ray through a fixed pixel, where it passes point
+    X, by ``e = -pinv(du/dX) du/dp p`` across the ray. The common point is the least-squares one
+    of all shifted rays, so the distances are linear in p and their expected squares follow from
+    the joint covariance: what moves the whole rig alike does not count.
+
+    Parameters
+    ----------
+    scene : Scene
+    freedom : Freedom
+    covariance : (P, P) float64
+        Of the parameters that are free.
+    points : (points, 3) float64
+    seen : (cameras, points) bool
+        At least two a point.
+
+    Returns
+    -------
+    (cameras, points) float64
+        In squared length units; 0 where not seen.
+    """
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(deviation, deviation))
+    root = deviation[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))  # (P, P)
+    squares = np.zeros(seen.shape)
+    for start in range(0, len(points), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        squares[:, block] = _block_squares(scene, freedom, root, points[block], seen[:, block])
+    return squares
+
+
+def _block_squares(
+    scene: Scene, freedom: Freedom, root: NDArray, points: NDArray, seen: NDArray
+) -> NDArray[np.float64]:
+    """Return `predicted_squares` of some points; ``root`` ``(P, P)`` is of the covariance."""
+    shifts = np.zeros((len(scene.lenses), len(points), 3, len(root)))
+    across = np.zeros((len(scene.lenses), len(points), 3, 3))
+    for camera, own in enumerate(freedom.slices):
+        rows = seen[camera]
+        by_point, by_camera = rays_by_camera(scene, camera, points[rows])
+        back = np.linalg.pinv(by_point)  # (n, 3, 2)
+        shifts[camera, rows] = -back @ (by_camera[:, :, freedom.columns(camera)] @ root[own])
+        across[camera, rows] = back @ by_point
+    nearest = _inverse(across.sum(axis=0)) @ shifts.sum(axis=0)  # (points, 3, P)
+    miss = across @ nearest - shifts
+    return (miss**2).sum(axis=(2, 3))
+
+
+def _inverse(matrices: NDArray) -> NDArray[np.float64]:
+    """Return the inverses ``(n, 3, 3)``; along rays that are all parallel nothing moves."""
+    return np.linalg.pinv(matrices, rcond=1e-9, hermitian=True)
