@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from importlib import resources
 
 from tomo.io.atomic import atomic_path
 from tomo.metrics import cosine_distance, nrmse
+from tomo.view.page import embedded, render
 from tomo.view.results import Picture, Results, draw
 
 _TITLES = {
@@ -46,24 +45,19 @@ def write_report(
     pictures : sequence of Picture, optional
         What `draw` gave for these results; drawn here when None.
     """
-    import jinja2
-
     report = _without_nulls(report)
     pictures = draw(results) if pictures is None else pictures
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = resources.files("tomo.view").joinpath("report.html").read_text(encoding="utf-8")
     shown = {
         picture.name: {
             "title": _TITLES.get(picture.name, picture.name),
-            "data": base64.b64encode(picture.png).decode("ascii"),
+            "data": embedded(picture.png),
             "caption": picture.caption,
             "alt": picture.alt,
         }
         for picture in pictures
     }
-    text = environment.from_string(template).render(
+    text = render(
+        "report.html",
         method=str(report.get("method", results.method)),
         headline=_headline(report),
         warnings=list(report.get("warnings") or ()),
