@@ -50,6 +50,7 @@ TERMS: dict[str, Terms] = {
         Terms("fisheye", "fisheye", (True,) * 4),
     )
 }
+_DETERMINED = 1e-8  # least eigenvalue of a lens's normal equations, scaled to a unit diagonal
 _LADDER = ("none", "radial", "brown4", "brown5", "rational")
 
 
@@ -83,6 +84,11 @@ def choose(
         if best is None:
             best, best_score = (terms, solution), score
             continue
+        if not np.isfinite(score).all():
+            continue
+        if not np.isfinite(best_score).all():
+            best, best_score = (terms, solution), score
+            continue
         gain = best_score - score
         error = gain.std(ddof=1) / np.sqrt(len(gain)) if len(gain) > 1 else np.inf
         pays = gain.mean() > _STANDARD_ERRORS * error
@@ -108,7 +114,8 @@ def held_out_costs(solution: Solution, sightings: Sightings, terms: Terms) -> ND
 
     With S_f and g_f the normal equations and gradient that frame f gives the lens, its own pose
     eliminated, leaving it out moves the lens by ``d = -(S - S_f)^-1 g_f``, where the gradient of
-    all is zero; its cost then is ``cost_f - g_f d + d S_f d / 2``.
+    all is zero; its cost then is ``cost_f - g_f d + d S_f d / 2``. Infinite where the terms are not
+    determined, or the adjustment has not arrived.
     """
     free = np.r_[np.zeros(6, bool), terms.freedom()]
     uv, by_camera, by_target = jacobian(solution.scene, sightings, 0, slice(0, len(sightings)))
@@ -135,7 +142,12 @@ def held_out_costs(solution: Solution, sightings: Sightings, terms: Terms) -> ND
     matrices, gradients = np.array(matrices), np.array(gradients)
     scale = np.sqrt(np.maximum(np.einsum("fii->i", matrices), 1e-300))
     matrices, gradients = matrices / np.outer(scale, scale), gradients / scale
-    rest = matrices.sum(axis=0) - matrices + 1e-12 * np.eye(len(scale))
+    whole = matrices.sum(axis=0)
+    values = np.linalg.eigvalsh(whole)
+    slack = float(gradients.sum(axis=0) @ np.linalg.pinv(whole) @ gradients.sum(axis=0))
+    if values[0] < _DETERMINED * values[-1] or slack > 1e-3 * sum(costs):
+        return np.full(len(costs), np.inf)
+    rest = whole - matrices + 1e-12 * np.eye(len(scale))
     shift = -np.linalg.solve(rest, gradients[:, :, None])[:, :, 0]  # (frames, n)
     return (
         np.array(costs)

@@ -16,7 +16,7 @@ from rigs.calibrate._projection import Lens
 from rigs.calibrate._verdict import findings, verdict
 from rigs.calibrate._world import placed
 from rigs.calibrate.bundle import Freedom, Scene, Sightings, ordered, predicted
-from rigs.calibrate.initial import View, lens_alone, rig_poses, view
+from rigs.calibrate.initial import View, lens_alone, rig_poses, view_with
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality import Quality, labels, measure
 from rigs.camera import Camera
@@ -158,7 +158,7 @@ def calibrate(
             if intrinsics is None
             else _given(intrinsics[name])
         )
-        views.append(view(lens, terms, own, frames))
+        views.append(view_with(lens, terms, own, frames))
     say("poses along shared views")
     scene, root = rig_poses(names, views, sightings, frames)
     freedom = Freedom(tuple(_lens_freedom(view) for view in views), np.arange(len(names)) != root)

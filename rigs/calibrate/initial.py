@@ -17,6 +17,7 @@ from rigs.calibrate.bundle import Freedom, Scene, Sightings
 LEAST_VIEWS = 3
 _FOCAL_LENGTHS = 0.3 * 1.4 ** np.arange(17)  # image widths: 0.3 to 65
 _TRIED_FRAMES = 12
+_BEHIND = 1e6  # pixels: how far off a point behind the camera counts
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,15 @@ class View:
     R: NDArray[np.float64]
     t: NDArray[np.float64]
     rms: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Image:
+    """One camera's sightings in one frame, the lens taken out."""
+
+    points: NDArray[np.float64]  # (n, 3)
+    pinhole: NDArray[np.float64]  # (n, 2)
+    focal: float
 
 
 def lens_alone(
@@ -125,7 +135,7 @@ def _first_lens(sightings: Sightings, image_size: tuple[int, int], model: str) -
     return lenses[int(np.argmin(scores))]
 
 
-def view(lens: Lens, terms: Terms, sightings: Sightings, frames: int) -> View:
+def view_with(lens: Lens, terms: Terms, sightings: Sightings, frames: int) -> View:
     """Return the camera of ``lens`` with the target's poses before it."""
     return View(lens, terms, *camera_poses(lens, sightings, frames))
 
@@ -154,10 +164,7 @@ def rig_poses(
         Naming the cameras, if no chain of shared frames joins all.
     """
     count = len(views)
-    images = {
-        (camera, frame): (sightings.points[rows], sightings.uv[rows])
-        for camera, frame, rows in image_rows(sightings)
-    }
+    images = _images(views, sightings)
     weight, relative = np.zeros((count, count)), {}
     for a in range(count):
         for b in range(a + 1, count):
@@ -189,7 +196,7 @@ def rig_poses(
     empty = Scene(
         lenses, camera_R, camera_t, np.full((frames, 3, 3), np.nan), np.full((frames, 3), np.nan)
     )
-    return _with_targets(empty, views, sightings), root
+    return _with_targets(empty, views, images), root
 
 
 def image_rows(sightings: Sightings) -> list[tuple[int, int, slice]]:
@@ -204,8 +211,21 @@ def image_rows(sightings: Sightings) -> list[tuple[int, int, slice]]:
     ]
 
 
+def _images(views: list[View], sightings: Sightings) -> dict[tuple[int, int], _Image]:
+    """Return the images by camera and frame."""
+    pinhole = np.full((len(sightings), 2), np.nan)
+    focal = [float(np.sqrt(np.prod(np.diag(view.lens.matrix)[:2]))) for view in views]
+    for camera, view in enumerate(views):
+        own = sightings.camera == camera
+        pinhole[own] = view.lens.pinhole(sightings.uv[own])
+    return {
+        (camera, frame): _Image(sightings.points[rows], pinhole[rows], focal[camera])
+        for camera, frame, rows in image_rows(sightings)
+    }
+
+
 def _relative_pose(
-    one: View, other: View, a: int, b: int, images: dict
+    one: View, other: View, a: int, b: int, images: dict[tuple[int, int], _Image]
 ) -> tuple[NDArray, NDArray, float] | None:
     """Return R, t from the axes of camera a to those of b and how many points agree."""
     shared = np.flatnonzero(np.isfinite(one.rms[:, 0]) & np.isfinite(other.rms[:, 0]))
@@ -221,47 +241,42 @@ def _relative_pose(
                     candidates.append((R, other.t[frame, j] - R @ one.t[frame, i]))
     R = np.array([R for R, _ in candidates])  # (n, 3, 3)
     t = np.array([t for _, t in candidates])
-    errors = np.stack([_errors(one, other.lens, frame, R, t, images[b, frame]) for frame in some])
+    errors = np.stack([_errors(one, frame, R, t, images[b, frame]) for frame in some])
     best = int(np.argmin(np.log1p(errors).sum(axis=0)))
     weight = sum(
-        min(len(images[a, frame][0]), len(images[b, frame][0])) / (1 + (error / 2) ** 2)
+        min(len(images[a, frame].points), len(images[b, frame].points)) / (1 + (error / 2) ** 2)
         for frame, error in zip(some, errors[:, best], strict=True)
     )
     return R[best], t[best], float(weight * len(shared) / len(some))
 
 
-def _errors(
-    one: View, lens: Lens, frame: int, R: NDArray, t: NDArray, image: tuple[NDArray, NDArray]
-) -> NDArray[np.float64]:
+def _errors(one: View, frame: int, R: NDArray, t: NDArray, image: _Image) -> NDArray[np.float64]:
     """Return the RMS in pixels of relative poses ``(n, ...)`` in one frame, the better answer."""
-    points, uv = image
-    errors = np.full((2, len(R)), 1e6)
+    errors = np.full((2, len(R)), _BEHIND)
     for i in range(2):
         if np.isfinite(one.rms[frame, i]):
-            in_one = points @ one.R[frame, i].T + one.t[frame, i]
-            errors[i] = _pixels(lens, in_one @ R.transpose(0, 2, 1) + t[:, None], uv)
+            in_one = image.points @ one.R[frame, i].T + one.t[frame, i]
+            errors[i] = _pixels(image, in_one @ R.transpose(0, 2, 1) + t[:, None])
     return errors.min(axis=0)
 
 
-def _pixels(lens: Lens, in_camera: NDArray, uv: NDArray) -> NDArray[np.float64]:
-    """Return the RMS in pixels of ``in_camera`` ``(n, points, 3)`` against ``uv``; 1e6 behind."""
-    pinhole = lens.pinhole(uv)  # (points, 2)
-    focal = np.sqrt(lens.matrix[0, 0] * lens.matrix[1, 1])
+def _pixels(image: _Image, in_camera: NDArray) -> NDArray[np.float64]:
+    """Return the RMS in pixels of ``in_camera`` ``(n, points, 3)`` against the image."""
     depth = in_camera[:, :, 2]
     before = (depth > 0).all(axis=1)
     safe = np.where(depth > 0, depth, 1.0)[:, :, None]
-    squares = ((in_camera[:, :, :2] / safe - pinhole) ** 2).sum(axis=2)
+    squares = ((in_camera[:, :, :2] / safe - image.pinhole) ** 2).sum(axis=2)
     known = np.isfinite(squares)
     mean = np.where(known, squares, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-    return np.where(before, np.minimum(focal * np.sqrt(mean), 1e6), 1e6)
+    return np.where(before, np.minimum(image.focal * np.sqrt(mean), _BEHIND), _BEHIND)
 
 
-def _with_targets(scene: Scene, views: list[View], sightings: Sightings) -> Scene:
+def _with_targets(scene: Scene, views: list[View], images: dict[tuple[int, int], _Image]) -> Scene:
     """Return the scene with each frame's pose: the camera's and answer that fit all best."""
     target_R, target_t = scene.target_R.copy(), scene.target_t.copy()
-    by_frame: dict[int, list[tuple[int, slice]]] = {}
-    for camera, frame, rows in image_rows(sightings):
-        by_frame.setdefault(frame, []).append((camera, rows))
+    by_frame: dict[int, list[tuple[int, _Image]]] = {}
+    for (camera, frame), image in images.items():
+        by_frame.setdefault(frame, []).append((camera, image))
     for frame, seen in by_frame.items():
         poses = []
         for camera, _ in seen:
@@ -275,11 +290,10 @@ def _with_targets(scene: Scene, views: list[View], sightings: Sightings) -> Scen
         R = np.array([R for R, _ in poses])  # (n, 3, 3)
         t = np.array([t for _, t in poses])
         loss = np.zeros(len(poses))
-        for camera, rows in seen:
-            in_world = sightings.points[rows] @ R.transpose(0, 2, 1) + t[:, None]
+        for camera, image in seen:
+            in_world = image.points @ R.transpose(0, 2, 1) + t[:, None]
             in_camera = in_world @ scene.camera_R[camera].T + scene.camera_t[camera]
-            error = _pixels(views[camera].lens, in_camera, sightings.uv[rows])
-            loss += np.log1p(error) * (rows.stop - rows.start)
+            loss += np.log1p(_pixels(image, in_camera)) * len(image.points)
         best = int(np.argmin(loss))
         target_R[frame], target_t[frame] = R[best], t[best]
     return replace(scene, target_R=target_R, target_t=target_t)
