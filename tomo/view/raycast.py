@@ -27,7 +27,7 @@ class _Caster:
         self._scene = o3d.t.geometry.RaycastingScene()
         light = _LIGHT @ viewpoint.axes
         self._light = light / np.linalg.norm(light)
-        self._triangles, self._normals, self._looks = [], [], []
+        self._triangles, self._normals, self._looks, self._colours = [], [], [], []
         # Float32 is coarse far from zero, so that coordinates are counted from the eye.
         for mesh in scene.meshes:
             if not len(mesh.triangles):
@@ -39,6 +39,7 @@ class _Caster:
             self._triangles.append(mesh.triangles)
             self._normals.append(mesh.normals())
             self._looks.append((*mesh.colour, mesh.opacity))
+            self._colours.append(None if mesh.scale is None else mesh.scale(mesh.values))
         self._looks = np.array(self._looks).reshape(-1, 4)
 
     def colours(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -74,14 +75,20 @@ class _Caster:
         primitive = hits["primitive_ids"].numpy()[hit]
         uv = hits["primitive_uvs"].numpy()[hit]
         normals = np.zeros((len(geometry), 3))
+        colours = self._looks[geometry, :3]
+        unlit = np.zeros(len(geometry), bool)
         for g in np.unique(geometry):
             mine = geometry == g
-            corners = self._normals[g][self._triangles[g][primitive[mine]]]  # (N, 3 corners, 3)
-            u, v = uv[mine, 0, None], uv[mine, 1, None]
-            normals[mine] = corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v
+            corners = self._triangles[g][primitive[mine]]  # (N, 3 corners)
+            u, v = uv[mine, 0], uv[mine, 1]
+            share = np.stack([1 - u - v, u, v], axis=1)[..., None]  # (N, 3 corners, 1)
+            normals[mine] = (self._normals[g][corners] * share).sum(axis=1)
+            if self._colours[g] is not None:
+                colours[mine] = (self._colours[g][corners] * share).sum(axis=1)
+                unlit[mine] = True
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        light = _AMBIENT + _DIFFUSE * np.abs(normals @ self._light)
-        return self._looks[geometry, :3] * light[:, None], self._looks[geometry, 3]
+        light = np.where(unlit, 1.0, _AMBIENT + _DIFFUSE * np.abs(normals @ self._light))
+        return colours * light[:, None], self._looks[geometry, 3]
 
 
 def render(scene: Scene, viewpoint: Viewpoint, supersample: int = 3) -> NDArray[np.float32]:

@@ -21,6 +21,7 @@ from tomo.view.rig_scene import (
     grid_of,
     rig_scene,
     symbol_widening,
+    typical_distance,
     up_of,
 )
 from tomo.view.scene import Scene
@@ -109,7 +110,7 @@ def _overview(
     axes, size = _panel(figure, rect)
     whole = scene.without("arrows", "arrow names", "field of view")
     target = Target.of(rig, grid)
-    typical = float(np.median([np.linalg.norm(c.position - target.center) for c in rig])) or 1.0
+    typical = typical_distance(rig, target)
     bounds = whole.bounds
     bounds[0 if up.sign > 0 else 1, up.axis] = floor_height(rig, target, typical, up)
     grow = 0.03 * typical * (np.arange(3) != up.axis)

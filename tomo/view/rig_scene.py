@@ -96,7 +96,11 @@ def frustum(camera: Camera, depth: float, per_side: int = 1, widen: float = 1.0)
     points : (4 per_side, 3) float64
         World coordinates.
     """
-    directions = border_rays(camera, per_side)
+    return _at_depth(camera, border_rays(camera, per_side), depth, widen)
+
+
+def _at_depth(camera: Camera, directions: NDArray, depth: float, widen: float) -> NDArray:
+    """Return where ``directions`` ``(N, 3)``, opened by ``widen``, cut a plane, ``(N, 3)``."""
     forward = camera.R[2]
     cosine = np.maximum(directions @ forward, 0.05)  # a fisheye's border may lie beside it
     return camera.position + depth * (forward + widen * (directions / cosine[:, None] - forward))
@@ -125,8 +129,7 @@ def rig_scene(
         raise ValueError("volume: found one without a grid, expected its grid too")
     target = Target.of(rig, grid)
     up = up_of(rig) if up is None else up
-    distances = [float(np.linalg.norm(camera.position - target.center)) for camera in rig]
-    typical = float(np.median(distances)) or 1.0
+    typical = typical_distance(rig, target)
     scene = Scene(length_unit=rig.length_unit)
     for camera in rig:
         scene += _camera_scene(camera, target, typical, up)
@@ -170,6 +173,22 @@ def symbol_widening(camera: Camera) -> float:
     """Return by how much a camera's symbol is opened so that it can be seen; 1 for wide lenses."""
     corners = frustum(camera, 1.0) - camera.position - camera.R[2]
     return max(1.0, _SYMBOL_SPREAD / max(float(np.linalg.norm(corners, axis=1).max()), 1e-12))
+
+
+def on_symbol(camera: Camera, directions: NDArray, length: float) -> NDArray[np.float64]:
+    """Return where unit ``directions`` ``(N, 3)`` lie in the face of a camera's symbol."""
+    return _at_depth(camera, directions, 1.01 * length, symbol_widening(camera))
+
+
+def symbol_length(rig: Rig, target: Target) -> float:
+    """Return the length of the cameras' symbols."""
+    return _SYMBOL_LENGTH * typical_distance(rig, target)
+
+
+def typical_distance(rig: Rig, target: Target) -> float:
+    """Return the median distance of the cameras from the target; 1 if they stand on it."""
+    distances = [np.linalg.norm(camera.position - target.center) for camera in rig]
+    return float(np.median(distances)) or 1.0
 
 
 def _camera_scene(camera: Camera, target: Target, typical: float, up: Up) -> Scene:

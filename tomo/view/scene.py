@@ -16,9 +16,48 @@ def rgb(colour: str) -> Colour:
     return tuple(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
 
 
+@dataclass(frozen=True)
+class ColourScale:
+    """How numbers become colours, and what they are.
+
+    Attributes
+    ----------
+    title : str
+        The quantity and its unit.
+    lower, upper : float
+        The numbers at the ends of the scale.
+    colours : str
+        The name of a scale of matplotlib.
+    """
+
+    title: str
+    lower: float
+    upper: float
+    colours: str = "viridis"
+
+    @classmethod
+    def of(cls, title: str, values: NDArray, colours: str = "viridis") -> ColourScale:
+        """Return the scale that spans the finite values; one value alone stands in its middle."""
+        finite = values[np.isfinite(values)]
+        lower, upper = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+        if upper - lower <= 1e-3 * max(abs(lower), abs(upper)):
+            aside = 0.1 * max(abs(lower), abs(upper)) or 1.0
+            lower, upper = lower - aside, upper + aside
+        return cls(title, lower, upper, colours)
+
+    def __call__(self, values: NDArray) -> NDArray[np.float64]:
+        """Return red, green, blue in 0..1 of each value, ``(..., 3)``; NaN is grey."""
+        from matplotlib import colormaps
+
+        values = np.asarray(values, np.float64)
+        share = (values - self.lower) / (self.upper - self.lower)
+        colours = colormaps[self.colours](np.nan_to_num(np.clip(share, 0, 1)))[..., :3]
+        return np.where(np.isfinite(values)[..., None], colours, 0.8)
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangle mesh of one colour.
+    """A triangle mesh of one colour, or coloured by a number at every vertex.
 
     Attributes
     ----------
@@ -34,6 +73,10 @@ class Mesh:
         Red, green, blue in 0..1.
     opacity : float
         1 is opaque.
+    values : (V,) float, optional
+        Numbers that are shown as colours ...
+    scale : ColourScale, optional
+        ... by this scale; such a mesh is drawn without shading.
     """
 
     name: str
@@ -42,6 +85,8 @@ class Mesh:
     triangles: NDArray[np.integer]
     colour: Colour
     opacity: float = 1.0
+    values: NDArray[np.floating] | None = None
+    scale: ColourScale | None = None
 
     def __repr__(self) -> str:
         """Name the sizes: the arrays themselves are too long to print."""
@@ -58,8 +103,10 @@ class Mesh:
 
     def merged(self, other: Mesh) -> Mesh:
         """Return both meshes as one, with this one's name and looks."""
+        valued = self.values is not None and other.values is not None
         return replace(
             self,
+            values=np.concatenate([self.values, other.values]) if valued else None,
             vertices=np.concatenate([self.vertices, other.vertices]),
             triangles=np.concatenate([self.triangles, other.triangles + len(self.vertices)]),
         )

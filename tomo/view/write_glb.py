@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tomo.io.atomic import atomic_path
-from tomo.view.scene import Scene
+from tomo.view.scene import Mesh, Scene
 
 _METRES = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
 
@@ -38,7 +39,6 @@ def write_glb(
         If there is nothing to write.
     """
     import trimesh
-    from trimesh.visual.material import PBRMaterial
 
     scene = scene.without(*leave_out)
     scale = np.diag([*[metres_per(scene.length_unit)] * 3, 1.0])
@@ -46,22 +46,11 @@ def write_glb(
     for mesh in scene.meshes:
         if not len(mesh.triangles):
             continue
-        material = PBRMaterial(
-            name=mesh.group,
-            baseColorFactor=[
-                *(round(255 * _linear(c)) for c in mesh.colour),
-                round(255 * mesh.opacity),
-            ],
-            metallicFactor=0.0,
-            roughnessFactor=0.7,
-            doubleSided=True,
-            alphaMode="OPAQUE" if mesh.opacity >= 1 else "BLEND",
-        )
         geometry = trimesh.Trimesh(
             mesh.vertices,
             mesh.triangles,
             vertex_normals=mesh.normals(),
-            visual=trimesh.visual.TextureVisuals(material=material),
+            visual=_looks(mesh),
             process=False,
         )
         name = _unused(f"{mesh.group}/{mesh.name}", written)
@@ -73,9 +62,33 @@ def write_glb(
         temporary.write_bytes(data)
 
 
-def _linear(value: float) -> float:
-    """Return an sRGB value in 0..1 as linear light, which glTF's colour factors are."""
-    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
+def _looks(mesh: Mesh) -> object:
+    """Return the mesh's colours as trimesh holds them: one material, or a colour a vertex."""
+    import trimesh
+    from trimesh.visual.material import PBRMaterial
+
+    if mesh.scale is not None:
+        colours = _linear(mesh.scale(mesh.values))
+        alpha = np.full((len(colours), 1), mesh.opacity)
+        levels = np.uint8(np.round(255 * np.hstack([colours, alpha])))
+        return trimesh.visual.ColorVisuals(vertex_colors=levels)
+    material = PBRMaterial(
+        name=mesh.group,
+        baseColorFactor=[
+            *np.round(255 * _linear(np.array(mesh.colour))).astype(int).tolist(),
+            round(255 * mesh.opacity),
+        ],
+        metallicFactor=0.0,
+        roughnessFactor=0.7,
+        doubleSided=True,
+        alphaMode="OPAQUE" if mesh.opacity >= 1 else "BLEND",
+    )
+    return trimesh.visual.TextureVisuals(material=material)
+
+
+def _linear(values: NDArray) -> NDArray[np.float64]:
+    """Return sRGB values in 0..1 as linear light, which glTF's colours are."""
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def _unused(name: str, scene: object) -> str:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import html
+import json
 import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import reduce
 from typing import TYPE_CHECKING
 
@@ -12,30 +15,52 @@ from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.io.atomic import atomic_path
+from tomo.view.camera_view import CameraView
 from tomo.view.frame import EYE, Up
-from tomo.view.scene import Colour, Label, Mesh, Scene
+from tomo.view.maps import MAP, emission_map
+from tomo.view.page import render
+from tomo.view.scene import Colour, ColourScale, Mesh, Scene
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-_HIDDEN_AT_FIRST = ("arrow names", "slices")
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{title}</title>
-<style>
-html, body {{ margin: 0; height: 100%; background: #fff; overflow: hidden;
-  font-family: system-ui, sans-serif; }}
-body > div {{ height: 100vh; }}
-</style>
-</head>
-<body>
-{figure}
-</body>
-</html>
-"""
+RAYS = "clicked rays"
+"""The layer of the rays that the page's reader asks for."""
+
+_ORDER = (
+    "cameras",
+    "names",
+    "images",
+    "sight lines",
+    "field of view",
+    "arrows",
+    "arrow names",
+    RAYS,
+    "box",
+)
+"""Layers that stand first in the list; the others follow as they come."""
+
+HIDDEN_AT_FIRST = ("arrow names", "field of view", "images")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Words and numbers beside the scene.
+
+    Attributes
+    ----------
+    title : str
+    lines : tuple of (str, str)
+        A kind (``fault``, ``warning``, ``note`` or ``""``) and a text each.
+    head : tuple of str
+        Of the table; empty where there is none.
+    rows : tuple of tuple of str
+    """
+
+    title: str
+    lines: tuple[tuple[str, str], ...] = ()
+    head: tuple[str, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
 
 
 def write_html(
@@ -46,9 +71,12 @@ def write_html(
     up: Up | None = None,
     grid: VoxelGrid | None = None,
     volume: NDArray | None = None,
+    views: Sequence[CameraView] = (),
+    tables: Sequence[Table] = (),
+    shown: Sequence[str] = (),
     leave_out: tuple[str, ...] = ("stems",),
 ) -> None:
-    """Write the page: groups switch on and off in the legend, hovering tells names.
+    """Write the page: every group is a layer to switch on and off, hovering tells names.
 
     Parameters
     ----------
@@ -59,64 +87,145 @@ def write_html(
     up : Up, optional
         Which axis points upward.
     grid : VoxelGrid, optional
-        Adds buttons that show the whole rig or the box alone.
+        Adds buttons that show the whole scene or the box alone.
     volume : (nx, ny, nz), optional
         Adds its three middle planes, switched off at first.
+    views : sequence of CameraView
+        Adds a panel of their pictures; a pixel clicked there shows its ray.
+    tables : sequence of Table
+        What stands below the layers.
+    shown : sequence of str
+        Groups to show at first that are hidden otherwise: maps, images, names of arrows.
     leave_out : tuple of str
         Groups not to show.
     """
+    text = html_page(
+        scene.without(*leave_out),
+        title=title,
+        up=up,
+        grid=grid,
+        volume=volume,
+        views=views,
+        tables=tables,
+        shown=shown,
+    )
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def html_page(
+    scene: Scene,
+    *,
+    title: str = "",
+    up: Up | None = None,
+    grid: VoxelGrid | None = None,
+    volume: NDArray | None = None,
+    views: Sequence[CameraView] = (),
+    tables: Sequence[Table] = (),
+    shown: Sequence[str] = (),
+) -> str:
+    """Return the page that `write_html` writes."""
     import plotly.graph_objects as go
+    from plotly.offline import get_plotlyjs
 
     up = up or Up()
-    scene = scene.without(*leave_out)
-    traces = [trace for group in scene.groups for trace in _group_traces(scene, group)]
     if volume is not None and grid is not None:
-        traces += _slices(volume, grid)
-    figure = go.Figure(traces)
-    eye = up.eye_direction(*EYE) * 2.0
-    ticks = _ticks(scene.bounds)
+        scene = scene + emission_map(volume, grid, scene.length_unit)
+    bounds = scene.bounds
+    traces, layers = [], []
+    for group in scene.groups:
+        visible = group in shown or not (group in HIDDEN_AT_FIRST or group.startswith(MAP))
+        made = [trace for trace in _group_traces(scene, group, visible)]
+        numbers = list(range(len(traces), len(traces) + len(made)))
+        layers.append(_layer(scene, group, visible, numbers))
+        traces += made
+    if views:
+        layers.append(
+            {"name": RAYS, "traces": [len(traces)], "visible": True, "colours": ["#d4148c"]}
+        )
+        traces.append(go.Scatter3d(x=[], y=[], z=[], mode="lines", name=RAYS, hoverinfo="skip"))
+        traces[-1].line = {"color": "#d4148c", "width": 5}
+    layers.sort(key=lambda layer: (*_ORDER, layer["name"]).index(layer["name"]))
+    figure = go.Figure(traces, _layout(scene.length_unit, bounds, up))
+    data = {
+        "layers": layers,
+        "labels": [
+            {
+                "text": label.text,
+                "layer": label.group,
+                "position": label.position.tolist(),
+                "outward": label.outward.tolist(),
+                "colour": _css(label.colour),
+            }
+            for label in scene.labels
+        ],
+        "zooms": _zooms(bounds, grid) if grid is not None and "cameras" in scene.groups else [],
+        "views": [view.data() for view in views],
+        "box": None if grid is None else [grid.lower.tolist(), grid.upper.tolist()],
+        "bounds": bounds.tolist(),
+        "unit": scene.length_unit,
+    }
+    return render(
+        "scene.html",
+        title=title or "Scene",
+        tables=tables,
+        has_views=bool(views),
+        plotly=get_plotlyjs(),
+        figure=_script_safe(figure.to_json()),
+        data=_script_safe(json.dumps(data)),
+    )
+
+
+def _layout(unit: str, bounds: NDArray, up: Up) -> dict:
+    """Return the figure's axes, first eye and colours."""
+    eye = up.eye_direction(*EYE) * 2.15
+    ticks = _ticks(bounds)
     axes = {
         f"{name}axis": {
-            "title": {"text": f"{name} ({html.escape(scene.length_unit)})"},
+            "title": {"text": f"{name} ({html.escape(unit)})"},
+            "range": bounds[:, number].tolist(),
             "backgroundcolor": "#f7f8fa",
             "gridcolor": "#dde2e7",
             "zerolinecolor": "#c3cad1",
             "exponentformat": "none",
             "nticks": ticks[name],
         }
-        for name in "xyz"
+        for number, name in enumerate("xyz")
     }
-    figure.update_layout(
-        title={"text": html.escape(title), "x": 0.02, "font": {"size": 18}},
-        scene={
+    return {
+        "scene": {
             **axes,
             "aspectmode": "manual",
-            "aspectratio": _aspect(scene.bounds),
+            "aspectratio": _aspect(bounds),
             "camera": {
                 "center": dict(zip("xyz", (-0.08 * up.vector).tolist(), strict=True)),
                 "eye": dict(zip("xyz", eye.tolist(), strict=True)),
                 "up": dict(zip("xyz", up.vector.tolist(), strict=True)),
             },
         },
-        legend={"itemsizing": "constant", "groupclick": "togglegroup", "x": 1.0, "y": 0.95},
-        margin={"l": 0, "r": 0, "t": 60, "b": 0},
-        template="plotly_white",
-        font={"color": "#1b2733"},
-        updatemenus=_buttons(scene, grid)
-        if grid is not None and "cameras" in scene.groups
-        else [],
-    )
-    body = figure.to_html(
-        full_html=False,
-        include_plotlyjs=True,
-        include_mathjax=False,
-        default_height="100%",
-        config={"displaylogo": False, "responsive": True},
-        div_id="scene",
-    )
-    with atomic_path(path) as temporary:
-        text = _PAGE.format(title=html.escape(title or "Scene"), figure=body)
-        temporary.write_text(text, encoding="utf-8")
+        "showlegend": False,
+        "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
+        "template": "plotly_white",
+        "font": {"color": "#1b2733"},
+    }
+
+
+def _layer(scene: Scene, group: str, visible: bool, traces: list[int]) -> dict:
+    """Return what the page knows of a group."""
+    parts = [part for part in (*scene.meshes, *scene.labels) if part.group == group]
+    scale = next((mesh.scale for mesh in scene.meshes if mesh.group == group), None)
+    if scale is None:
+        colours = list(dict.fromkeys(_css(part.colour) for part in parts))
+    else:
+        colours = [colour for _, colour in _steps(scale)]
+    return {
+        "name": group,
+        "traces": traces,
+        "visible": visible,
+        "colours": colours,
+        "gradient": scale is not None,
+        "exclusive": group.startswith(MAP),
+    }
 
 
 def _css(colour: Colour) -> str:
@@ -124,90 +233,64 @@ def _css(colour: Colour) -> str:
     return "rgb({:.0f},{:.0f},{:.0f})".format(*(255 * c for c in colour))
 
 
-def _group_traces(scene: Scene, group: str) -> list[go.Mesh3d | go.Scatter3d]:
-    """Return one trace for all meshes of a group that look alike, and one for its labels."""
-    import plotly.graph_objects as go
+def _steps(scale: ColourScale, count: int = 17) -> list[tuple[float, str]]:
+    """Return a colour scale as plotly takes it."""
+    shares = np.linspace(0, 1, count)
+    colours = scale(scale.lower + shares * (scale.upper - scale.lower))
+    return [(float(s), _css(c)) for s, c in zip(shares, colours, strict=True)]
 
+
+def _group_traces(scene: Scene, group: str, visible: bool) -> list[go.Mesh3d]:
+    """Return one trace for all meshes of a group that look alike."""
     meshes = [mesh for mesh in scene.meshes if mesh.group == group and len(mesh.triangles)]
-    labels = [label for label in scene.labels if label.group == group]
     looks: dict[tuple, list[Mesh]] = {}
     for mesh in meshes:
-        looks.setdefault((mesh.colour, mesh.opacity), []).append(mesh)
-    shared = {
-        "name": html.escape(group),
-        "legendgroup": group,
-        "visible": "legendonly" if group in _HIDDEN_AT_FIRST else True,
-    }
-    traces = []
-    for (colour, opacity), alike in looks.items():
-        together = reduce(Mesh.merged, alike)
-        names = [html.escape(mesh.name) for mesh in alike for _ in range(len(mesh.vertices))]
-        x, y, z = np.float32(together.vertices).T
-        i, j, k = np.int32(together.triangles).T
-        traces.append(
-            go.Mesh3d(
-                x=x, y=y, z=z, i=i, j=j, k=k,
-                color=_css(colour),
-                opacity=opacity,
-                text=names if len(alike) > 1 else names[0],
-                hovertemplate="%{text}<extra></extra>",
-                lighting={"ambient": 0.65, "diffuse": 0.5, "specular": 0.08},
-                showlegend=not traces,
-                **shared,
-            )
-        )  # fmt: skip
-    if labels:
-        traces.append(_label_trace(labels, {**shared, "showlegend": not traces}))
-    return traces
+        looks.setdefault((mesh.colour, mesh.opacity, mesh.scale), []).append(mesh)
+    return [
+        _trace(alike, group, visible, first=number == 0)
+        for number, alike in enumerate(looks.values())
+    ]
 
 
-def _label_trace(labels: list[Label], shared: dict) -> go.Scatter3d:
-    """Return the labels as texts at their points."""
+def _trace(alike: list[Mesh], group: str, visible: bool, first: bool) -> go.Mesh3d:
+    """Return the trace of meshes that look alike; hovering tells which one it is."""
     import plotly.graph_objects as go
 
-    x, y, z = np.array([label.position + label.outward for label in labels]).T
-    return go.Scatter3d(
-        x=x, y=y, z=z,
-        mode="text",
-        text=[html.escape(label.text) for label in labels],
-        textposition="middle center",
-        textfont={"size": 11, "color": [_css(label.colour) for label in labels]},
-        hoverinfo="skip",
+    together = reduce(Mesh.merged, alike)
+    names = [html.escape(mesh.name) for mesh in alike for _ in range(len(mesh.vertices))]
+    x, y, z = np.float32(together.vertices).T
+    i, j, k = np.int32(together.triangles).T
+    shared = {
+        "x": x, "y": y, "z": z, "i": i, "j": j, "k": k,
+        "opacity": together.opacity,
+        "name": html.escape(group),
+        "visible": visible,
+        "text": names if len(alike) > 1 else names[0],
+    }  # fmt: skip
+    scale = together.scale
+    if scale is None:
+        return go.Mesh3d(
+            color=_css(together.colour),
+            hovertemplate="%{text}<extra></extra>",
+            lighting={"ambient": 0.65, "diffuse": 0.5, "specular": 0.08},
+            **shared,
+        )
+    return go.Mesh3d(
+        intensity=np.float32(together.values),
+        cmin=scale.lower,
+        cmax=scale.upper,
+        colorscale=_steps(scale),
+        showscale=first and bool(scale.title),
+        colorbar={
+            "title": {"text": html.escape(scale.title), "side": "right"},
+            "len": 0.5, "thickness": 14, "x": 0.01, "xanchor": "left", "y": 0.3,
+        },
+        lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
+        hovertemplate="%{text}<br>%{intensity:.4g}<extra></extra>"
+        if scale.title
+        else "%{text}<extra></extra>",
         **shared,
     )  # fmt: skip
-
-
-def _slices(volume: NDArray, grid: VoxelGrid) -> list[go.Surface]:
-    """Return the three middle planes, coloured by value."""
-    import plotly.graph_objects as go
-
-    surfaces = []
-    axes = grid.axes()
-    highest = float(np.nanmax(volume)) or 1.0
-    for axis in range(3):
-        u, v = (a for a in range(3) if a != axis)
-        first, second = np.meshgrid(axes[u], axes[v], indexing="ij")
-        points = [None, None, None]
-        points[u], points[v] = first, second
-        points[axis] = np.full_like(first, grid.center[axis])
-        values = np.float32(np.take(volume, grid.shape[axis] // 2, axis=axis))
-        surfaces.append(
-            go.Surface(
-                x=points[0], y=points[1], z=points[2],
-                surfacecolor=values,
-                cmin=0.0,
-                cmax=highest,
-                colorscale="Inferno",
-                showscale=axis == 0,
-                colorbar={"title": {"text": "emission"}, "len": 0.5, "x": 0.0, "y": 0.5},
-                name="slices",
-                legendgroup="slices",
-                showlegend=axis == 0,
-                visible="legendonly",
-                hovertemplate="%{surfacecolor:.4g}<extra></extra>",
-            )
-        )  # fmt: skip
-    return surfaces
 
 
 def _aspect(bounds: NDArray) -> dict[str, float]:
@@ -221,16 +304,18 @@ def _ticks(bounds: NDArray) -> dict[str, int]:
     return {name: max(4, round(8 * length)) for name, length in _aspect(bounds).items()}
 
 
-def _buttons(scene: Scene, grid: VoxelGrid) -> list[dict]:
-    """Return two buttons that set the axes' ranges: everything, or the box and a little around."""
-    whole = scene.bounds
+def _zooms(bounds: NDArray, grid: VoxelGrid) -> list[dict]:
+    """Return two sets of axis ranges: everything, or the box and a little around."""
     margin = 0.15 * float(np.linalg.norm(grid.extent))
     close = np.stack([grid.lower - margin, grid.upper + margin])
-    buttons = []
-    for label, bounds in (("Whole rig", whole), ("Volume", close)):
-        ranges = {f"scene.{name}axis.range": bounds[:, a].tolist() for a, name in enumerate("xyz")}
-        ticks = {f"scene.{name}axis.nticks": n for name, n in _ticks(bounds).items()}
-        change = {**ranges, **ticks, "scene.aspectratio": _aspect(bounds)}
-        buttons.append({"label": label, "method": "relayout", "args": [change]})
-    place = {"type": "buttons", "direction": "right", "x": 0.02, "y": 1.0}
-    return [{**place, "xanchor": "left", "yanchor": "top", "buttons": buttons}]
+    zooms = []
+    for label, box in (("Whole rig", bounds), ("Volume", close)):
+        change = {f"scene.{name}axis.range": box[:, a].tolist() for a, name in enumerate("xyz")}
+        change |= {f"scene.{name}axis.nticks": n for name, n in _ticks(box).items()}
+        zooms.append({"label": label, "change": {**change, "scene.aspectratio": _aspect(box)}})
+    return zooms
+
+
+def _script_safe(text: str) -> str:
+    """Return JSON such that nothing in it ends a script element."""
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
