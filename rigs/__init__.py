@@ -10,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submodules=["formats", "paper"],
     submod_attrs={
         "camera": ["Camera", "look_at"],
+        "compare": ["compare_rigs"],
         "coverage": ["Coverage", "ray_miss"],
         "distortion": ["Distortion"],
         "file": ["load_rig", "preset", "preset_names", "save_rig"],

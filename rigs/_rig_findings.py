@@ -261,11 +261,14 @@ def _miss(check: RigCheck) -> Iterator[Finding]:
     unit = check.coverage.rig.length_unit
     text = f"lines of sight miss each other by {check.ray_miss:.3g} {unit} ({ratio:.2g} voxels)"
     text += f", by {check.ray_miss_from}"
-    guilty: tuple[str, ...] = ()
-    if ratio > 0.5:
-        largest = np.nanmax([f.footprint for f in check.cameras])
-        guilty = tuple(f.name for f in check.cameras if f.footprint > 0.9 * largest)
-        guilty = guilty if len(guilty) <= max(1, len(check.cameras) // 4) else ()
+    # by calibration each camera has a figure of its own, else the largest pixels err most
+    own = np.array([f.ray_miss for f in check.cameras])
+    own = np.array([f.footprint for f in check.cameras]) if np.isnan(own).any() else own
+    guilty = tuple(
+        figures.name
+        for figures, value in zip(check.cameras, own, strict=True)
+        if ratio > 0.5 and value > 1.5 * np.nanmedian(own)
+    )
     level = "fault" if ratio > 2 else "warning" if ratio > 0.5 else "note"
     yield Finding(level, text, guilty)
 

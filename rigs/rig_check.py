@@ -60,6 +60,8 @@ class CameraFigures:
     gap_without : float
         By how much the largest angular gap, its median over the volume, would grow without this
         camera, in degrees.
+    ray_miss : float
+        Of the camera's lines of sight, as the calibration predicts; NaN without one.
     """
 
     name: str
@@ -72,6 +74,7 @@ class CameraFigures:
     blur_in_voxels: float
     nearest_view: float
     gap_without: float
+    ray_miss: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,13 +161,17 @@ def check_rig(
     return replace(check, findings=findings(check))
 
 
-def calibrated_ray_miss(calibration: Mapping | None) -> float | None:
-    """Return the ray-miss that a calibration's summary predicts, in lengths; None without."""
-    for key in ("predicted_ray_miss", "ray_miss"):
-        value = (calibration or {}).get(key)
-        if isinstance(value, (int, float)) and math.isfinite(value) and value > 0:
-            return float(value)
-    return None
+def calibrated_ray_miss(calibration: Mapping | None, camera: str | None = None) -> float | None:
+    """Return the ray-miss that a calibration's summary predicts, of the rig or of one camera."""
+    summary = calibration or {}
+    if camera is None:
+        value = summary.get("ray_miss_predicted")
+    else:
+        cameras = summary.get("cameras")
+        own = cameras.get(camera) if isinstance(cameras, Mapping) else None
+        value = own.get("ray_miss") if isinstance(own, Mapping) else None
+    known = isinstance(value, (int, float)) and math.isfinite(value) and value > 0
+    return float(value) if known else None
 
 
 def some_of(points: NDArray, count: int) -> NDArray[np.int64]:
@@ -203,6 +210,7 @@ def _figures(found: Coverage, voxel: float) -> tuple[CameraFigures, ...]:
                 _nan(np.nanmax, found.blur[number]) / voxel,
                 float(between[number].min()) if len(rig) > 1 else math.nan,
                 float(worth[number]),
+                calibrated_ray_miss(rig.calibration, camera.name) or math.nan,
             )
         )
     return tuple(figures)

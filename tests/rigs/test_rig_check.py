@@ -143,9 +143,14 @@ def test_ray_miss_is_the_calibration_s_where_there_is_one():
     assert check(rig, pixel_accuracy=0.4).ray_miss == pytest.approx(
         2 * check(rig).ray_miss, rel=0.01
     )
-    answer = check(replace(rig, calibration={"predicted_ray_miss": 0.4}))
+    answer = check(replace(rig, calibration={"ray_miss_predicted": 0.4}))
     assert answer.ray_miss == 0.4
     assert "0.8 voxels), by calibration" in found(answer, "miss each other", "warning").text
+    cameras = {name: {"ray_miss": 0.1 if name != "cam03" else 0.9} for name in rig.names}
+    summary = {"ray_miss_predicted": 0.4, "cameras": cameras}
+    answer = check(replace(rig, calibration=summary))
+    assert found(answer, "miss each other", "warning").cameras == ("cam03",)
+    assert answer.cameras[3].ray_miss == 0.9
     assert check(rig, pixel_accuracy=5.0).verdict == "not usable"
 
 
