@@ -4,6 +4,20 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=["colmap", "emission_rig", "middlebury", "opencv", "registry", "transforms"],
+    submodules=[
+        "anipose",
+        "astra",
+        "colmap",
+        "emission_rig",
+        "kalibr",
+        "middlebury",
+        "multical",
+        "myptv",
+        "opencv",
+        "openptv",
+        "registry",
+        "rtk",
+        "transforms",
+    ],
     submod_attrs={"registry": ["FORMATS", "load", "names", "save", "sniff"]},
 )

@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from rigs._text import read_json_mapping, read_text, shortened, yaml_mapping
 from rigs.formats._quaternion import matrix_of_vector
-from rigs.formats._values import as_array, as_count, as_rotation
+from rigs.formats._values import as_array, as_count, as_rotation, flat
 
 MATRIX = ("camera_matrix", "cameraMatrix", "intrinsic_matrix", "K", "M")
 LENS = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "distortion_coeffs", "D")
@@ -67,12 +66,10 @@ def vector(entry: Mapping[str, Any], keys: tuple[str, ...], count: int | None = 
     key = first(entry, keys)
     if key is None:
         raise ValueError(f"{keys[0]}: missing, expected numbers")
-    found = _plain(entry[key], key)
-    try:
-        found = np.asarray(found, np.float64).reshape(-1)
-    except (TypeError, ValueError, OverflowError):
-        found = entry[key]
-    return as_array(found, (count,), key)
+    numbers = flat(_plain(entry[key], key), key)
+    if count not in (None, len(numbers)):
+        raise ValueError(f"{key}: found {len(numbers)} numbers, expected {count}")
+    return numbers
 
 
 def turn(entry: Mapping[str, Any]) -> NDArray:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,14 @@ from numpy.typing import NDArray
 from rigs._rotation import rotation
 from rigs._text import shortened
 
+_HEAD = 65536  # bytes
 _RIGID = 1e-4  # largest deviation from orthonormal of a rotation that passed through float32
+
+
+def read_head(path: Path) -> str:
+    """Return a file's first characters, by which its format is told."""
+    with path.open("rb") as file:
+        return file.read(_HEAD).decode("utf-8-sig", "replace").replace("\r\n", "\n")
 
 
 @contextmanager
@@ -82,6 +90,17 @@ def as_array(found: object, shape: tuple[int | None, ...], what: str) -> NDArray
     if not fits or not np.isfinite(array).all():
         wanted = " x ".join("n" if n is None else str(n) for n in shape)
         raise ValueError(f"{what}: found {shortened(found)}, expected {wanted} finite numbers")
+    return array
+
+
+def flat(found: object, what: str) -> NDArray[np.float64]:
+    """Return ``found``, numbers in a row, a column or a list, as finite numbers ``(n,)``."""
+    try:
+        array = np.array(found, np.float64).reshape(-1)
+    except (TypeError, ValueError, OverflowError):
+        array = np.array([np.nan])
+    if not np.isfinite(array).all():
+        raise ValueError(f"{what}: found {shortened(found)}, expected finite numbers")
     return array
 
 

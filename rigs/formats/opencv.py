@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from rigs._text import read_text, shortened, write_text
+from rigs._text import shortened, write_text
 from rigs.camera import Camera
 from rigs.formats._file_storage import (
     LENS,
@@ -44,7 +44,7 @@ from rigs.formats._file_storage import (
 from rigs.formats._image_size import required_size
 from rigs.formats._lens import from_vector, refuse_skew
 from rigs.formats._units import UNKNOWN
-from rigs.formats._values import as_mapping, errors_of, errors_of_file
+from rigs.formats._values import as_mapping, errors_of, errors_of_file, read_head
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
@@ -57,7 +57,7 @@ _STEREO_LENS = (("D1", "D2"), ("distCoeffs1", "distCoeffs2"))
 def looks_like(path: Path, head: str) -> bool:
     """Say whether a file, or one in a folder, holds the keys of OpenCV's programs."""
     if path.is_dir():
-        return any(looks_like(file, read_text(file)) for file in _files_of(path))
+        return any(looks_like(file, read_head(file)) for file in _files_of(path))
     keys = "|".join(key for keys in (*_STEREO, MATRIX[:2]) for key in keys)
     has_camera = re.search(rf'["\s{{,](?:{keys})"?\s*:', head)
     is_opencv = head.startswith("%YAML") or "opencv-matrix" in head

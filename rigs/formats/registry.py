@@ -9,10 +9,8 @@ from pathlib import Path
 from types import ModuleType
 
 from rigs.formats._units import in_unit
-from rigs.formats._values import errors_of_file
+from rigs.formats._values import errors_of_file, read_head
 from rigs.rig import Rig
-
-_HEAD = 65536  # characters of a file that tell its format
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,14 @@ FORMATS: dict[str, Format] = {
         Format("middlebury", "Middlebury multi-view *_par.txt"),
         Format("colmap", "COLMAP text model (a folder)", ("cameras.txt",), writes=True),
         Format("transforms", "NeRF-style transforms.json", ("transforms.json",), writes=True),
+        Format("multical", "multical's calibration.json"),
+        Format("kalibr", "Kalibr's camchain.yaml"),
+        Format("anipose", "TOML of anipose and caliscope"),
+        Format("openptv", "OpenPTV .ori and .addpar, without glass"),
         Format("opencv", "cv2.FileStorage YAML and JSON", (".yml", ".json"), writes=True),
+        Format("myptv", "MyPTV's camera files"),
+        Format("astra", "ASTRA cone_vec as JSON", (".astra.json",), reads=False, writes=True),
+        Format("rtk", "RTK circular geometry XML", (".xml",), reads=False, writes=True),
     )
 }
 
@@ -76,10 +81,7 @@ def sniff(path: str | os.PathLike) -> str:
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file")
-    head = ""
-    if path.is_file():
-        with path.open("rb") as file:
-            head = file.read(_HEAD).decode("utf-8-sig", "replace").replace("\r\n", "\n")
+    head = read_head(path) if path.is_file() else ""
     for name in names():
         if FORMATS[name].module.looks_like(path, head):
             return name
@@ -159,9 +161,15 @@ def _known(name: str, choices: tuple[str, ...], verb: str) -> Format:
 
 def _by_name(path: Path) -> Format:
     """Return the format that files named like ``path`` are written in."""
-    for item in FORMATS.values():
-        if item.writes and any(path.name.endswith(suffix) for suffix in item.suffixes):
-            return item
+    fitting = [
+        (len(suffix), item)
+        for item in FORMATS.values()
+        if item.writes
+        for suffix in item.suffixes
+        if path.name.endswith(suffix)
+    ]
+    if fitting:
+        return max(fitting, key=lambda pair: pair[0])[1]
     raise ValueError(
         f"{path}: its ending names no format, expected one of {', '.join(names(writable=True))} "
         "told by --to"

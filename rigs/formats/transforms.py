@@ -141,7 +141,8 @@ def save_transforms(rig: Rig, path: str | os.PathLike, frames: Frames | None = N
 
 def looks_like(path: Path, head: str) -> bool:
     """Say whether a file holds frames with camera-to-world matrices."""
-    return path.suffix == ".json" and '"frames"' in head and '"transform_matrix"' in head
+    keys = '"frames"' in head and '"transform_matrix"' in head
+    return path.name == "transforms.json" or (path.suffix == ".json" and keys)
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:

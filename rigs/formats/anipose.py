@@ -1,0 +1,90 @@
+"""The TOML of anipose (aniposelib) and of caliscope: OpenCV's cameras, one table each.
+
+Read only. anipose: tables ``[cam_0], [cam_1] ...`` of ``name, size, matrix, distortions, rotation,
+translation, fisheye``; caliscope's ``camera_array.toml``: the same in ``[cameras.0] ...``, named
+by their numbers, some of them with ``ignore = true``. ``x_cam = R(rotation) @ x_world +
+translation``, rotation as OpenCV's rvec or a 3 x 3 matrix; pixel centres at integers; lengths in
+the unit of the board, which the files do not name.
+Source: ``aniposelib/cameras.py`` at https://github.com/lambdaloop/aniposelib and
+``src/caliscope/persistence.py`` at https://github.com/mprib/caliscope.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rigs._text import read_text
+from rigs.camera import Camera
+from rigs.formats._lens import from_vector
+from rigs.formats._quaternion import matrix_of_vector
+from rigs.formats._units import UNKNOWN
+from rigs.formats._values import (
+    as_array,
+    as_count,
+    as_mapping,
+    as_rotation,
+    errors_of,
+    errors_of_file,
+    flat,
+    required,
+)
+from rigs.rig import Rig
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Say whether a file is TOML of cameras with ``distortions``."""
+    return path.suffix == ".toml" and bool(re.search(r"^\s*distortions\s*=", head, re.MULTILINE))
+
+
+def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
+    """Return the rig of a ``calibration.toml`` or a ``camera_array.toml``.
+
+    Raises
+    ------
+    ValueError
+        In one line: the file, the camera, the field, what was found, what was expected.
+    """
+    text = read_text(path)
+    with errors_of_file(path):
+        try:
+            data = tomllib.loads(text)
+        except RecursionError:
+            raise ValueError("broken TOML: nested too deeply") from None
+        except ValueError as error:
+            raise ValueError(f"broken TOML: {error}") from None
+        tables = data.get("cameras")
+        if not isinstance(tables, dict):
+            tables = {k: v for k, v in data.items() if re.fullmatch(r"cam(era)?_?\d+", k)}
+        entries = {
+            key: as_mapping(table, f"camera {key}")
+            for key, table in tables.items()
+            if not (isinstance(table, dict) and table.get("ignore") is True)
+        }
+        if not entries:
+            raise ValueError("cameras: found none, expected tables like [cam_0] or [cameras.0]")
+        cameras = [_camera(key, entry) for key, entry in entries.items()]
+        return Rig(tuple(cameras), UNKNOWN, f"as in {path.name}")
+
+
+def _camera(key: str, entry: Mapping[str, Any]) -> Camera:
+    """Return the camera of a table."""
+    name = str(entry.get("name", f"cam{key}" if key.isdecimal() else key))
+    with errors_of(f"camera {name}"):
+        K = as_array(required(entry, "matrix"), (3, 3), "matrix")
+        fisheye = entry.get("fisheye", False) is True
+        lens = flat(required(entry, "distortions"), "distortions")
+        distortion = from_vector(lens, fisheye, "distortions")
+        size = as_array(required(entry, "size"), (2,), "size")
+        width, height = (as_count(n, "size") for n in size.tolist())
+        turn = flat(required(entry, "rotation"), "rotation")
+        R = (
+            matrix_of_vector(turn)
+            if len(turn) == 3
+            else as_rotation(entry["rotation"], "rotation")
+        )
+        t = as_array(flat(required(entry, "translation"), "translation"), (3,), "translation")
+    return Camera(name, (width, height), K, distortion, R, t, status="calibrated")

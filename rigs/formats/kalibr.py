@@ -1,0 +1,107 @@
+"""Kalibr's ``camchain.yaml``: each camera's pose from the one before it.
+
+Read only. ``cam0, cam1 ...: {camera_model, intrinsics, distortion_model, distortion_coeffs,
+resolution, T_cn_cnm1}`` with ``x_cam = T_cn_cnm1 @ x_camera_before``; the world is the first
+camera's axes, lengths are in metres, pixel centres at integers. Known are the camera model
+pinhole (``fu fv pu pv``) and the distortion models radtan (OpenCV's k1 k2 p1 p2), equidistant
+(OpenCV's fisheye) and none; omni, eucm, ds and fov are refused, as no lens of ours is one of them.
+https://github.com/ethz-asl/kalibr/wiki/yaml-formats
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs._text import read_yaml_mapping, shortened
+from rigs.camera import Camera
+from rigs.distortion import Distortion
+from rigs.formats._values import (
+    as_array,
+    as_count,
+    as_mapping,
+    as_rotation,
+    errors_of,
+    errors_of_file,
+    required,
+)
+from rigs.rig import Rig
+
+_LENSES = {"radtan": "brown", "equidistant": "fisheye", "none": "none"}
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Say whether a file holds ``cam0`` with Kalibr's ``camera_model`` and ``intrinsics``."""
+    return bool(
+        re.search(r"^cam\d+\s*:", head, re.MULTILINE)
+        and re.search(r"^\s+camera_model\s*:", head, re.MULTILINE)
+        and re.search(r"^\s+intrinsics\s*:", head, re.MULTILINE)
+    )
+
+
+def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
+    """Return the rig of a ``camchain.yaml``.
+
+    Raises
+    ------
+    ValueError
+        In one line: the file, the camera, the field, what was found, what was expected.
+    """
+    data = read_yaml_mapping(path)
+    with errors_of_file(path):
+        names = sorted(
+            (name for name in data if re.fullmatch(r"cam\d{1,6}", name)), key=lambda n: int(n[3:])
+        )
+        if not names:
+            raise ValueError("cam0: missing, expected a camera")
+        cameras = []
+        pose = np.eye(4)
+        for index, name in enumerate(names):
+            with errors_of(f"camera {name}"):
+                if int(name[3:]) != index:
+                    raise ValueError(f"found no cam{index} before it, expected an unbroken chain")
+                entry = as_mapping(data[name], "entry")
+                if index:
+                    pose = _link(required(entry, "T_cn_cnm1")) @ pose
+            cameras.append(_camera(name, entry, pose))
+        return Rig(tuple(cameras), "m", "cam0's axes")
+
+
+def _link(found: object) -> NDArray[np.float64]:
+    """Return a rigid motion ``(4, 4)``."""
+    motion = as_array(found, (4, 4), "T_cn_cnm1")
+    if np.abs(motion[3] - [0, 0, 0, 1]).max() > 1e-9:
+        raise ValueError(f"T_cn_cnm1: found last row {motion[3].tolist()}, expected [0, 0, 0, 1]")
+    motion[:3, :3] = as_rotation(motion[:3, :3], "T_cn_cnm1")
+    return motion
+
+
+def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> Camera:
+    """Return the camera of an entry at a pose ``(4, 4)``."""
+    with errors_of(f"camera {name}"):
+        model = required(entry, "camera_model")
+        if model != "pinhole":
+            raise ValueError(f"camera_model: found {shortened(model)}, expected pinhole")
+        lens = required(entry, "distortion_model")
+        if not isinstance(lens, str) or lens not in _LENSES:
+            raise ValueError(
+                f"distortion_model: found {shortened(lens)}, expected one of {', '.join(_LENSES)}"
+            )
+        fu, fv, pu, pv = as_array(required(entry, "intrinsics"), (4,), "intrinsics").tolist()
+        count = 0 if lens == "none" else 4
+        given = entry.get("distortion_coeffs", []) if lens == "none" else None
+        if given is None:
+            given = required(entry, "distortion_coeffs")
+        coefficients = as_array(given, (count,), "distortion_coeffs")
+        size = as_array(required(entry, "resolution"), (2,), "resolution")
+        width, height = (as_count(n, "resolution") for n in size.tolist())
+        distortion = Distortion(_LENSES[lens], tuple(coefficients))
+    K = [[fu, 0.0, pu], [0.0, fv, pv], [0.0, 0.0, 1.0]]
+    return Camera(
+        name, (width, height), K, distortion, pose[:3, :3], pose[:3, 3], status="calibrated"
+    )

@@ -1,0 +1,118 @@
+"""MyPTV's camera files, one a camera: name, position, angles, focal length, centre, correction.
+
+Read only; a folder of them is a rig. With ``M = Rx(tx) Ry(ty) Rz(tz)`` of the angles theta, the
+ray of pixel (eta, zeta), column and row with centres at integers, is::
+
+    O + s ([eta - w/2 - xh, zeta - h/2 - yh, f] + E Z) @ M
+    Z = [eta, zeta, eta^2, zeta^2, eta zeta, eta^3, eta^2 zeta, eta zeta^2, zeta^3]
+
+E is 3 x 5 or 3 x 9. Without the correction (E = 0) that is a pinhole, ``x_cam = M (X - O)``; with
+it the camera becomes a table of rays. The files hold no image size w, h; lengths are in mm.
+Source: ``myptv/imaging_mod.py`` at https://github.com/ronshnapp/MyPTV.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs._text import read_text
+from rigs.camera import Camera
+from rigs.formats._image_size import required_size
+from rigs.formats._values import as_number, errors_of, errors_of_file, numbers_of_line, read_head
+from rigs.rig import Rig
+
+LENGTH_UNIT = "mm"
+_COUNTS = (3, 3, 1, 2)  # of numbers in the lines after the name
+_TERMS = (5, 9)
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Say whether a file, or one in a folder, has the lines of a camera."""
+    if path.is_dir():
+        return bool(_files_of(path))
+    lines = head.strip("\n").split("\n")
+    if len(lines) != 8 or not lines[0].strip():
+        return False
+    counts = [_count_of_numbers(line) for line in lines[1:]]
+    return tuple(counts[:4]) == _COUNTS and counts[4] in _TERMS and len(set(counts[4:])) == 1
+
+
+def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
+    """Return the rig of a camera's file, or of a folder of them.
+
+    Raises
+    ------
+    ValueError
+        In one line: the file, the camera, the field, what was found, what was expected.
+    """
+    path = Path(path)
+    files = _files_of(path) if path.is_dir() else [path]
+    if not files:
+        raise ValueError(f"{path}: found no camera files, expected MyPTV's")
+    cameras = []
+    for file in files:
+        with errors_of_file(file):
+            cameras.append(_camera(read_text(file), image_size))
+    with errors_of_file(path):
+        return Rig(tuple(cameras), LENGTH_UNIT, f"as in {path.name}")
+
+
+def _files_of(folder: Path) -> list[Path]:
+    """Return the files of a folder that are cameras."""
+    files = [file for file in sorted(folder.iterdir()) if file.is_file()]
+    return [
+        file for file in files if file.suffix in ("", ".txt") and looks_like(file, read_head(file))
+    ]
+
+
+def _count_of_numbers(line: str) -> int:
+    """Return how many numbers a line is made of, or -1."""
+    try:
+        return len([float(word) for word in line.split()])
+    except ValueError:
+        return -1
+
+
+def _camera(text: str, image_size: tuple[int, int] | None) -> Camera:
+    """Return the camera of a file."""
+    name, *lines = text.strip("\n").split("\n")
+    name = name.strip()
+    with errors_of(f"camera {name}"):
+        if len(lines) != 7:
+            raise ValueError(f"found {1 + len(lines)} lines, expected 8")
+        words = [line.split() for line in lines]
+        position = np.array(numbers_of_line(words[0], ("O_x", "O_y", "O_z")))
+        angles = numbers_of_line(words[1], ("theta_x", "theta_y", "theta_z"))
+        focal = as_number(" ".join(words[2]), "f")
+        xh, yh = numbers_of_line(words[3], ("xh", "yh"))
+        terms = len(words[4])
+        if terms not in _TERMS:
+            raise ValueError(f"E: found {terms} terms, expected {' or '.join(map(str, _TERMS))}")
+        names = [f"E{i}" for i in range(terms)]
+        correction = np.array([numbers_of_line(row, names) for row in words[4:]])  # (3, terms)
+        if focal == 0:
+            raise ValueError("f: found 0, expected a focal length in pixels")
+        width, height = required_size(image_size, "MyPTV")
+        if correction.any():
+            raise ValueError("E: found a correction, which no camera model here has")
+        # f < 0 turns the image half round; what is in front has a positive third coordinate
+        sign = np.sign(focal)
+        R = np.diag([sign, sign, 1.0]) @ _turn(*angles)
+        K = [
+            [abs(focal), 0.0, width / 2 + xh],
+            [0.0, abs(focal), height / 2 + yh],
+            [0.0, 0.0, 1.0],
+        ]
+    return Camera(name, (width, height), K, R=R, t=-R @ position, status="calibrated")
+
+
+def _turn(tx: float, ty: float, tz: float) -> NDArray[np.float64]:
+    """Return the rotation ``(3, 3)`` of the angles, in radians."""
+    (sx, sy, sz), (cx, cy, cz) = np.sin([tx, ty, tz]), np.cos([tx, ty, tz])
+    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+    return about_x @ about_y @ about_z
