@@ -11,7 +11,9 @@ from rigs.calibrate._projection import Lens
 from rigs.calibrate._robust import adjust_robustly, noise
 from rigs.calibrate.bundle import Freedom, Scene, Sightings, Solution, jacobian
 
-_STANDARD_ERRORS = 2.0  # by which the gain of the frames left out must stand out
+# By how many standard errors the gain must stand out. A needless term of the polynomials costs
+# less than one that is missing; the rational model's poles are another matter.
+_STANDARD_ERRORS = {"none": 0.0, "radial": 0.0, "brown4": 0.0, "brown5": 0.0, "rational": 2.0}
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,6 @@ TERMS: dict[str, Terms] = {
     )
 }
 _DETERMINED = 1e-8  # least eigenvalue of a lens's normal equations, scaled to a unit diagonal
-_LADDER = ("none", "radial", "brown4", "brown5", "rational")
 
 
 def choose(
@@ -60,8 +61,8 @@ def choose(
     """Return the terms of one camera's lens that pay, and the adjustment with them.
 
     The gain is judged frame by frame: each frame's cost is predicted with the lens adjusted to
-    all the other frames, to second order, and a richer model must lower the mean by twice its
-    standard error. A model that maps no direction to a corner of the image is not taken.
+    all the other frames, to second order, and a richer model must lower the mean. A model that
+    maps no direction to a corner of the image is not taken.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def choose(
     if asked != "auto":
         return TERMS[asked], _fit(start, sightings, TERMS[asked])
     best, best_score = None, None
-    for name in _LADDER:
+    for name, standard_errors in _STANDARD_ERRORS.items():
         terms = TERMS[name]
         if 2 * len(sightings) <= 6 * len(np.unique(sightings.frame)) + len(terms.freedom()):
             break
@@ -91,7 +92,7 @@ def choose(
             continue
         gain = best_score - score
         error = gain.std(ddof=1) / np.sqrt(len(gain)) if len(gain) > 1 else np.inf
-        pays = gain.mean() > _STANDARD_ERRORS * error
+        pays = gain.mean() > standard_errors * error
         if pays and covers_image(solution.scene.lenses[0], image_size):
             best, best_score = (terms, solution), score
     return best
@@ -114,8 +115,8 @@ def held_out_costs(solution: Solution, sightings: Sightings, terms: Terms) -> ND
 
     With S_f and g_f the normal equations and gradient that frame f gives the lens, its own pose
     eliminated, leaving it out moves the lens by ``d = -(S - S_f)^-1 g_f``, where the gradient of
-    all is zero; its cost then is ``cost_f - g_f d + d S_f d / 2``. Infinite where the terms are not
-    determined, or the adjustment has not arrived.
+    all is zero; its cost then is ``cost_f - g_f d + d S_f d / 2``. Infinite where the terms are
+    not determined, or the adjustment has not arrived.
     """
     free = np.r_[np.zeros(6, bool), terms.freedom()]
     uv, by_camera, by_target = jacobian(solution.scene, sightings, 0, slice(0, len(sightings)))

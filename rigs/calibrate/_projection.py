@@ -133,7 +133,7 @@ def _fisheye(
     # d angle / d point, and d unit / d (x, y) = (I - unit unit^T) / across
     length2 = across**2 + z**2
     by_angle = np.stack([z * unit[:, 0], z * unit[:, 1], -across], -1) / length2[:, None]
-    gain = np.where(on_axis, 1 / z, radius / safe)
+    gain = np.where(on_axis, 1.0 / np.where(on_axis, z, 1.0), radius / safe)
     by_point = slope[:, None, None] * unit[:, :, None] * by_angle[:, None, :]
     by_point[:, :, :2] += gain[:, None, None] * (np.eye(2) - unit[:, :, None] * unit[:, None, :])
     by_coefficients = unit[:, :, None] * (angle[:, None] * powers[:, 1:])[:, None, :]

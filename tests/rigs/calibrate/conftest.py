@@ -1,0 +1,102 @@
+"""Simulated sightings: known cameras, a flat target in known places, noise of known size."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rigs import Camera, Distortion, Rig, arc, ring
+from rigs.calibrate import Observations
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """True cameras, in the world of the first, and where the target truly was."""
+
+    rig: Rig
+    points: np.ndarray
+    target_R: np.ndarray  # noqa: N815 (the field's symbol)
+    target_t: np.ndarray
+
+    def observe(self, noise, seed, facing=0.5, partial=True, least=4):
+        """Return the noisy sightings of all points that face a camera and fall into its image."""
+        rng = np.random.default_rng(seed)
+        rows, pixels = [], []
+        for f, (R, t) in enumerate(zip(self.target_R, self.target_t, strict=True)):
+            places = self.points @ R.T + t
+            for c, camera in enumerate(self.rig):
+                sight = places.mean(axis=0) - camera.position
+                uv, _, valid = camera.project(places)
+                valid &= camera.inside(np.where(valid[:, None], uv, -9))
+                seen = np.flatnonzero(valid)
+                turned_away = R[:, 2] @ sight < facing * np.linalg.norm(sight)
+                if turned_away or len(seen) < least or not (partial or valid.all()):
+                    continue
+                rows += [(c, f, point) for point in seen]
+                pixels.append(uv[seen] + noise * rng.standard_normal((len(seen), 2)))
+        camera, frame, point = np.transpose(rows)
+        return Observations(
+            self.points,
+            self.rig.names,
+            tuple(camera.image_size for camera in self.rig),
+            tuple(f"{f:03d}" for f in range(len(self.target_t))),
+            camera,
+            frame,
+            point,
+            np.concatenate(pixels),
+        )
+
+
+def board(columns=8, rows=6, square=14.0):
+    """Return the inner corners of a chessboard."""
+    grid = np.mgrid[:rows, :columns].reshape(2, -1).T
+    return np.c_[grid[:, ::-1] * square, np.zeros(len(grid))]
+
+
+def simulate(kind="arc", cameras=4, frames=14, seed=0, points=None, tilt=32, spread=25.0):
+    """Return a rig with lenses of its own round a volume of 50, and target poses in it."""
+    rng = np.random.default_rng(seed)
+    options = {"image_size": (640, 480), "footprint": 0.32}
+    if kind == "arc":
+        rig, turns = arc(cameras, 100, 800, **options), rng.uniform(-50, 50, frames)
+    else:
+        rig = ring(cameras, None, 800, **options)
+        turns = np.arange(frames) * 360 / frames + rng.uniform(-10, 10, frames)
+    bent = []
+    for camera in rig:
+        K = camera.camera_matrix.copy()
+        K[0, 0] *= 1 + 0.02 * rng.standard_normal()
+        K[1, 1] = K[0, 0] * (1 + 0.002 * rng.standard_normal())
+        K[:2, 2] += rng.normal(0, 6, 2)
+        lens = np.array([-0.15, 0.1, 0.001, -0.0007]) * (1 + 0.2 * rng.standard_normal(4))
+        bent.append(Camera(camera.name, camera.image_size, K, Distortion("brown", lens),
+                           camera.R, camera.t))  # fmt: skip
+    points = board() if points is None else points
+    angles = np.c_[turns, rng.uniform(-tilt, tilt, frames), rng.uniform(-30, 30, frames)]
+    angles[:, 0] += rng.uniform(-tilt, tilt, frames) / 2
+    facing = Rotation.from_euler("x", 180, degrees=True)
+    R = (Rotation.from_euler("YXZ", angles, degrees=True) * facing).as_matrix()
+    t = rng.uniform(-spread, spread, (frames, 3)) - R @ points.mean(axis=0)
+    first = bent[0]
+    world = replace(rig, cameras=tuple(bent)).transformed(first.R, first.t)
+    return Simulated(world, points, first.R @ R, t @ first.R.T + first.t)
+
+
+def volume_points(simulated, half=25.0, count=5):
+    """Return points of a cube about the middle of the volume, in the simulated world."""
+    axis = np.linspace(-half, half, count)
+    cube = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
+    return cube + np.array([0, 0, 800.0])
+
+
+@pytest.fixture(scope="session")
+def simulated_rig():
+    """Return `simulate`."""
+    return simulate
+
+
+@pytest.fixture(scope="session")
+def judged_volume():
+    """Return `volume_points`."""
+    return volume_points
