@@ -117,6 +117,7 @@ def _scene_page(calibration: Calibration, grid: VoxelGrid | None) -> str:
         write_html(
             page,
             calibration_scene(calibration, grid),
+            title="Layers",
             up=up_of(calibration.rig),
             grid=grid,
             leave_out=("stems", "field of view", "arrows", "arrow names"),
