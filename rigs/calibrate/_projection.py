@@ -104,6 +104,8 @@ def _perspective(
     """Return the image plane's coordinates and derivatives of OpenCV's perspective lens."""
     import cv2
 
+    if not len(points):
+        return np.zeros((0, 2)), np.zeros((0, 2, 3)), np.zeros((0, 2, len(coefficients)))
     full = coefficients if len(coefficients) else np.zeros(4)
     ahead = points[:, 2] > _NEAREST
     safe = np.where(ahead[:, None], points, [0.0, 0.0, 1.0])

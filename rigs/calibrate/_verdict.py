@@ -9,8 +9,11 @@ from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality import Quality
 
 _MANY_IMAGES = 0.2  # of a camera's images left out: the camera is to blame
-_HIGH_RMS = 2.0  # times the usual, of a camera
-_HIGH_IMAGE = 2.5  # of an image
+_CAMERA_AGAINST = 2.0  # standard deviations, of a camera's contradiction
+_MORE_THAN_OTHERS = 1.4  # times theirs, to be blamed alone
+_FRAME_AGAINST = 2.5  # of a frame's contradiction
+_LENS_AGAINST = 4.0  # of a given lens's misfit
+_HIGH_RMS = 2.0  # times the usual, of a camera by itself
 _HIGH_FRAME = 3.0  # of a frame
 _HIGH_CROSS = 2.0  # times what is expected
 _LITTLE_COVERAGE = 0.5
@@ -27,7 +30,8 @@ def findings(
     """Return what is wrong, the gravest first: a line each, nothing when all is well."""
     return (
         *_left_out(quality, observations, used),
-        *_high_residuals(quality, observations, given_lenses),
+        *_contradictions(quality, observations, used),
+        *_bad_images(quality, observations, given_lenses),
         *_unmodelled(quality),
         *_thin_data(quality, observations),
     )
@@ -110,41 +114,63 @@ def _left_out(quality: Quality, observations: Observations, used: NDArray[np.boo
     return lines
 
 
-def _high_residuals(quality: Quality, observations: Observations, given_lenses: bool) -> list[str]:
-    """Return lines on cameras, images and frames whose residuals stand out."""
+def _contradictions(
+    quality: Quality, observations: Observations, used: NDArray[np.bool_]
+) -> list[str]:
+    """Return lines on cameras, frames and images that were used but contradict the others."""
+    kept = np.zeros(quality.contradiction.shape, bool)
+    kept[observations.camera[used], observations.frame[used]] = True
+    against = np.where(kept, quality.contradiction, np.nan)
+    cameras, frames = (np.sqrt(_mean(against**2, axis)) for axis in (1, 0))
+    if len(cameras) < 2:
+        return []
     lines = []
-    alone = np.where(np.isfinite(quality.alone_rms), quality.alone_rms, np.nan)
-    seen = np.isfinite(quality.image_rms) & np.isfinite(alone)
-    by_itself = np.array([_rms(row[on]) for row, on in zip(alone, seen, strict=True)])
-    together = quality.camera_rms
-    blamed = set()
-    for camera, name in enumerate(observations.cameras):
-        others = np.delete(together, camera)
-        usual = float(np.median(others)) if len(others) else np.inf
-        if together[camera] > _HIGH_RMS * usual and together[camera] == np.nanmax(together):
-            blamed.add(camera)
-            if together[camera] > _HIGH_RMS * by_itself[camera]:
-                cause = "though it agrees with itself: it moved, or is out of step"
-            elif given_lenses:
-                cause = "even by itself: its given lens does not fit"
-            else:
-                cause = "even by itself: blur, a bent target or a lens beyond the model"
+    worst = int(np.argmax(cameras))
+    others = float(np.median(np.delete(cameras, worst)))
+    name = observations.cameras[worst]
+    if cameras[worst] > _CAMERA_AGAINST:
+        rms = f"residuals {quality.camera_rms[worst]:.2g} px, {_rms(quality.alone_rms[worst]):.2g}"
+        if cameras[worst] > _MORE_THAN_OTHERS * others and len(cameras) > 2:
             lines.append(
-                f"camera {name}: residuals {together[camera]:.2g} px where others have "
-                f"{usual:.2g} px, {cause}"
+                f"camera {name}: contradicts the others ({rms} by itself, {cameras[worst]:.2g} "
+                f"standard deviations where {others:.2g} is usual): it moved, is out of step, or "
+                "its lens is wrong"
             )
-    contradicting = [
-        camera
-        for camera in range(len(together))
-        if camera not in blamed and together[camera] > _HIGH_RMS * by_itself[camera]
-    ]
-    if contradicting and not blamed:
-        worst = max(contradicting, key=lambda camera: together[camera] / by_itself[camera])
+        else:
+            lines.append(
+                f"cameras contradict each other, {name} most ({rms} by itself, "
+                f"{cameras[worst]:.2g} standard deviations): one moved or is out of step, or the "
+                "target is bent"
+            )
+    usual = float(np.nanmedian(frames))
+    for frame in np.flatnonzero(frames > np.fmax(_FRAME_AGAINST, 3 * usual)):
+        most = int(np.nanargmax(against[:, frame]))
         lines.append(
-            f"camera {observations.cameras[worst]}: residuals {together[worst]:.2g} px, "
-            f"{by_itself[worst]:.2g} px by itself: cameras contradict each other, this one most"
+            f"frame {observations.frames[frame]}: cameras contradict each other on where the "
+            f"target is ({frames[frame]:.2g} standard deviations where {usual:.2g} is usual), "
+            f"{observations.cameras[most]} most: it or the target moved"
         )
-    lines += _high_images(quality, observations, alone, blamed)
+    return lines
+
+
+def _bad_images(quality: Quality, observations: Observations, given_lenses: bool) -> list[str]:
+    """Return lines on cameras and frames that are noisy or bent even by themselves."""
+    lines = []
+    cameras = np.array([_rms(row) for row in quality.alone_rms])
+    for camera, name in enumerate(observations.cameras):
+        others = np.delete(cameras, camera)
+        usual = float(np.median(others)) if len(others) else np.inf
+        if cameras[camera] > _HIGH_RMS * usual and cameras[camera] == cameras.max():
+            cause = "its given lens does not fit" if given_lenses else "blur, or its lens model"
+            lines.append(
+                f"camera {name}: residuals {cameras[camera]:.2g} px by itself where others have "
+                f"{usual:.2g} px: {cause}"
+            )
+        if quality.lens_misfit[camera] > _LENS_AGAINST:
+            lines.append(
+                f"camera {name}: its given lens does not fit what it saw "
+                f"({quality.lens_misfit[camera]:.2g} standard deviations)"
+            )
     usual = float(np.nanmedian(quality.frame_rms))
     for frame in np.flatnonzero(quality.frame_rms > _HIGH_FRAME * usual):
         worst = int(np.nanargmax(quality.image_rms[:, frame]))
@@ -155,31 +181,17 @@ def _high_residuals(quality: Quality, observations: Observations, given_lenses: 
     return lines
 
 
-def _high_images(
-    quality: Quality, observations: Observations, alone: NDArray, blamed: set[int]
-) -> list[str]:
-    """Return a line for each camera with images that were kept but contradict the others."""
-    lines = []
-    for camera, name in enumerate(observations.cameras):
-        usual = np.nanmedian(quality.image_rms[camera])
-        limit = _HIGH_IMAGE * np.fmax(alone[camera], usual)
-        kept = np.isfinite(quality.frame_rms) & (quality.image_rms[camera] < 5 * usual)
-        high = np.flatnonzero(kept & (quality.image_rms[camera] > limit))
-        if len(high) and camera not in blamed:
-            named = ", ".join(observations.frames[frame] for frame in high[:5])
-            more = "" if len(high) <= 5 else f" and {len(high) - 5} more"
-            worst = high[np.argmax(quality.image_rms[camera, high])]
-            lines.append(
-                f"camera {name}: residuals up to {quality.image_rms[camera, worst]:.2g} px in "
-                f"frames {named}{more}, {alone[camera, worst]:.2g} px by itself: it or the "
-                "target moved"
-            )
-    return lines
-
-
 def _rms(values: NDArray) -> float:
-    """Return the root mean square; infinity of nothing."""
-    return float(np.sqrt(np.mean(values**2))) if len(values) else np.inf
+    """Return the root mean square of what is finite; 0 of nothing."""
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def _mean(values: NDArray, axis: int) -> NDArray[np.float64]:
+    """Return the mean of what is finite along ``axis``; 0 of nothing."""
+    finite = np.isfinite(values)
+    total = np.where(finite, values, 0.0).sum(axis=axis)
+    return total / np.maximum(finite.sum(axis=axis), 1)
 
 
 def _unmodelled(quality: Quality) -> list[str]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.calibrate._covariance import labels
 from rigs.calibrate._culling import adjust_and_cull
 from rigs.calibrate._duplicates import without_repeats
 from rigs.calibrate._lens_choice import TERMS, Terms
@@ -18,7 +19,7 @@ from rigs.calibrate._world import placed
 from rigs.calibrate.bundle import Freedom, Scene, Sightings, ordered, predicted
 from rigs.calibrate.initial import View, lens_alone, rig_poses, view_with
 from rigs.calibrate.observations import Observations
-from rigs.calibrate.quality import Quality, labels, measure
+from rigs.calibrate.quality import Quality, measure
 from rigs.camera import Camera
 from rigs.rig import Rig, Volume
 
@@ -172,8 +173,9 @@ def calibrate(
     sightings = replace(sightings, points=sightings.points * (scale * size))
     rig = Rig(_cameras(observations, scene, intrinsics), length_unit, words, volume)
     say("quality")
-    alone = np.stack([view.rms[:, 0] for view in views])
-    quality, noise, covariance = measure(rig, scene, sightings, kept.used, freedom, alone, volume)
+    quality, noise, covariance = measure(
+        rig, scene, sightings, kept.used, freedom, volume, intrinsics is not None
+    )
     _refuse_unknown_lenses(quality, names)
     residuals = np.full((len(observations), 2), np.nan)
     residuals[order] = sightings.uv - predicted(scene, sightings)

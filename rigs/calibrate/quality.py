@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.calibrate._covariance import covariance_of, focal_errors, lens_misfit
 from rigs.calibrate._ray_miss import predicted_squares, ray_miss, views
-from rigs.calibrate.bundle import Freedom, Scene, Sightings, adjust, information, predicted
-from rigs.calibrate.initial import image_rows
+from rigs.calibrate._region import judged_points
+from rigs.calibrate.bundle import Freedom, Scene, Sightings, adjust, predicted
 from rigs.rig import Rig, Volume
 
-__all__ = ["Quality", "covariance_of", "judged_points", "measure", "ray_miss"]
+__all__ = ["Quality", "measure", "ray_miss"]
 
-_GRID = 9  # points a side of the box that is judged
 _COVERAGE_CELLS = 8  # along each side of an image
-_SINGULAR = 1e-13  # least eigenvalue of the normal equations, scaled to a unit diagonal
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +43,11 @@ class Quality:
     image_rms : (cameras, frames) float64
         RMS length of the residuals of each image, left out or not, in pixels; NaN where none.
     alone_rms : (cameras, frames) float64
-        The same when the target may stand as suits each camera alone; infinite where unknown.
+        The same when the target may stand as suits each camera alone.
+    contradiction : (cameras, frames) float64
+        How much an image loses by agreeing with the others on where the target is, in standard
+        deviations: ``sqrt((sum of squares - that alone) / 6) / noise alone``. About 1 when all
+        is well, however noisy; NaN where there is no pose.
     camera_rms : (cameras,) float64
         Of the sightings used.
     frame_rms : (frames,) float64
@@ -55,6 +58,9 @@ class Quality:
         Nearest and farthest point seen, along the optical axis.
     focal_error : (cameras,) float64
         Standard deviation of the focal length relative to it; 0 where it was given.
+    lens_misfit : (cameras,) float64
+        By how many standard deviations a given lens does not fit; about 1 when it does, 0 where
+        the lens was not given.
     """
 
     points: NDArray[np.float64]
@@ -66,11 +72,13 @@ class Quality:
     footprint: NDArray[np.float64]
     image_rms: NDArray[np.float64]
     alone_rms: NDArray[np.float64]
+    contradiction: NDArray[np.float64]
     camera_rms: NDArray[np.float64]
     frame_rms: NDArray[np.float64]
     image_coverage: NDArray[np.float64]
     depth_range: NDArray[np.float64]
     focal_error: NDArray[np.float64]
+    lens_misfit: NDArray[np.float64]
 
 
 def measure(
@@ -79,8 +87,8 @@ def measure(
     sightings: Sightings,
     used: NDArray[np.bool_],
     freedom: Freedom,
-    alone_rms: NDArray[np.float64],
     volume: Volume | None,
+    given_lenses: bool,
 ) -> tuple[Quality, float, NDArray[np.float64]]:
     """Return the figures of an adjusted scene, the pixel noise and the covariance.
 
@@ -93,10 +101,10 @@ def measure(
         In order of camera, then frame.
     used : (sightings,) bool
     freedom : Freedom
-    alone_rms : (cameras, frames) float64
-        As in `Quality`.
     volume : Volume, optional
         What is judged; by default where the target was.
+    given_lenses : bool
+        Whether the lenses were held.
 
     Raises
     ------
@@ -113,9 +121,7 @@ def measure(
     cameras, frames = len(rig), len(scene.target_t)
     residuals = sightings.uv - predicted(scene, sightings)
     lengths2 = (residuals**2).sum(axis=1)
-    image_rms = np.full((cameras, frames), np.nan)
-    for camera, frame, rows in image_rows(sightings):
-        image_rms[camera, frame] = np.sqrt(lengths2[rows].mean())
+    image_rms, alone_rms, contradiction = _images(scene, sightings, used)
     coverage, depths = np.zeros(cameras), np.full((cameras, 2), np.nan)
     for camera in range(cameras):
         own = sightings.where(used & (sightings.camera == camera))
@@ -133,105 +139,17 @@ def measure(
         rig.footprint(middle),
         image_rms,
         alone_rms,
+        contradiction,
         _group_rms(lengths2, sightings.camera, used, cameras),
         _group_rms(lengths2, sightings.frame, used, frames),
         coverage,
         depths,
-        _focal_errors(scene, freedom, covariance),
+        focal_errors(scene, freedom, covariance),
+        lens_misfit(scene, sightings.where(used), freedom, noise)
+        if given_lenses
+        else np.zeros(cameras),
     )
     return quality, noise, covariance
-
-
-def covariance_of(
-    rig: Rig, scene: Scene, sightings: Sightings, freedom: Freedom
-) -> tuple[float, NDArray[np.float64]]:
-    """Return the pixel noise and the covariance of the cameras' free parameters ``(P, P)``.
-
-    Raises
-    ------
-    ValueError
-        Naming the camera and the parameter least known, if they are not determined.
-    """
-    matrix, _ = information(scene, sightings, freedom)
-    residuals = sightings.uv - predicted(scene, sightings)
-    unknowns = len(matrix) + 6 * len(np.unique(sightings.frame))
-    if residuals.size <= unknowns:
-        raise ValueError(
-            f"observations: found {residuals.size} coordinates, expected more than the "
-            f"{unknowns} unknowns of cameras and target poses"
-        )
-    variance = float((residuals**2).sum()) / (residuals.size - unknowns)
-    if not len(matrix):
-        return float(np.sqrt(variance)), matrix
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
-    if values[0] < _SINGULAR * values[-1]:
-        weakest = int(np.argmax(np.abs(vectors[:, 0])))
-        camera, name = labels(rig.names, freedom)[weakest]
-        raise ValueError(
-            f"camera {camera}: {name} is not determined by the sightings, expected the target "
-            "tilted in different directions, all over the image, and shared by cameras"
-        )
-    inverse = (vectors / values) @ vectors.T
-    return float(np.sqrt(variance)), variance * inverse * np.outer(scale, scale)
-
-
-def labels(names: tuple[str, ...], freedom: Freedom) -> tuple[tuple[str, str], ...]:
-    """Return camera and name of each free parameter."""
-    found = []
-    for camera, name in enumerate(names):
-        own = ["wx", "wy", "wz", "tx", "ty", "tz", "fx", "fy", "cx", "cy"]
-        own += [f"c{i}" for i in range(len(freedom.lens[camera]) - 4)]
-        free = freedom.columns(camera)
-        found += [(name, label) for label, is_free in zip(own, free, strict=True) if is_free]
-    return tuple(found)
-
-
-def judged_points(
-    rig: Rig, scene: Scene, sightings: Sightings, volume: Volume | None
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return points of the volume that two cameras see, and which cameras see them.
-
-    Without a volume: a grid in the convex hull of all places where the target was seen.
-
-    Returns
-    -------
-    points : (points, 3) float64
-    seen : (cameras, points) bool
-    """
-    if len(rig) < 2:
-        return np.zeros((0, 3)), np.zeros((len(rig), 0), bool)
-    if volume is not None:
-        corners = volume.corners()
-        points = _box_grid(corners.min(axis=0), corners.max(axis=0))
-    else:
-        points = _swept(scene, sightings)
-    seen = views(rig, points)
-    good = seen.sum(axis=0) > 1
-    if volume is not None and not good.any():
-        raise ValueError("volume: found no point of it that two cameras see")
-    return points[good], seen[:, good]
-
-
-def _swept(scene: Scene, sightings: Sightings) -> NDArray[np.float64]:
-    """Return a grid in the convex hull of the target's points, or these where they are flat."""
-    from scipy.spatial import Delaunay, QhullError
-
-    frames = sightings.frame
-    places = np.einsum("nij,nj->ni", scene.target_R[frames], sightings.points)
-    places += scene.target_t[frames]
-    grid = _box_grid(places.min(axis=0), places.max(axis=0))
-    try:
-        inside = Delaunay(places[:: max(1, len(places) // 3000)]).find_simplex(grid) >= 0
-    except QhullError:
-        inside = np.zeros(len(grid), bool)
-    return grid[inside] if inside.any() else places[:: max(1, len(places) // 300)]
-
-
-def _box_grid(lower: NDArray, upper: NDArray) -> NDArray[np.float64]:
-    """Return the points of a grid over a box, its faces included."""
-    axes = [np.linspace(a, b, _GRID) for a, b in zip(lower, upper, strict=True)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def _cross_validated(
@@ -267,6 +185,52 @@ def with_scene(rig: Rig, scene: Scene) -> Rig:
     return replace(rig, cameras=tuple(cameras))
 
 
+def _images(
+    scene: Scene, sightings: Sightings, used: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return each image's RMS, that alone, and its contradiction, all ``(cameras, frames)``.
+
+    Of an image that is used in part the rest is not looked at.
+    """
+    shape = len(scene.lenses), len(scene.target_t)
+    kept = np.zeros(shape, bool)
+    kept[sightings.camera[used], sightings.frame[used]] = True
+    residuals = sightings.uv - predicted(scene, sightings)
+    shown = np.isfinite(residuals).all(axis=1)
+    shown &= used | ~kept[sightings.camera, sightings.frame]
+    sightings, residuals = sightings.where(shown), residuals[shown]
+    images = sightings.camera * shape[1] + sightings.frame
+    alone = adjust(
+        replace(
+            scene,
+            target_R=np.tile(scene.target_R, (shape[0], 1, 1)),
+            target_t=np.tile(scene.target_t, (shape[0], 1)),
+        ),
+        replace(sightings, frame=images),
+        Freedom(
+            tuple(np.zeros(lens.size, bool) for lens in scene.lenses), np.zeros(shape[0], bool)
+        ),
+        iterations=10,
+        tolerance=1e-6,
+    )
+    size = shape[0] * shape[1]
+    number = np.bincount(images, minlength=size).reshape(shape)
+    together, by_itself = (
+        np.bincount(images, (r**2).sum(axis=1), size).reshape(shape)
+        for r in (residuals, alone.residuals)
+    )
+    spare = np.where(kept, 2 * number - 6, 0)
+    variance = by_itself[spare > 0].sum() / max(spare[spare > 0].sum(), 1)
+    seen = np.where(number > 0, 1.0, np.nan)
+    contradiction = np.sqrt(np.maximum(together - by_itself, 0) / 6 / max(variance, 1e-18))
+    number = np.maximum(number, 1)
+    return (
+        seen * np.sqrt(together / number),
+        seen * np.sqrt(by_itself / number),
+        np.where(2 * number > 6, seen, np.nan) * contradiction,
+    )
+
+
 def _coverage(uv: NDArray, image_size: tuple[int, int]) -> float:
     """Return the part of an image's cells that hold some of ``uv``."""
     cells = np.floor((uv + 0.5) / image_size * _COVERAGE_CELLS).astype(int)
@@ -295,16 +259,3 @@ def _group_rms(squares: NDArray, group: NDArray, used: NDArray, count: int) -> N
     number = np.bincount(group[used], minlength=count)
     total = np.bincount(group[used], squares[used], count)
     return np.sqrt(np.where(number > 0, total / np.maximum(number, 1), np.nan))
-
-
-def _focal_errors(scene: Scene, freedom: Freedom, covariance: NDArray) -> NDArray[np.float64]:
-    """Return the larger relative standard deviation of each camera's two focal lengths."""
-    errors = np.zeros(len(scene.lenses))
-    for camera, own in enumerate(freedom.slices):
-        free = freedom.columns(camera)
-        for place in (6, 7):
-            if free[place]:
-                at = own.start + int(free[:place].sum())
-                focal = scene.lenses[camera].matrix[place - 6, place - 6]
-                errors[camera] = max(errors[camera], np.sqrt(covariance[at, at]) / focal)
-    return errors
