@@ -145,7 +145,7 @@ def _unseen(check: RigCheck) -> Iterator[Finding]:
         yield Finding(
             level if share >= 0.01 else "warning",
             f"{words} sees {share:.1%} of the volume, {_where(check, poor)}",
-            guilty if few or len(guilty) < len(check.coverage.rig) else (),
+            guilty if len(guilty) < len(check.coverage.rig) else (),
         )
     if len(check.coverage.rig) == 1:
         yield Finding("fault", "a single view tells no depth: expected at least two cameras")

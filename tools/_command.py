@@ -68,6 +68,11 @@ def print_json(result: dict) -> None:
     sys.stdout.write(json.dumps(result, indent=2) + "\n")
 
 
+def finite_or_none(value: float) -> float | None:
+    """Return a figure as JSON holds it: None for what is no finite number."""
+    return value if math.isfinite(value) else None
+
+
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[int, int, str], None]]:
     """Show a bar on stderr; call what is yielded with done, total and a word on where it is."""

@@ -1,11 +1,15 @@
-"""What the commands that draw share: which files they can write."""
+"""What the commands that draw share: which rigs they take, and which files they can write."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from _command import check_output_folder
+from _command import check_output_folder, load_rig_or_preset
+
+if TYPE_CHECKING:
+    from rigs import Rig
 
 SUFFIXES = (".png", ".html", ".glb")
 
@@ -20,3 +24,17 @@ def check_outputs(paths: Iterable[Path]) -> None:
         if path.is_dir():
             raise IsADirectoryError(f"{path}: is a folder, expected a file to write")
         check_output_folder(path.parent)
+
+
+def load_any_rig(text: str) -> Rig:
+    """Return the rig of a file, a preset, a scan folder or a transforms.json."""
+    path = Path(text)
+    if path.is_dir():
+        path = (
+            path / "transforms.json" if (path / "transforms.json").exists() else path / "rig.yaml"
+        )
+    if path.suffix.lower() == ".json":
+        from rigs.formats.transforms import load_transforms
+
+        return load_transforms(path)[0]
+    return load_rig_or_preset(text if path == Path(text) else str(path))

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from _command import bad_input_in_one_line, load_rig_or_preset, parse_grid, print_json
-from _picture import check_outputs
+from _command import bad_input_in_one_line, console, finite_or_none, parse_grid, print_json
+from _picture import check_outputs, load_any_rig
 
 if TYPE_CHECKING:
     from rigs import Rig
+    from rigs.compare import RigDifference
+    from tomo.grid import VoxelGrid
+    from tomo.view.scene import Scene
 
 app = typer.Typer(add_completion=False)
 
@@ -33,72 +37,204 @@ def visualize_rig(
         str | None, typer.Option(help="A voxel's edge lengths: 0.5 or 0.5,0.5,1.")
     ] = None,
     center: Annotated[str | None, typer.Option(help="The middle of the grid: x,y,z.")] = None,
+    images: Annotated[
+        Path | None,
+        typer.Option(help="A scan, or a folder <camera>/<frame>.*: pictures for .html and .glb."),
+    ] = None,
+    frame: Annotated[
+        str | None, typer.Option(help="Which moment of the images; the first if absent.")
+    ] = None,
+    compare: Annotated[
+        str | None, typer.Option(help="Another rig of the same cameras, drawn and tabled beside.")
+    ] = None,
+    align: Annotated[
+        bool, typer.Option(help="Lay the other rig over the first by the best rigid motion.")
+    ] = True,
+    coverage: Annotated[
+        bool, typer.Option(help="In .html: maps of views, angular gap and pixel size.")
+    ] = True,
     title: Annotated[str | None, typer.Option(help="Stands above the picture.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Draw a rig's cameras, where they look, and the volume they look at."""
     with bad_input_in_one_line():
         check_outputs(out)
-        from tomo.view.rig_scene import grid_of, rig_scene, up_of
-
         loaded = _load(rig)
-        if not len(loaded):
-            raise ValueError(f"{rig}: cameras: found none, expected at least one to draw")
-        data = None
-        if volume is not None:
-            if grid or spacing or center:
-                raise ValueError("--volume: has a grid of its own, expected no --grid beside it")
-            data, voxels = _read(volume, loaded)
-        elif grid or spacing or center:
-            voxels = parse_grid(grid, spacing, center, default=grid_of(loaded))
-        else:
-            voxels = grid_of(loaded)
+        data, voxels = _volume(loaded, volume, grid, spacing, center)
         heading = title if title is not None else Path(rig).stem
-        scene = None
+        difference = _difference(loaded, compare, voxels, align)
+        beside = _beside(loaded, voxels, difference)
+        pictures = _pictures(loaded, images, frame)
         for path in out:
-            if path.suffix.lower() == ".png":
+            suffix = path.suffix.lower()
+            if suffix == ".png":
                 from tomo.view import write_rig
 
-                write_rig(path, loaded, grid=voxels, volume=data, title=heading)
+                write_rig(path, loaded, grid=voxels, volume=data, title=heading, beside=beside)
                 continue
-            scene = scene or rig_scene(loaded, voxels, data)
-            if path.suffix.lower() == ".html":
-                from tomo.view import write_html
-
-                up = up_of(loaded)
-                write_html(path, scene, title=heading, up=up, grid=voxels, volume=data)
-            else:
+            scene = _scene(loaded, voxels, data, pictures) + beside
+            if suffix == ".glb":
                 from tomo.view import write_glb
 
                 write_glb(path, scene)
+                continue
+            tables = []
+            if difference is not None:
+                from tomo.view.rig_page import difference_table
+
+                names = Path(rig).stem, Path(compare).stem
+                tables.append(difference_table(difference, loaded.length_unit, *names))
+            _write_page(path, loaded, voxels, data, scene, pictures, tables, coverage, heading)
+    if difference is not None:
+        console.print(
+            f"ray-miss between both rigs: {difference.ray_miss:.4g} {loaded.length_unit}; "
+            f"turned by {difference.turn:.4g} degrees, moved by {difference.shift:.4g} "
+            f"{loaded.length_unit} to lie over each other",
+            markup=False,
+            highlight=False,
+            soft_wrap=True,
+        )
     if json:
-        print_json({"files": [str(path) for path in out], "cameras": list(loaded.names)})
+        told = {"files": [str(path) for path in out], "cameras": list(loaded.names)}
+        if difference is not None:
+            told["difference"] = _plain(difference)
+        print_json(told)
 
 
 def _load(text: str) -> Rig:
-    """Return the rig of a file, a preset, a scan folder or a transforms.json."""
-    path = Path(text)
-    if path.is_dir():
-        path = (
-            path / "transforms.json" if (path / "transforms.json").exists() else path / "rig.yaml"
-        )
-    if path.suffix.lower() == ".json":
-        from rigs.formats.transforms import load_transforms
-
-        return load_transforms(path)[0]
-    return load_rig_or_preset(text if path == Path(text) else str(path))
+    """Return a rig with at least one camera."""
+    loaded = load_any_rig(text)
+    if not len(loaded):
+        raise ValueError(f"{text}: cameras: found none, expected at least one to draw")
+    return loaded
 
 
-def _read(path: Path, rig: Rig) -> tuple:
-    """Return data and grid of a volume that counts in the rig's unit."""
+def _volume(
+    rig: Rig, volume: Path | None, grid: str | None, spacing: str | None, center: str | None
+) -> tuple:
+    """Return a volume's data, None without one, and the grid to draw, None without one."""
+    from tomo.grid import grid_of_rig
+
+    if volume is None:
+        default = grid_of_rig(rig)
+        asked = grid or spacing or center
+        return None, parse_grid(grid, spacing, center, default=default) if asked else default
+    if grid or spacing or center:
+        raise ValueError("--volume: has a grid of its own, expected no --grid beside it")
     from tomo.io import read_volume
 
-    data, grid, unit = read_volume(path)
+    data, voxels, unit = read_volume(volume)
     if unit != rig.length_unit:
         raise ValueError(
-            f"{path}: length_unit: found {unit!r}, expected {rig.length_unit!r}, the rig's"
+            f"{volume}: length_unit: found {unit!r}, expected {rig.length_unit!r}, the rig's"
         )
-    return data, grid
+    return data, voxels
+
+
+def _difference(
+    rig: Rig, compare: str | None, voxels: VoxelGrid | None, align: bool
+) -> RigDifference | None:
+    """Return how the other rig differs; None where there is none."""
+    if compare is None:
+        return None
+    from rigs import compare_rigs
+    from tomo.view.coverage_maps import coverage_grid
+    from tomo.view.rig_scene import Target
+
+    if voxels is not None:
+        points = coverage_grid(voxels, 500).centers().reshape(-1, 3)
+    else:
+        points = Target.of(rig, None).center[None]
+    try:
+        return compare_rigs(rig, _load(compare), points, align=align)
+    except ValueError as error:
+        raise ValueError(f"--compare {compare}: {error}") from None
+
+
+def _beside(rig: Rig, voxels: VoxelGrid | None, difference: RigDifference | None) -> Scene:
+    """Return what is drawn beside the cameras: targets as they were held, the other rig."""
+    from tomo.view.rig_page import other_rig_scene, target_scene
+
+    scene = target_scene(rig)
+    return scene if difference is None else scene + other_rig_scene(rig, difference, voxels)
+
+
+def _pictures(rig: Rig, images: Path | None, frame: str | None) -> dict:
+    """Return thumbnails by camera; none without images."""
+    if images is None:
+        if frame is not None:
+            raise ValueError("--frame: expected --images beside it")
+        return {}
+    from tomo.view.thumbnails import load_thumbnails
+
+    return load_thumbnails(rig, images, frame)
+
+
+def _scene(rig: Rig, voxels: VoxelGrid | None, data: object, pictures: dict) -> Scene:
+    """Return the rig's scene with what its cameras saw."""
+    from tomo.view.rig_scene import Target, rig_scene
+    from tomo.view.thumbnails import image_scene
+
+    scene = rig_scene(rig, voxels, data)
+    return scene + image_scene(rig, Target.of(rig, voxels), pictures)
+
+
+def _write_page(
+    path: Path,
+    rig: Rig,
+    voxels: VoxelGrid | None,
+    data: object,
+    scene: Scene,
+    pictures: dict,
+    tables: list,
+    coverage: bool,
+    heading: str,
+) -> None:
+    from tomo.view import write_html
+    from tomo.view.camera_view import camera_views
+    from tomo.view.rig_scene import up_of
+
+    if coverage and voxels is not None:
+        from tomo.view.coverage_maps import coverage_maps, coverage_scene
+        from tomo.view.rig_page import check_on_grid, check_table
+
+        check, coarse = check_on_grid(rig, voxels)
+        maps = coverage_maps(check.coverage, coarse, check.voxel)
+        scene += coverage_scene(maps, coarse, rig.length_unit)
+        tables = [*tables, check_table(check)]
+    write_html(
+        path,
+        scene,
+        title=heading,
+        up=up_of(rig),
+        grid=voxels,
+        volume=data,
+        views=camera_views(rig, voxels, pictures),
+        tables=tables,
+        shown=["images"] if pictures else [],
+    )
+
+
+def _plain(difference: RigDifference) -> dict:
+    """Return a difference as plain data; None where a figure is not known."""
+    return {
+        "R": difference.R.tolist(),
+        "t": difference.t.tolist(),
+        "turn_degrees": difference.turn,
+        "shift": difference.shift,
+        "scale": finite_or_none(difference.scale),
+        "ray_miss": finite_or_none(difference.ray_miss),
+        "only_first": list(difference.only_first),
+        "only_second": list(difference.only_second),
+        "cameras": {
+            camera.name: {
+                name: finite_or_none(value)
+                for name, value in asdict(camera).items()
+                if name != "name"
+            }
+            for camera in difference.cameras
+        },
+    }
 
 
 if __name__ == "__main__":

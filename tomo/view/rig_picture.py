@@ -44,6 +44,7 @@ def draw_rig(
     volume: NDArray | None = None,
     title: str = "",
     supersample: int = 3,
+    beside: Scene | None = None,
 ) -> Figure:
     """Return the figure: the rig at true scale on the left, the volume close up on the right.
 
@@ -58,6 +59,8 @@ def draw_rig(
         Stands above the picture.
     supersample : int
         Rays along each side of a pixel.
+    beside : Scene, optional
+        What else to draw into the whole rig: another one, targets.
 
     Raises
     ------
@@ -66,6 +69,7 @@ def draw_rig(
     """
     up = up_of(rig) if len(rig) else frame.Up()
     scene = rig_scene(rig, grid, volume, up)
+    scene = scene if beside is None else scene + beside
     grid = grid_of(rig, grid)
     width, height = (11.0, 6.0) if grid is not None else (7.5, 5.6)
     figure = new_figure(width, height, dpi=_DPI)

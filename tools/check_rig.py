@@ -1,0 +1,256 @@
+"""Say whether a rig is good enough for a volume, where it is not, and which camera is to blame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from _command import bad_input_in_one_line, console, finite_or_none, parse_grid, print_json
+from _picture import check_outputs, load_any_rig
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from rigs.rig_check import RigCheck
+    from tomo.time_estimate import Effort
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def check_rig(
+    rig: Annotated[
+        str, typer.Argument(help="A rig.yaml, a preset's name, a scan folder or transforms.json.")
+    ],
+    grid: Annotated[
+        str | None, typer.Option(help="Voxels, like 30x140x30; the rig's volume when absent.")
+    ] = None,
+    spacing: Annotated[str | None, typer.Option(help="A voxel's edges: 0.5 or 0.5,0.5,1.")] = None,
+    center: Annotated[str | None, typer.Option(help="The middle of the grid: x,y,z.")] = None,
+    lower: Annotated[str | None, typer.Option(help="Or its lower corner: x,y,z ...")] = None,
+    upper: Annotated[str | None, typer.Option(help="... and its upper corner.")] = None,
+    pixel_accuracy: Annotated[
+        float,
+        typer.Option(help="RMS error of a line of sight in pixels, where no calibration tells."),
+    ] = 0.2,
+    iterations: Annotated[int, typer.Option(help="To estimate the time of.", min=0)] = 100,
+    time: Annotated[bool, typer.Option(help="Estimate time on this machine.")] = True,
+    out: Annotated[
+        list[Path] | None,
+        typer.Option("--out", "-o", help="Maps as .png, .html or .glb; may stand repeatedly."),
+    ] = None,
+    images: Annotated[
+        Path | None, typer.Option(help="A scan or a folder of pictures to show in the page.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Say whether a rig is good enough for a volume, where not, and which camera is to blame.
+
+    Exit code 0 however bad the rig is; 2 for bad input.
+    """
+    with bad_input_in_one_line():
+        out = out or []
+        check_outputs(out)
+        if not (math.isfinite(pixel_accuracy) and pixel_accuracy > 0):
+            raise ValueError(
+                f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
+            )
+        from tomo.grid import grid_of_rig
+        from tomo.view.rig_page import check_on_grid
+
+        loaded = load_any_rig(rig)
+        if not len(loaded):
+            raise ValueError(f"{rig}: cameras: found none, expected at least one")
+        voxels = parse_grid(grid, spacing, center, lower, upper, default=grid_of_rig(loaded))
+        check, coarse = check_on_grid(loaded, voxels, pixel_accuracy=pixel_accuracy)
+        need, effort, why = _effort(loaded, voxels, time)
+        heading = Path(rig).stem
+        for path in out:
+            _write_maps(path, loaded, voxels, check, coarse, images, heading)
+    if not json:
+        from rich.console import Console
+
+        told = Console()
+        told.width = max(told.width, 110)  # piped, it would be 80
+        told.print(_table(check))
+    for finding in check.findings:
+        _tell(finding.level, finding.cameras, finding.text)
+    console.print(
+        f"{heading}: {check.verdict}. {_costs(need, effort, iterations, why)}",
+        style="bold",
+        markup=False,
+        highlight=False,
+        soft_wrap=True,
+    )
+    if json:
+        print_json(_report(check, need, effort, iterations, why, out))
+
+
+def _effort(rig: object, voxels: object, is_timed: bool) -> tuple:
+    """Return the memory needed, the time measured, and why there is none."""
+    from tomo.support import estimate_memory
+    from tomo.time_estimate import estimate_effort
+
+    need = estimate_memory(tuple(rig), voxels)
+    if not is_timed:
+        return need, None, "not asked for"
+    try:
+        effort = estimate_effort(rig, voxels)
+    except ValueError as error:  # too large, or nothing is seen: the verdict tells
+        return need, None, str(error)
+    return effort.need, effort, ""
+
+
+def _write_maps(
+    path: Path,
+    rig: object,
+    voxels: object,
+    check: RigCheck,
+    coarse: object,
+    images: Path | None,
+    heading: str,
+) -> None:
+    from tomo.view.coverage_maps import coverage_maps, coverage_scene, write_coverage
+    from tomo.view.rig_page import check_table
+    from tomo.view.rig_scene import Target, rig_scene, up_of
+
+    maps = coverage_maps(check.coverage, coarse, check.voxel)
+    unit = rig.length_unit
+    if path.suffix.lower() == ".png":
+        write_coverage(path, maps, coarse, length_unit=unit, title=f"{heading}: {check.verdict}")
+        return
+    scene = rig_scene(rig, voxels)
+    if path.suffix.lower() == ".glb":
+        from tomo.view import write_glb
+
+        # the planes of several maps would lie in each other: a file without switches holds one
+        write_glb(path, scene + coverage_scene(maps[:1], coarse, unit))
+        return
+    from tomo.view import write_html
+    from tomo.view.camera_view import camera_views
+
+    pictures = {}
+    if images is not None:
+        from tomo.view.thumbnails import image_scene, load_thumbnails
+
+        pictures = load_thumbnails(rig, images)
+        scene += image_scene(rig, Target.of(rig, voxels), pictures)
+    write_html(
+        path,
+        scene + coverage_scene(maps, coarse, unit),
+        title=heading,
+        up=up_of(rig),
+        grid=voxels,
+        views=camera_views(rig, voxels, pictures),
+        tables=[check_table(check)],
+        shown=["map: angular gap"],
+    )
+
+
+def _table(check: RigCheck) -> Table:
+    """Return a row of figures for each camera; those to blame stand out."""
+    from rich.table import Table
+
+    from tomo.view.rig_page import check_table
+
+    told = check_table(check)
+    levels: dict[str, str] = {}
+    for finding in reversed(check.findings):
+        levels.update(dict.fromkeys(finding.cameras, finding.level))
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for column, title in enumerate(told.head):
+        table.add_column(title, justify="right" if column else "left", vertical="bottom")
+    for row in told.rows:
+        table.add_row(
+            *row, style={"fault": "red", "warning": "yellow"}.get(levels.get(row[0]), "")
+        )
+    return table
+
+
+def _tell(level: str, cameras: tuple[str, ...], text: str) -> None:
+    from tomo.view.rig_page import some_names
+
+    who = f"{some_names(cameras)}: " if cameras else ""
+    style = {"fault": "red", "warning": "yellow", "note": ""}[level]
+    console.print(
+        f"{level}: {who}{text}", style=style, markup=False, highlight=False, soft_wrap=True
+    )
+
+
+def _costs(need: object, effort: Effort | None, iterations: int, why: str) -> str:
+    """Return memory and time in words."""
+    told = f"{need.voxels:,} voxels, {need.rays:,} rays, {need.segments:,} crossings, "
+    told += f"about {need.nbytes / 1e9:.2g} GB"
+    if effort is None:
+        return told if why == "not asked for" else f"{told}; no time: {why}"
+    solve = iterations * effort.iteration_seconds
+    return (
+        f"{told} ({effort.form}); roughly {effort.trace_seconds:.2g} s to trace and "
+        f"{solve:.2g} s for {iterations} iterations, before dark voxels are left out"
+    )
+
+
+def _report(
+    check: RigCheck,
+    need: object,
+    effort: Effort | None,
+    iterations: int,
+    why: str,
+    out: list[Path],
+) -> dict:
+    """Return everything as plain data; None where a figure is not known."""
+    found = check.coverage
+    seen = found.views > 0
+    estimate: dict = {"rays": need.rays, "segments": need.segments, "voxels": need.voxels}
+    estimate |= {"bytes": need.nbytes}
+    if effort is not None:
+        estimate |= {
+            "projector": effort.form,
+            "trace_seconds": effort.trace_seconds,
+            "iteration_seconds": effort.iteration_seconds,
+            "seconds": effort.trace_seconds + iterations * effort.iteration_seconds,
+        }
+    else:
+        estimate |= {"seconds": None, "reason": why}
+    return {
+        "verdict": check.verdict,
+        "length_unit": found.rig.length_unit,
+        "voxel": check.voxel,
+        "views": {
+            "least": int(found.views.min()),
+            "median": float(_median(found.views)),
+            "most": int(found.views.max()),
+            "unseen": float((~seen).mean()),
+        },
+        "angular_gap": {
+            "median": finite_or_none(_median(found.gap)),
+            "largest": finite_or_none(float(found.gap.max())),
+        },
+        "pixel_in_voxels": finite_or_none(_median(found.median_footprint[seen]) / check.voxel),
+        "ray_miss": finite_or_none(check.ray_miss),
+        "ray_miss_from": check.ray_miss_from,
+        "findings": [asdict(finding) for finding in check.findings],
+        "cameras": {
+            figures.name: {
+                name: finite_or_none(value)
+                for name, value in asdict(figures).items()
+                if name != "name"
+            }
+            for figures in check.cameras
+        },
+        "estimate": estimate,
+        "files": [str(path) for path in out],
+    }
+
+
+def _median(values: object) -> float:
+    import numpy as np
+
+    return float(np.median(values)) if len(values) else math.nan
+
+
+if __name__ == "__main__":
+    app()
