@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.bundle import Freedom, Scene, Sightings, information, predicted
+from rigs.calibrate._scene import Freedom, Scene, Sightings, predicted
+from rigs.calibrate.bundle import information
 from rigs.rig import Rig
 
 _SINGULAR = 1e-13  # least eigenvalue of the normal equations, scaled to a unit diagonal

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate._robust import adjust_robustly, noise
+from rigs.calibrate._scene import Freedom, Scene, Sightings, image_rows, predicted
 from rigs.calibrate._target_pose import LEAST_POINTS
-from rigs.calibrate.bundle import Freedom, Scene, Sightings, Solution, adjust, predicted
-from rigs.calibrate.initial import image_rows
+from rigs.calibrate.bundle import Solution, adjust
 
 _POINT_LIMIT = 12.0  # standard deviations a coordinate, of a sighting's length
 _IMAGE_LIMIT = 5.0  # times the usual, of an image's median length

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from rigs.calibrate.observations import Observations
 
 
-def without_repeats(observations: Observations) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
-    """Return which sightings to keep ``(sightings,)``, and what was left out in words.
+def without_repeats(
+    observations: Observations,
+) -> tuple[NDArray[np.bool_], tuple[str, ...], tuple[str, ...]]:
+    """Return which sightings to keep ``(sightings,)``, and lines on frozen cameras and on repeats.
 
     An image is a repeat where one camera's sightings are the same as in an earlier frame, to the
     last digit: noise never repeats itself.
@@ -29,15 +31,15 @@ def without_repeats(observations: Observations) -> tuple[NDArray[np.bool_], tupl
             keep[rows] = False
             repeats.setdefault((earlier, frame), []).append(camera)
     counts = observations.counts()
-    notes = []
+    frozen, notes = [], []
     for (earlier, frame), cameras in sorted(repeats.items()):
         was, now = observations.frames[earlier], observations.frames[frame]
         if len(cameras) == np.count_nonzero(counts[:, frame]):
             notes.append(f"frame {now}: the same as {was} in every camera, counted once")
         else:
             named = ", ".join(observations.cameras[camera] for camera in cameras)
-            notes.append(
+            frozen.append(
                 f"camera {named}: frame {now} is the same image as {was} while other cameras "
                 "moved on, left out: is the camera in step?"
             )
-    return keep, tuple(notes)
+    return keep, tuple(frozen), tuple(notes)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from rigs.calibrate._projection import Lens
 from rigs.calibrate._robust import adjust_robustly, noise
-from rigs.calibrate.bundle import Freedom, Scene, Sightings, Solution, jacobian
+from rigs.calibrate._scene import Freedom, Scene, Sightings, jacobian
+from rigs.calibrate.bundle import Solution
 
 # By how many standard errors the gain must stand out. A needless term of the polynomials costs
 # less than one that is missing; the rational model's poles are another matter.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.calibrate.bundle import Freedom, Scene, rays_by_camera
+from rigs.calibrate._scene import Freedom, Scene, rays_by_camera
 from rigs.rig import Rig
 
 _BLOCK = 64  # points at a time

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate._ray_miss import views
-from rigs.calibrate.bundle import Scene, Sightings
+from rigs.calibrate._scene import Scene, Sightings
 from rigs.rig import Rig, Volume
 
 _GRID = 9  # points a side of the box

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.bundle import Freedom, Scene, Sightings, Solution, adjust, predicted
+from rigs.calibrate._scene import Freedom, Scene, Sightings, predicted
+from rigs.calibrate.bundle import Solution, adjust
 
 _RAYLEIGH_MEDIAN = 1.1774  # of the length of a residual, in standard deviations a coordinate
 _HUBER = 3.0  # standard deviations

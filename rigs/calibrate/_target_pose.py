@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate._projection import Lens
-from rigs.calibrate.bundle import Freedom, Scene, Sightings, adjust, predicted
+from rigs.calibrate._scene import Freedom, Scene, Sightings, predicted
+from rigs.calibrate.bundle import adjust
 
 LEAST_POINTS = 6
 _LEAST_SPREAD = 0.02  # of the points across their longest direction, relative

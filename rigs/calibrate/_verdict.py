@@ -9,6 +9,7 @@ from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality import Quality
 
 _MANY_IMAGES = 0.2  # of a camera's images left out: the camera is to blame
+_MANY_POINTS = 0.1  # of a camera's points
 _CAMERA_AGAINST = 2.0  # standard deviations, of a camera's contradiction
 _MORE_THAN_OTHERS = 1.4  # times theirs, to be blamed alone
 _FRAME_AGAINST = 2.5  # of a frame's contradiction
@@ -16,102 +17,100 @@ _LENS_AGAINST = 4.0  # of a given lens's misfit
 _HIGH_RMS = 2.0  # times the usual, of a camera by itself
 _HIGH_FRAME = 3.0  # of a frame
 _HIGH_CROSS = 2.0  # times what is expected
+_HIGH_NOISE = 1.0  # pixels
 _LITTLE_COVERAGE = 0.5
 _HIGH_FOCAL_ERROR = 0.01
 _GOOD_MISS = 0.1  # of a pixel's footprint
 
 
 def findings(
-    quality: Quality,
-    observations: Observations,
-    used: NDArray[np.bool_],
-    given_lenses: bool,
-) -> tuple[str, ...]:
-    """Return what is wrong, the gravest first: a line each, nothing when all is well."""
-    return (
-        *_left_out(quality, observations, used),
-        *_contradictions(quality, observations, used),
-        *_bad_images(quality, observations, given_lenses),
-        *_unmodelled(quality),
-        *_thin_data(quality, observations),
-    )
+    quality: Quality, observations: Observations, used: NDArray[np.bool_], noise: float
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return doubts about the rig, the gravest first, and remarks on what was left out."""
+    doubts, remarks = _left_out(quality, observations, used)
+    doubts += _contradictions(quality, observations, used)
+    doubts += _bad_images(quality, observations, used)
+    if noise > _HIGH_NOISE:
+        doubts.append(
+            f"residuals of {noise:.2g} px a coordinate: far above what detection errs; is the "
+            "target described rightly?"
+        )
+    return (*doubts, *_unmodelled(quality), *_thin_data(quality, observations)), tuple(remarks)
 
 
-def verdict(quality: Quality, found: tuple[str, ...], length_unit: str) -> str:
-    """Return the figure that counts, what it means, and the findings, in one text."""
-    if not np.isfinite(quality.predicted_ray_miss):
-        rms = np.sqrt(np.nanmean(quality.camera_rms**2))
-        lines = [f"one camera: its lens is known, no rays to compare; residuals {rms:.3g} px"]
+def verdict(
+    quality: Quality, doubts: tuple[str, ...], remarks: tuple[str, ...], length_unit: str
+) -> str:
+    """Return the figure that counts, what it means, doubts and remarks, in one text."""
+    if len(quality.camera_rms) < 2:
+        rms = float(quality.camera_rms[0])
+        word = "doubtful" if doubts else "good"
+        lines = [f"{word}: one camera, residuals {rms:.2g} px; no other rays to compare with"]
+    elif not np.isfinite(quality.predicted_ray_miss):
+        lines = ["doubtful: no point where the target was is seen by two cameras"]
     else:
-        footprint = float(np.nanmedian(quality.footprint))
-        miss = quality.predicted_ray_miss
-        pixels = miss / footprint
-        word = "good" if pixels <= _GOOD_MISS and not found else "usable"
-        if pixels > 1:
-            word = "poor"
-        elif found:
-            word = "doubtful"
-        cross = quality.cross_ray_miss
-        checked = (
-            f"; rigs of every other frame and of the rest differ by {cross:.2g} {length_unit} "
-            f"({quality.cross_expected:.2g} expected)"
-            if np.isfinite(cross)
+        pixels = quality.predicted_ray_miss / float(np.nanmedian(quality.footprint))
+        word = "good" if pixels <= _GOOD_MISS else "usable"
+        word = "poor" if pixels > 1 else "doubtful" if doubts else word
+        cross = (
+            f"; rigs of every other frame and of the rest differ by {quality.cross_ray_miss:.2g} "
+            f"{length_unit} ({quality.cross_expected:.2g} expected)"
+            if np.isfinite(quality.cross_ray_miss)
             else "; too few frames to check it on halves"
         )
         lines = [
-            f"{word}: rays miss each other by {miss:.2g} {length_unit} RMS in the volume, "
-            f"{pixels:.2g} of a pixel{checked}"
+            f"{word}: rays miss each other by {quality.predicted_ray_miss:.2g} {length_unit} RMS "
+            f"in the volume, {pixels:.2g} of a pixel{cross}"
         ]
-    return "\n".join([*lines, *found])
+    return "\n".join([*lines, *doubts, *remarks])
 
 
-def _left_out(quality: Quality, observations: Observations, used: NDArray[np.bool_]) -> list[str]:
-    """Return lines on what was left out: whole images by camera and frame, single sightings."""
+def _left_out(
+    quality: Quality, observations: Observations, used: NDArray[np.bool_]
+) -> tuple[list[str], list[str]]:
+    """Return doubts and remarks on what was left out: whole images, and single sightings."""
     shape = observations.counts().shape
-    seen, kept = np.zeros(shape, int), np.zeros(shape, int)
-    np.add.at(seen, (observations.camera, observations.frame), 1)
+    seen, kept = observations.counts(), np.zeros(shape, int)
     np.add.at(kept, (observations.camera[used], observations.frame[used]), 1)
-    # Images without residuals never had a pose: no disagreement, and told elsewhere
+    # Images without residuals never had a pose
     out = (seen > 0) & (kept == 0) & np.isfinite(quality.image_rms)
-    lines = []
-    frames_whole = out.any(axis=0) & (out.sum(axis=0) >= 2) & (kept.sum(axis=0) == 0)
+    frames = observations.frames
+    doubts, remarks = [], []
     for camera, name in enumerate(observations.cameras):
-        images = np.flatnonzero(out[camera])
-        if len(images) >= 3 and len(images) > _MANY_IMAGES * (seen[camera] > 0).sum():
-            first, last = (observations.frames[frame] for frame in images[[0, -1]])
-            lines.append(
-                f"camera {name}: {len(images)} of its {int((seen[camera] > 0).sum())} images, "
-                f"from frame {first} to {last}, disagree with the other cameras and were left "
-                "out: it moved or is out of step"
+        images, of = np.flatnonzero(out[camera]), int((seen[camera] > 0).sum())
+        if len(images) >= 3 and len(images) > _MANY_IMAGES * of:
+            doubts.append(
+                f"camera {name}: {len(images)} of its {of} images, from frame {frames[images[0]]} "
+                f"to {frames[images[-1]]}, disagree with the other cameras and were left out: it "
+                "moved or is out of step"
             )
             out[camera] = False
-    for frame in np.flatnonzero(frames_whole & out.any(axis=0)):
+    for frame in np.flatnonzero((out.sum(axis=0) >= 2) & (kept.sum(axis=0) == 0)):
         cameras = [observations.cameras[camera] for camera in np.flatnonzero(out[:, frame])]
-        rms = float(np.nanmax(quality.image_rms[:, frame]))
-        lines.append(
-            f"frame {observations.frames[frame]}: cameras {', '.join(cameras)} disagree by "
-            f"{rms:.2g} px and it was left out: the target moved, or an image is out of step"
+        remarks.append(
+            f"frame {frames[frame]}: cameras {', '.join(cameras)} disagree by "
+            f"{np.nanmax(quality.image_rms[:, frame]):.2g} px, left out: the target moved, or an "
+            "image is out of step"
         )
         out[:, frame] = False
     for camera, frame in np.argwhere(out):
-        lines.append(
-            f"camera {observations.cameras[camera]}, frame {observations.frames[frame]}: "
-            f"disagrees with the other cameras by {quality.image_rms[camera, frame]:.2g} px and "
-            "was left out: the camera moved or is out of step there"
+        remarks.append(
+            f"camera {observations.cameras[camera]}, frame {frames[frame]}: disagrees with the "
+            f"other cameras by {quality.image_rms[camera, frame]:.2g} px, left out: the camera "
+            "moved, is out of step there, or took the target the wrong way round"
         )
-    single = ~used & (kept[observations.camera, observations.frame] > 0)
     for camera, name in enumerate(observations.cameras):
-        count = int((single & (observations.camera == camera)).sum())
-        if count:
-            total = int((observations.camera == camera).sum())
-            worst = np.unique(observations.frame[single & (observations.camera == camera)])
-            named = ", ".join(observations.frames[frame] for frame in worst[:5])
-            more = "" if len(worst) <= 5 else f" and {len(worst) - 5} more"
-            lines.append(
-                f"camera {name}: {count} of {total} points left out, detected in the wrong place "
-                f"in frames {named}{more}"
+        own = observations.camera == camera
+        single = own & ~used & (kept[camera, observations.frame] > 0)
+        if single.any():
+            where = [frames[frame] for frame in np.unique(observations.frame[single])]
+            line = (
+                f"camera {name}: {int(single.sum())} of {int(own.sum())} points left out, "
+                f"detected in the wrong place in frames {', '.join(where[:5])}"
+                + (f" and {len(where) - 5} more" if len(where) > 5 else "")
             )
-    return lines
+            (doubts if single.sum() > _MANY_POINTS * own.sum() else remarks).append(line)
+    return doubts, remarks
 
 
 def _contradictions(
@@ -129,7 +128,8 @@ def _contradictions(
     others = float(np.median(np.delete(cameras, worst)))
     name = observations.cameras[worst]
     if cameras[worst] > _CAMERA_AGAINST:
-        rms = f"residuals {quality.camera_rms[worst]:.2g} px, {_rms(quality.alone_rms[worst]):.2g}"
+        alone = _rms(np.where(kept, quality.alone_rms, np.nan)[worst])
+        rms = f"residuals {quality.camera_rms[worst]:.2g} px, {alone:.2g}"
         if cameras[worst] > _MORE_THAN_OTHERS * others and len(cameras) > 2:
             lines.append(
                 f"camera {name}: contradicts the others ({rms} by itself, {cameras[worst]:.2g} "
@@ -153,18 +153,21 @@ def _contradictions(
     return lines
 
 
-def _bad_images(quality: Quality, observations: Observations, given_lenses: bool) -> list[str]:
+def _bad_images(
+    quality: Quality, observations: Observations, used: NDArray[np.bool_]
+) -> list[str]:
     """Return lines on cameras and frames that are noisy or bent even by themselves."""
     lines = []
-    cameras = np.array([_rms(row) for row in quality.alone_rms])
+    kept = np.zeros(quality.alone_rms.shape, bool)
+    kept[observations.camera[used], observations.frame[used]] = True
+    cameras = np.array([_rms(row) for row in np.where(kept, quality.alone_rms, np.nan)])
     for camera, name in enumerate(observations.cameras):
         others = np.delete(cameras, camera)
         usual = float(np.median(others)) if len(others) else np.inf
         if cameras[camera] > _HIGH_RMS * usual and cameras[camera] == cameras.max():
-            cause = "its given lens does not fit" if given_lenses else "blur, or its lens model"
             lines.append(
                 f"camera {name}: residuals {cameras[camera]:.2g} px by itself where others have "
-                f"{usual:.2g} px: {cause}"
+                f"{usual:.2g} px: blur, or a lens beyond its model"
             )
         if quality.lens_misfit[camera] > _LENS_AGAINST:
             lines.append(

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.calibrate.bundle import Scene
+from rigs.calibrate._scene import Scene
 
 
 def placed(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,10 +13,12 @@ from rigs.calibrate._culling import adjust_and_cull
 from rigs.calibrate._duplicates import without_repeats
 from rigs.calibrate._lens_choice import TERMS, Terms
 from rigs.calibrate._projection import Lens
+from rigs.calibrate._scene import Freedom, Scene, Sightings, ordered, predicted
+from rigs.calibrate._shared_views import rig_poses
+from rigs.calibrate._summary import summary
 from rigs.calibrate._verdict import findings, verdict
 from rigs.calibrate._world import placed
-from rigs.calibrate.bundle import Freedom, Scene, Sightings, ordered, predicted
-from rigs.calibrate.initial import View, lens_alone, rig_poses, view_with
+from rigs.calibrate.initial import View, check_side, lens_alone, view_with
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality import Quality, measure
 from rigs.camera import Camera
@@ -55,7 +56,7 @@ class Calibration:
     gauge : str
     quality : Quality
     findings : tuple of str
-        What is wrong or was left out, a line each: cameras and frames by name.
+        What is wrong and then what was merely left out, a line each: cameras and frames by name.
     verdict : str
         The figure that counts, what it means, then the findings.
     """
@@ -138,7 +139,7 @@ def calibrate(
     say = progress or (lambda _: None)
     _check(observations, intrinsics, distortion, target)
     names, frames = observations.cameras, len(observations.frames)
-    keep, notes = without_repeats(observations)
+    keep, frozen, repeats = without_repeats(observations)
     order = ordered(observations)
     order = order[keep[order]]
     points = observations.target_points
@@ -160,6 +161,7 @@ def calibrate(
             else _given(intrinsics[name])
         )
         views.append(view_with(lens, terms, own, frames))
+        check_side(name, views[-1])
     say("poses along shared views")
     scene, root = rig_poses(names, views, sightings, frames)
     freedom = Freedom(tuple(_lens_freedom(view) for view in views), np.arange(len(names)) != root)
@@ -181,7 +183,8 @@ def calibrate(
     residuals[order] = sightings.uv - predicted(scene, sightings)
     used = np.zeros(len(observations), bool)
     used[order] = kept.used
-    found = (*notes, *findings(quality, observations, used, intrinsics is not None))
+    doubts, remarks = findings(quality, observations, used, noise)
+    doubts, remarks = (*frozen, *doubts), (*repeats, *remarks)
     calibration = Calibration(
         rig,
         observations,
@@ -195,10 +198,10 @@ def calibrate(
         covariance,
         names[root],
         quality,
-        found,
-        verdict(quality, found, length_unit),
+        doubts + remarks,
+        verdict(quality, doubts, remarks, length_unit),
     )
-    return replace(calibration, rig=replace(rig, calibration=_summary(calibration)))
+    return replace(calibration, rig=replace(rig, calibration=summary(calibration)))
 
 
 def _cameras(
@@ -218,46 +221,6 @@ def _cameras(
         )
         for index, name in enumerate(observations.cameras)
     )
-
-
-def _summary(calibration: Calibration) -> dict[str, Any]:
-    """Return the figures as plain data, to travel in the rig's file."""
-    quality, used = calibration.quality, calibration.used
-    cameras = {}
-    for index, camera in enumerate(calibration.rig):
-        own = calibration.observations.camera == index
-        cameras[camera.name] = {
-            "images": int(np.isfinite(quality.image_rms[index]).sum()),
-            "points_used": int((own & used).sum()),
-            "points_left_out": int((own & ~used).sum()),
-            "lens_terms": calibration.terms[index],
-            "rms_px": _plain(quality.camera_rms[index]),
-            "image_coverage": _plain(quality.image_coverage[index]),
-            "depth_range": [_plain(depth) for depth in quality.depth_range[index]],
-            "focal_length_error": _plain(quality.focal_error[index]),
-            "ray_miss": _plain(quality.camera_ray_miss[index]),
-        }
-    return {
-        "method": "target images, joint adjustment of lenses, camera poses and target poses",
-        "rms_px": _plain(np.sqrt((calibration.residuals[used] ** 2).sum(axis=1).mean())),
-        "noise_px": _plain(calibration.noise),
-        "frames": int(np.isfinite(quality.frame_rms).sum()),
-        "points_used": int(used.sum()),
-        "points_left_out": int((~used).sum()),
-        "held": calibration.gauge,
-        "ray_miss_predicted": _plain(quality.predicted_ray_miss),
-        "ray_miss_between_halves": _plain(quality.cross_ray_miss),
-        "ray_miss_between_halves_expected": _plain(quality.cross_expected),
-        "pixel_footprint": _plain(np.nanmedian(quality.footprint)),
-        "findings": list(calibration.findings),
-        "verdict": calibration.verdict,
-        "cameras": cameras,
-    }
-
-
-def _plain(value: float) -> float | None:
-    """Return a number as files keep it: six digits, None where there is none."""
-    return float(f"{value:.6g}") if np.isfinite(value) else None
 
 
 def _refuse_unknown_lenses(quality: Quality, names: tuple[str, ...]) -> None:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from rigs.calibrate._covariance import covariance_of, focal_errors, lens_misfit
 from rigs.calibrate._ray_miss import predicted_squares, ray_miss, views
 from rigs.calibrate._region import judged_points
-from rigs.calibrate.bundle import Freedom, Scene, Sightings, adjust, predicted
+from rigs.calibrate._scene import Freedom, Scene, Sightings, predicted
+from rigs.calibrate.bundle import adjust
 from rigs.rig import Rig, Volume
 
 __all__ = ["Quality", "measure", "ray_miss"]

@@ -9,15 +9,8 @@ from scipy.spatial.transform import Rotation
 from rigs import Camera, Distortion
 from rigs.calibrate._projection import Lens, project
 from rigs.calibrate._robust import adjust_robustly
-from rigs.calibrate.bundle import (
-    Freedom,
-    Scene,
-    Sightings,
-    adjust,
-    information,
-    jacobian,
-    predicted,
-)
+from rigs.calibrate._scene import Freedom, Scene, Sightings, jacobian, predicted
+from rigs.calibrate.bundle import adjust, information
 
 MATRIX = np.array([[900.0, 0.7, 321.0], [0, 905.0, 236.0], [0, 0, 1]])
 MODELS = {
