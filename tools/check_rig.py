@@ -147,6 +147,7 @@ def _write_maps(
         views=camera_views(rig, voxels, pictures),
         tables=[check_table(check)],
         shown=["map: angular gap"],
+        close_up=True,
     )
 
 

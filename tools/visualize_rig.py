@@ -70,7 +70,8 @@ def visualize_rig(
             if suffix == ".png":
                 from tomo.view import write_rig
 
-                write_rig(path, loaded, grid=voxels, volume=data, title=heading, beside=beside)
+                shown = beside.without("other names")  # beside the first rig's own
+                write_rig(path, loaded, grid=voxels, volume=data, title=heading, beside=shown)
                 continue
             scene = _scene(loaded, voxels, data, pictures) + beside
             if suffix == ".glb":

@@ -81,7 +81,10 @@ def draw_rig(
         _magnifier(
             figure, overview, closeup, viewpoint.project(box_corners(grid.lower, grid.upper))
         )
-    _captions(figure, rig, grid, volume, up, title, width)
+    x = _captions(figure, rig, grid, volume, up, title, width)
+    for mesh in {mesh.group: mesh for mesh in (beside.meshes if beside else ())}.values():
+        _entry(figure, x, mesh.colour, mesh.group)
+        x += _entry_width(mesh.group, width)
     return figure
 
 
@@ -188,8 +191,8 @@ def _captions(
     up: frame.Up,
     title: str,
     width: float,
-) -> None:
-    """Write the title, what each half shows, and what the colours mean."""
+) -> float:
+    """Write the title, what each half shows, and what the colours mean; tell where they end."""
     unit, target = rig.length_unit, Target.of(rig, grid)
     distances = [np.linalg.norm(camera.position - target.center) for camera in rig]
     heading = title or "Camera rig"
@@ -238,7 +241,7 @@ def _captions(
         span = span.replace("-", "\N{MINUS SIGN}")
         text = f"level ({len(angles)})" if word == "level" else f"{word}, {span} ({len(angles)})"
         _entry(figure, x, colour, text)
-        x += (0.42 + 0.068 * len(text)) / width
+        x += _entry_width(text, width)
     if grid is not None:
         name = facing_camera(rig, up).name
         name = name if len(name) <= 14 else f"{name[:12]}…"
@@ -249,7 +252,13 @@ def _captions(
     if widening > 1.05:
         note = f"camera symbols opened up to {widening:.3g} times"
         edge = 0.61 if grid is not None else 0.99
-        figure.text(edge, 0.032, note, fontsize=7, color=MUTED, ha="right", va="center")
+        figure.text(edge, 0.066, note, fontsize=7, color=MUTED, ha="right", va="center")
+    return x
+
+
+def _entry_width(text: str, width: float) -> float:
+    """Return the share of a figure ``width`` inches wide that an entry takes."""
+    return (0.42 + 0.068 * len(text)) / width
 
 
 def _entry(figure: Figure, x: float, colour: object, text: str) -> None:

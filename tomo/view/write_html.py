@@ -35,12 +35,17 @@ _ORDER = (
     "field of view",
     "arrows",
     "arrow names",
+    "other cameras",
+    "other names",
+    "moved",
+    "targets",
+    "target names",
     RAYS,
     "box",
 )
 """Layers that stand first in the list; the others follow as they come."""
 
-HIDDEN_AT_FIRST = ("arrow names", "field of view", "images")
+HIDDEN_AT_FIRST = ("arrow names", "other names", "field of view", "images")
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,7 @@ def write_html(
     views: Sequence[CameraView] = (),
     tables: Sequence[Table] = (),
     shown: Sequence[str] = (),
+    close_up: bool = False,
     leave_out: tuple[str, ...] = ("stems",),
 ) -> None:
     """Write the page: every group is a layer to switch on and off, hovering tells names.
@@ -96,6 +102,8 @@ def write_html(
         What stands below the layers.
     shown : sequence of str
         Groups to show at first that are hidden otherwise: maps, images, names of arrows.
+    close_up : bool
+        Whether to start with the box alone in view.
     leave_out : tuple of str
         Groups not to show.
     """
@@ -108,6 +116,7 @@ def write_html(
         views=views,
         tables=tables,
         shown=shown,
+        close_up=close_up,
     )
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -123,6 +132,7 @@ def html_page(
     views: Sequence[CameraView] = (),
     tables: Sequence[Table] = (),
     shown: Sequence[str] = (),
+    close_up: bool = False,
 ) -> str:
     """Return the page that `write_html` writes."""
     import plotly.graph_objects as go
@@ -146,7 +156,8 @@ def html_page(
         traces.append(go.Scatter3d(x=[], y=[], z=[], mode="lines", name=RAYS, hoverinfo="skip"))
         traces[-1].line = {"color": "#d4148c", "width": 5}
     layers.sort(key=lambda layer: (*_ORDER, layer["name"]).index(layer["name"]))
-    figure = go.Figure(traces, _layout(scene.length_unit, bounds, up))
+    in_view = _around(grid) if close_up and grid is not None else bounds
+    figure = go.Figure(traces, _layout(scene.length_unit, in_view, up))
     data = {
         "layers": layers,
         "labels": [
@@ -306,14 +317,18 @@ def _ticks(bounds: NDArray) -> dict[str, int]:
 
 def _zooms(bounds: NDArray, grid: VoxelGrid) -> list[dict]:
     """Return two sets of axis ranges: everything, or the box and a little around."""
-    margin = 0.15 * float(np.linalg.norm(grid.extent))
-    close = np.stack([grid.lower - margin, grid.upper + margin])
     zooms = []
-    for label, box in (("Whole rig", bounds), ("Volume", close)):
+    for label, box in (("Whole rig", bounds), ("Volume", _around(grid))):
         change = {f"scene.{name}axis.range": box[:, a].tolist() for a, name in enumerate("xyz")}
         change |= {f"scene.{name}axis.nticks": n for name, n in _ticks(box).items()}
         zooms.append({"label": label, "change": {**change, "scene.aspectratio": _aspect(box)}})
     return zooms
+
+
+def _around(grid: VoxelGrid) -> NDArray[np.float64]:
+    """Return the box with a little around it, ``(2, 3)``."""
+    margin = 0.15 * float(np.linalg.norm(grid.extent))
+    return np.stack([grid.lower - margin, grid.upper + margin])
 
 
 def _script_safe(text: str) -> str:
