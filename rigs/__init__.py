@@ -16,6 +16,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "file": ["load_rig", "preset", "preset_names", "save_rig"],
         "lines": ["nearest_point"],
         "optics": ["Optics"],
+        "ray_table": ["RayTable"],
         "rig": ["Rig", "Volume"],
         "rig_check": ["check_rig"],
         "virtual": ["arc", "ring"],

@@ -67,10 +67,11 @@ class OpticsEntry(_Entry):
 
 
 class CameraEntry(_Entry):
-    """One of ``cameras:``, with both ways to give the intrinsics and the pose."""
+    """One of ``cameras:``, with all ways to give the intrinsics and the pose."""
 
     name: Text
-    image_size: tuple[Whole, Whole]
+    ray_table: Text | None = None
+    image_size: tuple[Whole, Whole] | None = None
     camera_matrix: Matrix | None = None
     focal_length: Number | None = None
     pixel_pitch: Number | tuple[Number, Number] | None = None

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-import math
-import unicodedata
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs._image import (
+    check_name,
+    check_status,
+    check_window,
+    image_size,
+    on_image,
+    pixel_centres,
+    rows_of,
+    scaled_size,
+)
 from rigs._rotation import numbers, rotation
 from rigs.distortion import Distortion
 from rigs.optics import Optics
-
-STATUSES = ("calibrated", "nominal", "virtual")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,18 +73,15 @@ class Camera:
 
     def __post_init__(self) -> None:
         """Check every field and make its arrays read-only."""
-        _check_name(self.name)
+        check_name(self.name)
         what = f"camera {self.name}"
         if not isinstance(self.distortion, Distortion):
             raise ValueError(f"{what}: distortion: found {self.distortion!r}, expected Distortion")
         if self.optics is not None and not isinstance(self.optics, Optics):
             raise ValueError(f"{what}: optics: found {self.optics!r}, expected Optics or None")
-        if self.status not in STATUSES:
-            raise ValueError(
-                f"{what}: status: found {self.status!r}, expected one of {', '.join(STATUSES)}"
-            )
+        check_status(self.status, what)
         checked = {
-            "image_size": _image_size(self.image_size, what),
+            "image_size": image_size(self.image_size, what),
             "camera_matrix": _camera_matrix(self.camera_matrix, what),
             "R": rotation(self.R, f"{what}: R"),
             "t": numbers(self.t, (3,), f"{what}: t"),
@@ -117,6 +120,11 @@ class Camera:
         return hash(self._values())
 
     @property
+    def is_pinhole(self) -> bool:
+        """Whether straight lines have straight images: there is no distortion."""
+        return self.distortion.model != "fisheye" and not any(self.distortion.coefficients)
+
+    @property
     def position(self) -> NDArray[np.float64]:
         """The centre of projection in world coordinates, ``(3,)``."""
         return -self.R.T @ self.t
@@ -138,7 +146,7 @@ class Camera:
             True where the point is in front of the camera and inside the domain of its lens
             (see `Distortion`). A fisheye also sees what lies beside and behind it.
         """
-        points = _rows(points, 3, "points to project")
+        points = rows_of(points, 3, "points to project")
         with np.errstate(invalid="ignore", over="ignore"):  # NaN and infinity are not valid
             in_camera = points @ self.R.T + self.t
         plane, valid = self.distortion.project(in_camera)
@@ -161,7 +169,7 @@ class Camera:
         directions : (N, 3) float64
             Unit vectors in the world; NaN where the lens maps no direction to the pixel.
         """
-        uv = self._pixel_centres() if uv is None else _rows(uv, 2, "pixel coordinates")
+        uv = pixel_centres(self.image_size) if uv is None else rows_of(uv, 2, "pixel coordinates")
         (fx, skew, cx), (_, fy, cy) = self.camera_matrix[:2]
         y = (uv[:, 1] - cy) / fy
         plane = np.stack([(uv[:, 0] - cx - skew * y) / fx, y], axis=-1)
@@ -170,9 +178,7 @@ class Camera:
 
     def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
         """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels."""
-        u, v = _rows(uv, 2, "pixel coordinates").T
-        width, height = self.image_size
-        return (u >= -0.5) & (u < width - 0.5) & (v >= -0.5) & (v < height - 0.5)
+        return on_image(uv, self.image_size)
 
     def scaled(self, scale: float) -> Camera:
         """Return the camera of the image resized by ``scale``, pixels as areas: 0.5 halves it.
@@ -180,27 +186,14 @@ class Camera:
         A pixel's area keeps its place: ``u' = scale (u + 1/2) - 1/2``. The new size is rounded
         down: what is left of a pixel at the right and bottom edge is dropped.
         """
-        if not (math.isfinite(scale) and scale > 0):
-            raise ValueError(f"camera {self.name}: scale: found {scale}, expected positive")
-        width, height = (math.floor(n * scale + 1e-6) for n in self.image_size)
-        if min(width, height) < 1:
-            raise ValueError(
-                f"camera {self.name}: scale: found {scale}, which leaves nothing of "
-                f"{self.image_size[0]} x {self.image_size[1]} pixels"
-            )
+        width, height = scaled_size(self.image_size, scale, f"camera {self.name}")
         shift = (scale - 1) / 2
         resize = np.array([[scale, 0, shift], [0, scale, shift], [0, 0, 1]])
         return replace(self, image_size=(width, height), camera_matrix=resize @ self.camera_matrix)
 
     def cropped(self, x: int, y: int, width: int, height: int) -> Camera:
         """Return the camera of the window whose top-left pixel was column ``x``, row ``y``."""
-        window = (x, y, width, height)
-        fits = all(int(n) == n for n in window) and min(x, y) >= 0 and min(width, height) >= 1
-        if not (fits and x + width <= self.image_size[0] and y + height <= self.image_size[1]):
-            raise ValueError(
-                f"camera {self.name}: crop: found x, y, width, height = {window}, expected a "
-                f"window inside {self.image_size[0]} x {self.image_size[1]} pixels"
-            )
+        check_window((x, y, width, height), self.image_size, f"camera {self.name}")
         matrix = self.camera_matrix - [[0, 0, x], [0, 0, y], [0, 0, 0]]
         return replace(self, image_size=(int(width), int(height)), camera_matrix=matrix)
 
@@ -212,18 +205,18 @@ class Camera:
         width, height = (side - side % factor for side in self.image_size)
         return self.cropped(0, 0, width, height).scaled(1 / factor)
 
+    def shifted(self, right: float, down: float) -> Camera:
+        """Return the camera whose image lies that many pixels further right and down."""
+        matrix = np.array(self.camera_matrix)
+        matrix[:2, 2] += right, down
+        return replace(self, camera_matrix=matrix)
+
     def transformed(self, R: ArrayLike, t: ArrayLike) -> Camera:
         """Return the camera after the rigid motion ``x_new = R @ x_old + t`` of the world."""
         R = rotation(R, f"camera {self.name}: motion R")
         t = numbers(t, (3,), f"camera {self.name}: motion t")
         turned = self.R @ R.T
         return replace(self, R=turned, t=self.t - turned @ t)
-
-    def _pixel_centres(self) -> NDArray[np.float64]:
-        """Return every pixel's (column, row), row by row, ``(width * height, 2)``."""
-        width, height = self.image_size
-        rows, columns = np.divmod(np.arange(width * height), width)
-        return np.stack([columns, rows], axis=-1).astype(np.float64)
 
 
 def look_at(
@@ -252,30 +245,6 @@ def look_at(
     return R, -R @ position
 
 
-def _check_name(name: object) -> None:
-    """Raise unless ``name`` can name a camera, its files and its folder."""
-    is_text = isinstance(name, str) and name == name.strip() and name not in ("", ".", "..")
-    if not is_text or any(c in "/\\" or unicodedata.category(c)[0] == "C" for c in name):
-        raise ValueError(
-            f"camera name: found {name!r}, expected text that can name a folder, without slashes"
-        )
-
-
-def _image_size(size: object, what: str) -> tuple[int, int]:
-    """Return ``size`` as two plain integers."""
-    try:
-        width, height = (int(n) for n in size)
-        is_whole = (width, height) == tuple(size)
-    except (TypeError, ValueError, OverflowError):
-        is_whole = False
-    if not is_whole or min(width, height) < 1 or max(width, height) > 2**20:
-        raise ValueError(
-            f"{what}: image_size: found {size!r}, expected width and height, whole numbers "
-            "from 1 to 1048576"
-        )
-    return width, height
-
-
 def _camera_matrix(matrix: ArrayLike, what: str) -> NDArray[np.float64]:
     """Return a checked camera matrix ``(3, 3)``."""
     K = numbers(matrix, (3, 3), f"{what}: camera_matrix")
@@ -290,11 +259,3 @@ def _camera_matrix(matrix: ArrayLike, what: str) -> NDArray[np.float64]:
             "expected [0, fy, cy] and [0, 0, 1]"
         )
     return K
-
-
-def _rows(values: ArrayLike, columns: int, what: str) -> NDArray[np.float64]:
-    """Return ``values`` as float64 ``(N, columns)``."""
-    array = np.asarray(values, np.float64)
-    if array.ndim != 2 or array.shape[1] != columns:
-        raise ValueError(f"{what}: found shape {array.shape}, expected (N, {columns})")
-    return array

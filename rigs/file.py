@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -14,6 +15,8 @@ from rigs._text import read_yaml_mapping, write_text
 from rigs.camera import Camera, look_at
 from rigs.distortion import Distortion
 from rigs.optics import Optics
+from rigs.ray_file import load_ray_table, save_ray_table
+from rigs.ray_table import RayTable
 from rigs.rig import Rig, Volume
 
 FORMAT = "emission-rig"
@@ -25,7 +28,8 @@ def load_rig(path: str | os.PathLike) -> Rig:
 
     A camera's pose is ``R`` and ``t``, or ``position``, ``look_at`` and ``up``; its intrinsics
     are ``camera_matrix``, or ``focal_length`` and ``pixel_pitch`` in one unit (with
-    ``principal_point`` in pixels, by default the image's middle).
+    ``principal_point`` in pixels, by default the image's middle). Instead of both it may name a
+    ``ray_table``, an ``.npz`` beside the file (`rigs.RayTable`).
 
     Raises
     ------
@@ -45,7 +49,7 @@ def load_rig(path: str | os.PathLike) -> Rig:
         entry = parse_rig(data)
         if entry.convention != "opencv":
             raise ValueError(f"convention: found {entry.convention!r}, expected opencv")
-        return _rig(entry)
+        return _rig(entry, Path(path).parent)
     except ValueError as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
 
@@ -54,25 +58,30 @@ def save_rig(rig: Rig, path: str | os.PathLike) -> None:
     """Write ``rig`` to a ``rig.yaml``; `load_rig` returns an equal one, bit by bit.
 
     Poses are written as ``R`` and ``t``, intrinsics as ``camera_matrix``. ``cv2.FileStorage``
-    reads the file too, as long as the keys in ``rig.calibration`` are plain words.
+    reads the file too, as long as the keys in ``rig.calibration`` are plain words. Tables of rays
+    are written beside it, into ``<stem>_rays_<camera>.npz``.
 
     Raises
     ------
     ValueError
         If ``rig.calibration`` holds something other than plain data.
     """
-    write_text(path, rig_to_yaml(rig))
+    text = rig_to_yaml(rig, Path(path).stem)
+    for camera in rig:
+        if isinstance(camera, RayTable):
+            save_ray_table(camera, Path(path).with_name(_table_name(camera, Path(path).stem)))
+    write_text(path, text)
 
 
-def rig_to_yaml(rig: Rig) -> str:
-    """Return the text that `save_rig` writes."""
+def rig_to_yaml(rig: Rig, stem: str = "rig") -> str:
+    """Return the text that `save_rig` writes into a file of that stem."""
     data: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "length_unit": rig.length_unit,
         "convention": "opencv",
         "world_frame": rig.world_frame,
-        "cameras": [_camera_data(camera) for camera in rig.cameras],
+        "cameras": [_camera_data(camera, stem) for camera in rig.cameras],
     }
     if rig.volume is not None:
         data["volume"] = {
@@ -107,18 +116,22 @@ def _preset_files() -> list[Any]:
     return [file for file in folder.iterdir() if file.name.endswith(".yaml")]
 
 
-def _rig(entry: RigEntry) -> Rig:
-    """Return the rig of a checked file."""
+def _rig(entry: RigEntry, folder: Path) -> Rig:
+    """Return the rig of a checked file in ``folder``."""
     if not entry.cameras:
         raise ValueError("cameras: found none, expected at least one")
     volume = entry.volume and Volume(entry.volume.shape, entry.volume.spacing, entry.volume.center)
-    cameras = tuple(_camera(camera) for camera in entry.cameras)
+    cameras = tuple(_camera(camera, folder) for camera in entry.cameras)
     return Rig(cameras, entry.length_unit, entry.world_frame, volume, entry.calibration)
 
 
-def _camera(entry: CameraEntry) -> Camera:
+def _camera(entry: CameraEntry, folder: Path) -> Camera | RayTable:
     """Return the camera of a checked entry."""
+    if entry.ray_table is not None:
+        return _ray_table(entry, folder)
     try:
+        if entry.image_size is None:
+            raise ValueError("image_size: missing")
         distortion = Distortion(entry.distortion.model, tuple(entry.distortion.coefficients))
         optics = entry.optics and Optics(**entry.optics.model_dump())
         K = _intrinsics(entry)
@@ -126,6 +139,29 @@ def _camera(entry: CameraEntry) -> Camera:
     except ValueError as error:
         raise ValueError(f"camera {entry.name}: {error}") from None
     return Camera(entry.name, entry.image_size, K, distortion, R, t, optics, entry.status)
+
+
+def _ray_table(entry: CameraEntry, folder: Path) -> RayTable:
+    """Return the table of rays that an entry names."""
+    kept = {"name", "ray_table", "image_size", "optics", "status"}
+    try:
+        for field in sorted(entry.model_fields_set - kept):
+            raise ValueError(f"{field}: found beside ray_table, expected one of the two")
+        optics = entry.optics and Optics(**entry.optics.model_dump())
+    except ValueError as error:
+        raise ValueError(f"camera {entry.name}: {error}") from None
+    camera = load_ray_table(entry.name, entry.ray_table, folder, optics, entry.status)
+    if entry.image_size not in (None, camera.image_size):
+        raise ValueError(
+            f"camera {entry.name}: image_size: found {entry.image_size}, "
+            f"expected {camera.image_size} as in {entry.ray_table}"
+        )
+    return camera
+
+
+def _table_name(camera: RayTable, stem: str) -> str:
+    """Return the name of the file of a camera's rays, beside a rig of that stem."""
+    return f"{stem}_rays_{camera.name}.npz"
 
 
 def _intrinsics(entry: CameraEntry) -> Any:
@@ -184,8 +220,11 @@ def _pose(entry: CameraEntry) -> tuple[Any, Any]:
     return entry.R, entry.t
 
 
-def _camera_data(camera: Camera) -> dict[str, Any]:
+def _camera_data(camera: Camera | RayTable, stem: str) -> dict[str, Any]:
     """Return a camera's plain data, in the order of the file."""
+    if isinstance(camera, RayTable):
+        data = {"name": camera.name, "ray_table": _table_name(camera, stem)}
+        return data | _last_data(camera)
     data: dict[str, Any] = {
         "name": camera.name,
         "image_size": list(camera.image_size),
@@ -197,9 +236,15 @@ def _camera_data(camera: Camera) -> dict[str, Any]:
         "R": camera.R.tolist(),
         "t": camera.t.tolist(),
     }
-    if camera.optics is not None:
-        data["optics"] = {k: v for k, v in vars(camera.optics).items() if v is not None}
-    return data | {"status": camera.status}
+    return data | _last_data(camera)
+
+
+def _last_data(camera: Camera | RayTable) -> dict[str, Any]:
+    """Return the entries that all cameras end with."""
+    if camera.optics is None:
+        return {"status": camera.status}
+    optics = {k: v for k, v in vars(camera.optics).items() if v is not None}
+    return {"optics": optics, "status": camera.status}
 
 
 def _check_plain(value: object, what: str) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs._rotation import numbers, rotation
 from rigs.camera import Camera
+from rigs.ray_table import RayTable
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,12 @@ class Volume:
 
 
 @dataclass(frozen=True)
-class Rig(Sequence[Camera]):
+class Rig(Sequence[Camera | RayTable]):
     """Cameras in order: ``rig[3]`` and ``rig["cam03"]`` are cameras, ``rig[0::3]`` is a rig.
 
     Parameters
     ----------
-    cameras : sequence of Camera
+    cameras : sequence of Camera or RayTable
         No two of the same name. A rig may be empty.
     length_unit : str
         Of every length in the rig.
@@ -87,7 +88,7 @@ class Rig(Sequence[Camera]):
         If a name stands twice, or a field is of the wrong kind.
     """
 
-    cameras: tuple[Camera, ...]
+    cameras: tuple[Camera | RayTable, ...]
     length_unit: str = "mm"
     world_frame: str = ""
     volume: Volume | None = None
@@ -98,7 +99,7 @@ class Rig(Sequence[Camera]):
         cameras = tuple(self.cameras)
         names = set()
         for index, camera in enumerate(cameras):
-            if not isinstance(camera, Camera):
+            if not isinstance(camera, (Camera, RayTable)):
                 raise ValueError(f"rig cameras[{index}]: found {camera!r}, expected a Camera")
             if camera.name in names:
                 raise ValueError(

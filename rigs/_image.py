@@ -1,0 +1,88 @@
+"""What every kind of camera has: a name, a status, an image of so many pixels."""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+STATUSES = ("calibrated", "nominal", "virtual")
+
+
+def check_name(name: object) -> None:
+    """Raise unless ``name`` can name a camera, its files and its folder."""
+    is_text = isinstance(name, str) and name == name.strip() and name not in ("", ".", "..")
+    if not is_text or any(c in "/\\" or unicodedata.category(c)[0] == "C" for c in name):
+        raise ValueError(
+            f"camera name: found {name!r}, expected text that can name a folder, without slashes"
+        )
+
+
+def image_size(size: object, what: str) -> tuple[int, int]:
+    """Return ``size`` as two plain integers."""
+    try:
+        width, height = (int(n) for n in size)
+        is_whole = (width, height) == tuple(size)
+    except (TypeError, ValueError, OverflowError):
+        is_whole = False
+    if not is_whole or min(width, height) < 1 or max(width, height) > 2**20:
+        raise ValueError(
+            f"{what}: image_size: found {size!r}, expected width and height, whole numbers "
+            "from 1 to 1048576"
+        )
+    return width, height
+
+
+def check_status(status: object, what: str) -> None:
+    """Raise unless ``status`` says how a camera's parameters are known."""
+    if status not in STATUSES:
+        raise ValueError(
+            f"{what}: status: found {status!r}, expected one of {', '.join(STATUSES)}"
+        )
+
+
+def rows_of(values: ArrayLike, columns: int, what: str) -> NDArray[np.float64]:
+    """Return ``values`` as float64 ``(N, columns)``."""
+    array = np.asarray(values, np.float64)
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise ValueError(f"{what}: found shape {array.shape}, expected (N, {columns})")
+    return array
+
+
+def pixel_centres(size: tuple[int, int]) -> NDArray[np.float64]:
+    """Return every pixel's (column, row), row by row, ``(width * height, 2)``."""
+    width, height = size
+    rows, columns = np.divmod(np.arange(width * height), width)
+    return np.stack([columns, rows], axis=-1).astype(np.float64)
+
+
+def on_image(uv: ArrayLike, size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels."""
+    u, v = rows_of(uv, 2, "pixel coordinates").T
+    width, height = size
+    return (u >= -0.5) & (u < width - 0.5) & (v >= -0.5) & (v < height - 0.5)
+
+
+def scaled_size(size: tuple[int, int], scale: float, what: str) -> tuple[int, int]:
+    """Return the size of an image resized by ``scale``, rounded down."""
+    if not (math.isfinite(scale) and scale > 0):
+        raise ValueError(f"{what}: scale: found {scale}, expected positive")
+    width, height = (math.floor(n * scale + 1e-6) for n in size)
+    if min(width, height) < 1:
+        raise ValueError(
+            f"{what}: scale: found {scale}, which leaves nothing of {size[0]} x {size[1]} pixels"
+        )
+    return width, height
+
+
+def check_window(window: tuple[int, int, int, int], size: tuple[int, int], what: str) -> None:
+    """Raise unless ``window``, its column, row, width and height, lies inside an image."""
+    x, y, width, height = window
+    fits = all(int(n) == n for n in window) and min(x, y) >= 0 and min(width, height) >= 1
+    if not (fits and x + width <= size[0] and y + height <= size[1]):
+        raise ValueError(
+            f"{what}: crop: found x, y, width, height = {window}, expected a window inside "
+            f"{size[0]} x {size[1]} pixels"
+        )
