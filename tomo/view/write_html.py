@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 RAYS = "clicked rays"
 """The layer of the rays that the page's reader asks for."""
 
+_RAY_COLOUR = "#d4148c"
 _ORDER = (
     "cameras",
     "names",
@@ -151,10 +152,9 @@ def html_page(
         traces += made
     if views:
         layers.append(
-            {"name": RAYS, "traces": [len(traces)], "visible": True, "colours": ["#d4148c"]}
+            {"name": RAYS, "traces": [len(traces)], "visible": True, "colours": [_RAY_COLOUR]}
         )
-        traces.append(go.Scatter3d(x=[], y=[], z=[], mode="lines", name=RAYS, hoverinfo="skip"))
-        traces[-1].line = {"color": "#d4148c", "width": 5}
+        traces.append(_no_rays())
     layers.sort(key=lambda layer: (*_ORDER, layer["name"]).index(layer["name"]))
     in_view = _around(grid) if close_up and grid is not None else bounds
     figure = go.Figure(traces, _layout(scene.length_unit, in_view, up))
@@ -185,6 +185,20 @@ def html_page(
         figure=_script_safe(figure.to_json()),
         data=_script_safe(json.dumps(data)),
     )
+
+
+def _no_rays() -> go.Scatter3d:
+    """Return the trace that the page fills with rays."""
+    import plotly.graph_objects as go
+
+    return go.Scatter3d(
+        x=[], y=[], z=[],
+        mode="lines",
+        line={"color": _RAY_COLOUR, "width": 5},
+        name=RAYS,
+        hoverinfo="skip",
+        visible=True,
+    )  # fmt: skip
 
 
 def _layout(unit: str, bounds: NDArray, up: Up) -> dict:
