@@ -63,7 +63,8 @@ def choose(
 
     The gain is judged frame by frame: each frame's cost is predicted with the lens adjusted to
     all the other frames, to second order, and a richer model must lower the mean. A model that
-    maps no direction to a corner of the image is not taken.
+    maps no direction to a corner of the image is not taken, and the rational one is tried only
+    where all of brown5 pays.
 
     Parameters
     ----------
@@ -79,6 +80,8 @@ def choose(
     best, best_score = None, None
     for name, standard_errors in _STANDARD_ERRORS.items():
         terms = TERMS[name]
+        if name == "rational" and best[0].name != "brown5":
+            break
         if 2 * len(sightings) <= 6 * len(np.unique(sightings.frame)) + len(terms.freedom()):
             break
         solution = _fit(start if best is None else best[1].scene, sightings, terms)

@@ -14,8 +14,8 @@ from rigs.calibrate._scene import Freedom, Scene, Sightings
 from rigs.calibrate._target_pose import camera_poses, flat_poses, seen_well
 
 LEAST_VIEWS = 3
-_FOCAL_LENGTHS = 0.3 * 1.4 ** np.arange(17)  # image widths: 0.3 to 65
-_TRIED_FRAMES = 12
+_FOCAL_LENGTHS = 0.3 * 1.6 ** np.arange(12)  # image widths: 0.3 to 53
+_TRIED_FRAMES = 8
 
 
 @dataclass(frozen=True)
@@ -109,10 +109,10 @@ def _first_lens(sightings: Sightings, image_size: tuple[int, int], model: str) -
     for focal in _FOCAL_LENGTHS * max(width, height):
         matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
         lens = Lens(matrix, "none", np.zeros(0)).with_model(model)
-        errors = []
+        errors, directions = [], lens.pinhole(sightings.uv)
         for frame in tried:
             own = sightings.frame == frame
-            points, pinhole = sightings.points[own], lens.pinhole(sightings.uv[own])
+            points, pinhole = sightings.points[own], directions[own]
             error = np.inf
             for R, t in flat_poses(points, pinhole)[:1]:
                 in_camera = points @ R.T + t

@@ -1,0 +1,333 @@
+"""Calibration of simulated rigs: accuracy, gauge, units, rings, partial boards, bad input."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rigs import Distortion, Rig
+from rigs.calibrate import Observations, calibrate, ray_miss
+from rigs.calibrate._duplicates import without_repeats
+from rigs.calibrate._lens_choice import TERMS
+
+
+@pytest.fixture(scope="module")
+def arc_case(simulated_rig):
+    """Four cameras over 100 degrees, with sightings and what they give."""
+    truth = simulated_rig("arc", cameras=4, frames=14, seed=1)
+    observations = truth.observe(0.05, seed=1)
+    return truth, observations, calibrate(observations)
+
+
+def one_camera(observations, camera=0):
+    """Return the observations of one camera as a rig of its own."""
+    own = observations.where(observations.camera == camera)
+    return Observations(
+        own.target_points,
+        own.cameras[camera : camera + 1],
+        own.image_sizes[camera : camera + 1],
+        own.frames,
+        own.camera * 0,
+        own.frame,
+        own.point,
+        own.uv,
+    )
+
+
+def test_an_arc_is_found_within_a_hundredth_of_a_pixel(arc_case, judged_volume):
+    truth, observations, found = arc_case
+    assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.003
+    assert found.used.all()
+    assert found.noise == pytest.approx(0.05, rel=0.05)
+    assert found.verdict.startswith("good")
+    assert found.findings == ()
+    assert found.rig.names == observations.cameras
+    # What does not hang on how the first camera's axes lie in it
+    places = np.array([camera.position for camera in found.rig])
+    true = np.array([camera.position for camera in truth.rig])
+    apart, expected = (
+        np.linalg.norm(p[:, None] - p[None, :], axis=2) for p in (places, true)
+    )
+    assert np.abs(apart - expected).max() < 1.0  # of 800
+
+
+def test_residuals_are_measured_less_projected_by_the_rig(arc_case):
+    _, observations, found = arc_case
+    for row in (0, 777, len(observations) - 1):
+        frame = observations.frame[row]
+        point = observations.target_points[observations.point[row]]
+        place = found.target_R[frame] @ point + found.target_t[frame]
+        uv, _, _ = found.rig[int(observations.camera[row])].project(place[None])
+        assert np.abs(observations.uv[row] - uv[0] - found.residuals[row]).max() < 1e-9
+
+
+def test_the_same_input_gives_the_same_rig(arc_case):
+    _, observations, found = arc_case
+    assert calibrate(observations).rig == found.rig
+
+
+def test_sightings_in_any_order_give_the_same_rig(arc_case):
+    _, observations, found = arc_case
+    order = np.random.default_rng(0).permutation(len(observations))
+    shuffled = calibrate(observations.where(order))
+    assert np.abs(shuffled.residuals - found.residuals[order]).max() < 1e-5
+
+
+def test_millimetres_and_metres_give_the_same_rig(arc_case):
+    _, observations, found = arc_case
+    metres = calibrate(
+        replace(observations, target_points=observations.target_points / 1000), length_unit="m"
+    )
+    assert metres.rig.length_unit == "m"
+    assert metres.terms == found.terms
+    for mm, m in zip(found.rig, metres.rig, strict=True):
+        assert np.abs(mm.camera_matrix - m.camera_matrix).max() < 1e-4
+        assert np.abs(mm.t - m.t * 1000).max() < 1e-4
+    quality, other = found.quality, metres.quality
+    assert other.predicted_ray_miss * 1000 == pytest.approx(quality.predicted_ray_miss, rel=1e-3)
+    assert other.cross_ray_miss * 1000 == pytest.approx(quality.cross_ray_miss, rel=1e-3)
+
+
+def test_the_world_is_the_first_camera_unless_said_otherwise(arc_case):
+    _, _, found = arc_case
+    assert np.abs(found.rig[0].R - np.eye(3)).max() < 1e-12
+    assert np.abs(found.rig[0].t).max() < 1e-9
+    assert "cam00" in found.rig.world_frame
+
+
+def test_given_lenses_are_kept(arc_case, judged_volume):
+    truth, observations, found = arc_case
+    fixed = calibrate(observations, intrinsics=truth.rig)
+    for true, camera in zip(truth.rig, fixed.rig, strict=True):
+        assert np.array_equal(true.camera_matrix, camera.camera_matrix)
+        assert true.distortion == camera.distortion
+    assert fixed.quality.predicted_ray_miss < found.quality.predicted_ray_miss
+    assert ray_miss(truth.rig, fixed.rig, judged_volume(truth)) < 0.003
+    assert fixed.terms == ("given",) * 4
+    assert (fixed.quality.lens_misfit < 2).all()
+
+
+def test_lens_terms_are_freed_when_they_pay(simulated_rig):
+    truth = simulated_rig("arc", cameras=2, frames=14, seed=5)
+    straight = tuple(replace(camera, distortion=Distortion()) for camera in truth.rig)
+    plain = calibrate(replace(truth, rig=Rig(straight)).observe(0.05, seed=1))
+    bent = calibrate(truth.observe(0.05, seed=1))
+    size = {name: sum(terms.free) for name, terms in TERMS.items()}
+    assert all(size[name] >= 2 for name in bent.terms)
+    assert sum(size[name] for name in plain.terms) < sum(size[name] for name in bent.terms)
+
+
+def test_a_wide_fisheye_on_request(simulated_rig, judged_volume):
+    truth = simulated_rig("arc", cameras=3, frames=14, seed=6, spread=60)
+    lens = Distortion("fisheye", (-0.02, 0.01, 0.0, 0.0))
+    wide = []
+    for camera in truth.rig:
+        K = camera.camera_matrix.copy()
+        K[0, 0], K[1, 1] = 420, 421
+        wide.append(replace(camera, camera_matrix=K, distortion=lens))
+    big = replace(truth, rig=Rig(tuple(wide)), points=truth.points * 3)
+    found = calibrate(big.observe(0.05, seed=2), distortion="fisheye")
+    assert found.rig[0].distortion.model == "fisheye"
+    assert ray_miss(big.rig, found.rig, judged_volume(truth)) < 0.05  # a pixel is 1.9 there
+
+
+def test_partial_boards_and_points_of_no_pose_are_used(simulated_rig, judged_volume):
+    truth = simulated_rig("arc", cameras=4, frames=20, seed=4, spread=70)
+    observations = truth.observe(0.05, seed=3)
+    counts = observations.counts()
+    partial = (counts > 0) & (counts < len(truth.points))
+    assert partial.sum() > 10
+    # Images of fewer points than a pose needs count where another camera saw the target whole
+    few = (observations.camera == 1) & (observations.frame % 3 == 0) & (observations.point > 3)
+    found = calibrate(observations.where(~few))
+    assert found.used.all()
+    assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.006
+
+
+def test_one_camera_gives_its_lens(arc_case):
+    truth, observations, _ = arc_case
+    found = calibrate(one_camera(observations, 2))
+    assert len(found.rig) == 1
+    focal, true = found.rig[0].camera_matrix[0, 0], truth.rig[2].camera_matrix[0, 0]
+    assert focal == pytest.approx(true, rel=0.003)
+    assert np.isnan(found.quality.predicted_ray_miss)
+    assert "one camera" in found.verdict
+
+
+def test_the_summary_is_plain_and_the_rig_can_be_saved(arc_case, tmp_path):
+    from rigs import load_rig, save_rig
+
+    *_, found = arc_case
+    save_rig(found.rig, tmp_path / "rig.yaml")
+    again = load_rig(tmp_path / "rig.yaml")
+    assert again.calibration == found.rig.calibration
+    assert again.calibration["cameras"]["cam02"]["points_left_out"] == 0
+    assert again.calibration["ray_miss_predicted"] < 0.003
+
+
+def test_a_ring_of_twelve_where_neighbours_alone_share_views(simulated_rig, judged_volume):
+    truth = simulated_rig("ring", cameras=12, frames=60, seed=8)
+    observations = truth.observe(0.05, seed=3, facing=0.6)
+    seen = observations.counts() > 0
+    assert seen.sum(axis=0).max() <= 4
+    start = time.process_time()
+    found = calibrate(observations)
+    assert time.process_time() - start < 20
+    assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.005
+    assert found.verdict.startswith("good")
+    assert found.used.all()
+
+
+def test_the_world_may_be_that_of_a_frame(arc_case, judged_volume):
+    truth, observations, found = arc_case
+    frame = calibrate(observations, world="004")
+    assert np.abs(frame.target_R[4] - np.eye(3)).max() < 1e-12
+    assert np.abs(frame.target_t[4]).max() < 1e-9
+    assert "004" in frame.rig.world_frame
+    assert np.abs(frame.residuals - found.residuals).max() < 1e-6
+    assert ray_miss(found.rig, frame.rig, judged_volume(truth)) < 1e-7
+
+
+def test_given_positions_set_the_scale(arc_case):
+    truth, observations, found = arc_case
+    given = {camera.name: 2 * camera.position + 100 for camera in truth.rig}
+    scaled = calibrate(observations, world=given, rescale=True)
+    for camera in scaled.rig:
+        assert np.linalg.norm(given[camera.name] - camera.position) < 3.0
+    assert np.abs(scaled.residuals - found.residuals).max() < 1e-6
+    side = np.ptp(scaled.observations.target_points, axis=0)[0]
+    assert side == pytest.approx(2 * np.ptp(observations.target_points, axis=0)[0], rel=0.002)
+
+
+# Bad input
+
+
+def test_cameras_without_shared_views_are_named(arc_case):
+    _, observations, _ = arc_case
+    late = observations.frame >= 7
+    apart = observations.where(np.where(observations.camera >= 2, late, ~late))
+    with pytest.raises(ValueError, match="cameras cam0[02], cam0[13]: found no frame"):
+        calibrate(apart)
+
+
+def test_too_few_views_are_named(arc_case):
+    _, observations, _ = arc_case
+    with pytest.raises(ValueError, match="camera cam01: found 1 images"):
+        first = np.flatnonzero(observations.camera == 1)[0]
+        keep = (observations.camera != 1) | (observations.frame == observations.frame[first])
+        calibrate(observations.where(keep))
+    with pytest.raises(ValueError, match="no sightings"):
+        calibrate(observations.where(np.zeros(len(observations), bool)))
+
+
+def test_parallel_targets_do_not_give_a_focal_length(simulated_rig):
+    truth = simulated_rig("arc", cameras=1, frames=12, seed=0)
+    rng = np.random.default_rng(1)
+    middle = truth.points.mean(axis=0)
+    t = np.c_[rng.uniform(-25, 25, (12, 2)), rng.uniform(720, 880, 12)] - middle
+    flat = replace(truth, target_R=np.tile(np.eye(3), (12, 1, 1)), target_t=t)
+    with pytest.raises(ValueError, match=r"camera cam00: .*(focal length|not determined).*tilted"):
+        calibrate(flat.observe(0.05, seed=0))
+
+
+def test_an_ambiguous_target_is_refused_for_a_rig_but_not_for_a_lens(arc_case):
+    class Symmetric:
+        ambiguity = "it looks the same turned by half a turn"
+
+    _, observations, _ = arc_case
+    with pytest.raises(ValueError, match="target: its pose is ambiguous .*half a turn"):
+        calibrate(observations, target=Symmetric())
+    assert len(calibrate(one_camera(observations, 2), target=Symmetric()).rig) == 1
+
+
+def test_a_mirrored_target_is_refused(arc_case):
+    _, observations, _ = arc_case
+    mirrored = replace(observations, target_points=observations.target_points * [-1.0, 1, 1])
+    with pytest.raises(ValueError, match="camera cam00: sees the target from behind"):
+        calibrate(mirrored)
+
+
+def test_names_and_models_that_do_not_fit(arc_case):
+    truth, observations, _ = arc_case
+    with pytest.raises(ValueError, match="distortion: found 'brown', expected one of auto, none"):
+        calibrate(observations, distortion="brown")
+    with pytest.raises(ValueError, match="intrinsics: camera cam03: not in the rig"):
+        calibrate(observations, intrinsics=truth.rig[:3])
+    small = Rig(tuple(replace(camera, image_size=(64, 48)) for camera in truth.rig))
+    with pytest.raises(ValueError, match=r"intrinsics: camera cam00: image_size: found \(64, 48\)"):
+        calibrate(observations, intrinsics=small)
+    with pytest.raises(ValueError, match="rescale"):
+        calibrate(observations, rescale=True)
+    tilted = observations.target_points + [0, 0, 1.0] * (np.arange(48) == 3)[:, None]
+    with pytest.raises(ValueError, match="flat target"):
+        calibrate(replace(observations, target_points=tilted))
+
+
+def test_repeated_images_count_once_and_are_told(arc_case):
+    _, observations, found = arc_case
+    again = observations.frame == 4
+    last = len(observations.frames)
+    doubled = Observations(
+        observations.target_points,
+        observations.cameras,
+        observations.image_sizes,
+        (*observations.frames, "copy"),
+        np.r_[observations.camera, observations.camera[again]],
+        np.r_[observations.frame, np.full(again.sum(), last)],
+        np.r_[observations.point, observations.point[again]],
+        np.r_[observations.uv, observations.uv[again]],
+    )
+    keep, frozen, repeats = without_repeats(doubled)
+    assert keep.sum() == len(observations)
+    assert keep[: len(observations)].all()
+    assert frozen == ()
+    assert repeats == ("frame copy: the same as 004 in every camera, counted once",)
+    noisy = (doubled.frame == last) & (doubled.camera != 2)
+    moved = replace(doubled, uv=doubled.uv + 0.1 * noisy[:, None])
+    keep, frozen, repeats = without_repeats(moved)
+    assert np.array_equal(~keep, (doubled.frame == last) & (doubled.camera == 2))
+    assert repeats == ()
+    assert frozen[0].startswith("camera cam02: frame copy is the same image as 004 while other")
+    assert (found.findings, len(found.used)) == ((), len(observations))
+
+
+# Real images
+
+
+def test_chessboard_pairs(test_data):
+    """13 pairs: at least as good as OpenCV's joint solution, with no corner thrown away."""
+    cv2 = pytest.importorskip("cv2")
+    folder = test_data / "chessboard_stereo"
+    if not folder.is_dir():
+        pytest.skip(f"no images at {folder}")
+    grid = np.mgrid[:6, :9].reshape(2, -1).T
+    points = np.c_[grid[:, ::-1], np.zeros(54)]
+    rows, pixels = [], []
+    for camera, side in enumerate(("left", "right")):
+        for frame, path in enumerate(sorted((folder / side).glob("*.jpg"))):
+            image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+            ok, corners = cv2.findChessboardCorners(image, (9, 6))
+            assert ok
+            end = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
+            corners = cv2.cornerSubPix(image, corners, (11, 11), (-1, -1), end)
+            rows += [(camera, frame, point) for point in range(54)]
+            pixels.append(corners.reshape(-1, 2))
+    camera, frame, point = np.transpose(rows)
+    frames = tuple(f"{number:02d}" for number in range(13))
+    observations = Observations(
+        points, ("left", "right"), ((640, 480),) * 2, frames, camera, frame, point,
+        np.concatenate(pixels),
+    )  # fmt: skip
+
+    def rms(calibration):
+        assert calibration.used.all()
+        return np.sqrt((calibration.residuals**2).sum(axis=1).mean())
+
+    for camera, limit in ((0, 0.409), (1, 0.459)):
+        alone = calibrate(one_camera(observations, camera), distortion="brown5", cull=False)
+        assert rms(alone) <= limit
+    joint = calibrate(observations, distortion="brown5", cull=False)
+    assert rms(joint) <= 0.445
+    baseline = np.linalg.norm(joint.rig["left"].position - joint.rig["right"].position)
+    assert baseline == pytest.approx(3.338, abs=0.01)
