@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs._rotation import numbers
 
+_JUMP = 8.0  # times the usual step from pixel to pixel: rays that belong to different views
 _EXACT = 4e-16  # closer to length one than this a direction is kept bit by bit
 
 
@@ -51,6 +52,24 @@ def origins_for(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[
         raise ValueError(f"{what}: found shape {array.shape}, expected {shape} or (3,)")
     array.setflags(write=False)
     return array
+
+
+def pieces(directions: NDArray[np.float64]) -> int:
+    """Return into how many parts holes and jumps cut a table's pixels ``(h, w, 3)``.
+
+    A jump is a step between neighbours that is far larger than usual.
+    """
+    from scipy.ndimage import label
+
+    joined = np.isfinite(directions[..., 0])
+    steps = [np.linalg.norm(np.diff(directions, axis=axis), axis=2) for axis in (0, 1)]
+    known = np.concatenate([step[np.isfinite(step)] for step in steps])
+    if len(known):
+        limit = _JUMP * float(np.median(known)) + 1e-12
+        with np.errstate(invalid="ignore"):
+            joined[:-1] &= ~(steps[0] > limit)
+            joined[:, :-1] &= ~(steps[1] > limit)
+    return int(label(joined)[1])
 
 
 def finite_or_zero(origins: NDArray[np.float64]) -> NDArray[np.float64]:

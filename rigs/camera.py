@@ -124,6 +124,9 @@ class Camera:
         """Whether straight lines have straight images: there is no distortion."""
         return self.distortion.model != "fisheye" and not any(self.distortion.coefficients)
 
+    #: No point has two images.
+    sees_once = True
+
     @property
     def position(self) -> NDArray[np.float64]:
         """The centre of projection in world coordinates, ``(3,)``."""

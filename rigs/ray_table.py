@@ -20,14 +20,13 @@ from rigs._image import (
     scaled_size,
 )
 from rigs._nearest_pinhole import nearest_pinhole
-from rigs._ray_arrays import finite_or_zero, origins_for, unit_or_nan, vectors
+from rigs._ray_arrays import finite_or_zero, origins_for, pieces, unit_or_nan, vectors
 from rigs._ray_interpolation import between, pixels_of
 from rigs._rotation import numbers, rotation
 from rigs.camera import Camera
 from rigs.optics import Optics
 
 _SAMPLES = 64  # rays along each side of the image that tell the nearest pinhole
-_JUMP = 8.0  # times the usual step from pixel to pixel: rays that belong to different views
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -190,13 +189,14 @@ class RayTable:
         return self._pinhole[2]
 
     @cached_property
+    def sees_once(self) -> bool:
+        """Whether the pixels that see hang together: else a point may have several images."""
+        return pieces(self.directions) <= 1
+
+    @cached_property
     def _is_whole(self) -> bool:
         """Whether the table has neither holes nor jumps."""
-        if np.isnan(self.directions).any():
-            return False
-        steps = [np.linalg.norm(np.diff(self.directions, axis=a), axis=2).ravel() for a in (0, 1)]
-        step = np.concatenate(steps)
-        return not len(step) or bool(step.max() <= _JUMP * np.median(step) + 1e-12)
+        return self.sees_once and not np.isnan(self.directions).any()
 
     def project(self, points: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
         """Return where world points appear.

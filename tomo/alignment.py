@@ -281,9 +281,5 @@ def _shrunk(image: NDArray, mask: NDArray, factor: int) -> tuple[NDArray, NDArra
 
 
 def _shifted(rig: Rig, shifts: NDArray[np.float64]) -> Rig:
-    cameras = []
-    for camera, (right, down) in zip(rig, shifts, strict=True):
-        matrix = np.array(camera.camera_matrix)
-        matrix[:2, 2] += (right, down)
-        cameras.append(replace(camera, camera_matrix=matrix))
-    return replace(rig, cameras=tuple(cameras))
+    moved = (camera.shifted(*shift) for camera, shift in zip(rig, shifts, strict=True))
+    return replace(rig, cameras=tuple(moved))

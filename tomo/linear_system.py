@@ -18,7 +18,7 @@ from tomo.rays import Rays
 from tomo.segments import Segments
 from tomo.support import STORED, choose_form, point_in_view
 from tomo.trace import trace
-from tomo.trace.sources import CameraPixels
+from tomo.trace.sources import PixelSource, pixel_source
 from tomo.trace.survey import survey
 from tomo.viewed import ViewedOperator
 
@@ -197,9 +197,9 @@ def _traced(
 
 def _followed(
     camera: Camera, usable: NDArray[np.int64], live: LiveVoxels, skip: bool, supersample: int
-) -> tuple[CameraPixels, NDArray[np.int64]]:
+) -> tuple[PixelSource, NDArray[np.int64]]:
     """Return the pixels of a camera to follow through the grid at every product."""
-    source = CameraPixels.of(camera, usable, supersample)
+    source = pixel_source(camera, usable, supersample)
     if not skip:
         return source, usable
     seeing = np.flatnonzero(survey(source, live.grid).meets)

@@ -18,7 +18,7 @@ from tomo.rays import Rays
 from tomo.trace import column_changes
 from tomo.trace.columns import add_differences, running_sums, turned
 from tomo.trace.courses import WIDTH
-from tomo.trace.sources import CameraPixels, Numbers, PixelSource, RayPixels
+from tomo.trace.sources import Numbers, PixelSource, RayPixels, pixel_source
 from tomo.trace.survey import cuts_of_equal_work, survey
 from tomo.viewed import ViewedOperator, as_float
 
@@ -77,9 +77,11 @@ class OnTheFlyProjector(ViewedOperator):
     ) -> OnTheFlyProjector:
         """Return the projector of cameras, one a view; 8 bytes a distorted ray, little else.
 
+        A table of rays takes 64 bytes a ray.
+
         Parameters
         ----------
-        cameras : sequence of Camera
+        cameras : sequence of Camera or RayTable
         pixels : sequence of (P_v,) int, optional
             For each camera its flat pixel numbers ``row * width + column``; all where None.
         grid : VoxelGrid
@@ -89,7 +91,7 @@ class OnTheFlyProjector(ViewedOperator):
         """
         chosen = [None] * len(cameras) if pixels is None else pixels
         sources = tuple(
-            CameraPixels.of(camera, some, supersample)
+            pixel_source(camera, some, supersample)
             for camera, some in zip(cameras, chosen, strict=True)
         )
         return cls.from_sources(sources, grid, live)

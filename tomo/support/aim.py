@@ -18,10 +18,10 @@ def point_in_view(rig: Rig) -> NDArray[np.float64] | None:
     positions, sights = [], []
     for camera in rig:
         middle = (np.array([camera.image_size], np.float64) - 1) / 2
-        _, directions = camera.rays(middle)
+        origins, directions = camera.rays(middle)
         if np.isfinite(directions).all():
             sights.append(directions[0])
-            positions.append(camera.position)
+            positions.append(origins[0])
     if not sights:
         return None
     sights = np.array(sights)  # (cameras, 3)

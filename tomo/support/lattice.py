@@ -76,6 +76,8 @@ def _projected(camera: Camera, grid: VoxelGrid, places: list[NDArray]) -> NDArra
     """Return the pixel coordinates of points given in voxels from the grid's lower corner."""
     axes = [low + s * at for low, s, at in zip(grid.lower, grid.spacing, places, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    if not camera.sees_once:  # one place of several would pass for the only one
+        return np.full((*points.shape[:3], 2), np.nan)
     uv, _, valid = camera.project(points.reshape(-1, 3))
     uv[~valid] = np.nan
     return uv.reshape((*points.shape[:3], 2))

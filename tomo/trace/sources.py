@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera
+from rigs import Camera, RayTable
 from tomo._groups import take_groups
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
@@ -230,6 +230,15 @@ class CameraPixels(PixelSource):
         )  # fmt: skip
 
 
+def pixel_source(
+    camera: Camera | RayTable, pixels: NDArray[np.integer] | None = None, supersample: int = 1
+) -> PixelSource:
+    """Return the source of some pixels of a camera, or of all; a table's rays are stored."""
+    if isinstance(camera, RayTable):
+        return RayPixels(Rays.from_camera(camera, pixels, supersample))
+    return CameraPixels.of(camera, pixels, supersample)
+
+
 def _places(supersample: int) -> NDArray[np.float64]:
     """Return where a pixel's rays are, down and right of its centre, ``(K², 2)``."""
     steps = _steps(supersample)
@@ -246,7 +255,7 @@ def _bend(
     camera: Camera, pixels: NDArray[np.integer], supersample: int
 ) -> NDArray[np.float32] | NDArray[np.float64]:
     """Return what a camera's lens does to the rays of pixels; see `CameraPixels`."""
-    if not any(camera.distortion.coefficients) and camera.distortion.model != "fisheye":
+    if camera.is_pinhole:
         return np.zeros((0, 0, 0), np.float32)
     fisheye = camera.distortion.model == "fisheye"
     shape = (len(pixels), supersample**2, 3 if fisheye else 2)

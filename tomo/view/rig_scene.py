@@ -195,7 +195,7 @@ def _camera_scene(camera: Camera, target: Target, typical: float, up: Up) -> Sce
     """Return one camera's symbol, name, and line of sight up to the target's surroundings."""
     _, colour = colour_of(camera, target, up)
     position, forward = camera.position, camera.R[2]
-    per_side = 1 if camera.distortion.model == "none" else 6
+    per_side = 1 if camera.is_pinhole else 6
     length, thick = _SYMBOL_LENGTH * typical, 0.0028 * typical
     border = frustum(camera, length, per_side, symbol_widening(camera))
     corners = border[::per_side]
@@ -270,7 +270,7 @@ def _field_of_view(camera: Camera, target: Target) -> Scene:
     depth = float((target.center - camera.position) @ camera.R[2])
     if depth <= 0:
         return Scene()
-    per_side = 1 if camera.distortion.model == "none" else 8
+    per_side = 1 if camera.is_pinhole else 8
     border = frustum(camera, depth, per_side)
     outline = shapes.polyline(border, 0.004 * target.radius, closed=True)
     face = shapes.fan(border.mean(axis=0), border)
