@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -95,3 +96,95 @@ def test_volume_in_another_unit_than_the_rig_s_is_told(tmp_path, volume):
     )
     assert done.returncode == 2
     assert "length_unit: found 'm'" in done.stderr
+
+
+@pytest.fixture
+def two_rigs(tmp_path):
+    rig = rigs.ring(
+        4,
+        distance=400.0,
+        image_size=(60, 80),
+        footprint=0.5,
+        pitch_degrees=6.0,
+        volume=rigs.Volume((10, 20, 10), 1.0),
+    )
+    moved = replace(rig[2], t=rig[2].t + np.array([2.0, 0.0, 0.0]))
+    other = replace(rig, cameras=(*rig.cameras[:2], moved, rig[3]), volume=None)
+    rigs.save_rig(rig, tmp_path / "one.yaml")
+    rigs.save_rig(other.transformed(np.eye(3), [50.0, 0.0, 0.0]), tmp_path / "two.yaml")
+    return tmp_path / "one.yaml", tmp_path / "two.yaml"
+
+
+def test_two_rigs_are_drawn_and_their_differences_told(run_tool, tmp_path, two_rigs):
+    one, two = two_rigs
+    outs = [tmp_path / f"both.{suffix}" for suffix in ("png", "html", "glb")]
+    options = [part for out in outs for part in ("-o", out)]
+    done = run_tool("visualize_rig", one, "--compare", two, *options, "--json")
+    assert done.exit_code == 0, done.stderr
+    told = json.loads(done.stdout)["difference"]
+    cameras = told["cameras"]
+    assert max(cameras, key=lambda name: cameras[name]["distance"]) == "cam02"
+    assert max(cameras, key=lambda name: cameras[name]["ray_miss"]) == "cam02"
+    assert cameras["cam00"]["lens"] == pytest.approx(0, abs=1e-6)
+    assert told["shift"] == pytest.approx(50, abs=1)
+    assert 0.1 < told["ray_miss"] < 2
+    assert told["scale"] == pytest.approx(1, abs=0.01)
+    page = outs[1].read_text(encoding="utf-8")
+    for words in ("other cameras", "moved", "two against one", "ray-miss (mm)", "map: views"):
+        assert words in page
+    assert "other cameras/cam02" in trimesh.load(outs[2]).geometry
+    assert "ray-miss between both rigs" in done.stderr
+    as_they_stand = run_tool(
+        "visualize_rig", one, "--compare", two, "--no-align", "-o", outs[2], "--json"
+    )
+    shifts = json.loads(as_they_stand.stdout)["difference"]["cameras"]
+    assert shifts["cam00"]["distance"] == pytest.approx(50)
+
+
+def test_pictures_and_targets_are_layers_of_the_page(run_tool, tmp_path, two_rigs):
+    one, _ = two_rigs
+    rig = rigs.load_rig(one)
+    corners = [[-5, -5, 0], [5, -5, 0], [5, 5, 1], [-5, 5, 1]]
+    summary = {"target_poses": [{"frame": "frame07", "corners": corners}]}
+    rigs.save_rig(replace(rig, calibration=summary), one)
+    for name in rig.names[:3]:
+        (tmp_path / "seen" / name).mkdir(parents=True)
+        picture = np.tile(np.arange(60, dtype=np.uint8) * 4, (80, 1))
+        cv2.imwrite(str(tmp_path / "seen" / name / "000.png"), picture)
+    out = tmp_path / "page.html"
+    done = run_tool("visualize_rig", one, "--images", tmp_path / "seen", "-o", out)
+    assert done.exit_code == 0, done.stderr
+    page = out.read_text(encoding="utf-8")
+    data = page.split('id="page-data">')[1].split("</script>")[0]
+    data = json.loads(data)
+    layers = {layer["name"] for layer in data["layers"]}
+    assert {"images", "targets", "target names", "clicked rays"} <= layers
+    pictured = {view["name"]: view["image"] is not None for view in data["views"]}
+    assert pictured == {"cam00": True, "cam01": True, "cam02": True, "cam03": False}
+    assert [label["text"] for label in data["labels"] if label["layer"] == "target names"] == [
+        "frame07"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--compare", "nowhere.yaml"), "nowhere.yaml: no such rig file"),
+        (("--compare", "paper11_11deg", "--images", "nowhere"), "nowhere: no such folder"),
+        (("--frame", "1"), "--frame: expected --images beside it"),
+    ],
+)
+def test_bad_company_is_one_line_and_exit_code_2(run_tool, tmp_path, two_rigs, options, words):
+    done = run_tool("visualize_rig", two_rigs[0], *options, "-o", tmp_path / "out.html")
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out.html").exists()
+
+
+def test_poses_of_targets_that_are_none_are_told(run_tool, tmp_path, two_rigs):
+    rig = replace(rigs.load_rig(two_rigs[0]), calibration={"target_poses": [{"frame": "a"}]})
+    rigs.save_rig(rig, two_rigs[0])
+    done = run_tool("visualize_rig", two_rigs[0], "-o", tmp_path / "out.html")
+    assert done.exit_code == 2
+    assert "calibration.target_poses[0]: found" in done.stderr

@@ -51,7 +51,7 @@ class ColourScale:
 
         values = np.asarray(values, np.float64)
         share = (values - self.lower) / (self.upper - self.lower)
-        colours = colormaps[self.colours](np.nan_to_num(np.clip(share, 0, 1)))[..., :3]
+        colours = np.array(colormaps[self.colours](np.nan_to_num(np.clip(share, 0, 1))))[..., :3]
         return np.where(np.isfinite(values)[..., None], colours, 0.8)
 
 

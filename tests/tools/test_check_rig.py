@@ -1,0 +1,130 @@
+import json
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+import yaml
+
+import rigs
+from rigs import ring, save_rig
+from rigs.rig import Volume
+
+VOLUME = Volume((16, 40, 16), 1.0)
+
+
+@pytest.fixture
+def rig_file(tmp_path):
+    rig = ring(
+        7, distance=900.0, image_size=(40, 60), footprint=1.0, pitch_degrees=4.0, volume=VOLUME
+    )
+    save_rig(rig, tmp_path / "rig.yaml")
+    return tmp_path / "rig.yaml"
+
+
+def edited(path, change):
+    data = yaml.safe_load(path.read_text())
+    change(data)
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def test_a_good_rig_is_called_good_with_its_figures(run_tool, rig_file):
+    done = run_tool("check_rig", rig_file, "--no-time", "--json")
+    assert done.exit_code == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["verdict"] == "good"
+    assert told["views"] == {"least": 7, "median": 7.0, "most": 7, "unseen": 0.0}
+    # away from the axis the ring is uneven: half its size over the distance, 2.5 degrees
+    assert 180 / 7 < told["angular_gap"]["median"] < 180 / 7 + 2.5
+    assert told["pixel_in_voxels"] == pytest.approx(1, rel=0.02)
+    assert 0.1 < told["ray_miss"] < 0.3
+    assert list(told["cameras"]) == [f"cam{k:02d}" for k in range(7)]
+    assert told["cameras"]["cam03"]["blur_in_pixels"] is None
+    assert told["estimate"]["voxels"] == 16 * 40 * 16
+    assert told["estimate"]["seconds"] is None
+    assert "rig: good." in done.stderr
+
+
+def test_the_camera_to_blame_is_named_in_plain_words(run_tool, rig_file):
+    def turn(data):
+        entry = data["cameras"][4]
+        entry["R"] = (np.diag([-1.0, 1, -1]) @ entry["R"]).tolist()
+        entry["t"] = (np.diag([-1.0, 1, -1]) @ entry["t"]).tolist()
+
+    done = run_tool("check_rig", edited(rig_file, turn), "--no-time")
+    assert done.exit_code == 0, done.stderr
+    assert "fault: cam04: nothing of the volume in the image: turned away from it" in done.stderr
+    assert "rig: not usable." in done.stderr
+    rows = [line.split() for line in done.stdout.splitlines() if line.startswith("cam0")]
+    assert [row[0] for row in rows] == [f"cam{k:02d}" for k in range(7)]
+    assert "0.0%" in rows[4]
+    assert "100.0%" in rows[3]
+
+
+def test_a_rig_in_metres_about_a_grid_in_millimetres_is_told(run_tool, rig_file):
+    def slip(data):
+        for entry in data["cameras"]:
+            entry["t"] = [value / 1000 for value in entry["t"]]
+
+    done = run_tool("check_rig", edited(rig_file, slip), "--no-time")
+    assert done.exit_code == 0
+    assert "t seems to be in metres, the grid millimetres (times 1000)" in done.stderr
+
+
+def test_time_and_memory_are_estimated(run_tool, rig_file):
+    done = run_tool("check_rig", rig_file, "--json", "--iterations", 50)
+    estimate = json.loads(done.stdout)["estimate"]
+    assert estimate["projector"] == "stored"
+    assert 7 * 16 * 40 < estimate["rays"] < 7 * 40 * 60
+    assert estimate["segments"] > 10 * estimate["rays"]
+    assert estimate["bytes"] > 8 * estimate["segments"]
+    whole = estimate["trace_seconds"] + 50 * estimate["iteration_seconds"]
+    assert estimate["seconds"] == pytest.approx(whole)
+    assert 0 < estimate["iteration_seconds"] < 10
+
+
+def test_maps_go_to_all_three_kinds_of_file(run_tool, rig_file, tmp_path):
+    outs = [tmp_path / f"maps.{suffix}" for suffix in ("png", "html", "glb")]
+    options = [part for out in outs for part in ("-o", out)]
+    done = run_tool("check_rig", rig_file, "--no-time", *options)
+    assert done.exit_code == 0, done.stderr
+    assert cv2.imread(str(outs[0])).std() > 10
+    page = outs[1].read_text(encoding="utf-8")
+    for words in ("map: angular gap", "map: views", "Is this rig good enough?", "Verdict: good"):
+        assert words in page
+    assert any(name.startswith("map: views") for name in trimesh.load(outs[2]).geometry)
+
+
+def test_a_preset_and_a_grid_of_ones_own(run_tool):
+    grid = ("--grid", "10x10x10", "--spacing", "2", "--center", "0,5,0")
+    done = run_tool("check_rig", rigs.preset_names()[0], *grid, "--no-time", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["voxel"] == pytest.approx(2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("none.yaml",), "none.yaml: no such rig file"),
+        (("RIG", "--grid", "3x4"), "--grid: found '3x4'"),
+        (("RIG", "--pixel-accuracy", "0"), "--pixel-accuracy: found 0"),
+        (("RIG", "-o", "x.pdf"), "expected one of .png, .html, .glb"),
+        (("RIG", "--images", "nowhere", "-o", "OUT.html"), "nowhere: no such folder"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(run_tool, rig_file, tmp_path, arguments, words):
+    names = {"RIG": rig_file, "OUT.html": tmp_path / "out.html"}
+    done = run_tool("check_rig", *(names.get(a, a) for a in arguments), "--no-time")
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out.html").exists()
+
+
+def test_a_rig_without_a_volume_needs_a_grid(run_tool, tmp_path):
+    rig = ring(3, distance=900.0, image_size=(40, 60), footprint=1.0)
+    save_rig(rig, tmp_path / "bare.yaml")
+    done = run_tool("check_rig", tmp_path / "bare.yaml", "--no-time")
+    assert done.exit_code == 2
+    assert "--grid and --spacing" in done.stderr
