@@ -71,11 +71,10 @@ def load_ray_table(
 
 def save_ray_table(camera: RayTable, path: str | os.PathLike) -> None:
     """Write a camera's rays to an ``.npz``: `load_ray_table` returns an equal one."""
-    central = camera.origins.strides[:2] == (0, 0)
     file = io.BytesIO()
     np.savez(
         file,
-        origins=camera.origins[0, 0] if central else camera.origins,
+        origins=camera.own_origins,
         directions=camera.directions,
         image_size=np.array(camera.image_size),
         scale=np.array(camera.scale),

@@ -281,10 +281,10 @@ class RayTable:
         """Return the camera after the rigid motion ``x_new = R @ x_old + t`` of the world."""
         R = rotation(R, f"camera {self.name}: motion R")
         t = numbers(t, (3,), f"camera {self.name}: motion t")
-        one = self.origins[0, 0] if self._is_central else self.origins
-        return replace(self, origins=one @ R.T + t, directions=self.directions @ R.T)
+        return replace(self, origins=self.own_origins @ R.T + t, directions=self.directions @ R.T)
 
     @property
-    def _is_central(self) -> bool:
-        """Whether one origin serves all rays."""
-        return self.origins.strides[:2] == (0, 0)
+    def own_origins(self) -> NDArray[np.float64]:
+        """The origins unrepeated: ``(3,)`` where one serves all rays, else ``(h, w, 3)``."""
+        central = self.origins.strides[:2] == (0, 0)
+        return self.origins[0, 0] if central else self.origins

@@ -8,6 +8,8 @@ import numpy as np
 
 from rigs.camera import Camera
 from rigs.distortion import Distortion
+from rigs.ray_table import RayTable
+from rigs.rig import Rig
 
 #: OpenCV's vector of coefficients, by its length.
 _BY_LENGTH = {4: "brown", 5: "brown", 8: "rational", 12: "thin_prism", 14: "tilted"}
@@ -28,6 +30,16 @@ def from_vector(coefficients: Sequence[float], fisheye: bool, what: str) -> Dist
             f"expected {', '.join(str(n) for n in _BY_LENGTH)}"
         )
     return Distortion(_BY_LENGTH[len(values)], tuple(values))
+
+
+def refuse_tables(rig: Rig, format_name: str) -> None:
+    """Raise if a camera is a table of rays, which foreign formats cannot say."""
+    for camera in rig:
+        if isinstance(camera, RayTable):
+            raise ValueError(
+                f"camera {camera.name}: ray_table: found a table of rays, "
+                f"which {format_name} lacks"
+            )
 
 
 def refuse_skew(camera: Camera, format_name: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import fields, replace
 
 from rigs.camera import Camera
+from rigs.ray_table import RayTable
 from rigs.rig import Rig, Volume
 
 #: In metres.
@@ -37,12 +38,14 @@ def in_unit(rig: Rig, unit: str) -> Rig:
     )
 
 
-def _scaled(camera: Camera, factor: float) -> Camera:
+def _scaled(camera: Camera | RayTable, factor: float) -> Camera | RayTable:
     """Return the camera of a world whose lengths are ``factor`` times as large."""
     optics = camera.optics
     if optics is not None:
         lengths = {f.name: getattr(optics, f.name) for f in fields(optics) if f.name != "f_number"}
         optics = replace(optics, **{k: v and v * factor for k, v in lengths.items()})
+    if isinstance(camera, RayTable):
+        return replace(camera, origins=camera.own_origins * factor, optics=optics)
     return replace(camera, t=camera.t * factor, optics=optics)
 
 

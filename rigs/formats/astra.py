@@ -23,7 +23,7 @@ import numpy as np
 
 from rigs._text import write_text
 from rigs.camera import Camera
-from rigs.formats._lens import refuse_lens
+from rigs.formats._lens import refuse_lens, refuse_tables
 from rigs.rig import Rig
 
 
@@ -35,6 +35,7 @@ def save(rig: Rig, path: Path) -> None:
     ValueError
         Naming a camera with a lens, or of another image size than the first.
     """
+    refuse_tables(rig, "ASTRA")
     if not len(rig):
         raise ValueError("cameras: found none, expected at least one")
     center = np.array(rig.volume.center if rig.volume else (0.0, 0.0, 0.0))

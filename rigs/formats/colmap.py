@@ -21,7 +21,7 @@ from rigs._text import read_text, shortened, write_text
 from rigs.camera import Camera
 from rigs.distortion import Distortion
 from rigs.formats._colmap_rigs import read_sensors, rig_texts
-from rigs.formats._lens import named_model, refuse_skew
+from rigs.formats._lens import named_model, refuse_skew, refuse_tables
 from rigs.formats._quaternion import matrix_of_quaternion, quaternion_of_matrix
 from rigs.formats._units import UNKNOWN
 from rigs.formats._values import as_count, errors_of, errors_of_file, numbers_of_line
@@ -100,6 +100,7 @@ def save(rig: Rig, path: Path) -> None:
     ValueError
         Naming a camera whose lens or skew COLMAP lacks.
     """
+    refuse_tables(rig, "COLMAP")
     folder = path.parent if path.name in _FILES else path
     lines = [_camera_line(index, camera) for index, camera in enumerate(rig, 1)]
     images = [

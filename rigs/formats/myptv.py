@@ -18,10 +18,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs._image import pixel_centres
 from rigs._text import read_text
 from rigs.camera import Camera
 from rigs.formats._image_size import required_size
 from rigs.formats._values import as_number, errors_of, errors_of_file, numbers_of_line, read_head
+from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
 LENGTH_UNIT = "mm"
@@ -76,7 +78,7 @@ def _count_of_numbers(line: str) -> int:
         return -1
 
 
-def _camera(text: str, image_size: tuple[int, int] | None) -> Camera:
+def _camera(text: str, image_size: tuple[int, int] | None) -> Camera | RayTable:
     """Return the camera of a file."""
     name, *lines = text.strip("\n").split("\n")
     name = name.strip()
@@ -97,7 +99,13 @@ def _camera(text: str, image_size: tuple[int, int] | None) -> Camera:
             raise ValueError("f: found 0, expected a focal length in pixels")
         width, height = required_size(image_size, "MyPTV")
         if correction.any():
-            raise ValueError("E: found a correction, which no camera model here has")
+            uv = pixel_centres((width, height))
+            inner = (uv - [width / 2 + xh, height / 2 + yh]).T
+            seen = np.concatenate([inner, np.full((1, len(uv)), focal)])  # (3, pixels)
+            seen = seen + correction @ _polynomial(*uv.T)[:terms]
+            directions = np.sign(focal) * seen.T @ _turn(*angles)
+            directions = directions.reshape(height, width, 3)
+            return RayTable(name, position, directions, status="calibrated")
         # f < 0 turns the image half round; what is in front has a positive third coordinate
         sign = np.sign(focal)
         R = np.diag([sign, sign, 1.0]) @ _turn(*angles)
@@ -107,6 +115,12 @@ def _camera(text: str, image_size: tuple[int, int] | None) -> Camera:
             [0.0, 0.0, 1.0],
         ]
     return Camera(name, (width, height), K, R=R, t=-R @ position, status="calibrated")
+
+
+def _polynomial(eta: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the terms Z ``(9, pixels)``."""
+    quadratic = [eta, zeta, eta**2, zeta**2, eta * zeta]
+    return np.stack([*quadratic, eta**3, eta**2 * zeta, eta * zeta**2, zeta**3])
 
 
 def _turn(tx: float, ty: float, tz: float) -> NDArray[np.float64]:

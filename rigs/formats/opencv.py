@@ -42,7 +42,7 @@ from rigs.formats._file_storage import (
     vector,
 )
 from rigs.formats._image_size import required_size
-from rigs.formats._lens import from_vector, refuse_skew
+from rigs.formats._lens import from_vector, refuse_skew, refuse_tables
 from rigs.formats._units import UNKNOWN
 from rigs.formats._values import as_mapping, errors_of, errors_of_file, read_head
 from rigs.rig import Rig
@@ -120,6 +120,7 @@ def save(rig: Rig, path: Path) -> None:
     """
     import cv2
 
+    refuse_tables(rig, "OpenCV")
     for camera in rig:
         refuse_skew(camera, "OpenCV")
     kind = cv2.FILE_STORAGE_FORMAT_JSON if path.suffix == ".json" else cv2.FILE_STORAGE_FORMAT_YAML

@@ -26,10 +26,12 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs._image import pixel_centres
 from rigs._text import read_text
 from rigs.camera import Camera
 from rigs.distortion import Distortion
 from rigs.formats._values import as_count, as_number, errors_of, errors_of_file, numbers_of_line
+from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
 LENGTH_UNIT = "mm"
@@ -123,7 +125,7 @@ def _read_project(file: Path) -> _Project:
     return _Project(tuple(images), size, (values["pix_x"], values["pix_y"]))
 
 
-def _read_camera(file: Path, project: _Project) -> Camera:
+def _read_camera(file: Path, project: _Project) -> Camera | RayTable:
     """Return the camera of an ``.ori`` and, where there is one, the ``.addpar`` beside it."""
     names = (*_EXTERIOR, *_TURN, *_INTERIOR, *_GLASS)
     with errors_of_file(file):
@@ -142,7 +144,7 @@ def _read_camera(file: Path, project: _Project) -> Camera:
 
 def _camera(
     name: str, values: dict[str, float], lens: dict[str, float], project: _Project
-) -> Camera:
+) -> Camera | RayTable:
     """Return the camera of a file's values."""
     cc = as_number(values["cc"], "cc")
     if not cc > 0:
@@ -151,25 +153,30 @@ def _camera(
         raise ValueError(
             f"scx, she: found {lens['scx']} and {lens['she']}, expected a scale and a small angle"
         )
-    coefficients = [lens[key] for key in ("k1", "k2", "k3", "p1", "p2")]
-    if any(coefficients) and (values["xh"] or values["yh"]):
-        raise ValueError(
-            f"xh, yh: found {values['xh']} and {values['yh']} beside a distortion round another "
-            "centre, which no camera model here has"
-        )
     R = np.diag([1.0, -1.0, -1.0]) @ _turn(*(values[key] for key in _EXTERIOR[3:])).T
     position = np.array([values[key] for key in _EXTERIOR[:3]])
     (pix_x, pix_y), (width, height) = project.pitch, project.size
     scale, sin, cos = lens["scx"], math.sin(lens["she"]), math.cos(lens["she"])
-    skew = sin * cc / pix_x  # y is up there
-    cx = width / 2 - 0.5 + (scale * values["xh"] - sin * values["yh"]) / pix_x
-    cy = height / 2 - 0.5 - cos * values["yh"] / pix_y
-    K = [[scale * cc / pix_x, skew, cx], [0.0, cos * cc / pix_y, cy], [0.0, 0.0, 1.0]]
-    k1, k2, k3, p1, p2 = coefficients
+    K = np.array(  # of the sensor's middle; y is up there
+        [
+            [scale * cc / pix_x, sin * cc / pix_x, width / 2 - 0.5],
+            [0.0, cos * cc / pix_y, height / 2 - 0.5],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    shift = np.array([values["xh"], -values["yh"]]) / cc
+    k1, k2, k3, p1, p2 = (lens[key] for key in ("k1", "k2", "k3", "p1", "p2"))
     # theirs are of mm on the sensor, ours of tangents; with y down the second tangential one turns
     brown = (k1 * cc**2, k2 * cc**4, -p2 * cc, p1 * cc, k3 * cc**6)
     distortion = Distortion("brown", brown) if any(brown) else Distortion()
-    return Camera(name, (width, height), K, distortion, R, -R @ position, status="calibrated")
+    if any(brown) and shift.any():
+        uv = pixel_centres(project.size)
+        seen = distortion.unproject((uv - K[:2, 2]) @ np.linalg.inv(K[:2, :2]).T)
+        seen = np.concatenate([seen[:, :2] / seen[:, 2:] - shift, np.ones((len(uv), 1))], axis=1)
+        directions = (seen @ R).reshape(height, width, 3)
+        return RayTable(name, position, directions, status="calibrated")
+    K[:2, 2] += K[:2, :2] @ shift
+    return Camera(name, project.size, K, distortion, R, -R @ position, status="calibrated")
 
 
 def _turn(omega: float, phi: float, kappa: float) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from rigs._text import write_text
 from rigs.camera import Camera
-from rigs.formats._lens import refuse_lens, refuse_skew
+from rigs.formats._lens import refuse_lens, refuse_skew, refuse_tables
 from rigs.rig import Rig
 
 _SAME_RATIO = 1e-9
@@ -42,6 +42,7 @@ def save(rig: Rig, path: Path) -> None:
     ValueError
         Naming a camera with a lens or skew, or one that does not fit into the stack of the first.
     """
+    refuse_tables(rig, "RTK")
     if not len(rig):
         raise ValueError("cameras: found none, expected at least one")
     for camera in rig:

@@ -18,6 +18,7 @@ import numpy as np
 from rigs._text import read_json_mapping, shortened, write_text
 from rigs.camera import Camera
 from rigs.formats._entry import camera_entry, entry_camera
+from rigs.formats._lens import refuse_tables
 from rigs.formats._units import UNKNOWN
 from rigs.formats._values import errors_of_file
 from rigs.formats._views import Frames, grouped, named
@@ -118,6 +119,7 @@ def save_transforms(rig: Rig, path: str | os.PathLike, frames: Frames | None = N
     instant-ngp knows only k1, k2, p1, p2 of a lens, and fisheyes; of others it reads those four.
     """
     path = Path(path)
+    refuse_tables(rig, "transforms.json")
     entries = {camera.name: camera_entry(camera) for camera in rig}
     if frames is None:
         views = [(name, PurePosixPath("images", f"{name}.png")) for name in rig.names]

@@ -10,7 +10,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rigs import formats
+from rigs import RayTable, formats
 from rigs.formats import anipose, kalibr, multical, myptv, openptv
 
 NAMES = ("cam0", "cam1", "cam2")
@@ -184,6 +184,22 @@ def test_openptv(tmp_path):
         assert formats.load(folder / path)["cam1"] == rig["cam1"]
 
 
+def test_openptv_with_a_lens_round_another_centre_is_a_table_of_rays(tmp_path):
+    values = (OPENPTV[0][0], [0.3, -0.2, 60.0], OPENPTV[0][2])
+    size, pitch = (320, 256), (0.048, 0.05)
+    camera = formats.load(write_openptv(tmp_path, [values], size, pitch))["cam1"]
+    assert isinstance(camera, RayTable)
+    uv = np.random.default_rng(0).integers([0, 0], size, (200, 2)).astype(float)
+    origins, directions = camera.rays(uv)
+    points = origins + directions * np.linspace(300, 900, 200)[:, None]
+    expected = openptv_pixels(points, *values, size, pitch)
+    np.testing.assert_allclose(uv + 0.5, expected, rtol=0, atol=1e-6)
+    points = np.random.default_rng(0).uniform(-30, 30, (200, 3))
+    uv, _, valid = camera.project(points)
+    assert valid.all()
+    np.testing.assert_allclose(uv + 0.5, openptv_pixels(points, *values, size, pitch), atol=1e-3)
+
+
 @pytest.mark.parametrize(
     ("indices", "message"),
     [((1, 1.46, 1.33), r"n1, n2, n3: found refraction indices \[1.0, 1.46, 1.33\], expected 1")],
@@ -238,6 +254,20 @@ def test_myptv(tmp_path, focal):
     np.testing.assert_allclose(found, uv, atol=1e-6)
     with pytest.raises(ValueError, match="cam1: camera cam1: image_size: missing"):
         formats.load(tmp_path)
+
+
+def test_myptv_with_a_correction_is_a_table_of_rays(tmp_path):
+    E = np.array([[6e-3, -1e-2, -7e-6, 9e-7, 1.2e-5], [9e-3, -9e-3, -3e-6, 9e-6, -8e-6], [0] * 5])
+    values = MYPTV | {"E": E, "xh, yh": [-59.0, -14.5], "f": 1600.0}
+    (tmp_path / "cam1").write_text(myptv_text(values))
+    camera = formats.load(tmp_path, image_size=(320, 256))["cam1"]
+    assert isinstance(camera, RayTable)
+    uv = np.random.default_rng(0).integers([0, 0], [320, 256], (200, 2)).astype(float)
+    directions = myptv_ray(values, *uv.T, (320, 256))
+    points = values["O"] + directions * np.linspace(300, 600, 200)[:, None]
+    found, _, valid = camera.project(points)
+    assert valid.all()
+    np.testing.assert_allclose(found, uv, rtol=0, atol=1e-6)
 
 
 def mutated(data, path, value):

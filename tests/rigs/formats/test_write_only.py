@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from rigs import Camera, Rig, Volume, arc, formats
+from rigs import Camera, RayTable, Rig, Volume, arc, formats
 
 
 @pytest.fixture
@@ -122,6 +122,28 @@ def test_what_they_lack_is_refused(make_rig, tmp_path, name):
     with pytest.raises(ValueError, match=re.escape(message)):
         formats.save(small, tmp_path / name)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", formats.names(writable=True))
+def test_tables_of_rays_are_written_by_our_own_format_alone(make_rig, tmp_path, name):
+    rig = make_rig("none", "none")
+    rig = Rig((rig[0], RayTable.of(rig[1].scaled(0.05))))
+    if name == "emission_rig":
+        formats.save(rig, tmp_path / "rig.yaml", name)
+        scaled = formats.load(tmp_path / "rig.yaml", length_unit="mm")
+        assert isinstance(scaled["cam1"], RayTable)
+        return
+    with pytest.raises(ValueError, match="camera cam1: ray_table: found a table of rays, which"):
+        formats.save(rig, tmp_path / "rig", name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_lengths_of_tables_are_converted(tmp_path):
+    table = RayTable("a", [1.0, 2.0, 3.0], np.ones((3, 4, 3)))
+    formats.save(Rig((table,), "m"), tmp_path / "rig.yaml")
+    found = formats.load(tmp_path / "rig.yaml", length_unit="mm")["a"]
+    np.testing.assert_array_equal(found.origins[1, 1], [1000, 2000, 3000])
+    np.testing.assert_array_equal(found.directions, table.directions)
 
 
 def test_rtk_refuses_skew(make_rig, tmp_path):
