@@ -27,6 +27,7 @@ from rigs.camera import Camera
 from rigs.optics import Optics
 
 _SAMPLES = 64  # rays along each side of the image that tell the nearest pinhole
+_ENOUGH = 16  # of them
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -151,13 +152,13 @@ class RayTable:
     @cached_property
     def _pinhole(self) -> tuple[NDArray, NDArray, NDArray]:
         """Camera matrix, R and position of the pinhole nearest to the rays."""
-        width, height = self.image_size
-        columns = np.unique(np.linspace(0, width - 1, min(width, _SAMPLES)).astype(int))
-        rows = np.unique(np.linspace(0, height - 1, min(height, _SAMPLES)).astype(int))
-        uv = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
-        origins, directions = self.rays(uv)
-        seen = np.isfinite(directions).all(axis=1)
-        if not seen.any():
+        for part in (0.5, 1.0):  # lenses bend least in the middle
+            uv = self._samples(part)
+            origins, directions = self.rays(uv)
+            seen = np.isfinite(directions).all(axis=1)
+            if seen.sum() >= _ENOUGH:
+                break
+        else:
             uv = pixel_centres(self.image_size)
             origins, directions = self.rays(uv)
             seen = np.isfinite(directions).all(axis=1)
@@ -167,6 +168,15 @@ class RayTable:
         for array in found:
             array.setflags(write=False)
         return found
+
+    def _samples(self, part: float) -> NDArray[np.float64]:
+        """Return pixels ``(N, 2)`` all over the middle part of the image."""
+        axes = []
+        for side in self.image_size:
+            margin = (1 - part) / 2 * (side - 1)
+            steps = np.linspace(margin, side - 1 - margin, min(side, _SAMPLES))
+            axes.append(np.unique(np.rint(steps)))
+        return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
 
     @property
     def camera_matrix(self) -> NDArray[np.float64]:
