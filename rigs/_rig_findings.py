@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.angular_gap import new_view
+from rigs.camera import Camera
 from rigs.rig_check import Finding, angles_to_middle, slip_points
 from rigs.slips import find_slips
 
 if TYPE_CHECKING:
-    from rigs.rig_check import RigCheck
+    from rigs.camera import Camera
+from rigs.rig_check import RigCheck
 
 _LEVELS = ("fault", "warning", "note")
 _AXES = "xyz"
@@ -39,7 +41,11 @@ def findings(check: RigCheck) -> tuple[Finding, ...]:
         for finding in rule(check):
             told = names.setdefault((finding.level, finding.text), {})
             told.update(dict.fromkeys(finding.cameras))
-    found = [Finding(level, text, tuple(cameras)) for (level, text), cameras in names.items()]
+    order = check.coverage.rig.names.index
+    found = [
+        Finding(level, text, tuple(sorted(cameras, key=order)))
+        for (level, text), cameras in names.items()
+    ]
     return tuple(sorted(found, key=lambda finding: _LEVELS.index(finding.level)))
 
 
@@ -57,15 +63,14 @@ def _slips(check: RigCheck) -> Iterator[Finding]:
             if way < -0.5 * np.linalg.norm(most)
         )
         if turned:
-            words = "image is" if len(turned) == 1 else "images are"
-            yield Finding(
-                "warning", f"{words} upside down against the others': on purpose?", turned
-            )
+            yield Finding("warning", "upside down against the others: on purpose?", turned)
 
 
 def _lenses(check: RigCheck) -> Iterator[Finding]:
     """Tell camera matrices that do not belong to their images."""
     for camera, figures in zip(check.coverage.rig, check.cameras, strict=True):
+        if not isinstance(camera, Camera):  # a table of rays has none
+            continue
         size = np.array(camera.image_size)
         fx, fy = camera.camera_matrix[0, 0], camera.camera_matrix[1, 1]
         if camera.distortion.model != "fisheye" and figures.field_of_view > 150:
@@ -141,7 +146,7 @@ def _unseen(check: RigCheck) -> Iterator[Finding]:
             )
             if is_missing and share < 0.995
         )
-        share = poor.mean()
+        share = check.share(poor)
         yield Finding(
             level if share >= 0.01 else "warning",
             f"{words} sees {share:.1%} of the volume, {_where(check, poor)}",
@@ -173,7 +178,7 @@ def _gaps(check: RigCheck) -> Iterator[Finding]:
     even = 180.0 / len(names)
     text = f"the largest angular gap is {gap:.3g} degrees ({len(names)} views, even in a ring: "
     text += f"{even:.3g}); by angles alone nothing below {feature:.3g} {found.rig.length_unit} "
-    text += f"({feature / check.voxel:.2g} voxels) is told apart across {size:.3g}"
+    text += f"({_short(feature / check.voxel)} voxels) is told apart across {size:.3g}"
     # round a ring the gap is a wedge of all heights, elsewhere the widest of many small holes
     is_ring = np.linalg.eigvalsh(lines.T @ lines)[0] < 0.01 * len(lines)
     if gap <= _WIDE_GAP and not (is_ring and gap > max(2.5 * even, 15.0)):
@@ -271,6 +276,11 @@ def _miss(check: RigCheck) -> Iterator[Finding]:
     )
     level = "fault" if ratio > 2 else "warning" if ratio > 0.5 else "note"
     yield Finding(level, text, guilty)
+
+
+def _short(value: float) -> str:
+    """Return a number of two digits, without an exponent where it is large."""
+    return f"{value:.2g}" if value < 100 else f"{value:.0f}"
 
 
 def _where(check: RigCheck, poor: NDArray[np.bool_]) -> str:

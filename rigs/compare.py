@@ -31,7 +31,8 @@ class CameraDifference:
         The second's over the first's, less 1.
     lens : float
         RMS over the image of how far the same direction lies apart in both, in pixels: camera
-        matrix and distortion together. NaN where the images differ in size.
+        matrix and distortion together. NaN where the images differ in size, or one camera is a
+        table of rays.
     distortion : float
         The same for the distortion alone: both seen through the first's camera matrix.
     ray_miss : float
@@ -183,7 +184,9 @@ def _difference(one: Camera, other: Camera, miss: float) -> CameraDifference:
 
 def _lenses(one: Camera, other: Camera) -> tuple[float, float]:
     """Return by how many pixels whole lens and distortion differ, RMS over the image."""
-    if one.image_size != other.image_size:
+    if one.image_size != other.image_size or not all(
+        isinstance(camera, Camera) for camera in (one, other)
+    ):
         return math.nan, math.nan
     width, height = one.image_size
     columns = np.linspace(-0.5, width - 0.5, _LATTICE)

@@ -188,21 +188,21 @@ def ray_miss(seen_by: Rig, cast_by: Rig, points: ArrayLike) -> NDArray[np.float6
         the camera does not see the point or fewer than two do. The RMS over all is the ray-miss.
     """
     points = np.asarray(points, np.float64)
-    positions = np.array([cast_by[name].position for name in seen_by.names])
     directions = np.full((len(points), len(seen_by), 3), np.nan)
+    origins = np.zeros_like(directions)
     for number, camera in enumerate(seen_by):
         uv, _, valid = camera.project(points)
         valid = valid & camera.inside(np.where(valid[:, None], uv, -1e9))
-        directions[valid, number] = cast_by[camera.name].rays(uv[valid])[1]
+        origins[valid, number], directions[valid, number] = cast_by[camera.name].rays(uv[valid])
     there = np.isfinite(directions).all(axis=2)
     there &= (there.sum(axis=1) >= 2)[:, None]
     lines = np.where(there[..., None], directions, 0.0)
     across = (np.eye(3) - lines[..., :, None] * lines[..., None, :]) * there[..., None, None]
-    middle = positions.mean(axis=0)
-    right = np.einsum("ncij,cj->ni", across, positions - middle)
+    middle = origins.mean(axis=1)  # (N, 3)
+    right = np.einsum("ncij,ncj->ni", across, origins - middle[:, None])
     inverse = np.linalg.pinv(across.sum(axis=1), rcond=1e-9, hermitian=True)
     common = middle + np.einsum("nij,nj->ni", inverse, right)
-    off = np.einsum("ncij,ncj->nci", across, common[:, None] - positions)
+    off = np.einsum("ncij,ncj->nci", across, common[:, None] - origins)
     return np.where(there, np.linalg.norm(off, axis=2), np.nan).T
 
 

@@ -95,6 +95,8 @@ class RigCheck:
     ray_miss : float
         Expected, RMS over the volume, in lengths; NaN with fewer than two views.
     ray_miss_from : {"calibration", "pixel accuracy"}
+    weights : (N,) float64
+        Parts of the volume that the points stand for, of sum 1.
     """
 
     coverage: Coverage
@@ -104,6 +106,11 @@ class RigCheck:
     findings: tuple[Finding, ...]
     ray_miss: float
     ray_miss_from: str
+    weights: NDArray[np.float64]
+
+    def share(self, points: NDArray[np.bool_]) -> float:
+        """Return which part of the volume some of the points ``(N,)`` stand for, 0 to 1."""
+        return float(self.weights @ points)
 
     @property
     def verdict(self) -> str:
@@ -119,6 +126,7 @@ def check_rig(
     voxel: float,
     *,
     pixel_accuracy: float = PIXEL_ACCURACY,
+    weights: ArrayLike | None = None,
 ) -> RigCheck:
     """Judge a rig by what it sees of a volume.
 
@@ -133,6 +141,8 @@ def check_rig(
         A voxel's edge length, all in the rig's unit.
     pixel_accuracy : float
         RMS error of a line of sight in pixels, for rigs that bring no calibration's figures.
+    weights : (N,) array_like, optional
+        How much of the volume each point stands for; all alike when None.
 
     Raises
     ------
@@ -145,16 +155,21 @@ def check_rig(
     if not (math.isfinite(voxel) and voxel > 0):
         raise ValueError(f"voxel: found {voxel}, expected a positive length")
     found = coverage(rig, points, pixel_accuracy=pixel_accuracy)
+    weights = np.ones(len(found.points)) if weights is None else np.asarray(weights, np.float64)
+    if weights.shape != (len(found.points),) or not (weights > 0).all():
+        raise ValueError(f"weights: found shape {weights.shape}, expected a positive one a point")
+    weights = weights / weights.sum()
     calibrated = calibrated_ray_miss(rig.calibration)
     miss = calibrated if calibrated is not None else _rms(found.ray_miss)
     check = RigCheck(
         found,
         extent,
         float(voxel),
-        _figures(found, float(voxel)),
+        _figures(found, float(voxel), weights),
         (),
         miss,
         "pixel accuracy" if calibrated is None else "calibration",
+        weights,
     )
     from rigs._rig_findings import findings
 
@@ -190,7 +205,7 @@ def angles_to_middle(found: Coverage) -> NDArray[np.float64]:
     return angles_between(away)
 
 
-def _figures(found: Coverage, voxel: float) -> tuple[CameraFigures, ...]:
+def _figures(found: Coverage, voxel: float, weights: NDArray) -> tuple[CameraFigures, ...]:
     """Return every camera's figures."""
     rig, middle = found.rig, found.points.mean(axis=0)
     between = angles_to_middle(found)
@@ -203,7 +218,7 @@ def _figures(found: Coverage, voxel: float) -> tuple[CameraFigures, ...]:
                 camera.name,
                 float(np.linalg.norm(camera.position - middle)),
                 field_of_view(camera),
-                float(found.seen[number].mean()),
+                float(min(weights @ found.seen[number], 1.0)),
                 footprint,
                 footprint / voxel,
                 _nan(np.nanmax, found.blur_in_pixels[number]),

@@ -65,9 +65,13 @@ def find_slips(rig: Rig, points: ArrayLike, voxel: float) -> tuple[Slip, ...]:
     points = np.asarray(points, np.float64)
     share, size = _sight(rig, points, voxel)
     wrong = (share < 0.02) | (size > _COARSE) | ((share < 0.25) & (size < _FINE))
-    if not wrong.any():
+    cameras = tuple(
+        camera
+        for camera, is_wrong in zip(rig, wrong, strict=True)
+        if is_wrong and isinstance(camera, Camera)  # a table of rays has no pose to slip
+    )
+    if not cameras:
         return ()
-    cameras = tuple(camera for camera, is_wrong in zip(rig, wrong, strict=True) if is_wrong)
     for alternatives in _undone():
         told = _best(rig, cameras, alternatives, points, voxel)
         if told is not None:

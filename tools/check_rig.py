@@ -224,7 +224,7 @@ def _report(
             "least": int(found.views.min()),
             "median": float(_median(found.views)),
             "most": int(found.views.max()),
-            "unseen": float((~seen).mean()),
+            "unseen": check.share(~seen),
         },
         "angular_gap": {
             "median": finite_or_none(_median(found.gap)),

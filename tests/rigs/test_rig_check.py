@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigs import Distortion, Optics, Rig, arc, check_rig, look_at, ring
+from rigs import Distortion, Optics, RayTable, Rig, arc, check_rig, look_at, ring
 from rigs.slips import find_slips
 
 EXTENT = np.array([16.0, 40.0, 16.0])
@@ -195,3 +195,29 @@ def test_a_grid_in_another_unit_is_told_without_a_slip_that_explains_it():
 def test_bad_input_is_told(extent, voxel, words):
     with pytest.raises(ValueError, match=words):
         check_rig(a_ring(), POINTS, extent, voxel)
+
+
+def test_tables_of_rays_are_judged_like_the_cameras_they_stand_for():
+    rig = a_ring(5)
+    tables = replace(rig, cameras=tuple(RayTable.of(camera) for camera in rig))
+    one, other = check(rig), check(tables)
+    assert other.verdict == one.verdict
+    assert [f.level for f in other.findings] == [f.level for f in one.findings]
+    for wanted, told in zip(one.cameras, other.cameras, strict=True):
+        assert told.sees == wanted.sees
+        assert told.footprint == pytest.approx(wanted.footprint, rel=1e-3)
+        assert told.nearest_view == pytest.approx(wanted.nearest_view, abs=0.01)
+    blind = replace(tables, cameras=(*tables.cameras[:4], RayTable.of(turned_away(rig[4]))))
+    assert "cam04" in found(check(blind), "nothing of the volume").cameras
+
+
+def test_points_stand_for_the_parts_of_the_volume_that_they_are_given():
+    rig = changed(a_ring(3), aimed_aside)
+    weights = np.where(POINTS[:, 1] < 0, 3.0, 1.0)
+    answer = check_rig(rig, POINTS, EXTENT, 0.5, weights=weights)
+    unseen = answer.coverage.views == 0
+    assert answer.share(unseen) == pytest.approx(weights[unseen].sum() / weights.sum())
+    sees = weights[answer.coverage.seen[1]].sum() / weights.sum()
+    assert answer.cameras[1].sees == pytest.approx(sees)
+    with pytest.raises(ValueError, match="weights: found shape"):
+        check_rig(rig, POINTS, EXTENT, 0.5, weights=[1, 2])

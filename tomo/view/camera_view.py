@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from rigs import Camera, Rig
 from tomo.grid import VoxelGrid
+from tomo.view.direction_table import DirectionTable
 from tomo.view.page import embedded
-from tomo.view.ray_table import RayTable
 from tomo.view.rig_scene import Target, colour_of, up_of
 from tomo.view.scene import Colour
 from tomo.view.shapes import BOX_EDGES, box_corners
@@ -26,7 +26,7 @@ class CameraView:
     ----------
     name : str
     colour : (3,) tuple
-    table : RayTable
+    table : DirectionTable
     image : (rows, columns) uint8, optional
         What it saw, shrunk.
     outlines : tuple of (N, 2) float64
@@ -35,14 +35,14 @@ class CameraView:
 
     name: str
     colour: Colour
-    table: RayTable
+    table: DirectionTable
     image: NDArray[np.uint8] | None = None
     outlines: tuple[NDArray[np.float64], ...] = ()
 
     def data(self) -> dict:
         """Return plain data for the page."""
-        nodes = np.where(np.isfinite(self.table.nodes), self.table.nodes, 0.0)
         missing = ~np.isfinite(self.table.nodes).all(axis=2)
+        origins = self.table.origins
         return {
             "name": self.name,
             "colour": [round(255 * c) for c in self.colour],
@@ -50,7 +50,8 @@ class CameraView:
             "origin": self.table.origin.tolist(),
             "rows": self.table.nodes.shape[0],
             "columns": self.table.nodes.shape[1],
-            "nodes": [float(f"{value:.9g}") for value in nodes.ravel()],
+            "nodes": _flat(self.table.nodes),
+            "origins": None if origins is None else _flat(origins),
             "missing": np.flatnonzero(missing).tolist(),
             "image": self._picture(),
             "outlines": [np.round(line, 2).tolist() for line in self.outlines],
@@ -62,6 +63,11 @@ class CameraView:
         import cv2
 
         return embedded(cv2.imencode(".png", self.image)[1].tobytes())
+
+
+def _flat(nodes: NDArray[np.float64]) -> list[float]:
+    """Return numbers as JSON holds them: what is missing is told beside them."""
+    return [float(f"{value:.9g}") for value in np.nan_to_num(nodes).ravel()]
 
 
 def camera_views(
@@ -82,7 +88,7 @@ def camera_views(
         CameraView(
             camera.name,
             colour_of(camera, target, up)[1],
-            RayTable.of(camera),
+            DirectionTable.of(camera),
             (images or {}).get(camera.name),
             () if grid is None else _outlines(camera, grid),
         )

@@ -114,7 +114,7 @@ def draw_coverage(
     extent = grid.extent
     widths = np.array([extent[0], extent[2], extent[0]])
     heights = np.array([extent[1], extent[1], extent[2]])
-    inches = min(7.4 / widths.sum(), 2.3 / heights.max())
+    inches = min(3.4 / widths.sum(), 2.3 / heights.max())  # room for two beside each other
     columns = max(1, min(len(maps), math.floor(11.5 / (widths.sum() * inches + 2.3))))
     rows = math.ceil(len(maps) / columns)
     cell_width = float(widths.sum() * inches) + 2.3

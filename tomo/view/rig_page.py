@@ -27,7 +27,10 @@ def check_on_grid(rig: Rig, grid: VoxelGrid, **options: float) -> tuple[RigCheck
     coarse = coverage_grid(grid)
     points = coarse.centers().reshape(-1, 3)
     voxel = float(np.prod(grid.spacing) ** (1 / 3))
-    return check_rig(rig, points, grid.extent, voxel, **options), coarse
+    # the outermost points lie on the faces of what they stand for half of
+    ends = [np.where(np.isin(np.arange(n), (0, n - 1)) & (n > 1), 0.5, 1.0) for n in coarse.shape]
+    weights = np.einsum("i,j,k->ijk", *ends).ravel()
+    return check_rig(rig, points, grid.extent, voxel, weights=weights, **options), coarse
 
 
 def check_table(check: RigCheck) -> Table:
@@ -56,7 +59,7 @@ def check_table(check: RigCheck) -> Table:
             f"{figures.sees:.1%}",
             number(figures.footprint_in_voxels, 3),
             number(figures.blur_in_pixels, 2),
-            number(figures.nearest_view, 3),
+            number(round(figures.nearest_view, 6), 3),
             number(figures.gap_without, 2),
             number(figures.ray_miss, 3),
         )

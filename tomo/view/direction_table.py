@@ -13,37 +13,40 @@ _CELLS = (3, 6, 12, 24, 48)  # along a side
 
 
 @dataclass(frozen=True, eq=False)
-class RayTable:
+class DirectionTable:
     """Directions at nodes spread evenly over an image, from its outer border to the other.
 
     Attributes
     ----------
     origin : (3,) float64
-        The camera's position.
+        Where rays start: the camera's position ...
     size : (int, int)
         Width and height of the image in pixels.
     nodes : (rows, columns, 3) float64
         World directions, not of unit length: scaled such that a pinhole's lie on a plane. NaN
         where the lens maps none.
+    origins : (rows, columns, 3) float64, optional
+        ... or where each node's ray does, of a camera whose rays do not meet in a point.
 
     Notes
     -----
-    Between nodes directions follow the cubic through the four nearest nodes along each side, or
+    Between nodes both follow the cubic through the four nearest nodes along each side, or
     straight lines where one of those is NaN; where a cell has a corner that is NaN there is none.
     """
 
     origin: NDArray[np.float64]
     size: tuple[int, int]
     nodes: NDArray[np.float64]
+    origins: NDArray[np.float64] | None = None
 
     @classmethod
-    def of(cls, camera: Camera, tolerance: float = 0.05) -> RayTable:
+    def of(cls, camera: Camera, tolerance: float = 0.05) -> DirectionTable:
         """Return the smallest table that is right to ``tolerance`` pixels between its nodes.
 
         A pinhole needs 4 x 4 nodes; a lens that would need more than 49 x 49 keeps that many.
         """
         for cells in _CELLS:
-            table = cls(camera.position, camera.image_size, _nodes(camera, cells))
+            table = cls(camera.position, camera.image_size, *_nodes(camera, cells))
             if table._error(camera, cells) <= tolerance:
                 break
         return table
@@ -52,22 +55,10 @@ class RayTable:
         """Return unit vectors ``(N, 3)`` at the pixel coordinates ``uv`` ``(N, 2)``."""
         rows, columns, _ = self.nodes.shape
         place = (np.asarray(uv, np.float64) + 0.5) / self.size * [columns - 1, rows - 1]
-        found = self._between(place, 4)
-        straight = self._between(place, 2)
+        found = _between(self.nodes, place, 4)
+        straight = _between(self.nodes, place, 2)
         found = np.where(np.isfinite(found), found, straight)
         return found / np.linalg.norm(found, axis=1, keepdims=True)
-
-    def _between(self, place: NDArray, nodes: int) -> NDArray[np.float64]:
-        """Return the polynomial through ``nodes`` nodes along each side at ``place`` (N, 2)."""
-        rows, columns, _ = self.nodes.shape
-        most = [columns - nodes, rows - nodes]
-        first = np.clip(np.floor(place) - (nodes // 2 - 1), 0, most).astype(np.int64)
-        across, down = np.moveaxis(_lagrange(place - first, nodes), 1, 0)  # (N, nodes) each
-        steps = np.arange(nodes)
-        patch = self.nodes[
-            first[:, 1, None, None] + steps[:, None], first[:, 0, None, None] + steps
-        ]
-        return np.einsum("nr,nc,nrci->ni", down, across, patch)
 
     def _error(self, camera: Camera, cells: int) -> float:
         """Return the largest error half way between nodes, in pixels of the image's middle."""
@@ -85,6 +76,17 @@ class RayTable:
         return float(finite.max() / pixel) if finite.size else 0.0
 
 
+def _between(nodes: NDArray, place: NDArray, count: int) -> NDArray[np.float64]:
+    """Return the polynomial through ``count`` nodes along each side at ``place`` ``(N, 2)``."""
+    rows, columns, _ = nodes.shape
+    most = [columns - count, rows - count]
+    first = np.clip(np.floor(place) - (count // 2 - 1), 0, most).astype(np.int64)
+    across, down = np.moveaxis(_lagrange(place - first, count), 1, 0)  # (N, count) each
+    steps = np.arange(count)
+    patch = nodes[first[:, 1, None, None] + steps[:, None], first[:, 0, None, None] + steps]
+    return np.einsum("nr,nc,nrci->ni", down, across, patch)
+
+
 def _lagrange(place: NDArray, nodes: int) -> NDArray[np.float64]:
     """Return the weights ``(..., nodes)`` of nodes at 0, 1, 2 ... of the polynomial's value."""
     weights = np.ones((*place.shape, nodes))
@@ -95,13 +97,15 @@ def _lagrange(place: NDArray, nodes: int) -> NDArray[np.float64]:
     return weights
 
 
-def _nodes(camera: Camera, cells: int) -> NDArray[np.float64]:
-    """Return a table's nodes, ``(cells + 1, cells + 1, 3)``."""
+def _nodes(camera: Camera, cells: int) -> tuple[NDArray, NDArray | None]:
+    """Return directions at a table's nodes, ``(cells + 1, cells + 1, 3)``, and origins if many."""
     steps = np.arange(cells + 1) / cells
     u, v = np.meshgrid(steps, steps)
     uv = np.stack([u.ravel(), v.ravel()], axis=-1) * camera.image_size - 0.5
-    directions = camera.rays(uv)[1]
+    origins, directions = camera.rays(uv)
     ahead = directions @ camera.R[2]
     if not (ahead[np.isfinite(ahead)] < 0.1).any():  # a pinhole's are straight on this plane
         directions = directions / ahead[:, None]
-    return directions.reshape(cells + 1, cells + 1, 3)
+    shape = (cells + 1, cells + 1, 3)
+    is_central = (origins == origins[0]).all()
+    return directions.reshape(shape), None if is_central else origins.reshape(shape)
