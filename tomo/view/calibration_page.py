@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +56,7 @@ def write_calibration_page(
     *,
     title: str = "Calibration",
     image_of: ImageOf | None = None,
+    notes: Sequence[str] = (),
     grid: VoxelGrid | None = None,
     details: Mapping[str, Any] | None = None,
 ) -> None:
@@ -70,6 +71,8 @@ def write_calibration_page(
     image_of : callable, optional
         Returns a camera's grey image of a frame, ``(rows, columns)``, or None; called for the
         images that fit worst. Without it they are not shown.
+    notes : sequence of str
+        What is to be said after the findings, a line each.
     grid : VoxelGrid, optional
         The voxels to show; those of the rig when None.
     details : mapping, optional
@@ -88,7 +91,7 @@ def write_calibration_page(
         title=title,
         word=word,
         verdict=verdict,
-        findings=list(calibration.findings),
+        findings=[*calibration.findings, *notes],
         headline=_headline(calibration),
         unit=calibration.rig.length_unit,
         world=calibration.rig.world_frame,

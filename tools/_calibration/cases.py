@@ -65,6 +65,14 @@ CASES = (
     ),
 )  # fmt: skip
 
+TINY = (
+    Case(
+        "arc_complete", "3 cameras over 60 degrees, complete boards", "arc",
+        replace(COMPLETE, count=6), True, 3,
+    ),
+)  # fmt: skip
+"""One small case: whether the study runs at all."""
+
 
 def pictures(
     case: Case, seed: int, folder: Path, *, progress: Progress | None = None, workers: int = 2
@@ -82,6 +90,11 @@ def pictures(
         Called with done, total and the camera's name.
     workers : int
         Threads.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds pictures of the same name that were made from other settings.
     """
     here = folder / f"{case.name}_{seed}"
     made_from = {
@@ -89,7 +102,9 @@ def pictures(
         "exposure": asdict(Exposure()), "rig": repr(case.rig(seed)),
     }  # fmt: skip
     record = here / "made_from.json"
-    if record.exists() and json.loads(record.read_text("utf-8")) == made_from:
+    if record.exists():
+        if json.loads(record.read_text("utf-8")) != made_from:
+            raise ValueError(f"{here}: found pictures made from other settings, expected none")
         return {
             camera.name: {path.stem: path for path in sorted((here / camera.name).glob("*.png"))}
             for camera in case.rig(seed)

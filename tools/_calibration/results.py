@@ -1,0 +1,155 @@
+"""The files of the study: JSON, the page, its pictures."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from _benchmark.tables import Column, number, table, words
+
+from _calibration.cases import CASES, TARGET, TEXELS
+from _calibration.claims import claims
+from _calibration.rendering import Exposure
+from _calibration.scenes import FOOTPRINT, IMAGE_SIZE, VOLUME
+from tomo.io.atomic import atomic_path
+
+FORMAT, VERSION = "calibration-study", 1
+PAGE, JSON = "calibration.md", "calibration.json"
+_DIGITS = 6
+
+_COLUMNS: Mapping[str, list[Column]] = {
+    "rendered": [
+        ("rig and boards", lambda row: _words_of(row["case"])),
+        ("seed", number("seed")),
+        ("images used", number("images_used")),
+        ("points used", number("points_used")),
+        ("left out", number("points_left_out")),
+        ("detected within (px)", number("detection_error_px", 2)),
+        ("RMS (px)", number("rms_px", 2)),
+        ("true (mm)", number("true_ray_miss")),
+        ("predicted", number("predicted_ray_miss")),
+        ("halves", number("cross_ray_miss")),
+        ("expected", number("cross_expected")),
+        ("lenses", lambda row: _counted(row["terms"])),
+    ],
+    "peer": [
+        ("rig and boards", lambda row: _words_of(row["case"])),
+        ("seed", number("seed")),
+        ("setting", words("setting")),
+        ("true (mm)", number("true_ray_miss")),
+        ("threw", words("threw")),
+    ],
+    "stereo": [
+        ("images", number("images")),
+        ("left RMS (px)", number("left_rms_px", 4)),
+        ("right RMS (px)", number("right_rms_px", 4)),
+        ("joint RMS (px)", number("joint_rms_px", 4)),
+        ("left out", number("points_left_out")),
+        ("baseline", number("baseline", 4)),
+        ("fx", lambda row: ", ".join(f"{f:.1f}" for f in row["focal_lengths"])),
+        ("lenses", lambda row: _counted(row["terms"])),
+    ],
+    "timing": [
+        ("cameras", number("cameras")),
+        ("frames", number("frames")),
+        ("points", number("points")),
+        ("seconds", number("seconds")),
+        ("core seconds", number("core_seconds")),
+        ("true (mm)", number("true_ray_miss")),
+        ("predicted", number("predicted_ray_miss")),
+    ],
+}
+
+_TITLES = {
+    "rendered": "Rendered boards",
+    "peer": "cv2.calibrateMultiview on the complete boards",
+    "stereo": "OpenCV's sample pairs of a chessboard",
+    "timing": "Time",
+}
+
+_TEXTS = {
+    "rendered": (
+        "True ray-miss: points of the volume are projected with the true cameras, the pixels cast "
+        "back with those found; the RMS distance of the rays from their best common point. "
+        "Predicted: from the covariance, knowing nothing of the truth. Halves: between the rigs "
+        "of every other frame and of the rest, beside what the covariances let expect. RMS are of "
+        "lengths in the image; `detected within` is the distance from where the point truly is."
+    ),
+    "peer": (
+        "The same sightings, in metres, as it throws on millimetres; only images that show the "
+        "whole board, as it takes missing points for data. Five, four or two coefficients of "
+        "distortion, from its own lenses or those of `cv2.calibrateCamera`; what counts above is "
+        "the best of the six, which only the truth can tell."
+    ),
+    "stereo": "Lengths in squares of the chessboard. Left and right are calibrated alone, too.",
+    "timing": (
+        "Sightings with noise of 0.05 px, every camera seeing nearly every board; detection is "
+        "not included. Other work ran on the machine: seconds are an upper bound, core seconds "
+        "the time that its cores worked on the calibration."
+    ),
+}
+
+
+def save(folder: Path, result: Mapping[str, Any]) -> dict[str, Any]:
+    """Write the JSON and the page of what there is so far; return it with the claims."""
+    result = _short({**result, "claims": claims(result["studies"])})
+    with atomic_path(folder / JSON) as temporary:
+        temporary.write_text(json.dumps(result, indent=1) + "\n", "utf-8")
+    with atomic_path(folder / PAGE) as temporary:
+        temporary.write_text(page(result), "utf-8")
+    return result
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """Return the page in Markdown."""
+    here, exposure = result["machine"], Exposure()
+    extent = " x ".join(f"{n * s:g}" for n, s in zip(VOLUME.shape, VOLUME.spacing, strict=True))
+    lines = [
+        "# Calibration against the truth",
+        "",
+        f"Made by `python tools/calibration_study.py{result['options']}`; {here['cpu']}, "
+        f"{here['cores']} cores.",
+        "",
+        f"Boards `{TARGET}` are rendered with Open3D's RaycastingScene: 4 x 4 distorted rays a "
+        f"pixel where the print changes, {TEXELS:g} print pixels a millimetre, blur of "
+        f"{exposure.blur:g} px, noise of {exposure.noise:g} grey values, 8 bits, light that falls "
+        f"off by {exposure.shading:.0%} across the image. Images are {IMAGE_SIZE[0]} x "
+        f"{IMAGE_SIZE[1]}; a pixel is {FOOTPRINT:g} mm wide in the middle of the volume, "
+        f"{extent} mm. Every seed is another rig: focal lengths, principal points, distortion and "
+        "mounts vary. Detection and calibration run as `tools/calibrate_rig.py` runs them.",
+    ]
+    if result["claims"]:
+        columns: list[Column] = [
+            ("what", words("what")),
+            ("wanted", words("wanted")),
+            ("found", words("found")),
+            ("met", words("met")),
+        ]
+        lines += ["", "## Claims", "", table(result["claims"], columns)]
+    for name, rows in result["studies"].items():
+        if rows:
+            lines += ["", f"## {_TITLES[name]}", "", _TEXTS[name], "", table(rows, _COLUMNS[name])]
+    return "\n".join(lines) + "\n"
+
+
+def _words_of(name: str) -> str:
+    return next(case.words for case in CASES if case.name == name)
+
+
+def _counted(terms: Sequence[str]) -> str:
+    """Return ``4 brown4, 1 radial``."""
+    return ", ".join(f"{terms.count(name)} {name}" for name in dict.fromkeys(sorted(terms)))
+
+
+def _short(value: Any) -> Any:
+    """Return plain data with numbers of a few digits; what is not finite becomes None."""
+    if isinstance(value, Mapping):
+        return {key: _short(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_short(inner) for inner in value]
+    if isinstance(value, float):
+        return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+    return value
