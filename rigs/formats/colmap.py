@@ -59,6 +59,8 @@ def looks_like(path: Path, head: str) -> bool:
     if path.is_file() and path.name not in _FILES:
         return False
     folder = _folder(path)
+    if path.is_dir() and (folder / "cameras.bin").is_file():
+        return True  # to say what it is
     return (folder / "cameras.txt").is_file() and any(
         (folder / name).is_file() for name in ("images.txt", "rigs.txt")
     )
@@ -73,6 +75,11 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         In one line: the file, the camera, the field, what was found, what was expected.
     """
     folder = _folder(Path(path))
+    if (folder / "cameras.bin").is_file() and not (folder / "cameras.txt").is_file():
+        raise ValueError(
+            f"{folder}: found a binary model, expected text: colmap model_converter "
+            "--output_type TXT makes it"
+        )
     sensors = _read_cameras(folder / "cameras.txt")
     if not (folder / "images.txt").is_file():
         return _rig_of_sensors(folder, sensors, {})

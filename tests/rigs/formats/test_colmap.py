@@ -151,6 +151,12 @@ def test_what_is_wrong_is_named(tmp_path, file, cameras, images, message):
     assert "\n" not in str(error.value)
 
 
+def test_a_binary_model_is_refused_with_the_way_out(tmp_path):
+    (tmp_path / "cameras.bin").write_bytes(b"0")
+    with pytest.raises(ValueError, match=r"found a binary model, expected text: colmap model_con"):
+        formats.load(tmp_path)
+
+
 @given(data=st.data())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150)
 def test_broken_models_are_refused_or_read(read_or_refused, tmp_path, data):

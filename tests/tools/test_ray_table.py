@@ -1,0 +1,54 @@
+"""Rigs with a table of rays through the commands, as any other."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phantoms import create
+from rigs import RayTable, load_rig, ring
+from tomo import VoxelGrid
+from tomo.simulate import simulate
+
+GRID = VoxelGrid((10, 14, 10), 1.0)
+
+
+@pytest.fixture
+def scan(tmp_path):
+    rig = ring(5, distance=100.0, image_size=(32, 40), footprint=0.5, pitch_degrees=8.0)
+    rig = replace(rig, cameras=(RayTable.of(rig[0]), *rig.cameras[1:]))
+    simulate(rig, create("blobs", 1, GRID.extent, GRID.center), GRID).save(tmp_path / "scan")
+    return tmp_path / "scan"
+
+
+def test_reconstruct_with_a_table_held_out_and_not(run_tool, tmp_path, scan):
+    assert isinstance(load_rig(scan / "rig.yaml")["cam00"], RayTable)
+    for hold_out in ("cam00", "cam01"):
+        options = ("--hold-out", hold_out, "--method", "cgls", "--json")
+        done = run_tool("reconstruct", scan, "-o", tmp_path / "out", *options)
+        assert done.exit_code == 0, done.stderr
+        told = json.loads(done.stdout)
+        assert told["quality"]["cosine_distance"] < 0.05
+        assert told["held_out"][hold_out]["psnr"] > 25
+
+
+@pytest.mark.parametrize("suffix", ["png", "html", "glb"])
+def test_visualize(run_tool, tmp_path, scan, suffix):
+    out = tmp_path / f"rig.{suffix}"
+    done = run_tool("visualize_rig", scan / "rig.yaml", "--grid", "10x14x10", "--spacing", "1",
+                    "-o", out)  # fmt: skip
+    assert done.exit_code == 0, done.stderr
+    assert out.stat().st_size > 1000
+
+
+def test_a_table_that_is_missing_or_broken_is_named(run_tool, tmp_path, scan):
+    file = scan / "rig_rays_cam00.npz"
+    np.savez(file, origins=np.zeros(3))
+    done = run_tool("visualize_rig", scan / "rig.yaml", "-o", tmp_path / "rig.glb")
+    assert done.exit_code == 2
+    assert "camera cam00: ray_table: rig_rays_cam00.npz: directions: missing" in done.stderr
+    file.unlink()
+    done = run_tool("reconstruct", scan, "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "rig_rays_cam00.npz: no such file, which camera cam00 has for ray_table" in done.stderr
