@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.calibrate._joint_terms import fall_of_squares
 from rigs.calibrate._scene import Freedom, Scene, Sightings, predicted
 from rigs.calibrate.bundle import information
 from rigs.rig import Rig
@@ -82,8 +83,6 @@ def lens_misfit(
     misfit = np.zeros(len(scene.lenses))
     every = Freedom(tuple(np.ones(lens.size, bool) for lens in scene.lenses), freedom.pose)
     matrix, gradient = information(scene, sightings, every)
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    matrix, gradient = matrix * np.outer(scale, scale), gradient * scale
     free = np.concatenate(
         [freedom.columns(camera)[every.columns(camera)] for camera in range(len(misfit))]
     )
@@ -91,10 +90,6 @@ def lens_misfit(
         freed = np.zeros(len(free), bool)
         freed[own] = ~free[own]
         if freed.any():
-            both = free | freed
-            values, vectors = np.linalg.eigh(matrix[np.ix_(both, both)])
-            along = vectors.T @ gradient[both]
-            known = values > 1e-10 * values[-1]
-            gain = float((along[known] ** 2 / values[known]).sum())
+            gain = fall_of_squares(matrix, gradient, free | freed)
             misfit[camera] = np.sqrt(gain / int(freed.sum())) / max(noise, 1e-9)
     return misfit

@@ -23,6 +23,7 @@ def summary(calibration: Calibration) -> dict[str, Any]:
             "lens_terms": calibration.terms[index],
             "rms_px": _plain(quality.camera_rms[index]),
             "image_coverage": _plain(quality.image_coverage[index]),
+            "volume_coverage": _plain(quality.volume_coverage[index]),
             "depth_range": [_plain(depth) for depth in quality.depth_range[index]],
             "focal_length_error": _plain(quality.focal_error[index]),
             "ray_miss": _plain(quality.camera_ray_miss[index]),

@@ -18,9 +18,10 @@ _HIGH_RMS = 2.0  # times the usual, of a camera by itself
 _HIGH_FRAME = 3.0  # of a frame
 _HIGH_CROSS = 2.0  # times what is expected
 _HIGH_NOISE = 1.0  # pixels
-_LITTLE_COVERAGE = 0.5
-_HIGH_FOCAL_ERROR = 0.01
+_LITTLE_COVERAGE = 0.6
+_HIGH_FOCAL_ERROR = 0.05
 _GOOD_MISS = 0.1  # of a pixel's footprint
+_TINY_MISS = 1e-4
 
 
 def findings(
@@ -199,7 +200,8 @@ def _mean(values: NDArray, axis: int) -> NDArray[np.float64]:
 
 def _unmodelled(quality: Quality) -> list[str]:
     """Return a line where halves of the frames differ more than noise explains."""
-    if quality.cross_ray_miss > _HIGH_CROSS * quality.cross_expected:
+    tiny = _TINY_MISS * float(np.nanmedian(quality.footprint))
+    if quality.cross_ray_miss > max(_HIGH_CROSS * quality.cross_expected, tiny):
         return [
             f"halves of the frames differ {quality.cross_ray_miss / quality.cross_expected:.2g} "
             "times as much as noise explains: the target is bent, something moved, or a lens is "
@@ -217,9 +219,10 @@ def _thin_data(quality: Quality, observations: Observations) -> list[str]:
                 f"camera {name}: focal length known to {100 * quality.focal_error[camera]:.2g} % "
                 "only: tilt the target more and in different directions"
             )
-        if quality.image_coverage[camera] < _LITTLE_COVERAGE:
+        if quality.volume_coverage[camera] < _LITTLE_COVERAGE:
             lines.append(
-                f"camera {name}: the target covered {100 * quality.image_coverage[camera]:.0f} % "
-                "of the image: its lens is extrapolated in the rest"
+                f"camera {name}: the target was seen in "
+                f"{100 * quality.volume_coverage[camera]:.0f} % of where the image shows the "
+                "volume: its lens is extrapolated in the rest"
             )
     return lines

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.calibrate._covariance import labels
 from rigs.calibrate._culling import adjust_and_cull
 from rigs.calibrate._duplicates import without_repeats
+from rigs.calibrate._joint_terms import richer_terms
 from rigs.calibrate._lens_choice import TERMS, Terms
 from rigs.calibrate._projection import Lens
 from rigs.calibrate._scene import Freedom, Scene, Sightings, ordered, predicted
@@ -25,7 +26,7 @@ from rigs.camera import Camera
 from rigs.rig import Rig, Volume
 
 _GIVEN = Terms("given", "none", ())
-_UNKNOWN_FOCAL_LENGTH = 0.1  # standard deviation relative to it
+_UNKNOWN_FOCAL_LENGTH = 0.2  # standard deviation relative to it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,7 +120,8 @@ def calibrate(
     distortion : str
         Which terms of the lenses are free: "none", "radial" (k1 k2), "brown4", "brown5",
         "rational", "thin_prism", "tilted", "fisheye"; "auto" frees those that pay, camera by
-        camera, up to "rational".
+        camera, up to "rational": first by what frames left out gain, then by the joint
+        adjustment.
     target : object, optional
         What was seen, for its ``ambiguity``: text that says why its pose has several answers.
     volume : Volume, optional
@@ -167,6 +169,12 @@ def calibrate(
     freedom = Freedom(tuple(_lens_freedom(view) for view in views), np.arange(len(names)) != root)
     say("joint adjustment")
     kept = adjust_and_cull(scene, sightings, freedom, cull)
+    terms = [view.terms for view in views]
+    if distortion == "auto":
+        richer = richer_terms(kept.solution.scene, sightings.where(kept.used), freedom, terms)
+        if richer is not None:
+            scene, freedom, terms = richer
+            kept = adjust_and_cull(scene, sightings, freedom, cull)
     scene, words, size = placed(
         _scaled(kept.solution.scene, scale), names, observations.frames, world, rescale
     )
@@ -192,7 +200,7 @@ def calibrate(
         used,
         scene.target_R,
         scene.target_t,
-        tuple(view.terms.name for view in views),
+        tuple(one.name for one in terms),
         noise,
         labels(names, freedom),
         covariance,

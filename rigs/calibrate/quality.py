@@ -17,6 +17,7 @@ from rigs.rig import Rig, Volume
 __all__ = ["Quality", "measure", "ray_miss"]
 
 _COVERAGE_CELLS = 8  # along each side of an image
+_HALVES_TOO_POOR = 6.0  # times the ray-miss of the whole: 2 is usual
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,8 @@ class Quality:
         Of the sightings used; NaN where none.
     image_coverage : (cameras,) float64
         Part of the image, in 8 x 8 cells, where the target was seen.
+    volume_coverage : (cameras,) float64
+        The same of the cells in which the camera sees ``points``; NaN where it sees none.
     depth_range : (cameras, 2) float64
         Nearest and farthest point seen, along the optical axis.
     focal_error : (cameras,) float64
@@ -77,6 +80,7 @@ class Quality:
     camera_rms: NDArray[np.float64]
     frame_rms: NDArray[np.float64]
     image_coverage: NDArray[np.float64]
+    volume_coverage: NDArray[np.float64]
     depth_range: NDArray[np.float64]
     focal_error: NDArray[np.float64]
     lens_misfit: NDArray[np.float64]
@@ -118,15 +122,19 @@ def measure(
     cross, expected = np.nan, np.nan
     if len(points):
         squares = predicted_squares(scene, freedom, covariance, points, seen)
-        cross, expected = _cross_validated(rig, scene, sightings.where(used), freedom, points)
+        whole = float(_rms(squares, seen, (0, 1)))
+        cross, expected = _cross_validated(
+            rig, scene, sightings.where(used), freedom, points, whole
+        )
     cameras, frames = len(rig), len(scene.target_t)
     residuals = sightings.uv - predicted(scene, sightings)
     lengths2 = (residuals**2).sum(axis=1)
     image_rms, alone_rms, contradiction = _images(scene, sightings, used)
-    coverage, depths = np.zeros(cameras), np.full((cameras, 2), np.nan)
+    coverage, depths = np.zeros((2, cameras)), np.full((cameras, 2), np.nan)
     for camera in range(cameras):
         own = sightings.where(used & (sightings.camera == camera))
-        coverage[camera] = _coverage(own.uv, rig[camera].image_size)
+        uv, _, _ = rig[camera].project(points[seen[camera]])
+        coverage[:, camera] = _coverage(own.uv, uv, rig[camera].image_size)
         depth = _depths(scene, own, camera)
         depths[camera] = depth.min(initial=np.inf), depth.max(initial=-np.inf)
     middle = points.mean(axis=0) if len(points) else scene.target_t[sightings.frame[0]]
@@ -143,7 +151,7 @@ def measure(
         contradiction,
         _group_rms(lengths2, sightings.camera, used, cameras),
         _group_rms(lengths2, sightings.frame, used, frames),
-        coverage,
+        *coverage,
         depths,
         focal_errors(scene, freedom, covariance),
         lens_misfit(scene, sightings.where(used), freedom, noise)
@@ -154,9 +162,12 @@ def measure(
 
 
 def _cross_validated(
-    rig: Rig, scene: Scene, sightings: Sightings, freedom: Freedom, points: NDArray
+    rig: Rig, scene: Scene, sightings: Sightings, freedom: Freedom, points: NDArray, whole: float
 ) -> tuple[float, float]:
-    """Return the ray-miss between the rigs of both halves of the frames, and its expectation."""
+    """Return the ray-miss between the rigs of both halves of the frames, and its expectation.
+
+    NaN where halves are too little, so that it is far above the ``whole`` rig's.
+    """
     frames = np.unique(sightings.frame)
     halves, expected = [], 0.0
     for start in range(2):
@@ -173,6 +184,8 @@ def _cross_validated(
         squares = predicted_squares(adjusted, freedom, covariance, points, seen)
         expected += float(_rms(squares, seen, (0, 1))) ** 2
         halves.append(half_rig)
+    if expected > (_HALVES_TOO_POOR * whole) ** 2:
+        return np.nan, np.nan
     return ray_miss(*halves, points), float(np.sqrt(expected))
 
 
@@ -232,11 +245,16 @@ def _images(
     )
 
 
-def _coverage(uv: NDArray, image_size: tuple[int, int]) -> float:
-    """Return the part of an image's cells that hold some of ``uv``."""
-    cells = np.floor((uv + 0.5) / image_size * _COVERAGE_CELLS).astype(int)
-    cells = np.unique(np.clip(cells, 0, _COVERAGE_CELLS - 1), axis=0)
-    return len(cells) / _COVERAGE_CELLS**2
+def _coverage(uv: NDArray, of_volume: NDArray, image_size: tuple[int, int]) -> tuple[float, float]:
+    """Return the part of an image's cells that hold some of ``uv``, and of those of the volume."""
+    cells, asked = (
+        np.zeros((_COVERAGE_CELLS, _COVERAGE_CELLS), bool),
+        np.zeros((_COVERAGE_CELLS, _COVERAGE_CELLS), bool),
+    )
+    for grid, places in ((cells, uv), (asked, of_volume)):
+        at = np.floor((places + 0.5) / image_size * _COVERAGE_CELLS).astype(int)
+        grid[tuple(np.clip(at, 0, _COVERAGE_CELLS - 1).T)] = True
+    return float(cells.mean()), float(cells[asked].mean()) if asked.any() else np.nan
 
 
 def _depths(scene: Scene, sightings: Sightings, camera: int) -> NDArray[np.float64]:

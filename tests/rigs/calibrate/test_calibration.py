@@ -118,6 +118,27 @@ def test_lens_terms_are_freed_when_they_pay(simulated_rig):
     assert sum(size[name] for name in plain.terms) < sum(size[name] for name in bent.terms)
 
 
+def test_terms_that_one_camera_cannot_tell_are_freed_together(simulated_rig, judged_volume):
+    """All targets parallel: no camera knows its lens by itself, but together they do."""
+    truth = simulated_rig("arc", cameras=4, frames=16, seed=2)
+    R = np.tile(truth.rig[1].R.T, (16, 1, 1))
+    t = [0, 0, 800] + np.random.default_rng(1).uniform(-40, 40, (16, 3))
+    parallel = replace(truth, target_R=R, target_t=t - R @ truth.points.mean(axis=0))
+    found = calibrate(parallel.observe(0.05, seed=1, facing=0.2))
+    assert set(found.terms) <= {"brown4", "brown5"}
+    miss = ray_miss(truth.rig, found.rig, judged_volume(truth))
+    assert miss < 0.003
+    assert miss / 1.5 < found.quality.predicted_ray_miss < miss * 1.5
+
+
+def test_data_without_noise_give_the_rig_to_rounding(simulated_rig, judged_volume):
+    truth = simulated_rig("arc", cameras=3, frames=10, seed=2)
+    found = calibrate(truth.observe(0.0, seed=1, facing=0.3))
+    assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 1e-6
+    assert found.used.all()
+    assert found.verdict.startswith("good")
+
+
 def test_a_wide_fisheye_on_request(simulated_rig, judged_volume):
     truth = simulated_rig("arc", cameras=3, frames=14, seed=6, spread=60)
     lens = Distortion("fisheye", (-0.02, 0.01, 0.0, 0.0))

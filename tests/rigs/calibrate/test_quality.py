@@ -270,8 +270,9 @@ def test_images_taken_the_wrong_way_round_are_left_out(case, judged_volume):
 def test_a_target_that_covers_little_is_told(case):
     _, observations, _ = case
     middle = (np.abs(observations.uv - [320, 240]) < 110).all(axis=1)
-    found = calibrate(observations.where(middle))
-    assert "of the image: its lens is extrapolated" in found.verdict
+    found = calibrate(observations.where(middle), volume=Volume((9, 9, 9), 12, (0, 0, 800)))
+    assert "of where the image shows the volume: its lens is extrapolated" in found.verdict
+    assert (found.quality.image_coverage < 0.5).all()
     assert found.verdict.startswith("doubtful")
 
 
