@@ -29,6 +29,7 @@ FLOORS = [
     {"tomo.trace", "tomo._visible"},
     {
         "tomo._blur",
+        "tomo._coarser",
         "tomo._products",
         "tomo.linear_system",
         "tomo.on_the_fly",
@@ -38,6 +39,7 @@ FLOORS = [
         "tomo.viewed",
     },
     {"tomo.alignment", "tomo.gains", "tomo.solve", "tomo.wernet", "tomo.reconstruction"},
+    {"tomo.refine"},
     {"tomo.scan", "tomo.scan_file", "tomo._scan_schema"},
     {"tomo.simulate", "tomo.reconstruct", "tomo.view"},
 ]

@@ -14,6 +14,7 @@ from rigs import Rig
 from tomo.alignment import Alignment, align_views
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
+from tomo.refine import Refinement, refine_cameras
 from tomo.support import Carving, carve
 
 
@@ -24,12 +25,12 @@ class Prepared:
     Attributes
     ----------
     rig : Rig
-        The cameras, shifted where that was found worth it.
+        The cameras, shifted and refined where that was found worth it.
     masks : sequence of (height, width) bool
         True where a pixel may take part.
     live : LiveVoxels
         The voxels that may be other than zero.
-    alignment, carving : optional
+    alignment, carving, refinement : optional
         How they were found; None where it was not asked for.
     """
 
@@ -38,10 +39,22 @@ class Prepared:
     live: LiveVoxels
     alignment: Alignment | None = None
     carving: Carving | None = None
+    refinement: Refinement | None = None
 
     @property
     def warnings(self) -> list[str]:
         """What the user should know of it."""
+        return [*self._of_alignment(), *self._of_refinement()]
+
+    def _of_refinement(self) -> list[str]:
+        if self.refinement is None:
+            return []
+        names = ", ".join(self.refinement.cameras)
+        if self.refinement.accepted:
+            return [f"cameras refined from the images: {names}: {self.refinement.reason}"]
+        return [f"cameras stay as the rig says: {names}: {self.refinement.reason}"]
+
+    def _of_alignment(self) -> list[str]:
         if self.alignment is None or not self.alignment.accepted:
             return []
         lengths = np.linalg.norm(self.alignment.shifts, axis=1)
@@ -67,8 +80,9 @@ def prepare(
     *,
     align: bool,
     carving: dict[str, Any] | None,
+    refining: dict[str, Any] | None = None,
 ) -> Prepared:
-    """Align the cameras and carve the volume, from the images alone.
+    """Align and refine the cameras and carve the volume, from the images alone.
 
     Parameters
     ----------
@@ -78,11 +92,20 @@ def prepare(
         Whether to look for shifts of the cameras' images.
     carving : dict, optional
         Settings of `tomo.support.carve`; nothing is carved when None.
+    refining : dict, optional
+        Settings of `tomo.refine.refine_cameras`; nothing is refined when None.
     """
+    if refining is not None and set(refining["cameras"]) >= set(rig.names):
+        align = False  # what a shift would do is done better
     alignment = align_views(rig, images, grid, masks=masks) if align else None
     if alignment is not None:
         rig = alignment.rig(rig)
+    refinement = None
+    if refining is not None:  # of the shifted images: cameras that are not to move are in place
+        skip = carving is not None
+        refinement = refine_cameras(rig, images, grid, masks=masks, skip=skip, **refining)
+        rig = refinement.rig
     if carving is None:
-        return Prepared(rig, masks, LiveVoxels(grid), alignment)
+        return Prepared(rig, masks, LiveVoxels(grid), alignment, None, refinement)
     found = carve(tuple(rig), images, masks, grid, **carving)
-    return Prepared(rig, found.pixels, found.live, alignment, found)
+    return Prepared(rig, found.pixels, found.live, alignment, found, refinement)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from tomo.methods import AUTO, Method, method_named, method_names
 from tomo.outcome import UNSEEN
+from tomo.refine.refinement import FEWEST
 from tomo.scan import Scan
 
 
@@ -53,6 +54,33 @@ def check_learning(method: Method, asked: Mapping[str, object]) -> None:
                 f"{name}: found {value!s}, expected none for method {method.name}: "
                 "only wernet and wernet-paper learn"
             )
+
+
+def cameras_to_refine(
+    names: Sequence[str] | None, hold_out: Sequence[str], scan: Scan
+) -> tuple[str, ...]:
+    """Return the cameras to refine: those asked for that are not held out; none for None."""
+    if names is None:
+        return ()
+    for name in names:
+        if name not in scan.rig.names:
+            raise ValueError(
+                f"{scan.source}: refine_cameras: found camera {name!r}, "
+                f"expected one of {', '.join(scan.rig.names)}"
+            )
+    left = tuple(name for name in names if name not in hold_out)
+    if not left:
+        found = f"only cameras held out: {', '.join(names)}" if names else "no camera"
+        raise ValueError(
+            f"{scan.source}: refine_cameras: found {found}, expected one to reconstruct from"
+        )
+    views = len(scan.rig) - len(set(hold_out))
+    if views < FEWEST:
+        raise ValueError(
+            f"{scan.source}: refine_cameras: found {views} views to refine with, expected at "
+            f"least {FEWEST}"
+        )
+    return left
 
 
 def check_hold_out(hold_out: Sequence[str], scan: Scan) -> None:

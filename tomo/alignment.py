@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from rigs import Camera, Rig
+from tomo._coarser import coarsening, coarser_grid, shrunk_image
 from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem, VolumeNotSeenError
 from tomo.solve._common_start import common_start, log_smears
@@ -30,9 +31,6 @@ from tomo.viewed import ViewedOperator
 
 CROSSINGS = 2_000_000
 """About the size of the coarser system that the shifts are found on."""
-
-COARSEST = 24
-"""Voxels along the grid's longest edge that are left at least."""
 
 ROUNDS = 2
 ITERATIONS = 2
@@ -118,10 +116,10 @@ def align_views(
     still = np.zeros((len(rig), 2))
     if len(rig) < 3:
         return _refused(still, math.nan, math.nan, "too few views to leave any out")
-    factor = _coarsening(rig, grid)
-    small = [_shrunk(image, mask, factor) for image, mask in zip(images, masks, strict=True)]
+    factor = coarsening(rig, grid, CROSSINGS)
+    small = [shrunk_image(image, mask, factor) for image, mask in zip(images, masks, strict=True)]
     coarse_rig = replace(rig, cameras=tuple(camera.shrunk(factor) for camera in rig))
-    coarse_grid = _coarser(grid, factor)
+    coarse_grid = coarser_grid(grid, factor)
     motions = [_motion(camera, grid) for camera in coarse_rig]
 
     shifts, best, errors = still, still, []
@@ -252,32 +250,6 @@ def _without_common_motion(
     stacked = np.concatenate(motions)  # (2 views, 3)
     motion = np.linalg.lstsq(stacked, shifts.ravel(), rcond=None)[0]
     return shifts - (stacked @ motion).reshape(shifts.shape)
-
-
-def _coarsening(rig: Rig, grid: VoxelGrid) -> int:
-    """Return by how much voxels and pixels are made larger."""
-    pixels = sum(math.prod(camera.image_size) for camera in rig)
-    crossings = pixels * sum(grid.shape) / 3
-    wanted = round((crossings / CROSSINGS) ** (1 / 3))
-    most = min(max(grid.shape) // COARSEST, min(min(c.image_size) for c in rig) // COARSEST)
-    return max(min(wanted, most), 1)
-
-
-def _coarser(grid: VoxelGrid, factor: int) -> VoxelGrid:
-    shape = [max(round(n / factor), 1) for n in grid.shape]
-    return VoxelGrid.from_bounds(shape, grid.lower, grid.upper)
-
-
-def _shrunk(image: NDArray, mask: NDArray, factor: int) -> tuple[NDArray, NDArray]:
-    """Return area means of the usable pixels, and where there are any; negative light is none."""
-    rows, columns = (side // factor for side in image.shape)
-    whole = (slice(rows * factor), slice(columns * factor))
-    blocks = (rows, factor, columns, factor)
-    usable = mask[whole].reshape(blocks)
-    values = np.where(mask, image, 0)[whole].reshape(blocks)
-    count = usable.sum(axis=(1, 3))
-    means = values.sum(axis=(1, 3), dtype=np.float64) / np.maximum(count, 1)
-    return means.astype(np.float32), count > 0
 
 
 def _shifted(rig: Rig, shifts: NDArray[np.float64]) -> Rig:

@@ -121,9 +121,12 @@ class Outcome:
         ``rays, segments, voxels, active_voxels``.
     skipping : mapping
         What was left out and why, see `tomo.support.Carving.report`.
-    alignment, gains : mapping, optional
-        See `tomo.alignment.Alignment.report` and `tomo.gains.Gains.report`; None where they were
-        not looked for, or the gains not corrected.
+    alignment, refinement, gains : mapping, optional
+        See `tomo.alignment.Alignment.report`, `tomo.refine.Refinement.report` and
+        `tomo.gains.Gains.report`; None where they were not looked for, or the gains not corrected.
+    refined_rig : Rig, optional
+        All cameras, those refined and shifted as they were found, at the size that images were
+        recorded in; None where nothing was refined.
     seconds : mapping
         ``load, prepare, trace, solve, total`` and what else took time; ``choose`` is a part of
         ``solve``.
@@ -151,6 +154,8 @@ class Outcome:
     counts: Mapping[str, int] = field(default_factory=dict)
     skipping: Mapping[str, Any] = field(default_factory=dict)
     alignment: Mapping[str, Any] | None = None
+    refinement: Mapping[str, Any] | None = None
+    refined_rig: Rig | None = None
     gains: Mapping[str, Any] | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     first_use_seconds: float = 0.0
@@ -179,6 +184,7 @@ class Outcome:
             **self.counts,
             "skipping": dict(self.skipping),
             "alignment": self.alignment,
+            "refinement": self.refinement,
             "gains": self.gains,
             "learned": self.learned.report() if self.learned else None,
             "relative_residual": found.relative_residual,

@@ -15,6 +15,7 @@ from tomo._first_use import warm_up, warm_up_carving
 from tomo._memory import peak_memory
 from tomo._prepare import prepare
 from tomo._request import (
+    cameras_to_refine,
     check_device,
     check_hold_out,
     check_learning,
@@ -35,6 +36,8 @@ from tomo.scan import Images, Masks, Scan
 from tomo.support import STORED
 
 if TYPE_CHECKING:
+    from rigs import Rig
+    from tomo.refine import Refinement
     from tomo.wernet import LearnedWeights
 
 
@@ -54,6 +57,8 @@ def reconstruct(
     dark_level: float | str = AUTO,
     votes: int | str = AUTO,
     align: bool = True,
+    refine_cameras: Sequence[str] | None = None,
+    refine_prior: float | None = None,
     fit_gain: bool | None = None,
     unseen: str = ZERO,
     supersample: int = 1,
@@ -101,6 +106,12 @@ def reconstruct(
     align : bool
         Whether to look for shifts of the images, and make them where they clearly help, see
         `tomo.alignment`. A camera held out stays as it is.
+    refine_cameras : sequence of str, optional
+        Cameras to refine from the images, see `tomo.refine`, once images are shifted; nothing is
+        shifted where all are refined. Those held out stay as they are.
+    refine_prior : float, optional
+        How far these may be from what the rig says, in pixels as a standard deviation; from the
+        rig's calibration and the cameras' status when None.
     fit_gain : bool, optional
         Whether to fit each camera's gain and offset, see `tomo.gains`; when the views disagree
         if None.
@@ -142,6 +153,7 @@ def reconstruct(
         main, {"encoder": encoder, "freeze_encoder": freeze_encoder, "checkpoint": checkpoint}
     )
     check_hold_out(hold_out, scan)
+    refined = cameras_to_refine(refine_cameras, hold_out, scan)
     grid = grid if grid is not None else scan.grid
     if grid is None:
         raise ValueError(
@@ -166,6 +178,9 @@ def reconstruct(
         grid,
         align=align,
         carving={"margin": margin, "threshold": dark_level, "votes": votes} if skip else None,
+        refining={"cameras": refined, "prior_pixels": refine_prior, "progress": progress}
+        if refined
+        else None,
     )
     tracing = time.perf_counter()
     how: dict[str, Any] = {
@@ -249,6 +264,8 @@ def reconstruct(
         "dark_level": dark_level,
         "votes": votes,
         "align": align,
+        "refine_cameras": list(refined) or None,
+        "refine_prior": refine_prior,
         "fit_gain": fit_gain,
         "unseen": unseen,
         "supersample": supersample,
@@ -275,6 +292,8 @@ def reconstruct(
         },
         skipping=prepared.report(system.projector.shape[0]),
         alignment=prepared.alignment.report() if prepared.alignment else None,
+        refinement=prepared.refinement.report() if prepared.refinement else None,
+        refined_rig=_refined_rig(scan, prepared.refinement),
         gains=gains.report() if gains else None,
         seconds={
             "load": loaded - started,
@@ -303,6 +322,26 @@ def _read_truth(scan: Scan, grid: VoxelGrid) -> tuple[NDArray[np.float32] | None
     if truth_grid.shape == grid.shape and apart <= 1e-6 * min(grid.spacing):
         return data, []
     return None, [f"{scan.truth.name}: the truth is on another grid: no quality figures"]
+
+
+def _refined_rig(scan: Scan, refinement: Refinement | None) -> Rig | None:
+    """Return the scan's rig as recorded, with the refined cameras; None where there are none."""
+    if refinement is None or not refinement.accepted:
+        return None
+    found = refinement.rig
+    cameras = []
+    for camera in scan.rig:
+        own = found[camera.name] if camera.name in found.names else camera
+        if scan.shrink > 1:
+            size = scan.recorded_sizes[camera.name]
+            own = replace(own.scaled(scan.shrink), image_size=size)
+        cameras.append(own)
+    known = dict(scan.rig.calibration or {})
+    return replace(
+        scan.rig,
+        cameras=tuple(cameras),
+        calibration={**known, "refined_from_images": refinement.report()},
+    )
 
 
 def _held_out_system(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from _command import (
@@ -15,6 +15,9 @@ from _command import (
     print_json,
     progress_bar,
 )
+
+if TYPE_CHECKING:
+    from rigs import Rig
 
 app = typer.Typer(add_completion=False)
 
@@ -71,6 +74,17 @@ def reconstruct(
     align: Annotated[
         bool, typer.Option(help="Shift images that clearly lie beside where the rig says.")
     ] = True,
+    refine_cameras: Annotated[
+        str | None,
+        typer.Option(
+            help="Refine cameras from the images, kept if rays held out improve: "
+            "CAMERA,CAMERA ..., all, or nominal (those whose status is)."
+        ),
+    ] = None,
+    refine_prior: Annotated[
+        float | None,
+        typer.Option(help="Pixels they may be off; from status and calibration if absent."),
+    ] = None,
     fit_gain: Annotated[
         bool | None,
         typer.Option(
@@ -105,6 +119,7 @@ def reconstruct(
         comparisons = [_comparison(text) for text in compare or ()]
         loaded = _load(scan, rig, images).scaled(scale)
         check_output_volume(out, loaded.rig, loaded.source)
+        _check_rig_file(out, refine_cameras)
         asked = any(option is not None for option in (grid, spacing, center, lower, upper))
         voxels = (
             parse_grid(grid, spacing, center, lower, upper, default=loaded.grid) if asked else None
@@ -125,6 +140,8 @@ def reconstruct(
                 dark_level=_number_or_auto("--dark-level", dark_level, float),
                 votes=_number_or_auto("--votes", votes, int),
                 align=align,
+                refine_cameras=_cameras(refine_cameras, refine_prior, loaded.rig),
+                refine_prior=refine_prior,
                 fit_gain=fit_gain,
                 unseen=unseen,
                 supersample=supersample,
@@ -163,6 +180,31 @@ def _checkpoint(out: Path, method: str, resume: bool) -> Path | None:
     if resume:
         raise ValueError(f"--resume: found it with method {method}, expected wernet")
     return None
+
+
+def _cameras(text: str | None, prior: float | None, rig: Rig) -> list[str] | None:
+    """Return the names of the cameras to refine; None where that is not asked for."""
+    if text is None:
+        if prior is not None:
+            raise ValueError("--refine-prior: found it without --refine-cameras")
+        return None
+    if text == "all" and text not in rig.names:
+        return list(rig.names)
+    if text == "nominal" and text not in rig.names:
+        names = [camera.name for camera in rig if camera.status == "nominal"]
+        if not names:
+            raise ValueError("--refine-cameras: found no nominal camera in the rig, expected some")
+        return names
+    return [name.strip() for name in text.split(",")]
+
+
+def _check_rig_file(out: Path, refining: str | None) -> None:
+    """Refuse to write the refined rig over that of a scan."""
+    if refining is not None and (out / "scan.yaml").exists() and (out / "rig.yaml").exists():
+        raise ValueError(
+            f"--out: found a scan in {out}, expected another folder: its rig.yaml would be "
+            "overwritten by the refined one"
+        )
 
 
 def _number_or_auto(option: str, text: str, kind: type) -> float | str:

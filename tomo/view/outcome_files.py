@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
 
+from rigs import save_rig
 from tomo.io import write_volume
 from tomo.io.atomic import atomic_path
 from tomo.outcome import Outcome
@@ -17,6 +18,9 @@ from tomo.view.results import Convergence, Results, draw, write_pictures
 
 PICTURES = ("rig", "slices", "views", "convergence", "difference", "learned")
 
+RIG_FILE = "rig.yaml"
+"""The rig with its refined cameras, where there are any."""
+
 VOLUME_FILES = ("volume.npz", "volume.vti", "volume.nrrd")
 
 
@@ -24,7 +28,8 @@ def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
     """Write everything about a reconstruction into a folder; return the paths.
 
     ``report.json`` comes last: where it stands, the rest is complete. Pictures of an earlier
-    outcome that this one does not have are removed.
+    outcome that this one does not have are removed. Where cameras were refined, ``rig.yaml`` is
+    the rig with them.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -42,6 +47,9 @@ def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
         if folder / f"{name}.png" not in paths:
             (folder / f"{name}.png").unlink(missing_ok=True)
     write_report(folder / "report.html", report, results, pictures)
+    if outcome.refined_rig is not None:
+        save_rig(outcome.refined_rig, folder / RIG_FILE)
+        paths.append(folder / RIG_FILE)
     with atomic_path(report_file) as temporary:
         temporary.write_text(json.dumps(report, indent=2, allow_nan=False) + "\n", "utf-8")
     return [*paths, folder / "report.html", report_file]

@@ -172,13 +172,16 @@ def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
         ("quality", "Against the truth"),
         ("skipping", "What takes no part"),
         ("alignment", "Where the cameras look"),
+        ("refinement", "Refined cameras"),
         ("gains", "Gains and backgrounds"),
         ("learned", "Learned weights"),
         ("settings", "Settings"),
         ("versions", "Versions"),
     ):
         values = report.get(key)
-        if isinstance(values, Mapping) and values:
+        if key == "refinement" and values:
+            tables.append((title, _refinement_lines(values)))
+        elif isinstance(values, Mapping) and values:
             lines = [(str(k).replace("_", " "), _plain(v)) for k, v in values.items()]
             tables.append((title, [line for line in lines if len(line[1]) <= LONGEST_DETAIL]))
     rest = [
@@ -187,6 +190,27 @@ def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
         if report.get(key) is not None
     ]
     return [("Run", rest), *tables] if rest else tables
+
+
+def _refinement_lines(refinement: Mapping) -> list[tuple[str, str]]:
+    """Return what was found of every refined camera, and what held-out rays say of it."""
+    lines = [("accepted", "yes" if refinement["accepted"] else "no")]
+    lines.append(("reason", refinement["reason"]))
+    for key in ("held_out_error_before", "held_out_error_after"):
+        if key in refinement:
+            lines.append((key.replace("_", " "), _number(refinement[key], 4)))
+    for name, own in refinement["cameras"].items():
+        turns = ", ".join(f"{angle:+.3f}" for angle in own["turn_degrees"])
+        moves = ", ".join(f"{length:+.3g}" for length in own["position_right_down_forward"])
+        lines.append(
+            (
+                name,
+                f"moved by {own['moved_pixels']:.2f} px (prior {own['prior_pixels']:.2f} px); "
+                f"turned {turns} degrees and moved {moves} about and along right, down, forward; "
+                f"focal length x {own['focal_length_ratio']:.4f}, gain {own['gain']:.3f}",
+            )
+        )
+    return lines
 
 
 def _plain(value: object) -> str:

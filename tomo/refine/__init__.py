@@ -1,0 +1,11 @@
+"""Cameras refined from the images of the scene itself: self-calibration."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "prior": ["prior_lengths"],
+        "refinement": ["Refinement", "refine_cameras"],
+    },
+)

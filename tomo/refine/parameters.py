@@ -1,0 +1,136 @@
+"""What of a camera is refined: position, turn, focal length, and the gain of its images.
+
+A camera's eight parameters are its motion in length units along its own axes right, down and
+forward (0 to 2), its turn about these axes in radians (3 to 5), the logarithms of its focal
+length's change (6) and of its gain (7). All are zero for the camera as it was given, and none
+depends on how far the images are shrunk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Camera, Rig
+from tomo.grid import VoxelGrid
+
+COUNT = 8
+PLACE = 7
+FOCAL, GAIN = 6, 7
+
+
+def moved(camera: Camera, parameters: NDArray[np.float64]) -> Camera:
+    """Return the camera with its position, turn and focal length changed."""
+    R = _turn(parameters[3:6]) @ camera.R
+    position = camera.position + camera.R.T @ parameters[:3]
+    matrix = np.array(camera.camera_matrix)
+    matrix[:2, :2] *= np.exp(parameters[FOCAL])
+    return replace(camera, camera_matrix=matrix, R=R, t=-R @ position)
+
+
+def moved_rig(rig: Rig, parameters: NDArray[np.float64]) -> Rig:
+    """Return the rig with every camera moved by its row of ``(cameras, 8)``; zeros move none."""
+    cameras = tuple(
+        moved(camera, own) if own[:PLACE].any() else camera
+        for camera, own in zip(rig, parameters, strict=True)
+    )
+    return replace(rig, cameras=cameras)
+
+
+def image_derivatives(
+    project: Callable[[NDArray[np.float64]], NDArray],
+    camera: Camera,
+    gradient: NDArray[np.float64],
+    centers: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return how a camera's prediction changes with its place: ``(7, pixels)``.
+
+    A camera that moves sees what it would see, unmoved, of a volume ``f`` that moves the other
+    way: in camera axes the emission at ``x`` changes by ``-v(x) . grad f``, where ``v`` is how
+    the parameter moves the points as the camera sees them: ``-e_k`` for its motion along axis k,
+    ``e_k x x`` for its turn about it, ``(x, y, 0)`` for its focal length. The derivative is the
+    projection of that volume, exact for smooth ``f``.
+
+    Parameters
+    ----------
+    project : callable
+        From unknowns ``(n,)`` to the pixels of the camera.
+    camera : Camera
+    gradient : (n, 3)
+        Of the emission along the world's axes, at ``centers`` ``(n, 3)``.
+    centers : (n, 3)
+    """
+    x, y, z = (centers @ camera.R.T + camera.t).T
+    gx, gy, gz = (gradient @ camera.R.T).T
+    fields = (
+        gx,
+        gy,
+        gz,
+        -(y * gz - z * gy),
+        -(z * gx - x * gz),
+        -(x * gy - y * gx),
+        -(x * gx + y * gy),
+    )
+    return np.stack([np.asarray(project(field), np.float64) for field in fields])
+
+
+def volume_gradient(volume: NDArray, grid: VoxelGrid) -> NDArray[np.float64]:
+    """Return central differences, zero emission around the grid: ``(voxels, 3)``."""
+    padded = np.pad(np.asarray(volume, np.float64).reshape(grid.shape), 1)
+    inner = slice(1, -1)
+    parts = []
+    for axis, spacing in enumerate(grid.spacing):
+        ahead = [inner] * 3
+        behind = [inner] * 3
+        ahead[axis], behind[axis] = slice(2, None), slice(None, -2)
+        parts.append((padded[tuple(ahead)] - padded[tuple(behind)]).ravel() / (2 * spacing))
+    return np.stack(parts, axis=-1)
+
+
+def without_common_motion(
+    rig: Rig, grid: VoxelGrid, parameters: NDArray[np.float64], lengths: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return parameters less what only moves, turns or enlarges the volume, or brightens it.
+
+    Images say nothing of a motion that all cameras share, of a scale of the whole scene about the
+    grid's middle, or of a common gain, and next to nothing of a common change of focal lengths,
+    which is one of the scene's size but for perspective. Of all parameters that say the same,
+    those are returned that depart least from the cameras as given, in units of ``lengths``
+    ``(cameras, 8)``.
+    """
+    middle, modes = np.asarray(grid.center), []
+    for axis in np.eye(3):
+        modes.append([np.r_[camera.R @ axis, np.zeros(5)] for camera in rig])
+        modes.append(
+            [
+                np.r_[
+                    camera.R @ np.cross(axis, camera.position - middle),
+                    -camera.R @ axis,
+                    np.zeros(2),
+                ]
+                for camera in rig
+            ]
+        )
+    modes.append([np.r_[c.R @ (c.position - middle), np.zeros(5)] for c in rig])
+    modes += [[np.eye(COUNT)[which]] * len(rig) for which in (FOCAL, GAIN)]
+    basis = np.array(modes) / lengths  # (modes, cameras, 8)
+    basis = basis.reshape(len(modes), -1)
+    basis /= np.linalg.norm(basis, axis=1, keepdims=True)
+    weighed = (parameters / lengths).ravel()
+    shares = np.linalg.lstsq(basis.T, weighed, rcond=1e-9)[0]
+    return (weighed - shares @ basis).reshape(parameters.shape) * lengths
+
+
+def _turn(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rotation matrix of a rotation vector, Rodrigues' formula."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector
+    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return (
+        np.eye(3)
+        + np.sinc(angle / np.pi) * across
+        + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * across @ across
+    )
