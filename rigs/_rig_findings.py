@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rigs.angular_gap import new_view
 from rigs.camera import Camera
-from rigs.rig_check import Finding, angles_to_middle, slip_points
+from rigs.rig_check import Finding, angles_to_middle, short, slip_points
 from rigs.slips import find_slips
 
 if TYPE_CHECKING:
@@ -177,8 +177,11 @@ def _gaps(check: RigCheck) -> Iterator[Finding]:
     feature = size * np.radians(gap)
     even = 180.0 / len(names)
     text = f"the largest angular gap is {gap:.3g} degrees ({len(names)} views, even in a ring: "
-    text += f"{even:.3g}); by angles alone nothing below {feature:.3g} {found.rig.length_unit} "
-    text += f"({_short(feature / check.voxel)} voxels) is told apart across {size:.3g}"
+    unit = found.rig.length_unit
+    text += f"{even:.3g}); by angles alone nothing "
+    if feature < size:
+        text += f"below {feature:.3g} {unit} ({short(feature / check.voxel)} voxels) "
+    text += f"is told apart across {size:.3g} {unit}"
     # round a ring the gap is a wedge of all heights, elsewhere the widest of many small holes
     is_ring = np.linalg.eigvalsh(lines.T @ lines)[0] < 0.01 * len(lines)
     if gap <= _WIDE_GAP and not (is_ring and gap > max(2.5 * even, 15.0)):
@@ -231,18 +234,18 @@ def _footprints(check: RigCheck) -> Iterator[Finding]:
     if typical > 1.5:
         yield Finding(
             "warning",
-            f"a pixel is {typical:.2g} voxels wide: images hold no more than voxels of "
+            f"a pixel is {short(typical)} voxels wide: images hold no more than voxels of "
             f"{typical * check.voxel:.2g} {unit}",
         )
     elif typical < 0.3:
         yield Finding(
             "note",
-            f"a voxel is {1 / typical:.2g} pixels wide: images could be shrunk "
+            f"a voxel is {short(1 / typical)} pixels wide: images could be shrunk "
             f"(--scale {int(0.5 / typical)}), or voxels be {typical * check.voxel * 2:.2g} {unit}",
         )
     coarse = known & (sizes > max(2 * typical, 1.0))
     for name, size in zip(names[coarse], sizes[coarse], strict=True):
-        text = f"pixels {size:.2g} voxels wide, those of most cameras {typical:.2g}"
+        text = f"pixels {short(size)} voxels wide, those of most cameras {typical:.2g}"
         yield Finding("warning", text, (str(name),))
 
 
@@ -252,8 +255,8 @@ def _blur(check: RigCheck) -> Iterator[Finding]:
         if figures.blur_in_voxels > 1 and figures.blur_in_pixels > 1.5:
             yield Finding(
                 "warning",
-                f"out of focus by up to {figures.blur_in_pixels:.2g} pixels "
-                f"({figures.blur_in_voxels:.2g} voxels) in the volume",
+                f"out of focus by up to {short(figures.blur_in_pixels)} pixels "
+                f"({short(figures.blur_in_voxels)} voxels) in the volume",
                 (figures.name,),
             )
 
@@ -278,11 +281,6 @@ def _miss(check: RigCheck) -> Iterator[Finding]:
     yield Finding(level, text, guilty)
 
 
-def _short(value: float) -> str:
-    """Return a number of two digits, without an exponent where it is large."""
-    return f"{value:.2g}" if value < 100 else f"{value:.0f}"
-
-
 def _where(check: RigCheck, poor: NDArray[np.bool_]) -> str:
     """Return in words which part of the volume ``poor`` ``(N,)`` is."""
     points = check.coverage.points
@@ -296,4 +294,4 @@ def _where(check: RigCheck, poor: NDArray[np.bool_]) -> str:
         return f"toward {' and '.join(sides)}"
     spread = (points[poor].std(axis=0) + 1e-300) / (points.std(axis=0) + 1e-300)
     axis = int(spread.argmax())
-    return f"at both ends of {_AXES[axis]}" if spread[axis] > 1.15 else "all over"
+    return f"at both ends of {_AXES[axis]}" if spread[axis] > 1.15 else "on all sides"

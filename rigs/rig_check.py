@@ -189,6 +189,11 @@ def calibrated_ray_miss(calibration: Mapping | None, camera: str | None = None) 
     return float(value) if known else None
 
 
+def short(value: float) -> str:
+    """Return a number of two digits, without an exponent where it is large."""
+    return f"{value:.2g}" if value < 100 else f"{value:.0f}"
+
+
 def some_of(points: NDArray, count: int) -> NDArray[np.int64]:
     """Return the numbers of about ``count`` of the points, spread evenly over their order."""
     return np.unique(np.linspace(0, len(points) - 1, min(count, len(points))).round().astype(int))

@@ -27,14 +27,21 @@ def check_outputs(paths: Iterable[Path]) -> None:
 
 
 def load_any_rig(text: str) -> Rig:
-    """Return the rig of a file, a preset, a scan folder or a transforms.json."""
-    path = Path(text)
-    if path.is_dir():
-        path = (
-            path / "transforms.json" if (path / "transforms.json").exists() else path / "rig.yaml"
-        )
-    if path.suffix.lower() == ".json":
-        from rigs.formats.transforms import load_transforms
+    """Return the rig of a preset, a scan, or a file or folder of any known format."""
+    from rigs import preset_names
+    from rigs.formats import load, sniff
 
-        return load_transforms(path)[0]
-    return load_rig_or_preset(text if path == Path(text) else str(path))
+    path = Path(text)
+    if text in preset_names() or not path.exists():
+        return load_rig_or_preset(text)
+    for name in ("transforms.json", "rig.yaml"):  # of a scan
+        if (path / name).is_file():
+            path = path / name
+            break
+    try:
+        sniff(path)
+    except ValueError:
+        if path.suffix.lower() not in (".yaml", ".yml"):
+            raise
+        return load_rig_or_preset(str(path))  # tells what is wrong with it
+    return load(path)

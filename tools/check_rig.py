@@ -23,7 +23,8 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def check_rig(
     rig: Annotated[
-        str, typer.Argument(help="A rig.yaml, a preset's name, a scan folder or transforms.json.")
+        str,
+        typer.Argument(help="A rig.yaml, a preset's name, a scan, or a file of another format."),
     ],
     grid: Annotated[
         str | None, typer.Option(help="Voxels, like 30x140x30; the rig's volume when absent.")
@@ -183,14 +184,16 @@ def _tell(level: str, cameras: tuple[str, ...], text: str) -> None:
 
 def _costs(need: object, effort: Effort | None, iterations: int, why: str) -> str:
     """Return memory and time in words."""
+    from rigs.rig_check import short
+
     told = f"{need.voxels:,} voxels, {need.rays:,} rays, {need.segments:,} crossings, "
     told += f"about {need.nbytes / 1e9:.2g} GB"
     if effort is None:
         return told if why == "not asked for" else f"{told}; no time: {why}"
-    solve = iterations * effort.iteration_seconds
+    trace, solve = effort.trace_seconds, iterations * effort.iteration_seconds
     return (
-        f"{told} ({effort.form}); roughly {effort.trace_seconds:.2g} s to trace and "
-        f"{solve:.2g} s for {iterations} iterations, before dark voxels are left out"
+        f"{told} ({effort.form}); roughly {short(trace)} s to trace and {short(solve)} s for "
+        f"{iterations} iterations, before dark voxels are left out"
     )
 
 

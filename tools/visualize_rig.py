@@ -22,7 +22,8 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def visualize_rig(
     rig: Annotated[
-        str, typer.Argument(help="A rig.yaml, a preset's name, a scan folder or transforms.json.")
+        str,
+        typer.Argument(help="A rig.yaml, a preset's name, a scan, or a file of another format."),
     ],
     out: Annotated[
         list[Path], typer.Option("--out", "-o", help=".png, .html or .glb; may stand repeatedly.")

@@ -59,7 +59,7 @@ def check_table(check: RigCheck) -> Table:
             f"{figures.sees:.1%}",
             number(figures.footprint_in_voxels, 3),
             number(figures.blur_in_pixels, 2),
-            number(round(figures.nearest_view, 6), 3),
+            number(figures.nearest_view, 3),
             number(figures.gap_without, 2),
             number(figures.ray_miss, 3),
         )
@@ -182,5 +182,7 @@ def some_names(names: tuple[str, ...], most: int = 6) -> str:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return a figure for a table."""
-    return f"{value + 0.0:.{digits}g}" if math.isfinite(value) else _NO_FIGURE
+    """Return a figure for a table; what is rounding is zero."""
+    if not math.isfinite(value):
+        return _NO_FIGURE
+    return f"{value:.{digits}g}" if abs(value) > 1e-9 else "0"
