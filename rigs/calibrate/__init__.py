@@ -6,6 +6,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "calibration": ["Calibration", "calibrate"],
+        "detect": ["Detections", "detections", "find_target", "observe"],
+        "image_sets": ["VideoFrame", "image_set"],
         "observations": ["Observations"],
         "quality": ["Quality", "ray_miss"],
         "targets": ["CharucoBoard", "Chessboard", "CircleGrid", "parse_target"],
