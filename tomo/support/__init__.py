@@ -26,5 +26,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         ],
         "noise_model": ["NoiseModel", "estimate_noise"],
         "usable": ["usable_pixels"],
+        "visual_hull": ["VisualHull", "visual_hull"],
     },
 )
