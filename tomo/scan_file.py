@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 from numpy.typing import ArrayLike
 
-from rigs import Rig, load_rig, save_rig
+from rigs import Rig, formats, load_rig, save_rig
 from tomo._scan_schema import parse_scan_file
 from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.io import atomic_path, write_image, write_volume
@@ -134,7 +134,7 @@ def _check_cameras(path: Path, field: str, cameras: Mapping[str, Any], rig: Rig)
 
 def scan_of_images(rig: Rig | str | PathLike, images: str | PathLike, **settings: Any) -> Scan:
     """Build what `Scan.from_images` says."""
-    rig = rig if isinstance(rig, Rig) else load_rig(rig)
+    rig = rig if isinstance(rig, Rig) else formats.load(rig)
     folder = Path(images)
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder}: no such folder of images")

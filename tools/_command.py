@@ -164,15 +164,11 @@ def parse_grid(
 
 def load_rig_or_preset(text: str) -> Rig:
     """Return the rig of a file in any format that `rigs.formats` reads, or a preset by name."""
-    from rigs import formats, load_rig, preset, preset_names
+    from rigs import formats, preset, preset_names
 
     if text in preset_names():
         return preset(text)
     if not Path(text).exists():
         known = ", ".join(preset_names())
         raise FileNotFoundError(f"{text}: no such rig file, and no preset; presets are {known}")
-    try:
-        found = formats.sniff(text)
-    except ValueError:
-        return load_rig(text)  # whose error says what a rig.yaml lacks
-    return formats.load(text, found)
+    return formats.load(text)

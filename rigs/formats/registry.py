@@ -60,6 +60,8 @@ FORMATS: dict[str, Format] = {
     )
 }
 
+_OURS = (".yaml", ".yml")
+
 
 def names(writable: bool = False) -> tuple[str, ...]:
     """Return the names of the formats that can be read, or of those that can be written."""
@@ -85,6 +87,8 @@ def sniff(path: str | os.PathLike) -> str:
     for name in names():
         if FORMATS[name].module.looks_like(path, head):
             return name
+    if path.suffix in _OURS:
+        return "emission_rig"  # whose error says what a rig.yaml lacks
     raise ValueError(f"{path}: found none of the rig formats, expected {', '.join(names())}")
 
 

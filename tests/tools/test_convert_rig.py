@@ -1,10 +1,12 @@
 import json
 import re
 
+import cv2
 import numpy as np
 import pytest
 
 from rigs import Camera, Distortion, Rig, formats, load_rig, preset, save_rig
+from tomo import Scan
 
 
 @pytest.fixture
@@ -114,3 +116,12 @@ def test_other_commands_read_foreign_rigs(run_tool, tmp_path):
     done = run_tool("visualize_rig", tmp_path / "rig.yml", "-o", tmp_path / "rig.glb", "--json")
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["cameras"] == list(preset("paper11_33deg").names)
+
+
+def test_foreign_rigs_stand_beside_images(tmp_path, rig):
+    formats.save(rig, tmp_path / "transforms.json")
+    for name in rig.names:
+        (tmp_path / "images" / name).mkdir(parents=True)
+        cv2.imwrite(str(tmp_path / "images" / name / "t0.png"), np.zeros((480, 640), np.uint8))
+    scan = Scan.from_images(tmp_path / "transforms.json", tmp_path / "images")
+    assert scan.rig.names == rig.names
