@@ -76,8 +76,12 @@ def _stereo(rows: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
         yield Claim(what, row[key], most, at_least=False, unit="px")
     what = "chessboard pairs: points left out"
     yield Claim(what, row["points_left_out"], 0, at_least=False, unit="")
-    what = f"chessboard pairs: distance of the baseline from {BASELINE}"
+    what = f"chessboard pairs: baseline's distance from {BASELINE}, see below"
     off = abs(row["baseline"] - BASELINE)
+    yield Claim(what, off, BASELINE_WITHIN, at_least=False, unit="squares")
+    same = next(r for r in rows[1:] if r["corners"] == row["corners"])
+    what = "chessboard pairs: baseline's distance from cv2.stereoCalibrate's, the same corners"
+    off = abs(row["baseline"] - same["baseline"])
     yield Claim(what, off, BASELINE_WITHIN, at_least=False, unit="squares")
 
 

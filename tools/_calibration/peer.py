@@ -1,12 +1,14 @@
-"""OpenCV's own calibration of many cameras, at its best."""
+"""OpenCV's own calibration: many cameras at its best, and two."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigs import Camera, Distortion, Rig
 from rigs.calibrate import Observations
@@ -107,3 +109,64 @@ def _multiview(observations: Observations, flags: int, guess: bool, length_unit:
         ),
         length_unit,
     )
+
+
+def stereo_pair(observations: Observations) -> dict[str, float]:
+    """Return RMS and baseline of ``cv2.stereoCalibrate``, lenses adjusted too.
+
+    Both cameras see every point of the target in every frame.
+    """
+    import cv2
+
+    points = [np.float32(observations.target_points)] * len(observations.frames)
+    sizes = observations.image_sizes
+    uv = np.zeros((2, len(points), len(points[0]), 2), np.float32)
+    uv[observations.camera, observations.frame, observations.point] = observations.uv
+    alone = [cv2.calibrateCamera(points, list(uv[k]), sizes[k], None, None) for k in range(2)]
+    joint = cv2.stereoCalibrate(
+        points, list(uv[0]), list(uv[1]), *alone[0][1:3], *alone[1][1:3], sizes[0],
+        flags=cv2.CALIB_USE_INTRINSIC_GUESS, criteria=(3, 300, 1e-10),
+    )  # fmt: skip
+    return {
+        "left_rms_px": float(alone[0][0]),
+        "right_rms_px": float(alone[1][0]),
+        "joint_rms_px": float(joint[0]),
+        "baseline": float(np.linalg.norm(joint[6])),
+    }
+
+
+def refined(
+    observations: Observations, images: Mapping[str, Mapping[str, Path]], window: int
+) -> NDArray[np.float64]:
+    """Return where OpenCV's search and ``cv2.cornerSubPix`` have a chessboard's corners.
+
+    Parameters
+    ----------
+    observations : Observations
+        Of all the board's corners, which say in what order OpenCV's are.
+    images : mapping
+        ``images[camera][frame]`` is a file.
+    window : int
+        Half a side of the window, in pixels.
+
+    Returns
+    -------
+    uv : (sightings, 2) float64
+    """
+    import cv2
+
+    columns = int(np.ptp(observations.target_points[:, 0])) + 1
+    uv = np.array(observations.uv)
+    for camera, name in enumerate(observations.cameras):
+        for frame, moment in enumerate(observations.frames):
+            own = (observations.camera == camera) & (observations.frame == frame)
+            image = cv2.imread(str(images[name][moment]), cv2.IMREAD_GRAYSCALE)
+            size = (columns, len(observations.target_points) // columns)
+            _, corners = cv2.findChessboardCorners(image, size)
+            corners = cv2.cornerSubPix(
+                image, corners, (window, window), (-1, -1), (3, 30, 1e-3)
+            ).reshape(-1, 2)
+            apart = [np.linalg.norm(order - uv[own], axis=1).sum()
+                     for order in (corners, corners[::-1])]  # fmt: skip
+            uv[own] = corners if apart[0] < apart[1] else corners[::-1]
+    return uv

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from _calibration.cases import CASES, TARGET, Case, pictures
-from _calibration.peer import attempts
+from _calibration.peer import attempts, refined, stereo_pair
 from _calibration.scenes import COMPLETE, arc_rig, held
 from _calibration.truth import in_metres, of_complete_targets, true_ray_miss
 from rigs import Rig, Volume
@@ -51,7 +51,7 @@ def rendered(
             say(f"{case.name}, seed {seed}: pictures")
             images = pictures(case, seed, folder, workers=workers)
             say(f"{case.name}, seed {seed}: calibration")
-            row, observations = measured(case, seed, images)
+            row, observations = measured(case, seed, images, folder / f"{case.name}_{seed}.npz")
             rows.append(row)
             if case.complete:
                 say(f"{case.name}, seed {seed}: cv2.calibrateMultiview")
@@ -60,13 +60,11 @@ def rendered(
 
 
 def measured(
-    case: Case, seed: int, images: Mapping[str, Mapping[str, Path]]
+    case: Case, seed: int, images: Mapping[str, Mapping[str, Path]], cache: Path
 ) -> tuple[Row, Observations]:
     """Return what detection and calibration make of a case's pictures, and the sightings used."""
     rig, target = case.rig(seed), parse_target(TARGET)
-    started = time.perf_counter()
-    observations = observe(images, target)
-    detection = time.perf_counter() - started
+    observations = observe(images, target, cache=cache)
     if case.complete:
         observations = of_complete_targets(observations)
     results = {}
@@ -74,20 +72,14 @@ def measured(
         ("mm", 1.0, observations),
         ("m", 1e-3, in_metres(observations)),
     ):
-        started = time.perf_counter()
         calibration = calibrate(
             sightings,
             world={camera.name: camera.position * scale for camera in rig},
             length_unit=unit,
             volume=_in(rig, scale),
         )
-        seconds = time.perf_counter() - started
-        results[unit] = (
-            calibration,
-            true_ray_miss(rig, calibration.rig, rig.volume) / scale,
-            seconds,
-        )
-    (found, miss, seconds), (_, miss_in_metres, _) = results["mm"], results["m"]
+        results[unit] = (calibration, true_ray_miss(rig, calibration.rig, rig.volume) / scale)
+    (found, miss), (_, miss_in_metres) = results["mm"], results["m"]
     error = detection_error(case, seed, observations)
     quality = found.quality
     return {
@@ -105,8 +97,6 @@ def measured(
         "predicted_ray_miss": quality.predicted_ray_miss,
         "cross_ray_miss": quality.cross_ray_miss,
         "cross_expected": quality.cross_expected,
-        "seconds_to_detect": detection,
-        "seconds_to_calibrate": seconds,
         "terms": list(found.terms),
         "verdict": found.verdict.split("\n")[0],
         "findings": list(found.findings),
@@ -156,7 +146,11 @@ def _peer(case: Case, seed: int, observations: Observations) -> list[Row]:
 
 
 def stereo(folder: Path, say: Say) -> list[Row]:
-    """Return one row on OpenCV's sample pairs of a chessboard; none where they are not there."""
+    """Return rows on OpenCV's sample pairs of a chessboard; none where they are not there.
+
+    The first is this project's; the others are OpenCV's own adjustment of both cameras, from
+    these corners and from those of ``cv2.cornerSubPix`` in windows of two sizes.
+    """
     pairs = folder / "chessboard_stereo"
     if not pairs.is_dir():
         return []
@@ -168,26 +162,41 @@ def stereo(folder: Path, say: Say) -> list[Row]:
     target = parse_target(STEREO_TARGET)
     observations = observe(images, target)
     found = calibrate(observations, length_unit="squares", target=target)
-    alone = {
-        side: calibrate(_one(observations, index), length_unit="squares", target=target)
-        for index, side in enumerate(observations.cameras)
-    }
+    alone = [
+        calibrate(_one(observations, index), length_unit="squares", target=target)
+        for index in range(2)
+    ]
     left, right = found.rig
-    return [
+    rows: list[Row] = [
         {
-            "images": len(
-                np.unique(np.stack([observations.camera, observations.frame]), axis=1).T
-            ),
-            "left_rms_px": _rms(alone["left"]),
-            "right_rms_px": _rms(alone["right"]),
+            "corners": "this project's",
+            "solver": "this project's",
+            "images": int((observations.counts() > 0).sum()),
+            "left_rms_px": _rms(alone[0]),
+            "right_rms_px": _rms(alone[1]),
             "joint_rms_px": _rms(found),
-            "points_left_out": int((~found.used).sum()),
+            "points_left_out": sum(int((~each.used).sum()) for each in (found, *alone)),
             "baseline": float(np.linalg.norm(left.position - right.position)),
-            "focal_lengths": [camera.camera_matrix[0, 0] for camera in found.rig],
-            "predicted_ray_miss": found.quality.predicted_ray_miss,
+            "farthest_px": None,
             "terms": list(found.terms),
         }
     ]
+    for words, uv in (
+        ("this project's", observations.uv),
+        *((f"cornerSubPix, {n} px", refined(observations, images, n)) for n in (11, 5)),
+    ):
+        apart = np.linalg.norm(uv - observations.uv, axis=1)
+        rows.append(
+            {
+                "corners": words,
+                "solver": "cv2.stereoCalibrate",
+                **stereo_pair(replace(observations, uv=uv)),
+                "points_left_out": 0,
+                "farthest_px": float(apart.max()) if apart.any() else None,
+                "more_than_a_pixel": int((apart > 1).sum()),
+            }
+        )
+    return rows
 
 
 def _one(observations: Observations, camera: int) -> Observations:
