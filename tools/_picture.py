@@ -27,21 +27,9 @@ def check_outputs(paths: Iterable[Path]) -> None:
 
 
 def load_any_rig(text: str) -> Rig:
-    """Return the rig of a preset, a scan, or a file or folder of any known format."""
-    from rigs import preset_names
-    from rigs.formats import load, sniff
-
+    """Return the rig of a preset, a scan's folder, or a file or folder of any known format."""
     path = Path(text)
-    if text in preset_names() or not path.exists():
-        return load_rig_or_preset(text)
     for name in ("transforms.json", "rig.yaml"):  # of a scan
         if (path / name).is_file():
-            path = path / name
-            break
-    try:
-        sniff(path)
-    except ValueError:
-        if path.suffix.lower() not in (".yaml", ".yml"):
-            raise
-        return load_rig_or_preset(str(path))  # tells what is wrong with it
-    return load(path)
+            return load_rig_or_preset(str(path / name))
+    return load_rig_or_preset(text)

@@ -43,7 +43,27 @@ def summary(calibration: Calibration) -> dict[str, Any]:
         "findings": list(calibration.findings),
         "verdict": calibration.verdict,
         "cameras": cameras,
+        "target_poses": _target_poses(calibration),
     }
+
+
+def _target_poses(calibration: Calibration) -> list[dict[str, Any]]:
+    """Return where the target was held: its corners in the axes of the camera that was held.
+
+    Not in the world: so they stay true when the rig is moved.
+    """
+    points = calibration.observations.target_points
+    (left, top), (right, bottom) = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    border = np.array([[left, top, 0], [right, top, 0], [right, bottom, 0], [left, bottom, 0]])
+    camera = calibration.rig[calibration.gauge]
+    poses = []
+    for index, frame in enumerate(calibration.observations.frames):
+        R, t = calibration.target_R[index], calibration.target_t[index]
+        if np.isfinite(t).all():
+            corners = (border @ R.T + t) @ camera.R.T + camera.t
+            rows = [[_plain(value) for value in corner] for corner in corners]
+            poses.append({"frame": frame, "camera": camera.name, "corners": rows})
+    return poses
 
 
 def _plain(value: float) -> float | None:

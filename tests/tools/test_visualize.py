@@ -145,7 +145,7 @@ def test_pictures_and_targets_are_layers_of_the_page(run_tool, tmp_path, two_rig
     one, _ = two_rigs
     rig = rigs.load_rig(one)
     corners = [[-5, -5, 0], [5, -5, 0], [5, 5, 1], [-5, 5, 1]]
-    summary = {"target_poses": [{"frame": "frame07", "corners": corners}]}
+    summary = {"target_poses": [{"frame": "frame07", "camera": "cam01", "corners": corners}]}
     rigs.save_rig(replace(rig, calibration=summary), one)
     for name in rig.names[:3]:
         (tmp_path / "seen" / name).mkdir(parents=True)

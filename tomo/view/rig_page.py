@@ -139,7 +139,8 @@ def target_scene(rig: Rig) -> Scene:
     """Return the calibration targets as they were held, where the rig's calibration tells.
 
     Reads ``calibration.target_poses``: a list of mappings with ``frame`` and ``corners``, the
-    corners of the target in order, ``(N, 3)`` in the world. Groups: ``targets, target names``.
+    corners of the target in order, ``(N, 3)`` in the axes of ``camera``. Those of a camera that
+    the rig has no more are left out. Groups: ``targets, target names``.
 
     Raises
     ------
@@ -148,7 +149,10 @@ def target_scene(rig: Rig) -> Scene:
     """
     meshes, labels = [], []
     for index, pose in enumerate((rig.calibration or {}).get("target_poses") or ()):
-        name, border = _pose(pose, f"calibration.target_poses[{index}]")
+        name, camera, border = _pose(pose, f"calibration.target_poses[{index}]")
+        if camera not in rig:
+            continue
+        border = (border - rig[camera].t) @ rig[camera].R
         size = float(np.linalg.norm(np.ptp(border, axis=0)))
         middle = border.mean(axis=0)
         outline = shapes.polyline(border, 0.004 * size, closed=True)
@@ -160,18 +164,20 @@ def target_scene(rig: Rig) -> Scene:
     return Scene(tuple(meshes), tuple(labels), rig.length_unit)
 
 
-def _pose(pose: object, what: str) -> tuple[str, np.ndarray]:
-    """Return the frame's name and the corners ``(N, 3)`` of one target."""
+def _pose(pose: object, what: str) -> tuple[str, str, np.ndarray]:
+    """Return the names of frame and camera, and the corners ``(N, 3)`` of one target."""
     try:
         border = np.array(pose["corners"], np.float64)
-        name = str(pose["frame"])
+        name, camera = str(pose["frame"]), str(pose["camera"])
         is_good = isinstance(pose, Mapping) and border.ndim == 2 and len(border) > 2
         is_good = is_good and border.shape[1] == 3 and bool(np.isfinite(border).all())
     except (TypeError, ValueError, KeyError):
         is_good = False
     if not is_good:
-        raise ValueError(f"{what}: found {str(pose)[:60]!r}, expected frame and corners (N, 3)")
-    return name, border
+        raise ValueError(
+            f"{what}: found {str(pose)[:60]!r}, expected frame, camera and corners (N, 3)"
+        )
+    return name, camera, border
 
 
 def some_names(names: tuple[str, ...], most: int = 6) -> str:

@@ -1,15 +1,17 @@
+from dataclasses import replace
+
 import matplotlib.image
 import numpy as np
 import pytest
 import trimesh
 
-from rigs import ring
+from rigs import look_at, ring
 from tomo.grid import VoxelGrid
 from tomo.view import write_glb
 from tomo.view.coverage_maps import coverage_grid, coverage_maps, coverage_scene, write_coverage
 from tomo.view.maps import emission_map, lattice_triangles, map_scene
 from tomo.view.raycast import render
-from tomo.view.rig_page import check_on_grid
+from tomo.view.rig_page import check_on_grid, target_scene
 from tomo.view.scene import ColourScale, Scene
 from tomo.view.viewpoint import Viewpoint
 
@@ -117,3 +119,21 @@ def test_the_maps_picture_shows_the_unseen_ends(checked, tmp_path):
         colour = maps[0].scale(np.array(values))
         assert (np.abs(picture - colour).max(axis=2) < 0.02).mean() > 0.003
     assert [p.name for p in tmp_path.iterdir()] == ["maps.png"]
+
+
+def test_targets_stay_with_their_rig_when_it_is_moved():
+    rig = ring(4, distance=300.0, image_size=(90, 90), footprint=0.3)
+    corners = np.array([[-5.0, -5, 0], [5, -5, 0], [5, 5, 2], [-5, 5, 2]])
+    held = corners @ rig[1].R.T + rig[1].t
+    pose = {"frame": "a", "camera": "cam01", "corners": held.tolist()}
+    rig = replace(rig, calibration={"target_poses": [pose]})
+    turn = look_at((3, 1, 2), (0, 0, 0))[0]
+    for seen, wanted in (
+        (rig, corners),
+        (rig.transformed(turn, [1.0, 2.0, 3.0]), corners @ turn.T + [1, 2, 3]),
+    ):
+        scene = target_scene(seen)
+        assert scene.groups == ("targets", "target names")
+        np.testing.assert_allclose(scene.meshes[1].vertices[1:], wanted, atol=1e-9)
+    assert target_scene(rig.without("cam01")).groups == ()
+    assert target_scene(replace(rig, calibration=None)).groups == ()
