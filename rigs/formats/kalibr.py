@@ -3,8 +3,10 @@
 Read only. ``cam0, cam1 ...: {camera_model, intrinsics, distortion_model, distortion_coeffs,
 resolution, T_cn_cnm1}`` with ``x_cam = T_cn_cnm1 @ x_camera_before``; the world is the first
 camera's axes, lengths are in metres, pixel centres at integers. Known are the camera model
-pinhole (``fu fv pu pv``) and the distortion models radtan (OpenCV's k1 k2 p1 p2), equidistant
-(OpenCV's fisheye) and none; omni, eucm, ds and fov are refused, as no lens of ours is one of them.
+pinhole (``fu fv pu pv``) with the distortion models radtan (OpenCV's k1 k2 p1 p2), equidistant
+(OpenCV's fisheye) and none; and omni (``xi``, with radtan or none), ds (``xi alpha``) and eucm
+(``alpha beta``), which no lens of ours is: these cameras become tables of rays. The distortion
+model fov is refused.
 https://github.com/ethz-asl/kalibr/wiki/yaml-formats
 """
 
@@ -21,6 +23,7 @@ from numpy.typing import NDArray
 from rigs._text import read_yaml_mapping, shortened
 from rigs.camera import Camera
 from rigs.distortion import Distortion
+from rigs.formats._sphere_models import PARAMETERS, directions
 from rigs.formats._values import (
     as_array,
     as_count,
@@ -30,9 +33,16 @@ from rigs.formats._values import (
     errors_of_file,
     required,
 )
+from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
-_LENSES = {"radtan": "brown", "equidistant": "fisheye", "none": "none"}
+#: The distortion models that each camera model goes with, and ours.
+_LENSES = {
+    "pinhole": {"radtan": "brown", "equidistant": "fisheye", "none": "none"},
+    "omni": {"radtan": "brown", "none": "none"},
+    "ds": {"none": "none"},
+    "eucm": {"none": "none"},
+}
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -81,27 +91,36 @@ def _link(found: object) -> NDArray[np.float64]:
     return motion
 
 
-def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> Camera:
+def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> Camera | RayTable:
     """Return the camera of an entry at a pose ``(4, 4)``."""
     with errors_of(f"camera {name}"):
         model = required(entry, "camera_model")
-        if model != "pinhole":
-            raise ValueError(f"camera_model: found {shortened(model)}, expected pinhole")
-        lens = required(entry, "distortion_model")
-        if not isinstance(lens, str) or lens not in _LENSES:
+        if not isinstance(model, str) or model not in _LENSES:
             raise ValueError(
-                f"distortion_model: found {shortened(lens)}, expected one of {', '.join(_LENSES)}"
+                f"camera_model: found {shortened(model)}, expected one of {', '.join(_LENSES)}"
             )
-        fu, fv, pu, pv = as_array(required(entry, "intrinsics"), (4,), "intrinsics").tolist()
-        count = 0 if lens == "none" else 4
-        given = entry.get("distortion_coeffs", []) if lens == "none" else None
-        if given is None:
-            given = required(entry, "distortion_coeffs")
-        coefficients = as_array(given, (count,), "distortion_coeffs")
+        lens = required(entry, "distortion_model")
+        if not isinstance(lens, str) or lens not in _LENSES[model]:
+            raise ValueError(
+                f"distortion_model: found {shortened(lens)}, "
+                f"expected one of {', '.join(_LENSES[model])} for {model}"
+            )
+        count = len(PARAMETERS.get(model, ()))
+        intrinsics = as_array(required(entry, "intrinsics"), (count + 4,), "intrinsics").tolist()
+        fu, fv, pu, pv = intrinsics[count:]
         size = as_array(required(entry, "resolution"), (2,), "resolution")
         width, height = (as_count(n, "resolution") for n in size.tolist())
-        distortion = Distortion(_LENSES[lens], tuple(coefficients))
+        if lens == "none":
+            distortion = Distortion()
+        else:
+            given = as_array(required(entry, "distortion_coeffs"), (4,), "distortion_coeffs")
+            distortion = Distortion(_LENSES[model][lens], tuple(given))
+    R, t = pose[:3, :3], pose[:3, 3]
     K = [[fu, 0.0, pu], [0.0, fv, pv], [0.0, 0.0, 1.0]]
-    return Camera(
-        name, (width, height), K, distortion, pose[:3, :3], pose[:3, 3], status="calibrated"
-    )
+    camera = Camera(name, (width, height), K, distortion, R, t, status="calibrated")
+    if model == "pinhole":
+        return camera
+    behind_lens = camera.rays()[1] @ R.T  # where the model's own image plane is, at one
+    plane = behind_lens[:, :2] / behind_lens[:, 2:]
+    seen = directions(model, intrinsics[:count], plane) @ R
+    return RayTable(name, camera.position, seen.reshape(height, width, 3), status="calibrated")
