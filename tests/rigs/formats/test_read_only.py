@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -10,10 +11,10 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rigs import RayTable, formats
-from rigs.formats import anipose, kalibr, multical, myptv, openptv
+from rigs import Distortion, RayTable, formats
+from rigs.formats import anipose, kalibr, middlebury, multical, myptv, openptv
 
-NAMES = ("cam0", "cam1", "cam2")
+MIDDLEBURY = "1\na.png 90 0 32 0 90 24 0 0 1 1 0 0 0 1 0 0 0 1 0.1 0.2 5\n"
 
 
 def motion(camera):
@@ -92,8 +93,8 @@ def test_multical(make_rig, assert_same_views, tmp_path, master):
 
 def test_kalibr(make_rig, assert_same_views, tmp_path):
     rig = make_rig("brown", "fisheye", "none")
-    brown = rig[0].distortion.coefficients[:4]
-    rig = type(rig)((*(_with_lens(rig[0], brown),), *rig.cameras[1:]), "m")
+    radtan = Distortion("brown", rig[0].distortion.coefficients[:4])
+    rig = replace(rig, cameras=(replace(rig[0], distortion=radtan), *rig.cameras[1:]))
     path = tmp_path / "camchain.yaml"
     path.write_text(yaml.safe_dump(kalibr_data(rig)))
     assert formats.sniff(path) == "kalibr"
@@ -158,14 +159,6 @@ def test_kalibrs_wide_lenses_are_tables_of_rays(tmp_path, model, intrinsics, len
     found = sphere_pixels(3 * directions[some], model, intrinsics, lens)
     np.testing.assert_allclose(found, uv[some], rtol=0, atol=1e-6)
     assert directions[seen, 2].min() < 0.5  # wide indeed
-
-
-def _with_lens(camera, coefficients):
-    import dataclasses
-
-    from rigs import Distortion
-
-    return dataclasses.replace(camera, distortion=Distortion("brown", coefficients))
 
 
 @pytest.mark.parametrize("style", ["anipose", "caliscope"])
@@ -464,6 +457,7 @@ def test_broken_files_are_refused_or_read(make_rig, read_or_refused, tmp_path, d
                 ("a.toml", toml_of(rig, "anipose"), anipose.load),
                 ("cam", myptv_text(MYPTV), lambda path: myptv.load(path, (64, 48))),
                 ("cam1.tif.ori", "", openptv.load),
+                ("a_par.txt", MIDDLEBURY, lambda path: middlebury.load(path, (64, 48))),
             ]
         )
     )
