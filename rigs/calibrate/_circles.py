@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate._found import Found, Search, local_axes
+from rigs.calibrate._found import Found, Search, local_axes, smooth_map
 from rigs.calibrate._order import border, lattice, orders
 from rigs.calibrate.targets import CircleGrid
 
@@ -50,7 +50,7 @@ def find_circles(search: Search, target: CircleGrid) -> Found:
     radius = np.array([circle.radius for circle in circles])
     contrast = float(np.median([circle.contrast for circle in circles]))
     steps = float(np.median(radius / np.sqrt(np.linalg.det(local_axes(places, uv)))))
-    shift = _perspective_shift(places, uv, steps)
+    shift = _shift(places, uv, steps)
     if _goes_on(image.whole, target, places, uv, steps, 0.5 * contrast):
         return Found.nothing(f"a grid of more than {size} circles")
     return Found(point, uv + shift, float(np.median([circle.blur for circle in circles])))
@@ -127,17 +127,22 @@ def _ellipse(
     return _Circle(uv + center * scale, float(radius), float(blur), float(contrast))
 
 
-def _perspective_shift(
+def _shift(
     places: NDArray[np.float64], uv: NDArray[np.float64], radius: float
 ) -> NDArray[np.float64]:
-    """Return from each ellipse's centre to the image of its circle's centre, ``(points, 2)``."""
+    """Return from each image's centre to the image of its circle's centre, ``(points, 2)``.
+
+    A homography H takes a circle's dual conic Q to H Q Hᵀ, whose centre is not the image of the
+    circle's. The lens adds to the rim, on average, r² / 4 of the Laplacian of its displacement.
+    """
     homography = cv2.findHomography(places, uv, 0)[0]
     middle = cv2.perspectiveTransform(places[None], homography)[0]
     moved = np.tile(np.eye(3), (len(places), 1, 1))
     moved[:, :2, 2] = places
     projected = homography @ moved
     dual = projected @ np.diag([radius**2, radius**2, -1.0]) @ projected.transpose(0, 2, 1)
-    return middle - dual[:, :2, 2] / dual[:, 2:, 2]
+    _, bending = smooth_map(places, uv)
+    return middle - dual[:, :2, 2] / dual[:, 2:, 2] - radius**2 / 4 * bending.sum(axis=1)
 
 
 def _goes_on(image, target: CircleGrid, places, uv, radius: float, contrast: float) -> bool:
