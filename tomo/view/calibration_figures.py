@@ -128,7 +128,7 @@ def draw_depths(calibration: Calibration, grid: VoxelGrid | None = None) -> Figu
             axes.plot([first, third], [index, index], color=_DETECTED, linewidth=5)
     thin_lines(axes)
     axes.set_yticks(range(len(rig)), [plain(name) for name in rig.names])
-    axes.invert_yaxis()
+    axes.set_ylim(len(rig) - 0.4, -0.6)
     axes.set_xlabel(f"depth ({plain(rig.length_unit)})", fontsize=8)
     words = "line: all sightings; thick: their middle half"
     axes.set_title(
@@ -181,7 +181,7 @@ def draw_worst(calibration: Calibration, image_of: ImageOf, most: int = 6) -> Fi
             color=INK,
             pad=3,
         )
-    figure.tight_layout(pad=0.4, rect=(0, 0.25 / figure.get_figheight(), 1, 1))
+    figure.tight_layout(pad=0.4, h_pad=1.4, rect=(0, 0.25 / figure.get_figheight(), 1, 1))
     for k, (words, colour) in enumerate(
         (
             ("detected", _DETECTED),

@@ -74,11 +74,11 @@ def write_calibration_page(
     notes : sequence of str
         What is to be said after the findings, a line each.
     grid : VoxelGrid, optional
-        The voxels to show; those of the rig when None.
+        The voxels to show; when None those of the rig, else the box that was judged.
     details : mapping, optional
         What the calibration was made from, in words.
     """
-    grid = grid_of(calibration.rig, grid)
+    grid = grid_of(calibration.rig, grid) or _judged(calibration)
     figures = {
         "residuals": draw_residuals(calibration),
         "worst": None if image_of is None else draw_worst(calibration, image_of),
@@ -113,6 +113,14 @@ def write_calibration_page(
         temporary.write_text(text, encoding="utf-8")
 
 
+def _judged(calibration: Calibration) -> VoxelGrid | None:
+    """Return the box of the points where ray-miss was judged; None where they have none."""
+    points = calibration.quality.points
+    if not len(points) or not (np.ptp(points, axis=0) > 0).all():
+        return None
+    return VoxelGrid.from_bounds((1, 1, 1), points.min(axis=0), points.max(axis=0))
+
+
 def _scene_page(calibration: Calibration, grid: VoxelGrid | None) -> str:
     """Return the page that turns cameras and targets around."""
     with tempfile.TemporaryDirectory() as folder:
@@ -120,7 +128,7 @@ def _scene_page(calibration: Calibration, grid: VoxelGrid | None) -> str:
         write_html(
             page,
             calibration_scene(calibration, grid),
-            title="Layers",
+            title="Rig",
             up=up_of(calibration.rig),
             grid=grid,
             leave_out=("stems", "field of view", "arrows", "arrow names"),
