@@ -77,9 +77,10 @@ class CorrectionEncoder(nn.Module):
 class ViewTokens(nn.Module):
     """What is particular to a scene: trends along its rays, and each view's own numbers.
 
-    ``trend`` multiplies the features `tomo.wernet.ray_features.TRENDS`, ``level`` is added to a
-    view's corrections, ``hidden`` to the first layer of the encoder. All are zero at first. A view
-    that was not trained with takes the mean of those that were.
+    ``trend`` multiplies the features `tomo.wernet.ray_features.TRENDS` and ``level`` belongs to a
+    view; both are exponents of a factor, see `tomo.wernet.ray_weights.correction_of`. ``hidden``
+    is added to the first layer of the encoder. All are zero at first. A view that was not trained
+    with takes the mean of those that were.
 
     Parameters
     ----------

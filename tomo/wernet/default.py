@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import math
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,28 +17,19 @@ from tomo.solve._drive import additive_start, check_measured
 from tomo.solve.stopping import (
     FEW_VIEWS,
     choose_by_held_out_views,
-    residual_of_left_out_views,
     solve_as_chosen,
 )
-from tomo.wernet._checkpoint import Checkpoint, Learned, State
+from tomo.wernet._checkpoint import Checkpoint
+from tomo.wernet._rounds import WORTH_LEARNING, Rounds, reason
 from tomo.wernet.alternation import Alternation
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.device import usable_device
-from tomo.wernet.elimination import first_guess
 from tomo.wernet.encoder_file import load_encoder
 from tomo.wernet.parts import on_cores
 from tomo.wernet.ray_features import RayFeatures
-from tomo.wernet.ray_weights import RayWeights, corrections, reweighted, trend_corrections
 
 if TYPE_CHECKING:
     from tomo.projector import Projector
-
-WORTH_LEARNING = 0.95
-"""The left-out views' residual must fall below this share of the chord lengths', or these stay:
-with less the corrections explain noise and voxels' edges."""
-
-SETTLED = 0.99
-"""Training ends when the left-out views' residual falls by less than this factor."""
 
 FEW_VIEW_ROUNDS = 2
 FEW_VIEWS_WORTH = 1.02
@@ -49,10 +39,6 @@ common to all of them, is little, and is kept unless the left-out views are pred
 WIDEST_WITH_FEW_VIEWS = 1.0
 """Voxels. Where so few views ask for a wider smooth basis, most of what the chord lengths do not
 explain is detail that the basis lacks."""
-
-JUDGED_EVERY = 2
-PATIENCE = 4
-"""Rounds after which what is learnt must be worth it."""
 
 
 def wernet(
@@ -90,9 +76,9 @@ def wernet(
     start : (voxels,), optional
         The voxels of the first round; those of the classic solve when None.
     callback : callable, optional
-        ``callback(index, volume, relative_residual)`` for the classic solve, index 0, and after
-        every round; returning True stops. Called once more at the end where what is returned is
-        not the last round's.
+        ``callback(index, volume, relative_residual)`` for the classic solve, index 0, for the
+        first guess and after every round; returning True stops. Called once more at the end where
+        what is returned is not the last of these.
     encoder : path, name or CorrectionEncoder, optional
         Start from this one: a file of `save_encoder`, one of `shipped_encoders`, or one in
         memory, which is copied. A new one when None.
@@ -174,16 +160,25 @@ def wernet(
     if start is not None:
         volume = additive_start(projector, start, nonnegative=True)
     unit = float(np.sqrt(np.mean(np.square(measured, dtype=np.float64)))) or 1.0
-    best: Learned | None = None
     last = settings["iterations"] if tells_views else min(settings["iterations"], FEW_VIEW_ROUNDS)
-    choice, stop_reason = chord_choice, f"all {last} rounds done"
+    ended = ""
     if stopped:
-        stop_reason = "stopped by the callback before the first round"
+        ended = "stopped by the callback before the first round"
     if math.isnan(chord_choice.held_out_residual):
-        stopped, stop_reason = True, f"nothing to judge by: {chord_choice.reason}"
+        ended = f"nothing to judge by: {chord_choice.reason}"
     elif not tells_views and chord_choice.width > WIDEST_WITH_FEW_VIEWS and not freeze_encoder:
-        stopped = True
-        stop_reason = "few views, which allow no detail: smoothness would be taken for optics"
+        ended = "few views, which allow no detail: smoothness would be taken for optics"
+
+    noted = projector.live.compress(classic.volume)
+
+    guesses = tells_views and start is None and last > 0
+
+    def note(index: int, residual: float) -> bool:
+        """Add what was just solved for to the history; return whether the callback stops."""
+        nonlocal noted
+        noted = rounds.volume
+        history.append(Iteration(index, residual, time.perf_counter() - began))
+        return bool(callback and callback(index, rounds.volume, residual))
 
     with on_cores(place) as over_parts:
         alternation = Alternation(
@@ -195,80 +190,42 @@ def wernet(
             seed=seed,
             over_parts=over_parts,
         )
+        rounds = Rounds(projector, measured, alternation, chord_choice, volume, unit, last, ended)
         saved = Checkpoint.of(checkpoint, settings, projector, measured)
-        state = saved.load() if saved and resume and not stopped else None
-        first, previous = 0, math.inf
+        state = saved.load() if saved and resume and not ended else None
         if state is not None:
-            first, volume, choice, best = state.round, state.volume, state.choice, state.best
-            previous = state.previous
-            alternation.restore(state.training)
-            if state.ended:
-                stopped, stop_reason = True, state.ended
-        elif tells_views and last and not stopped:
-            tokens.take(first_guess(projector, measured, chord_choice, unit))
-            if start is None:
-                front = features.emission_in_front(volume, unit)
-                trend = trend_corrections(tokens, features, front)
-                guessed = solve_as_chosen(reweighted(projector, trend), measured, chord_choice)
-                volume = projector.live.compress(guessed.volume)
-        rounds = (0,) if freeze_encoder else range(first, last)
-        for number in rounds if not stopped else ():
-            front = features.emission_in_front(volume, unit)
-            loss = 0.0 if freeze_encoder else alternation.round(number, volume, front)
-            if not math.isfinite(loss):
-                stop_reason = f"diverged in round {number + 1}"
+            rounds.restore(state)
+        elif tells_views and last and not ended:
+            rounds.guess()
+            residual = rounds.solve_guess() if guesses else math.nan
+            if saved:
+                saved.save(rounds.state())
+            if guesses and note(1, residual):
+                rounds.ended = "stopped by the callback after the first guess"
+        while not rounds.ended and (rounds.done < last or (freeze_encoder and not rounds.done)):
+            residual = rounds.round(train=not freeze_encoder)
+            if math.isnan(residual):
                 break
-            correction = corrections(encoder, tokens, features, front, over_parts)
-            learned = reweighted(projector, correction)
-            judged = (number + 1) % JUDGED_EVERY == 0 or number + 1 >= last
-            if judged and tells_views:
-                choice = choose_by_held_out_views(learned, measured)
-            elif judged:
-                now = residual_of_left_out_views(learned, measured, chord_choice)
-                choice = replace(chord_choice, held_out_residual=now)
-            found = solve_as_chosen(learned, measured, choice)
-            weights = RayWeights(
-                copy.deepcopy(encoder), copy.deepcopy(tokens), volume, unit, tells_views
-            )
-            volume, now = projector.live.compress(found.volume), choice.held_out_residual
-            residual = found.relative_residual
-            history.append(Iteration(number + 1, residual, time.perf_counter() - began))
-            if judged and (best is None or now < best.held_out_residual):
-                best = Learned(
-                    number + 1, now, residual, found.volume, dict(found.settings), weights
-                )
-            ended = ""
-            if judged:
-                worth = now < WORTH_LEARNING * chord_choice.held_out_residual
-                if now > SETTLED * previous:
-                    ended = f"settled after round {number + 1}"
-                elif number + 1 >= PATIENCE and not worth:
-                    ended = f"nothing worth learning after round {number + 1}"
-                previous = now
             if saved and not freeze_encoder:
-                training = alternation.state()
-                saved.save(State(number + 1, volume, choice, best, previous, ended, training))
-            if callback is not None and callback(number + 1, volume, residual):
-                stop_reason = f"stopped by the callback after round {number + 1}"
-                break
-            if ended:
-                stop_reason = ended
-                break
+                saved.save(rounds.state())
+            if note(rounds.done + guesses, residual):
+                rounds.ended = f"stopped by the callback after round {rounds.done}"
+    best = rounds.best
     limit = WORTH_LEARNING if tells_views else FEW_VIEWS_WORTH
-    chords = chord_choice.held_out_residual
-    accepted = best is not None and best.held_out_residual < limit * chords
-    judged_residuals = {"chords": chords, "learned": best.held_out_residual if best else math.nan}
-    result = best if accepted else None
-    volume, residual, index = (
-        (best.volume, best.relative_residual, best.index)
-        if accepted
-        else (classic.volume, classic.relative_residual, 0)
+    result = best if best and rounds.worth(best.held_out_residual, limit) else None
+    volume, residual = (
+        (result.volume, result.relative_residual)
+        if result
+        else (classic.volume, classic.relative_residual)
     )
-    if history[-1].index != index:  # what is returned stands last
-        entry = history[-1].index + 1
-        history.append(Iteration(entry, residual, time.perf_counter() - began))
-        if callback is not None:
-            callback(entry, projector.live.compress(volume), residual)
+    returned = projector.live.compress(volume)
+    if not np.array_equal(returned, noted):  # what is returned stands last
+        rounds.volume = returned
+        note(history[-1].index + 1, residual)
+    judged = {
+        "chords": chord_choice.held_out_residual,
+        "learned": best.held_out_residual if best else math.nan,
+    }
     return Reconstruction(
         volume=volume,
         grid=projector.grid,
@@ -276,23 +233,12 @@ def wernet(
         settings={
             **settings,
             "solved_by": result.solved_by if result else dict(classic.settings),
-            "held_out_residual": judged_residuals,
-            "learned": accepted,
+            "held_out_residual": judged,
+            "learned": result is not None,
         },
-        stop_reason=_reason(stop_reason, result, judged_residuals),
+        stop_reason=reason(
+            rounds.ended or f"all {last} rounds done", result, tuple(judged.values())
+        ),
         weights=result.weights if result else None,
         seconds={"solve": time.perf_counter() - began},
-    )
-
-
-def _reason(stop_reason: str, learned: Learned | None, residuals: dict[str, float]) -> str:
-    both = f"{residuals['learned']:.4f}, chord lengths {residuals['chords']:.4f}"
-    if learned is None:
-        return (
-            f"{stop_reason}; the classic solve stays: left-out views are not predicted clearly "
-            f"better by learned weights (relative residual {both})"
-        )
-    return (
-        f"{stop_reason}; learned weights of round {learned.index} are kept: left-out views' "
-        f"relative residual {both}"
     )

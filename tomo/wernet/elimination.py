@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,12 +33,14 @@ PIXELS_AN_UNKNOWN = 3
 PRIOR = 0.3
 """Standard deviation of the correction that one number may make, before the images are asked."""
 
-CORRELATED = 10
-"""Pixels whose residuals belong together: so many count as one."""
+PATCH = 0.2
+"""Side of the patches that an image's residuals are summed over, where the widest image is two
+across. What voxels and single rays leave out changes sign within a patch, what light loses on its
+way does not."""
 
-WORTH = 0.95
-"""A trend must lower the left-out views' residual to this share of that without it: by some per
-cent it also imitates what voxels and single rays leave out."""
+WORTH = 0.85
+"""A trend must lower the left-out views' residual to this share of that without it, each solved as
+suits it best: by a tenth it also imitates what voxels and single rays leave out."""
 
 
 def first_guess(
@@ -78,21 +81,54 @@ def first_guess(
     features = RayFeatures.of(some)
     best, chosen = ViewTokens(projector.n_views, 1), ()
     _fit(best, some, images, features, choice, unit, chosen)
-    while True:
-        # What still disagrees asks for more smoothness than what is left once it is explained.
-        learned = _learned(some, images, features, best, choice, unit)
-        choice = choose_by_held_out_views(learned, images)
-        residual, better = WORTH * choice.held_out_residual, None
+    # What still disagrees asks for more smoothness than what is left once it is explained.
+    learned = _learned(some, images, features, best, choice, unit)
+    choice = choose_by_held_out_views(learned, images)
+    while len(chosen) < len(TRENDS):
+        trials = []
         for trend in sorted(set(range(len(TRENDS))) - set(chosen)):
             tokens = copy.deepcopy(best)
             _fit(tokens, some, images, features, choice, unit, (*chosen, trend))
             learned = _learned(some, images, features, tokens, choice, unit)
-            found = residual_of_left_out_views(learned, images, choice)
-            if found < residual:
-                residual, better = found, (tokens, (*chosen, trend))
-        if better is None:
-            return best
-        best, chosen = better
+            residual = residual_of_left_out_views(learned, images, choice)
+            trials.append((residual, trend, tokens, learned))
+        _, trend, tokens, learned = min(trials, key=lambda trial: trial[0])
+        found = choose_by_held_out_views(learned, images)
+        if not found.held_out_residual < WORTH * choice.held_out_residual:
+            break
+        best, chosen, choice = tokens, (*chosen, trend), found
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class _Patches:
+    """Neighbouring pixels of a view, taken together.
+
+    Attributes
+    ----------
+    of_pixel : (pixels,) int64
+    view : (patches,) int64
+    root_size : (patches,) float64
+        The square root of its number of pixels.
+    """
+
+    of_pixel: NDArray[np.int64]
+    view: NDArray[np.int64]
+    root_size: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, projector: Projector, features: RayFeatures) -> _Patches:
+        """Cut each view's pixels into squares of side `PATCH` by their place in the image."""
+        view = np.repeat(np.arange(projector.n_views), np.diff(projector.view_ptr))
+        square = np.floor(features.place.numpy() / PATCH).astype(np.int64)  # (pixels, 2)
+        found, of_pixel, size = np.unique(
+            np.column_stack([view, square]), axis=0, return_inverse=True, return_counts=True
+        )
+        return cls(of_pixel.reshape(-1), found[:, 0], np.sqrt(size))
+
+    def sum(self, image: NDArray) -> NDArray[np.float64]:
+        """Return the patches' sums of ``image`` (pixels,), white noise keeping its size."""
+        return np.bincount(self.of_pixel, image, len(self.view)) / self.root_size
 
 
 def _learned(
@@ -104,7 +140,7 @@ def _learned(
     unit: float,
 ) -> Projector:
     """Return the projector with the weights of the tokens."""
-    volume = _volume(projector, measured, features, tokens, choice, unit)
+    volume = volume_with(projector, measured, features, tokens, choice, unit)
     front = features.emission_in_front(volume, unit)
     return reweighted(projector, trend_corrections(tokens, features, front))
 
@@ -119,27 +155,27 @@ def _fit(
     trends: Sequence[int],
 ) -> None:
     """Fit levels and ``trends`` to the images, in place."""
-    view = np.repeat(np.arange(projector.n_views), np.diff(projector.view_ptr))
+    patches = _Patches.of(projector, features)
     for _ in range(STEPS):
-        volume = _volume(projector, measured, features, tokens, choice, unit)
+        volume = volume_with(projector, measured, features, tokens, choice, unit)
         front = features.emission_in_front(volume, unit)
         columns = features.trends(front)  # (S, 2)
         scale = np.sqrt(np.mean(np.square(columns, dtype=np.float64), axis=0)) + 1e-6
-        correction = trend_corrections(tokens, features, front)
-        learned = reweighted(projector, correction)
+        learned = reweighted(projector, trend_corrections(tokens, features, front))
         basis = SmoothBasis(learned, choice.width) if choice.width else learned
         free = _solved(basis, measured, choice)
         if isinstance(basis, SmoothBasis):
             free = basis.blur(free)
         residual = (measured - learned @ free).astype(np.float64)
-        slope = 2 * projector.segments.length * (1 + correction)
+        slope = 2 * learned.segments.length
         rows = [
             _not_imitated(basis, with_lengths(projector, slope * columns[:, k]) @ free, choice)
             / scale[k]
             for k in trends
         ]
         level = with_lengths(projector, slope) @ free
-        step = _gauss_newton(rows, level, view, residual, tokens)
+        rows = [patches.sum(row) for row in rows]
+        step = _gauss_newton(rows, patches.sum(level), patches.view, patches.sum(residual), tokens)
         with torch.no_grad():
             for k, change in zip(trends, step, strict=False):
                 # Light dims on its way: brightening is what coarse voxels and pixels look like.
@@ -148,7 +184,7 @@ def _fit(
             tokens.level.copy_(torch.from_numpy((levels - levels.mean()).astype(np.float32)))
 
 
-def _volume(
+def volume_with(
     projector: Projector,
     measured: NDArray[np.float32],
     features: RayFeatures,
@@ -156,7 +192,7 @@ def _volume(
     choice: Choice,
     unit: float,
 ) -> NDArray[np.float32]:
-    """Return the voxels that go with the tokens, the emission in front from those before."""
+    """Return the voxels (unknowns,) of levels and trends, with the emission in front theirs."""
     front = torch.zeros_like(features.length)
     for _ in range(2 if tokens.trend[1] else 1):
         learned = reweighted(projector, trend_corrections(tokens, features, front))
@@ -182,14 +218,16 @@ def _solved(
 
 def _gauss_newton(
     rows: Sequence[NDArray[np.float64]],
-    level: NDArray[np.float32],
+    level: NDArray[np.float64],
     view: NDArray[np.integer],
     residual: NDArray[np.float64],
     tokens: ViewTokens,
 ) -> NDArray[np.float64]:
-    """Return the change of each trend, in units of its column's size, and of each level."""
+    """Return the change of each trend, in units of its column's size, and of each level.
+
+    All but the tokens have one number a patch, ``(patches,)``.
+    """
     n, views = len(rows), len(tokens.level)
-    level = level.astype(np.float64)
     normal, right = np.zeros((n + views, n + views)), np.zeros(n + views)
     places = np.arange(n, n + views)
     normal[places, places] = np.bincount(view, level * level, views)
@@ -199,5 +237,5 @@ def _gauss_newton(
         right[i] = dot(row, residual)
         for j, other in enumerate(rows):
             normal[i, j] = dot(row, other)
-    ridge = CORRELATED * float(np.mean(residual**2)) / PRIOR**2
+    ridge = float(np.mean(residual**2)) / PRIOR**2
     return np.linalg.solve(normal + max(ridge, 1e-30) * np.eye(n + views), right)

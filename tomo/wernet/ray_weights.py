@@ -69,12 +69,16 @@ def correction_of(
     front: torch.Tensor,
     rays: torch.Tensor,
 ) -> tuple[Packing, torch.Tensor]:
-    """Return the packing of some rays and the corrections of their segments, ``(E,)``."""
+    """Return the packing of some rays and the corrections of their segments, ``(E,)``.
+
+    With ``e`` of the encoder, levels and trends multiply: ``1 + c = (1 + e) exp(trend + level)``.
+    Gains and light that dims along its way are products of such factors exactly.
+    """
     packing, described = features.packed(rays, front)
     view = packing.per_segment(features.view[rays])
     rows = encoder(packing.spread(described), packing.inside, packing.spread(tokens.hidden[view]))
-    trend = described[:, TRENDS] @ tokens.trend
-    return packing, rows[packing.row] + trend + tokens.level[view]
+    exponent = described[:, TRENDS] @ tokens.trend + tokens.level[view]
+    return packing, (1 + rows[packing.row]) * exponent.exp() - 1
 
 
 def trend_corrections(
@@ -84,7 +88,7 @@ def trend_corrections(
     view = torch.repeat_interleave(features.view, features.count)
     with torch.no_grad():
         trend = torch.from_numpy(features.trends(front)).to(view.device) @ tokens.trend
-        return (trend + tokens.level[view]).cpu().numpy()
+        return torch.expm1(trend + tokens.level[view]).cpu().numpy()
 
 
 def corrections(

@@ -59,8 +59,8 @@ def test_weights_are_chords_times_one_plus_the_correction_squared(scene):
         rows = packing.spread(described)
         with torch.no_grad():
             correction = weights.encoder(rows, packing.inside, token)[packing.row]
-            correction = correction + weights.tokens.level[view]
-            correction = correction + described[:, TRENDS] @ weights.tokens.trend
+            exponent = weights.tokens.level[view] + described[:, TRENDS] @ weights.tokens.trend
+            correction = (1 + correction) * torch.exp(exponent) - 1
         expected = chords.segments.length[packing.entry] * (1 + correction.numpy()) ** 2
         found = learned.segments.length[packing.entry]
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)

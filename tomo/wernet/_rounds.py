@@ -1,0 +1,184 @@
+"""The rounds of the default WERNet: weights are learnt, voxels solved for again, both judged."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.projector import Projector
+from tomo.solve.stopping import (
+    Choice,
+    choose_by_held_out_views,
+    residual_of_left_out_views,
+    solve_as_chosen,
+)
+from tomo.wernet._checkpoint import Learned, State
+from tomo.wernet.alternation import Alternation
+from tomo.wernet.elimination import first_guess, volume_with
+from tomo.wernet.ray_weights import RayWeights, corrections, reweighted
+
+WORTH_LEARNING = 0.95
+"""The left-out views' residual must fall below this share of the chord lengths', or these stay:
+with less the corrections explain noise and voxels' edges."""
+
+SETTLED = 0.99
+"""Training ends when the left-out views' residual falls by less than this factor."""
+
+JUDGED_EVERY = 2
+PATIENCE = 4
+"""Rounds after which what is learnt must be worth it."""
+
+
+@dataclass(eq=False)
+class Rounds:
+    """Where the alternation of weights and voxels stands, and the best that it came by.
+
+    Parameters
+    ----------
+    projector : Projector
+        Of chord lengths.
+    measured : (pixels,) float32
+    alternation : Alternation
+        Trains the encoder and the tokens of the views.
+    chords : Choice
+        How the classic solve was chosen.
+    volume : (unknowns,) float32
+        The voxels to start from.
+    unit : float
+        Of the emission in front.
+    last : int
+        How many rounds there are to be at most.
+    ended : str
+        Why there are to be no more; empty while there are.
+    """
+
+    projector: Projector
+    measured: NDArray[np.float32]
+    alternation: Alternation
+    chords: Choice
+    volume: NDArray[np.float32]
+    unit: float
+    last: int
+    ended: str = ""
+    done: int = 0
+    choice: Choice | None = None
+    best: Learned | None = None
+    previous: float = math.inf
+
+    def state(self) -> State:
+        """Return all that going on needs."""
+        return State(
+            self.done,
+            self.volume,
+            self.choice or self.chords,
+            self.best,
+            self.previous,
+            self.ended,
+            self.alternation.state(),
+        )
+
+    def restore(self, state: State) -> None:
+        """Take up what `state` returned."""
+        self.done, self.volume, self.choice = state.round, state.volume, state.choice
+        self.best, self.previous, self.ended = state.best, state.previous, state.ended
+        self.alternation.restore(state.training)
+
+    def guess(self) -> None:
+        """Begin with a first guess of the views' levels and of trends along the rays."""
+        tokens = self.alternation.tokens
+        tokens.take(first_guess(self.projector, self.measured, self.chords, self.unit))
+
+    def solve_guess(self) -> float:
+        """Solve with the first guess and judge it; return the relative residual."""
+        tokens, features = self.alternation.tokens, self.alternation.features
+        self.volume = volume_with(
+            self.projector, self.measured, features, tokens, self.chords, self.unit
+        )
+        return self._solve(judged=True)
+
+    def round(self, *, train: bool = True) -> float:
+        """Learn and solve once more; return the relative residual, NaN where it diverged."""
+        loss = 0.0
+        if train:
+            front = self.alternation.features.emission_in_front(self.volume, self.unit)
+            loss = self.alternation.round(self.done, self.volume, front)
+        self.done += 1
+        if not math.isfinite(loss):
+            self.ended = f"diverged in round {self.done}"
+            return math.nan
+        return self._solve(judged=self.done % JUDGED_EVERY == 0 or self.done >= self.last)
+
+    def _solve(self, *, judged: bool) -> float:
+        """Solve with the weights as they are learnt by now; return the relative residual."""
+        alternation = self.alternation
+        features, encoder, tokens = alternation.features, alternation.encoder, alternation.tokens
+        front = features.emission_in_front(self.volume, self.unit)
+        correction = corrections(encoder, tokens, features, front, alternation.over_parts)
+        learned = reweighted(self.projector, correction)
+        if judged:
+            self.choice = self._choose(learned)
+        choice = self.choice or self.chords
+        found = solve_as_chosen(learned, self.measured, choice)
+        seen, self.volume = self.volume, self.projector.live.compress(found.volume)
+        if judged:
+            now = choice.held_out_residual
+            if self.best is None or now < self.best.held_out_residual:
+                weights = RayWeights(
+                    copy.deepcopy(encoder),
+                    copy.deepcopy(tokens),
+                    seen,
+                    self.unit,
+                    features.tells_views,
+                )
+                self.best = Learned(
+                    self.done,
+                    now,
+                    found.relative_residual,
+                    found.volume,
+                    dict(found.settings),
+                    weights,
+                )
+            if now > SETTLED * self.previous:
+                self.ended = f"settled after round {self.done}"
+            elif self.done >= PATIENCE and not self.worth(now, WORTH_LEARNING):
+                self.ended = f"nothing worth learning after round {self.done}"
+            self.previous = now if self.done else math.inf  # training is not judged by the guess
+        return found.relative_residual
+
+    def _choose(self, learned: Projector) -> Choice:
+        """Return how to solve with learned weights, and how well left-out views are predicted."""
+        if self.alternation.features.tells_views:
+            return choose_by_held_out_views(learned, self.measured)
+        now = residual_of_left_out_views(learned, self.measured, self.chords)
+        return replace(self.chords, held_out_residual=now)
+
+    def worth(self, residual: float, share: float) -> bool:
+        """Say whether left-out views are predicted to ``share`` of the chords' residual."""
+        return residual < share * self.chords.held_out_residual
+
+
+def reason(ended: str, learned: Learned | None, residuals: Sequence[float]) -> str:
+    """Return in a line why the rounds ended and what is returned.
+
+    Parameters
+    ----------
+    ended : str
+    learned : Learned or None
+        What is returned; None for the classic solve.
+    residuals : (float, float)
+        Of left-out views, by chord lengths and by what was learnt.
+    """
+    chords, found = residuals
+    both = f"{found:.4f}, chord lengths {chords:.4f}"
+    if learned is None:
+        return (
+            f"{ended}; the classic solve stays: left-out views are not predicted clearly "
+            f"better by learned weights (relative residual {both})"
+        )
+    source = f"of round {learned.index}" if learned.index else "of the first guess"
+    return f"{ended}; learned weights {source} are kept: left-out views' relative residual {both}"
