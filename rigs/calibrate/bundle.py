@@ -24,9 +24,9 @@ from rigs.calibrate._scene import (
     runs,
 )
 
-_LEAST_GAIN = 1e-9  # relative fall of the cost below which the method has arrived
+_LEAST_GAIN = 1e-8  # relative fall of the cost below which the method has arrived
 _DAMPING = 1e-4
-_MOST_DAMPING = 1e9
+_LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e9
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def adjust(
     iterations : int
         At most.
     tolerance : float
-        Relative fall of the cost that ends the method.
+        Relative fall of the cost, promised or made, that ends the method.
     """
     residuals, cost = _residuals(scene, sightings, huber)
     if not np.isfinite(cost):
@@ -96,12 +96,18 @@ def adjust(
         while damping < _MOST_DAMPING:
             step = _solve(normal, damping)
             if step is not None:
+                promised = _promised(normal, *step)
+                if promised < tolerance * cost:
+                    break
                 trial = _moved(scene, freedom, normal.frames, *step)
                 trial_residuals, trial_cost = _residuals(trial, sightings, huber)
                 if trial_cost < cost:
                     gain = (cost - trial_cost) / cost
+                    kept = (cost - trial_cost) / promised
                     scene, residuals, cost = trial, trial_residuals, trial_cost
-                    damping = max(damping / 10, 1e-12)
+                    # Nearly linear: trust the next step more; in a bent valley less
+                    trust = 0.01 if kept > 0.75 else 0.3 if kept > 0.25 else 2.0
+                    damping = max(damping * trust, _LEAST_DAMPING)
                     break
             damping *= 10
         if gain < tolerance:
@@ -200,15 +206,20 @@ def _solve(normal: _Normal, damping: float) -> tuple[NDArray, NDArray] | None:
     if len(gradient):
         scale = np.sqrt(np.maximum(np.diag(normal.cameras), 1e-300))
         try:
-            lower = np.linalg.cholesky(matrix / np.outer(scale, scale))
+            camera_step = np.linalg.solve(matrix / np.outer(scale, scale), gradient / scale)
         except np.linalg.LinAlgError:  # too little damping for where the scene is
             return None
-        forward = np.linalg.solve(lower, gradient / scale)
-        camera_step = np.linalg.solve(lower.T, forward) / scale
+        camera_step /= scale
     right = normal.target_gradient - np.einsum("fpi,p->fi", normal.mixed, camera_step)
     target_step = np.linalg.solve(targets, right[:, :, None])[:, :, 0]
     finite = np.isfinite(camera_step).all() and np.isfinite(target_step).all()
     return (camera_step, target_step) if finite else None
+
+
+def _promised(normal: _Normal, camera_step: NDArray, target_step: NDArray) -> float:
+    """Return by how much the cost would fall, were the residuals linear in the parameters."""
+    slope = normal.camera_gradient @ camera_step + (normal.target_gradient * target_step).sum()
+    return float(slope) / 2
 
 
 def _moved(

@@ -175,7 +175,7 @@ def _cross_validated(
         if not np.array_equal(np.unique(half.camera), np.arange(len(rig))):
             return np.nan, np.nan
         try:
-            adjusted = adjust(scene, half, freedom, tolerance=1e-6).scene
+            adjusted = adjust(scene, half, freedom, tolerance=1e-5).scene
             _, covariance = covariance_of(rig, adjusted, half, freedom)
             half_rig = with_scene(rig, adjusted)
         except ValueError:  # a half may be too little for what the whole determines

@@ -1,0 +1,18 @@
+"""A full ring in which no target is seen by all cameras, of the size that is promised."""
+
+import time
+
+from rigs.calibrate import calibrate, ray_miss
+
+
+def test_a_ring_of_twelve_where_neighbours_alone_share_views(simulated_rig, judged_volume):
+    truth = simulated_rig("ring", cameras=12, frames=60, seed=8)
+    observations = truth.observe(0.05, seed=3, facing=0.6)
+    seen = observations.counts() > 0
+    assert seen.sum(axis=0).max() <= 4
+    start = time.thread_time()
+    found = calibrate(observations)
+    assert time.thread_time() - start < 20
+    assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.005
+    assert found.verdict.startswith("good")
+    assert found.used.all()
