@@ -51,7 +51,9 @@ def find_charuco(search: Search, target: CharucoBoard, both_layouts: bool = True
 
 
 def other_dictionary(search: Search, target: CharucoBoard) -> str | None:
-    """Return the name of another dictionary whose markers are in the image."""
+    """Return the name of another dictionary whose markers are in the image, but not its own."""
+    if len(_read(search, target.dictionary)[0]) >= 4:  # larger dictionaries begin with these
+        return None
     names = [name for name in dir(cv2.aruco) if name.startswith("DICT_")]
     counts = {name: len(_read(search, name)[0]) for name in names if name != target.dictionary}
     best = max(counts, key=lambda name: counts[name])

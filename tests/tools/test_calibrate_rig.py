@@ -192,6 +192,7 @@ def test_a_target_that_is_mirrored(refused, few):
 def test_a_wrong_count_of_squares(refused, few):
     line = refused(few, target="charuco:6x5:24:18:DICT_4X4_50")
     assert "camera cam00" in line
+    assert "not as they lie on a board of 6x5 squares" in line
     assert "pose_000.png" in line
 
 
