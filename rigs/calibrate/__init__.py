@@ -10,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "image_sets": ["VideoFrame", "image_set"],
         "observations": ["Observations"],
         "quality": ["Quality", "ray_miss"],
-        "targets": ["CharucoBoard", "Chessboard", "CircleGrid", "parse_target"],
+        "target_text": ["parse_target"],
+        "targets": ["CharucoBoard", "Chessboard", "CircleGrid"],
     },
 )

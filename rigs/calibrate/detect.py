@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 import os
-from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate import _detection_cache
-from rigs.calibrate._charuco import find_charuco, other_dictionary
-from rigs.calibrate._chessboard import find_chessboard, larger_chessboard
-from rigs.calibrate._circles import find_circles
+from rigs.calibrate._charuco import other_dictionary
+from rigs.calibrate._chessboard import larger_chessboard
 from rigs.calibrate._detection_cache import Entry
+from rigs.calibrate._detection_run import Job, find, search_images
 from rigs.calibrate._found import Found, Search
-from rigs.calibrate.image_sets import Source, VideoFrame, read_pictures, read_source
+from rigs.calibrate.image_sets import Source, read_source
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.targets import CharucoBoard, Chessboard, Target
 
 ImageSet = Mapping[str, Mapping[str, Source]]
 """Images by camera and by frame, as `rigs.calibrate.image_set` gives them."""
-
-_Job = tuple[str, str, Source]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -77,7 +73,7 @@ def find_target(image: NDArray, target: Target) -> Found:
         ``point`` (points,) and ``uv`` (points, 2), pixel centres at integers; ``blur``; and
         ``reason``, a text, where nothing was found.
     """
-    return _find(Search.of(image), target)
+    return find(Search.of(image), target)
 
 
 def observe(
@@ -145,7 +141,7 @@ def detections(
     known = {} if cache is None else _detection_cache.read(Path(cache))
     used: dict[str, Entry] = {}
     try:
-        entries = _search(jobs, target, True, known, used, progress, workers)
+        entries = search_images(jobs, target, True, known, used, progress, workers)
         settled = _layout(target, entries)
         if settled is not None:
             again = [
@@ -153,7 +149,7 @@ def detections(
                 for job, (found, _) in zip(jobs, entries, strict=True)
                 if len(found.point) and _legacy(found, target) != settled.legacy
             ]
-            second = iter(_search(again, settled, False, known, used, None, workers))
+            second = iter(search_images(again, settled, False, known, used, None, workers))
             redone = {(camera, frame) for camera, frame, _ in again}
             entries = [
                 next(second) if job[:2] in redone else entry
@@ -165,82 +161,6 @@ def detections(
     _check_sizes(jobs, entries)
     _check_seen(jobs, entries, target)
     return _collect(images, jobs, entries, target)
-
-
-def _search(
-    jobs: list[_Job],
-    target: Target,
-    both_layouts: bool,
-    known: Mapping[str, Entry],
-    used: dict[str, Entry],
-    progress: Callable[[int, int], None] | None,
-    workers: int | None,
-) -> list[Entry]:
-    """Return what is found in each image, and put it into ``used`` as it comes."""
-    layouts = "either layout" if both_layouts else "one layout"
-    keys = [_detection_cache.key(f"{target} {layouts}", *job) for job in jobs]
-    left = [job for job, name in zip(jobs, keys, strict=True) if name not in known]
-    names = iter([name for name in keys if name not in known])
-    used.update((name, known[name]) for name in keys if name in known)
-    done = len(jobs) - len(left)
-    if progress is not None and jobs:
-        progress(done, len(jobs))
-    count = workers or len(os.sched_getaffinity(0))
-    waiting: deque[Future[Entry]] = deque()
-    with ThreadPoolExecutor(count) as pool:
-        try:
-            submitted = _submitted(pool, left, target, both_layouts)
-            while True:
-                future = next(submitted, None)
-                if future is not None:
-                    waiting.append(future)
-                # Pictures of videos wait in memory, so there must not be many of them
-                while waiting and (future is None or len(waiting) > 3 * count):
-                    used[next(names)] = waiting.popleft().result()
-                    done += 1
-                    if progress is not None:
-                        progress(done, len(jobs))
-                if future is None:
-                    return [used[name] for name in keys]
-        finally:
-            for future in waiting:
-                future.cancel()
-
-
-def _submitted(pool, jobs: list[_Job], target: Target, both_layouts: bool) -> Iterator[Future]:
-    """Hand the images to the pool in order; videos are decoded here, each in one go."""
-    for (camera, path), group in groupby(
-        jobs, key=lambda job: (job[0], job[2].path if isinstance(job[2], VideoFrame) else None)
-    ):
-        if path is None:
-            for _, _, source in group:
-                yield pool.submit(_examine, camera, source, target, both_layouts)
-            continue
-        pictures = read_pictures(path, [source.index for _, _, source in group])
-        while True:
-            try:
-                _, picture = next(pictures)
-            except StopIteration:
-                break
-            except ValueError as error:
-                raise ValueError(f"camera {camera}: {error}") from None
-            yield pool.submit(_examine, camera, picture, target, both_layouts)
-
-
-def _examine(camera: str, source: Source, target: Target, both_layouts: bool) -> Entry:
-    try:
-        image = read_source(source)
-    except ValueError as error:
-        raise ValueError(f"camera {camera}: {error}") from None
-    return _find(Search.of(image), target, both_layouts), image.shape[::-1]
-
-
-def _find(search: Search, target: Target, both_layouts: bool = True) -> Found:
-    if isinstance(target, Chessboard):
-        return find_chessboard(search, target)
-    if isinstance(target, CharucoBoard):
-        return find_charuco(search, target, both_layouts)
-    return find_circles(search, target)
 
 
 def _legacy(found: Found, target: CharucoBoard) -> bool:
@@ -261,7 +181,7 @@ def _layout(target: Target, entries: list[Entry]) -> Target | None:
     return replace(target, legacy=legacy)
 
 
-def _check_sizes(jobs: list[_Job], entries: list[Entry]) -> None:
+def _check_sizes(jobs: list[Job], entries: list[Entry]) -> None:
     first: dict[str, tuple[Source, tuple[int, int]]] = {}
     for (camera, frame, source), (_, size) in zip(jobs, entries, strict=True):
         other, expected = first.setdefault(camera, (_name(source, frame), size))
@@ -272,7 +192,7 @@ def _check_sizes(jobs: list[_Job], entries: list[Entry]) -> None:
             )
 
 
-def _check_seen(jobs: list[_Job], entries: list[Entry], target: Target) -> None:
+def _check_seen(jobs: list[Job], entries: list[Entry], target: Target) -> None:
     """Refuse a camera that never saw the target, and tell what its images show instead."""
     for camera in dict.fromkeys(job[0] for job in jobs):
         own = [k for k, job in enumerate(jobs) if job[0] == camera]
@@ -295,7 +215,7 @@ def _instead(image: NDArray, target: Target) -> str | None:
     if isinstance(target, Chessboard):
         size = larger_chessboard(search)
         return size and f"a chessboard of {size[0]}x{size[1]} inner corners"
-    if len(_find(search.mirrored(), target).point):
+    if len(find(search.mirrored(), target).point):
         return "the target mirrored"
     if isinstance(target, CharucoBoard):
         name = other_dictionary(search, target)
@@ -308,7 +228,7 @@ def _name(source: Source, frame: str) -> str:
 
 
 def _collect(
-    images: ImageSet, jobs: list[_Job], entries: list[Entry], target: Target
+    images: ImageSet, jobs: list[Job], entries: list[Entry], target: Target
 ) -> Detections:
     cameras = tuple(images)
     longest = max(images.values(), key=len)

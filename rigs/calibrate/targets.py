@@ -7,7 +7,6 @@ camera in front of the board stands at negative z and sees x, y turned as column
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -15,70 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.calibrate._flat import Drawn, check_counts, check_length, grid, is_among
+
 if TYPE_CHECKING:
     import cv2
 
-#: What `parse_target` reads, one form a kind of target.
-TARGET_FORMS = (
-    "chessboard:COLUMNSxROWS:SQUARE (inner corners)",
-    "charuco:COLUMNSxROWS:SQUARE:MARKER:DICTIONARY[:legacy] (squares)",
-    "circles:COLUMNSxROWS:SPACING[:DIAMETER]",
-    "acircles:COLUMNSxROWS:SPACING[:DIAMETER] (asymmetric)",
-)
-
-_MAX_POINTS = 100_000
-_MAX_PIXELS = 400_000_000
-
-
-class _Drawn:
-    """What every target can do: be drawn from its `brightness`."""
-
-    def drawing(self, pixels_per_unit: float) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-        """Return the target as an image for print, with a white margin around it.
-
-        Parameters
-        ----------
-        pixels_per_unit : float
-            Pixels in one length unit of the target. Every pixel shows the target at its centre,
-            so edges lie true to half a pixel whatever the number.
-
-        Returns
-        -------
-        image : (rows, columns) uint8
-            0 is black, 255 white.
-        origin : (2,) float64
-            The outer corner of the image's first pixel in the target's x and y: the centre of
-            pixel (row, column) lies at ``origin + (column + 0.5, row + 0.5) / pixels_per_unit``.
-
-        Raises
-        ------
-        ValueError
-            If ``pixels_per_unit`` is not positive, or the image would exceed 400 megapixels.
-        """
-        low, high = self.extent
-        count = np.asarray(high - low) * pixels_per_unit
-        if not (pixels_per_unit > 0 and np.isfinite(count).all() and count.min() >= 1):
-            raise ValueError(
-                f"pixels_per_unit: found {pixels_per_unit:g}, expected a positive number that "
-                "gives at least one pixel"
-            )
-        columns, rows = (math.ceil(size - 1e-6) for size in count)
-        if columns * rows > _MAX_PIXELS:
-            raise ValueError(
-                f"pixels_per_unit: found {pixels_per_unit:g}, which makes {columns} x {rows} "
-                "pixels, expected at most 400 megapixels"
-            )
-        x = low[0] + (np.arange(columns) + 0.5) / pixels_per_unit
-        y = low[1] + (np.arange(rows) + 0.5) / pixels_per_unit
-        image = np.zeros((rows, columns), np.uint8)
-        for start in range(0, rows, 64):  # by strips: the float64 coordinates need much more room
-            strip = slice(start, start + 64)
-            image[strip] = 255 * self.brightness(x[None, :], y[strip, None])
-        return image, np.array(low)
-
 
 @dataclass(frozen=True)
-class Chessboard(_Drawn):
+class Chessboard(Drawn):
     """A plain chessboard; its points are the inner corners, the first at (0, 0, 0).
 
     Parameters
@@ -106,8 +49,8 @@ class Chessboard(_Drawn):
 
     def __post_init__(self) -> None:
         """Check the fields."""
-        _check_counts(self, 3)
-        _check_length(self, "square")
+        check_counts(self, 3)
+        check_length(self, "square")
 
     def __str__(self) -> str:
         return f"chessboard:{self.columns}x{self.rows}:{self.square!r}"
@@ -115,7 +58,7 @@ class Chessboard(_Drawn):
     @cached_property
     def points(self) -> NDArray[np.float64]:
         """``(columns * rows, 3)`` float64, row by row."""
-        return _grid(self.columns, self.rows, self.square, 0)
+        return grid(self.columns, self.rows, self.square, 0)
 
     @property
     def extent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -139,12 +82,12 @@ class Chessboard(_Drawn):
         """Return the print's brightness at target coordinates: 0 is black, 1 white."""
         column = np.floor(np.asarray(x, np.float64) / self.square) + 1
         row = np.floor(np.asarray(y, np.float64) / self.square) + 1
-        inside = _inside(column, self.columns + 1) & _inside(row, self.rows + 1)
+        inside = is_among(column, self.columns + 1) & is_among(row, self.rows + 1)
         return np.where(inside, (column + row) % 2, 1.0)
 
 
 @dataclass(frozen=True)
-class CharucoBoard(_Drawn):
+class CharucoBoard(Drawn):
     """A chessboard with an ArUco marker in each white square, so that parts of it suffice.
 
     Its points are the inner corners, row by row, numbered and placed as OpenCV does: the first
@@ -176,11 +119,11 @@ class CharucoBoard(_Drawn):
 
     def __post_init__(self) -> None:
         """Check the fields."""
-        _check_counts(self, 2)
+        check_counts(self, 2)
         if (self.columns - 1) * (self.rows - 1) < 2:
             raise ValueError("columns: found 2x2 squares, expected at least 3x2: two points")
-        _check_length(self, "square")
-        _check_length(self, "marker")
+        check_length(self, "square")
+        check_length(self, "marker")
         if self.marker >= self.square:
             raise ValueError(
                 f"marker: found {self.marker:g}, expected less than the square's {self.square:g}"
@@ -201,7 +144,7 @@ class CharucoBoard(_Drawn):
     @cached_property
     def points(self) -> NDArray[np.float64]:
         """``((columns - 1) * (rows - 1), 3)`` float64, row by row."""
-        return _grid(self.columns - 1, self.rows - 1, self.square, 1)
+        return grid(self.columns - 1, self.rows - 1, self.square, 1)
 
     @property
     def extent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -225,7 +168,7 @@ class CharucoBoard(_Drawn):
             np.asarray(x, np.float64) / self.square, np.asarray(y, np.float64) / self.square
         )
         column, row = np.floor(x), np.floor(y)
-        inside = _inside(column, self.columns) & _inside(row, self.rows)
+        inside = is_among(column, self.columns) & is_among(row, self.rows)
         white = (column + row) % 2 == self.first_white
         bits = self._bits  # (markers, cells, cells)
         cells = bits.shape[1]
@@ -233,7 +176,7 @@ class CharucoBoard(_Drawn):
         scale = cells * self.square / self.marker
         across = np.floor((x - column - margin) * scale)
         down = np.floor((y - row - margin) * scale)
-        marked = inside & white & _inside(across, cells) & _inside(down, cells)
+        marked = inside & white & is_among(across, cells) & is_among(down, cells)
         number = (row * self.columns + column) // 2  # row by row along the white squares
         index = [np.where(marked, part, 0).astype(np.int64) for part in (number, down, across)]
         return np.where(marked, bits[tuple(index)], np.where(inside, white, 1.0))
@@ -248,7 +191,7 @@ class CharucoBoard(_Drawn):
 
 
 @dataclass(frozen=True)
-class CircleGrid(_Drawn):
+class CircleGrid(Drawn):
     """Black circles on white; the points are their centres, the first at (0, 0, 0).
 
     Parameters
@@ -277,12 +220,12 @@ class CircleGrid(_Drawn):
 
     def __post_init__(self) -> None:
         """Check the fields."""
-        _check_counts(self, 2)
-        _check_length(self, "spacing")
+        check_counts(self, 2)
+        check_length(self, "spacing")
         neighbour = self.spacing * (math.sqrt(2) if self.asymmetric else 1)
         if self.diameter is None:
             object.__setattr__(self, "diameter", neighbour / 2)
-        _check_length(self, "diameter")
+        check_length(self, "diameter")
         if self.diameter >= neighbour:
             raise ValueError(
                 f"diameter: found {self.diameter:g}, expected less than the distance "
@@ -296,7 +239,7 @@ class CircleGrid(_Drawn):
     @cached_property
     def points(self) -> NDArray[np.float64]:
         """``(columns * rows, 3)`` float64, row by row."""
-        points = _grid(self.columns, self.rows, self.spacing, 0)
+        points = grid(self.columns, self.rows, self.spacing, 0)
         if not self.asymmetric:
             return points
         row = np.repeat(np.arange(self.rows), self.columns)
@@ -344,77 +287,6 @@ class CircleGrid(_Drawn):
 Target = Chessboard | CharucoBoard | CircleGrid
 
 
-def parse_target(text: str) -> Target:
-    """Return the target that ``text`` describes.
-
-    Parameters
-    ----------
-    text : str
-        One of
-
-        - ``chessboard:9x6:1.0``: inner corners, side of a square
-        - ``charuco:5x4:0.054:0.0405:DICT_4X4_1000``: squares, sides of a square and of a marker,
-          dictionary; a sixth field ``legacy`` as in `CharucoBoard`
-        - ``circles:7x5:0.02``: a symmetric grid; its spacing, and if wanted a diameter
-        - ``acircles:4x11:0.02``: an asymmetric grid, its spacing as in `CircleGrid`
-
-        Lengths are in one unit of your choice: the rig comes out in it.
-
-    Raises
-    ------
-    ValueError
-        If the text has another form, or a field is no number or out of range.
-
-    Examples
-    --------
-    >>> parse_target("chessboard:9x6:1.0")
-    Chessboard(columns=9, rows=6, square=1.0)
-    """
-    kind, *fields = str(text).strip().split(":")
-    if kind not in _READERS:
-        raise ValueError(f"target: found {text!r}, expected one of: {'; '.join(TARGET_FORMS)}")
-    least, most, form, read = _READERS[kind]
-    if not least <= len(fields) <= most:
-        raise ValueError(f"target: found {text!r}, expected {form}")
-    columns, by, rows = fields[0].partition("x")
-    if not (by and columns.isdecimal() and rows.isdecimal()):
-        raise ValueError(
-            f"target: {text}: found {fields[0]!r}, expected COLUMNSxROWS as in {form}"
-        )
-    try:
-        return read(int(columns), int(rows), *fields[1:])
-    except ValueError as error:
-        raise ValueError(f"target: {text}: {error}") from None
-
-
-def _read_charuco(columns: int, rows: int, square: str, marker: str, name: str, *rest: str):
-    if rest and rest != ("legacy",):
-        raise ValueError(f"legacy: found {rest[0]!r}, expected 'legacy' or nothing")
-    sides = _number("square", square), _number("marker", marker)
-    return CharucoBoard(columns, rows, *sides, name, legacy=bool(rest))
-
-
-def _read_circles(asymmetric: bool) -> Callable[..., CircleGrid]:
-    def read(columns: int, rows: int, spacing: str, diameter: str | None = None):
-        size = None if diameter is None else _number("diameter", diameter)
-        return CircleGrid(columns, rows, _number("spacing", spacing), asymmetric, size)
-
-    return read
-
-
-_READERS = {
-    "chessboard": (
-        2,
-        2,
-        TARGET_FORMS[0],
-        lambda columns, rows, square: Chessboard(columns, rows, _number("square", square)),
-    ),
-    "charuco": (4, 5, TARGET_FORMS[1], _read_charuco),
-    "circles": (2, 3, TARGET_FORMS[2], _read_circles(False)),
-    "acircles": (2, 3, TARGET_FORMS[3], _read_circles(True)),
-}
-
-
 def aruco_dictionary(name: str) -> cv2.aruco.Dictionary:
     """Return OpenCV's predefined dictionary of markers called ``name``."""
     import cv2
@@ -423,41 +295,3 @@ def aruco_dictionary(name: str) -> cv2.aruco.Dictionary:
     if name not in names:
         raise ValueError(f"dictionary: found {name!r}, expected one of {', '.join(names)}")
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
-
-
-def _number(field: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"{field}: found {text!r}, expected a number") from None
-
-
-def _check_counts(target: Target, least: int) -> None:
-    for name in ("columns", "rows"):
-        count = getattr(target, name)
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < least:
-            raise ValueError(f"{name}: found {count!r}, expected an integer of at least {least}")
-        object.__setattr__(target, name, int(count))
-    if target.columns * target.rows > _MAX_POINTS:
-        raise ValueError(
-            f"columns: found {target.columns}x{target.rows}, expected at most {_MAX_POINTS} points"
-        )
-
-
-def _check_length(target: Target, name: str) -> None:
-    length = getattr(target, name)
-    if not (isinstance(length, (int, float, np.number)) and math.isfinite(length) and length > 0):
-        raise ValueError(f"{name}: found {length!r}, expected a positive length")
-    object.__setattr__(target, name, float(length))
-
-
-def _grid(columns: int, rows: int, step: float, first: int) -> NDArray[np.float64]:
-    """Return ``(columns * rows, 3)`` points of z = 0, row by row, read-only."""
-    row, column = np.mgrid[first : first + rows, first : first + columns]
-    points = np.stack([column.ravel() * step, row.ravel() * step, np.zeros(row.size)], axis=-1)
-    points.flags.writeable = False
-    return points
-
-
-def _inside(place: NDArray[np.float64], count: int) -> NDArray[np.bool_]:
-    return (place >= 0) & (place < count)

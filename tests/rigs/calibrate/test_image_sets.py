@@ -62,7 +62,7 @@ def test_the_cache_is_used_until_an_image_or_the_target_changes(folder, tmp_path
     assert calls == [(k, 5) for k in range(6)]
 
     looked_at = []
-    import rigs.calibrate.detect as module
+    import rigs.calibrate._detection_run as module
 
     def counted(source, read=module.read_source):
         looked_at.append(source.name)
