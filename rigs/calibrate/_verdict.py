@@ -29,7 +29,9 @@ def findings(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return doubts about the rig, the gravest first, and remarks on what was left out."""
     doubts, remarks = _left_out(quality, observations, used)
-    doubts += _contradictions(quality, observations, used)
+    against, frames_against = _contradictions(quality, observations, used)
+    doubts += against
+    remarks += frames_against
     doubts += _bad_images(quality, observations, used)
     if noise > _HIGH_NOISE:
         doubts.append(
@@ -116,15 +118,15 @@ def _left_out(
 
 def _contradictions(
     quality: Quality, observations: Observations, used: NDArray[np.bool_]
-) -> list[str]:
-    """Return lines on cameras, frames and images that were used but contradict the others."""
+) -> tuple[list[str], list[str]]:
+    """Return doubts on cameras and remarks on frames that were used but contradict the others."""
     kept = np.zeros(quality.contradiction.shape, bool)
     kept[observations.camera[used], observations.frame[used]] = True
     against = np.where(kept, quality.contradiction, np.nan)
     cameras, frames = (np.sqrt(_mean(against**2, axis)) for axis in (1, 0))
     if len(cameras) < 2:
-        return []
-    lines = []
+        return [], []
+    lines, remarks = [], []
     worst = int(np.argmax(cameras))
     others = float(np.median(np.delete(cameras, worst)))
     name = observations.cameras[worst]
@@ -146,12 +148,12 @@ def _contradictions(
     usual = float(np.nanmedian(frames))
     for frame in np.flatnonzero(frames > np.fmax(_FRAME_AGAINST, 3 * usual)):
         most = int(np.nanargmax(against[:, frame]))
-        lines.append(
+        remarks.append(
             f"frame {observations.frames[frame]}: cameras contradict each other on where the "
             f"target is ({frames[frame]:.2g} standard deviations where {usual:.2g} is usual), "
             f"{observations.cameras[most]} most: it or the target moved"
         )
-    return lines
+    return lines, remarks
 
 
 def _bad_images(
