@@ -28,9 +28,13 @@ def read_text(path: str | os.PathLike) -> str:
         If it is not UTF-8, or larger than 16 MiB.
     """
     path = Path(path)
-    if path.is_dir():
+    try:
+        is_folder, exists = path.is_dir(), path.exists()
+    except OSError as error:  # a name that is too long
+        raise ValueError(f"{path}: found no file's name: {error.strerror}") from None
+    if is_folder:
         raise IsADirectoryError(f"{path}: found a folder, expected a file")
-    if not path.exists():
+    if not exists:
         raise FileNotFoundError(f"{path}: no such file")
     with path.open("rb") as file:
         data = file.read(_MAX_BYTES + 1)

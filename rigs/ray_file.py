@@ -14,6 +14,16 @@ from rigs._text import shortened, write_bytes
 from rigs.optics import Optics
 from rigs.ray_table import RayTable
 
+_UNREADABLE = (
+    OSError,
+    ValueError,
+    EOFError,
+    KeyError,
+    RuntimeError,  # an encrypted archive, a compression that is not known
+    MemoryError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 _OPTIONAL = ("image_size", "scale", "offset")
 
 
@@ -51,7 +61,7 @@ def load_ray_table(
     try:
         with np.load(path, allow_pickle=False) as data:
             found = {key: data[key] for key in data.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+    except _UNREADABLE as error:
         raise ValueError(f"{where}: {file}: not a readable .npz: {error}") from None
     for key in ("origins", "directions"):
         if key not in found:
