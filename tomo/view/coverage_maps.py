@@ -200,5 +200,6 @@ def _draw_map(
     figure.colorbar(
         ScalarMappable(Normalize(shown.scale.lower, shown.scale.upper), shown.scale.colours), bar
     )
+    bar.yaxis.get_major_locator().set_params(integer=shown.name == "views")
     bar.tick_params(labelsize=6.5, colors=MUTED, length=2)
     bar.yaxis.get_offset_text().set_fontsize(6.5)

@@ -81,7 +81,8 @@ def draw_rig(
         _magnifier(
             figure, overview, closeup, viewpoint.project(box_corners(grid.lower, grid.upper))
         )
-    x = _captions(figure, rig, grid, volume, up, title, width)
+    shows_field = grid is not None and _field_fits(scene)
+    x = _captions(figure, rig, grid, volume, up, title, width, shows_field)
     for mesh in {mesh.group: mesh for mesh in (beside.meshes if beside else ())}.values():
         _entry(figure, x, mesh.colour, mesh.group)
         x += _entry_width(mesh.group, width)
@@ -142,6 +143,8 @@ def _closeup(
     surfaces = tuple(group for group in scene.groups if group.startswith("isosurface"))
     near = scene.only((*_NEAR, *surfaces))
     bounds = near.without("field of view").bounds
+    if not _field_fits(near):
+        near = near.without("field of view")
     viewpoint = Viewpoint.framing(
         np.vstack([box_corners(*bounds), *(mesh.vertices for mesh in near.meshes)]),
         up.eye_direction(*frame.EYE),
@@ -154,6 +157,17 @@ def _closeup(
     if len(rig) <= _NAMES_CLOSE_UP:
         write_names(placer, near, viewpoint, 6.5)
     return axes
+
+
+def _field_fits(scene: Scene) -> bool:
+    """Tell if the field of view is so small that the volume stays large beside it."""
+    field = scene.only(["field of view"])
+    if not field.meshes:
+        return False
+    rest = scene.without("field of view", *(g for g in scene.groups if g not in _NEAR)).bounds
+    return bool(
+        np.linalg.norm(np.ptp(field.bounds, axis=0)) < 3 * np.linalg.norm(np.ptp(rest, axis=0))
+    )
 
 
 def _magnifier(figure: Figure, overview: Axes, closeup: Axes, box: NDArray) -> None:
@@ -191,6 +205,7 @@ def _captions(
     up: frame.Up,
     title: str,
     width: float,
+    shows_field: bool,
 ) -> float:
     """Write the title, what each half shows, and what the colours mean; tell where they end."""
     unit, target = rig.length_unit, Target.of(rig, grid)
@@ -242,7 +257,7 @@ def _captions(
         text = f"level ({len(angles)})" if word == "level" else f"{word}, {span} ({len(angles)})"
         _entry(figure, x, colour, text)
         x += _entry_width(text, width)
-    if grid is not None:
+    if shows_field:
         name = facing_camera(rig, up).name
         name = name if len(name) <= 14 else f"{name[:12]}…"
         _entry(figure, 0.64, "#7d5ba6", f"field of view of {name}")

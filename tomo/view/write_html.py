@@ -7,8 +7,6 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +17,9 @@ from tomo.view.camera_view import CameraView
 from tomo.view.frame import EYE, Up
 from tomo.view.maps import MAP, emission_map
 from tomo.view.page import render
-from tomo.view.scene import Colour, ColourScale, Mesh, Scene
+from tomo.view.scene import Scene
+from tomo.view.traces import RAY_COLOUR, RAYS, css, group_traces, no_rays, steps
 
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
-RAYS = "clicked rays"
-"""The layer of the rays that the page's reader asks for."""
-
-_RAY_COLOUR = "#d4148c"
 _ORDER = (
     "cameras",
     "names",
@@ -146,15 +138,15 @@ def html_page(
     traces, layers = [], []
     for group in scene.groups:
         visible = group in shown or not (group in HIDDEN_AT_FIRST or group.startswith(MAP))
-        made = [trace for trace in _group_traces(scene, group, visible)]
+        made = group_traces(scene, group, visible)
         numbers = list(range(len(traces), len(traces) + len(made)))
         layers.append(_layer(scene, group, visible, numbers))
         traces += made
     if views:
         layers.append(
-            {"name": RAYS, "traces": [len(traces)], "visible": True, "colours": [_RAY_COLOUR]}
+            {"name": RAYS, "traces": [len(traces)], "visible": True, "colours": [RAY_COLOUR]}
         )
-        traces.append(_no_rays())
+        traces.append(no_rays())
     layers.sort(key=lambda layer: (*_ORDER, layer["name"]).index(layer["name"]))
     in_view = _around(grid) if close_up and grid is not None else bounds
     figure = go.Figure(traces, _layout(scene.length_unit, in_view, up))
@@ -166,7 +158,7 @@ def html_page(
                 "layer": label.group,
                 "position": label.position.tolist(),
                 "outward": label.outward.tolist(),
-                "colour": _css(label.colour),
+                "colour": css(label.colour),
             }
             for label in scene.labels
         ],
@@ -185,20 +177,6 @@ def html_page(
         figure=_script_safe(figure.to_json()),
         data=_script_safe(json.dumps(data)),
     )
-
-
-def _no_rays() -> go.Scatter3d:
-    """Return the trace that the page fills with rays."""
-    import plotly.graph_objects as go
-
-    return go.Scatter3d(
-        x=[], y=[], z=[],
-        mode="lines",
-        line={"color": _RAY_COLOUR, "width": 5},
-        name=RAYS,
-        hoverinfo="skip",
-        visible=True,
-    )  # fmt: skip
 
 
 def _layout(unit: str, bounds: NDArray, up: Up) -> dict:
@@ -240,9 +218,9 @@ def _layer(scene: Scene, group: str, visible: bool, traces: list[int]) -> dict:
     parts = [part for part in (*scene.meshes, *scene.labels) if part.group == group]
     scale = next((mesh.scale for mesh in scene.meshes if mesh.group == group), None)
     if scale is None:
-        colours = list(dict.fromkeys(_css(part.colour) for part in parts))
+        colours = list(dict.fromkeys(css(part.colour) for part in parts))
     else:
-        colours = [colour for _, colour in _steps(scale)]
+        colours = [colour for _, colour in steps(scale)]
     return {
         "name": group,
         "traces": traces,
@@ -251,71 +229,6 @@ def _layer(scene: Scene, group: str, visible: bool, traces: list[int]) -> dict:
         "gradient": scale is not None,
         "exclusive": group.startswith(MAP),
     }
-
-
-def _css(colour: Colour) -> str:
-    """Return the colour as CSS."""
-    return "rgb({:.0f},{:.0f},{:.0f})".format(*(255 * c for c in colour))
-
-
-def _steps(scale: ColourScale, count: int = 17) -> list[tuple[float, str]]:
-    """Return a colour scale as plotly takes it."""
-    shares = np.linspace(0, 1, count)
-    colours = scale(scale.lower + shares * (scale.upper - scale.lower))
-    return [(float(s), _css(c)) for s, c in zip(shares, colours, strict=True)]
-
-
-def _group_traces(scene: Scene, group: str, visible: bool) -> list[go.Mesh3d]:
-    """Return one trace for all meshes of a group that look alike."""
-    meshes = [mesh for mesh in scene.meshes if mesh.group == group and len(mesh.triangles)]
-    looks: dict[tuple, list[Mesh]] = {}
-    for mesh in meshes:
-        looks.setdefault((mesh.colour, mesh.opacity, mesh.scale), []).append(mesh)
-    return [
-        _trace(alike, group, visible, first=number == 0)
-        for number, alike in enumerate(looks.values())
-    ]
-
-
-def _trace(alike: list[Mesh], group: str, visible: bool, first: bool) -> go.Mesh3d:
-    """Return the trace of meshes that look alike; hovering tells which one it is."""
-    import plotly.graph_objects as go
-
-    together = reduce(Mesh.merged, alike)
-    names = [html.escape(mesh.name) for mesh in alike for _ in range(len(mesh.vertices))]
-    x, y, z = np.float32(together.vertices).T
-    i, j, k = np.int32(together.triangles).T
-    shared = {
-        "x": x, "y": y, "z": z, "i": i, "j": j, "k": k,
-        "opacity": together.opacity,
-        "name": html.escape(group),
-        "visible": visible,
-        "text": names if len(alike) > 1 else names[0],
-    }  # fmt: skip
-    scale = together.scale
-    if scale is None:
-        return go.Mesh3d(
-            color=_css(together.colour),
-            hovertemplate="%{text}<extra></extra>",
-            lighting={"ambient": 0.65, "diffuse": 0.5, "specular": 0.08},
-            **shared,
-        )
-    return go.Mesh3d(
-        intensity=np.float32(together.values),
-        cmin=scale.lower,
-        cmax=scale.upper,
-        colorscale=_steps(scale),
-        showscale=first and bool(scale.title),
-        colorbar={
-            "title": {"text": html.escape(scale.title), "side": "right"},
-            "len": 0.5, "thickness": 14, "x": 0.01, "xanchor": "left", "y": 0.3,
-        },
-        lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
-        hovertemplate="%{text}<br>%{intensity:.4g}<extra></extra>"
-        if scale.title
-        else "%{text}<extra></extra>",
-        **shared,
-    )  # fmt: skip
 
 
 def _aspect(bounds: NDArray) -> dict[str, float]:
