@@ -12,8 +12,8 @@ Conventions are ours: ``x_cam = R @ x_world + T``, pixel centres at integers. Kn
   ``left`` and ``right`` and the world is the left one's axes. They hold no image size.
 
 Cameras of a file without any pose all stand at the origin, ``nominal``: intrinsics alone.
-OpenCV's files name no unit; ours hold ``length_unit``. Written are lists of ``cameras`` for rigs
-and single files for rigs of one. https://docs.opencv.org/5.x/d4/da4/tutorial_file_input_output.html
+OpenCV's files name no unit; ours hold ``length_unit``. Written are lists of ``cameras`` for rigs,
+single entries for rigs of one, or folders. https://docs.opencv.org/5.x/d4/da4/tutorial_file_input_output.html
 """
 
 from __future__ import annotations
@@ -111,18 +111,30 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
 
 
 def save(rig: Rig, path: Path) -> None:
-    """Write a rig as ``cv2.FileStorage`` does: JSON where ``path`` ends so, else YAML.
+    """Write a rig as ``cv2.FileStorage`` does: JSON or YAML, by the ending of ``path``.
+
+    A path with another ending is a folder, of one YAML file a camera.
 
     Raises
     ------
     ValueError
         Naming a camera with skew, which OpenCV's functions pass over.
     """
-    import cv2
-
     refuse_tables(rig, "OpenCV")
     for camera in rig:
         refuse_skew(camera, "OpenCV")
+    if path.suffix in _SUFFIXES:
+        write_text(path, _text(rig, path))
+        return
+    for index, camera in enumerate(rig):
+        file = path / f"{camera.name}.yml"
+        write_text(file, _text(rig[index : index + 1], file))
+
+
+def _text(rig: Rig, path: Path) -> str:
+    """Return what ``cv2.FileStorage`` writes into a file of that name."""
+    import cv2
+
     kind = cv2.FILE_STORAGE_FORMAT_JSON if path.suffix == ".json" else cv2.FILE_STORAGE_FORMAT_YAML
     storage = cv2.FileStorage(path.name, cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | kind)
     try:
@@ -138,7 +150,7 @@ def save(rig: Rig, path: Path) -> None:
             storage.endWriteStruct()
     except cv2.error as error:
         raise ValueError(f"OpenCV: {error.err}") from None
-    write_text(path, storage.releaseAndGetString())
+    return storage.releaseAndGetString()
 
 
 def _files_of(folder: Path) -> list[Path]:

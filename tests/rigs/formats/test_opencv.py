@@ -46,6 +46,16 @@ def test_rigs_come_back(make_rig, assert_same_views, tmp_path, suffix):
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
+def test_a_folder_of_a_file_a_camera(make_rig, assert_same_views, tmp_path):
+    rig = make_rig(*ALL)
+    formats.save(rig, tmp_path / "rig", "opencv")
+    assert sorted(p.name for p in (tmp_path / "rig").iterdir()) == [
+        f"cam{i}.yml" for i in range(6)
+    ]
+    assert formats.sniff(tmp_path / "rig") == "opencv"
+    assert_same_views(formats.load(tmp_path / "rig"), rig)
+
+
 @pytest.mark.parametrize("suffix", [".yml", ".json"])
 @pytest.mark.parametrize("model", ALL)
 def test_opencv_itself_reads_and_projects_what_is_written(make_rig, tmp_path, suffix, model):
