@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from tomo.methods import AUTO, Method, method_named, method_names
@@ -57,9 +58,12 @@ def check_learning(method: Method, asked: Mapping[str, object]) -> None:
 
 
 def cameras_to_refine(
-    names: Sequence[str] | None, hold_out: Sequence[str], scan: Scan
+    names: Sequence[str] | None, prior: float | None, hold_out: Sequence[str], scan: Scan
 ) -> tuple[str, ...]:
     """Return the cameras to refine: those asked for that are not held out; none for None."""
+    if prior is not None and not (names is not None and math.isfinite(prior) and prior > 0):
+        expected = "none without cameras to refine" if names is None else "pixels above 0"
+        raise ValueError(f"refine_prior: found {prior:g}, expected {expected}")
     if names is None:
         return ()
     for name in names:

@@ -126,7 +126,7 @@ class Outcome:
         `tomo.gains.Gains.report`; None where they were not looked for, or the gains not corrected.
     refined_rig : Rig, optional
         All cameras, those refined and shifted as they were found, at the size that images were
-        recorded in; None where nothing was refined.
+        recorded in; None where that was not asked for, or found nothing.
     seconds : mapping
         ``load, prepare, trace, solve, total`` and what else took time; ``choose`` is a part of
         ``solve``.

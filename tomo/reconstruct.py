@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tomo._first_use import warm_up, warm_up_carving
 from tomo._memory import peak_memory
-from tomo._prepare import prepare
+from tomo._prepare import Prepared, prepare
 from tomo._request import (
     cameras_to_refine,
     check_device,
@@ -37,7 +37,6 @@ from tomo.support import STORED
 
 if TYPE_CHECKING:
     from rigs import Rig
-    from tomo.refine import Refinement
     from tomo.wernet import LearnedWeights
 
 
@@ -153,7 +152,7 @@ def reconstruct(
         main, {"encoder": encoder, "freeze_encoder": freeze_encoder, "checkpoint": checkpoint}
     )
     check_hold_out(hold_out, scan)
-    refined = cameras_to_refine(refine_cameras, hold_out, scan)
+    refined = cameras_to_refine(refine_cameras, refine_prior, hold_out, scan)
     grid = grid if grid is not None else scan.grid
     if grid is None:
         raise ValueError(
@@ -293,7 +292,7 @@ def reconstruct(
         skipping=prepared.report(system.projector.shape[0]),
         alignment=prepared.alignment.report() if prepared.alignment else None,
         refinement=prepared.refinement.report() if prepared.refinement else None,
-        refined_rig=_refined_rig(scan, prepared.refinement),
+        refined_rig=_refined_rig(scan, prepared) if refined else None,
         gains=gains.report() if gains else None,
         seconds={
             "load": loaded - started,
@@ -324,24 +323,24 @@ def _read_truth(scan: Scan, grid: VoxelGrid) -> tuple[NDArray[np.float32] | None
     return None, [f"{scan.truth.name}: the truth is on another grid: no quality figures"]
 
 
-def _refined_rig(scan: Scan, refinement: Refinement | None) -> Rig | None:
-    """Return the scan's rig as recorded, with the refined cameras; None where there are none."""
-    if refinement is None or not refinement.accepted:
+def _refined_rig(scan: Scan, prepared: Prepared) -> Rig | None:
+    """Return the scan's rig as recorded, its cameras as they were found; None if as given."""
+    found = {
+        "refined_from_images": prepared.refinement,
+        "shifted_from_images": prepared.alignment,
+    }
+    accepted = {name: one.report() for name, one in found.items() if one and one.accepted}
+    if not accepted:
         return None
-    found = refinement.rig
     cameras = []
     for camera in scan.rig:
-        own = found[camera.name] if camera.name in found.names else camera
+        own = prepared.rig[camera.name] if camera.name in prepared.rig.names else camera
         if scan.shrink > 1:
             size = scan.recorded_sizes[camera.name]
             own = replace(own.scaled(scan.shrink), image_size=size)
         cameras.append(own)
-    known = dict(scan.rig.calibration or {})
-    return replace(
-        scan.rig,
-        cameras=tuple(cameras),
-        calibration={**known, "refined_from_images": refinement.report()},
-    )
+    known = {**(scan.rig.calibration or {}), **accepted}
+    return replace(scan.rig, cameras=tuple(cameras), calibration=known)
 
 
 def _held_out_system(

@@ -140,7 +140,7 @@ def reconstruct(
                 dark_level=_number_or_auto("--dark-level", dark_level, float),
                 votes=_number_or_auto("--votes", votes, int),
                 align=align,
-                refine_cameras=_cameras(refine_cameras, refine_prior, loaded.rig),
+                refine_cameras=_cameras(refine_cameras, loaded.rig),
                 refine_prior=refine_prior,
                 fit_gain=fit_gain,
                 unseen=unseen,
@@ -182,11 +182,9 @@ def _checkpoint(out: Path, method: str, resume: bool) -> Path | None:
     return None
 
 
-def _cameras(text: str | None, prior: float | None, rig: Rig) -> list[str] | None:
+def _cameras(text: str | None, rig: Rig) -> list[str] | None:
     """Return the names of the cameras to refine; None where that is not asked for."""
     if text is None:
-        if prior is not None:
-            raise ValueError("--refine-prior: found it without --refine-cameras")
         return None
     if text == "all" and text not in rig.names:
         return list(rig.names)

@@ -265,7 +265,7 @@ class _Task:
             f"held-out rays are predicted from other views to {errors[1]:.4f} instead of "
             f"{errors[0]:.4f}"
             if accepted
-            else "held-out rays are hardly predicted better with the refined cameras"
+            else f"no refined cameras predict held-out rays clearly better than to {errors[0]:.4f}"
         )
         found = moved_rig(self.rig, parameters)
         moves = _moves(self.rig, found, self.grid)

@@ -1,0 +1,172 @@
+"""``reconstruct.py --refine-cameras``: what it writes, what it says, what it refuses."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phantoms import create
+from rigs import load_rig, ring
+from rigs.calibrate import ray_miss
+from tomo import Scan, VoxelGrid
+from tomo.reconstruct import reconstruct
+from tomo.refine.parameters import COUNT, moved_rig
+from tomo.refine.prior import units
+from tomo.simulate import simulate
+
+GRID = VoxelGrid((14, 28, 14), 1.0)
+FOOTPRINT = 0.7
+
+
+def box():
+    axes = [np.linspace(low, high, 4) for low, high in zip(GRID.lower, GRID.upper, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return ring(
+        9, distance=400, image_size=(43, 64), footprint=FOOTPRINT, pitch_degrees=[12, -9, 3] * 3
+    )
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory, rig):
+    """A scan whose rig.yaml says of each camera a pixel of nonsense."""
+    flame = create("turbulent", extent=GRID.extent, seed=2)
+    made = simulate(rig, flame, GRID, supersample=2, refine=2, noise=0.01, seed=2)
+    random = np.random.default_rng(8)
+    steps = np.zeros((len(rig), COUNT))
+    for index, camera in enumerate(rig):
+        steps[index, :6] = random.normal(size=6) * 0.6 * units(camera, GRID)[:6]
+    folder = tmp_path_factory.mktemp("disturbed") / "scan"
+    replace(made, rig=moved_rig(rig, steps)).save(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def done(run_tool, scan, tmp_path_factory):
+    out = tmp_path_factory.mktemp("done") / "out"
+    options = ("--refine-cameras", "all", "--hold-out", "cam04", "--json")
+    options += ("--method", "sirt", "--iterations", "2")
+    result = run_tool("reconstruct", scan, *options, "-o", out)
+    assert result.exit_code == 0, result.stderr
+    return out, result
+
+
+def test_the_refined_rig_is_written_and_better(done, scan, rig):
+    out, _ = done
+    given, found = load_rig(scan / "rig.yaml"), load_rig(out / "rig.yaml")
+    names = [name for name in rig.names if name != "cam04"]
+    before, after = (
+        ray_miss(rig.without("cam04"), one.without("cam04"), box()) for one in (given, found)
+    )
+    assert after < 0.4 * before
+    assert found["cam04"] == given["cam04"]  # held out: nobody has seen its image
+    refined = found.calibration["refined_from_images"]
+    assert sorted(refined["cameras"]) == sorted(names)
+
+
+def test_the_report_says_what_was_refined(done):
+    out, result = done
+    report = json.loads((out / "report.json").read_text("utf-8"))
+    assert json.loads(result.stdout) == report
+    refinement = report["refinement"]
+    assert refinement["accepted"] is True
+    assert refinement["held_out_error_after"] < refinement["held_out_error_before"]
+    assert "cam04" not in refinement["cameras"]
+    page = (out / "report.html").read_text("utf-8")
+    assert "Refined cameras" in page
+    assert "(prior 2.00 px)" in page
+    assert "cameras refined from the images" in result.stderr.replace("\n", " ")
+
+
+def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
+    loaded = Scan.load(scan)
+    outcome = reconstruct(
+        loaded.scaled(2),
+        method="sirt",
+        iterations=2,
+        align=False,
+        refine_cameras=["cam02", "cam03"],
+        refine_prior=3.0,
+    )
+    report = outcome.report()["refinement"]
+    assert report["cameras"]["cam02"]["prior_pixels"] == 3
+    assert report["accepted"] is True
+    found = outcome.refined_rig
+    assert [camera.image_size for camera in found] == [(43, 64)] * 9
+    apart = [
+        np.abs(one.project(box())[0] - other.project(box())[0]).max()
+        for one, other in zip(found, loaded.rig, strict=True)
+    ]
+    assert min(apart[2:4]) > 0.1
+    assert max(apart[:2] + apart[4:]) < 1e-9
+
+
+def test_no_rig_is_given_back_where_nothing_is_asked(scan):
+    outcome = reconstruct(Scan.load(scan), method="sirt", iterations=2)
+    assert outcome.refined_rig is None
+    assert outcome.report()["refinement"] is None
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--refine-cameras", "camX"), "refine_cameras: found camera 'camX', expected one of"),
+        (("--refine-cameras", "nominal"), "--refine-cameras: found no nominal camera in the rig"),
+        (("--refine-prior", "2"), "refine_prior: found 2, expected none without cameras"),
+        (
+            ("--refine-cameras", "all", "--refine-prior", "0"),
+            "refine_prior: found 0, expected pixels above 0",
+        ),
+        (
+            ("--refine-cameras", "cam01", "--hold-out", "cam01"),
+            "refine_cameras: found only cameras held out: cam01",
+        ),
+        (
+            ("--refine-cameras", "all", *(f"--hold-out=cam0{n}" for n in range(7))),
+            "refine_cameras: found 2 views to refine with, expected at least 3",
+        ),
+    ],
+)
+def test_bad_requests_are_one_line(run_tool, scan, tmp_path, options, words):
+    result = run_tool("reconstruct", scan, *options, "-o", tmp_path / "out")
+    assert result.exit_code == 2
+    lines = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1
+    assert words in lines[0]
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scan_s_own_rig_is_not_overwritten(run_tool, scan):
+    before = (scan / "rig.yaml").read_bytes()
+    result = run_tool("reconstruct", scan, "--refine-cameras", "all", "-o", scan)
+    assert result.exit_code == 2
+    assert "its rig.yaml would be overwritten" in result.stderr.replace("\n", " ")
+    assert (scan / "rig.yaml").read_bytes() == before
+
+
+def test_refined_on_one_moment_the_plume_is_predicted_better_at_another(test_data):
+    """The two cameras that carry only an average field of view, refined on the other frame."""
+    whole = Scan.load(test_data / "scalarflow" / "transforms.json")
+    grid = VoxelGrid.from_bounds(
+        (32, 48, 32), (0.0818, -0.0446, -0.4958), (0.5727, 0.6917, -0.0049)
+    )
+    nominal = ("cam00", "cam04")
+    cameras = (replace(c, status="nominal") if c.name in nominal else c for c in whole.rig)
+    whole = replace(whole, rig=replace(whole.rig, cameras=tuple(cameras)))
+    other = reconstruct(
+        whole.scaled(12), grid, frame="frame_060", method="sirt", refine_cameras=nominal
+    )
+    assert other.refinement["accepted"]
+
+    def predicted(scan):
+        figures = []
+        for camera in scan.rig.names:
+            outcome = reconstruct(scan.scaled(12), grid, frame="frame_090", hold_out=[camera])
+            figures.append(outcome.report()["held_out"][camera]["psnr"])
+        return np.mean(figures)
+
+    assert predicted(replace(whole, rig=other.refined_rig)) > predicted(whole) + 0.5
