@@ -88,10 +88,13 @@ def visualize_rig(
                 tables.append(difference_table(difference, loaded.length_unit, *names))
             _write_page(path, loaded, voxels, data, scene, pictures, tables, coverage, heading)
     if difference is not None:
+        from tomo.view.rig_page import number
+
+        unit = loaded.length_unit
         console.print(
-            f"ray-miss between both rigs: {difference.ray_miss:.4g} {loaded.length_unit}; "
-            f"turned by {difference.turn:.4g} degrees, moved by {difference.shift:.4g} "
-            f"{loaded.length_unit} to lie over each other",
+            f"ray-miss between both rigs: {number(difference.ray_miss)} {unit}; turned by "
+            f"{number(difference.turn)} degrees, moved by {number(difference.shift)} {unit} "
+            "to lie over each other",
             markup=False,
             highlight=False,
             soft_wrap=True,
