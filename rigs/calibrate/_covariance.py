@@ -10,6 +10,7 @@ from rigs.calibrate._scene import Freedom, Scene, Sightings, predicted
 from rigs.calibrate.bundle import information
 from rigs.rig import Rig
 
+_UNKNOWN_FOCAL_LENGTH = 0.2  # standard deviation relative to it
 _SINGULAR = 1e-13  # least eigenvalue of the normal equations, scaled to a unit diagonal
 
 
@@ -69,6 +70,17 @@ def focal_errors(scene: Scene, freedom: Freedom, covariance: NDArray) -> NDArray
                 focal = scene.lenses[camera].matrix[place - 6, place - 6]
                 errors[camera] = max(errors[camera], np.sqrt(covariance[at, at]) / focal)
     return errors
+
+
+def refuse_unknown_lenses(focal_error: NDArray[np.float64], names: tuple[str, ...]) -> None:
+    """Raise if a focal length is not known: the rig would look fine and not be."""
+    worst = int(np.argmax(focal_error))
+    if focal_error[worst] > _UNKNOWN_FOCAL_LENGTH:
+        raise ValueError(
+            f"camera {names[worst]}: its focal length is uncertain by "
+            f"{100 * focal_error[worst]:.0f} %, expected views of the target tilted in different "
+            "directions, not all parallel, or given intrinsics"
+        )
 
 
 def lens_misfit(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.calibrate._covariance import labels
+from rigs.calibrate._covariance import labels, refuse_unknown_lenses
 from rigs.calibrate._culling import adjust_and_cull
 from rigs.calibrate._duplicates import without_repeats
 from rigs.calibrate._joint_terms import richer_terms
@@ -26,7 +26,6 @@ from rigs.camera import Camera
 from rigs.rig import Rig, Volume
 
 _GIVEN = Terms("given", "none", ())
-_UNKNOWN_FOCAL_LENGTH = 0.2  # standard deviation relative to it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -186,12 +185,13 @@ def calibrate(
     quality, noise, covariance = measure(
         rig, scene, sightings, kept.used, freedom, volume, intrinsics is not None
     )
-    _refuse_unknown_lenses(quality, names)
+    refuse_unknown_lenses(quality.focal_error, names)
     residuals = np.full((len(observations), 2), np.nan)
     residuals[order] = sightings.uv - predicted(scene, sightings)
     used = np.zeros(len(observations), bool)
     used[order] = kept.used
     doubts, remarks = findings(quality, observations, used, noise)
+    repeats += _unposed(scene, sightings, observations.frames)
     doubts, remarks = (*frozen, *doubts), (*repeats, *remarks)
     calibration = Calibration(
         rig,
@@ -212,6 +212,19 @@ def calibrate(
     return replace(calibration, rig=replace(rig, calibration=summary(calibration)))
 
 
+def _unposed(scene: Scene, sightings: Sightings, frames: tuple[str, ...]) -> tuple[str, ...]:
+    """Return a line on the frames that show too little of the target for its pose."""
+    shown = np.unique(sightings.frame)
+    names = [frames[frame] for frame in shown if np.isnan(scene.target_t[frame, 0])]
+    if not names:
+        return ()
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return (
+        f"frames {', '.join(names[:5])}{more}: no camera saw 6 points of the target that are not "
+        "on a line, not used",
+    )
+
+
 def _cameras(
     observations: Observations, scene: Scene, intrinsics: Rig | None
 ) -> tuple[Camera, ...]:
@@ -229,17 +242,6 @@ def _cameras(
         )
         for index, name in enumerate(observations.cameras)
     )
-
-
-def _refuse_unknown_lenses(quality: Quality, names: tuple[str, ...]) -> None:
-    """Raise if a focal length is not known: the rig would look fine and not be."""
-    worst = int(np.argmax(quality.focal_error))
-    if quality.focal_error[worst] > _UNKNOWN_FOCAL_LENGTH:
-        raise ValueError(
-            f"camera {names[worst]}: its focal length is uncertain by "
-            f"{100 * quality.focal_error[worst]:.0f} %, expected views of the target tilted in "
-            "different directions, not all parallel, or given intrinsics"
-        )
 
 
 def _check(

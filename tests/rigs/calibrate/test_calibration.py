@@ -163,6 +163,19 @@ def test_partial_boards_and_points_of_no_pose_are_used(simulated_rig, judged_vol
     assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.006
 
 
+def test_frames_that_show_too_little_are_told_and_not_used(arc_case):
+    _, observations, _ = arc_case
+    little = (observations.frame == 3) & (observations.point > 4)
+    found = calibrate(observations.where(~little))
+    frame = found.observations.frame == 3
+    assert frame.any()
+    assert np.isnan(found.target_t[3]).all()
+    assert np.isnan(found.residuals[frame]).all()
+    assert np.array_equal(~found.used, frame)
+    assert [line.split(":")[0] for line in found.findings] == ["frames 003"]
+    assert found.verdict.startswith("good")
+
+
 def test_one_camera_gives_its_lens(arc_case):
     truth, observations, _ = arc_case
     found = calibrate(one_camera(observations, 2))
