@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from tomo.methods import AUTO, Method, method_named, method_names
 from tomo.outcome import UNSEEN
-from tomo.refine.refinement import FEWEST
+from tomo.refine.search import FEWEST
 from tomo.scan import Scan
 
 

@@ -6,6 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "prior": ["prior_lengths"],
-        "refinement": ["Refinement", "refine_cameras"],
+        "refinement": ["Refinement"],
+        "search": ["refine_cameras"],
     },
 )

@@ -24,6 +24,9 @@ DONE = 1e-5
 STIFFNESS = 1e-3
 """Of the volume against change, as a share of what rays say of a typical voxel."""
 
+SMALLEST = 1e-9
+"""Share of a view's squared residuals that a weight is at least."""
+
 Vectors = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Coefficients ``(unknowns,)`` and the parameters of the cameras ``(cameras, 8)``."""
 
@@ -64,6 +67,8 @@ class JointStep:
         By conjugate gradients, the coefficients preconditioned by a bound of their normal
         matrix's diagonal, each camera's parameters by the inverse of their own block.
         """
+        if not self.free.any():
+            return np.zeros_like(self.departures)
         volume = self.operator
         bound = volume.T @ (volume @ np.ones(volume.shape[1]))
         bound = np.maximum(bound, 1e-9 * bound.max(initial=0.0))
@@ -138,7 +143,9 @@ def weight_of(
         information = dot(own, own)
         if information > 0:
             ratios.append(np.sum(np.square(np.bincount(tiles, own * residual))) / information)
-    return float(np.mean(ratios)) if ratios else 0.0
+    found = float(np.mean(ratios)) if ratios else 0.0
+    # above zero, so that the prior decides where a camera sees nothing or all fits exactly
+    return max(found, SMALLEST * dot(residual, residual), np.finfo(np.float32).tiny)
 
 
 def _products(derivatives: NDArray[np.float64]) -> NDArray[np.float64]:

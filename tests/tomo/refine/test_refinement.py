@@ -118,10 +118,10 @@ def test_a_short_prior_holds_the_cameras(scene):
 
 def test_held_out_rays_take_no_part_in_the_refinement(scene, monkeypatch):
     """Whatever the held-out pixels show, the cameras are the same; only the judgement is not."""
-    from tomo.refine import refinement
+    from tomo.refine import search
     from tomo.refine.held_out import held_out_tiles
 
-    monkeypatch.setattr(refinement, "ROUNDS", 1)
+    monkeypatch.setattr(search, "ROUNDS", 1)
     rig, images = scene
     held = held_out_tiles([image.shape for image in images])
     spoilt = [np.where(own, 0.97 * i, i) for own, i in zip(held, images, strict=True)]
@@ -141,6 +141,29 @@ def test_dark_images_and_a_volume_out_of_sight_change_nothing(scene):
     unseen = refine_cameras(rig, images, away)
     assert not unseen.accepted
     assert unseen.rig is rig
+
+
+def test_a_camera_that_sees_nothing_stays_where_it_is(scene):
+    rig, images = scene
+    away = replace(rig[2], t=rig[2].t + np.array([500, 0, 0]))
+    mixed = replace(rig, cameras=(*rig.cameras[:2], away, *rig.cameras[3:]))
+    blank = [np.zeros_like(image) if view == 2 else image for view, image in enumerate(images)]
+    found = refine_cameras(mixed, blank, GRID, cameras=["cam02", "cam03"])
+    assert np.abs(found.parameters[2]).max() == 0
+    assert np.isfinite(found.parameters).all()
+
+
+def test_masked_pixels_change_nothing(scene):
+    rig, images = scene
+    random = np.random.default_rng(1)
+    masks = [random.random(image.shape) > 0.02 for image in images]
+    spoilt = [np.where(m, i, 1e6).astype(np.float32) for i, m in zip(images, masks, strict=True)]
+    bad = disturbed(rig, 3)
+    names = ["cam00", "cam07"]
+    one, other = (
+        refine_cameras(bad, some, GRID, cameras=names, masks=masks) for some in (images, spoilt)
+    )
+    assert np.array_equal(one.parameters, other.parameters)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,131 @@
+"""What is asked of a refinement: images, cameras, priors; and what becomes of its answer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Rig
+from tomo._coarser import coarser_grid, shrunk_image
+from tomo.grid import VoxelGrid
+from tomo.live_voxels import LiveVoxels
+from tomo.refine.held_out import Judgement, held_out_tiles
+from tomo.refine.level import Level
+from tomo.refine.parameters import COUNT, PLACE, moved_rig
+from tomo.refine.prior import GAIN_PRIOR, units
+from tomo.refine.refinement import Refinement
+from tomo.support import carve
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What was asked for.
+
+    Attributes
+    ----------
+    rig : Rig
+    images, masks : tuple of (height, width)
+    grid : VoxelGrid
+    chosen : tuple of int
+        The cameras to refine.
+    prior_pixels : (cameras,) float64
+    skip : bool
+        Whether to carve.
+    """
+
+    rig: Rig
+    images: tuple[NDArray[np.float32], ...]
+    masks: tuple[NDArray[np.bool_], ...]
+    grid: VoxelGrid
+    chosen: tuple[int, ...]
+    prior_pixels: NDArray[np.float64]
+    skip: bool
+
+    @property
+    def lengths(self) -> NDArray[np.float64]:
+        """The prior's standard deviations of all parameters, ``(cameras, 8)``."""
+        rows = []
+        for camera, pixels in zip(self.rig, self.prior_pixels, strict=True):
+            sizes = np.r_[np.full(PLACE, pixels), GAIN_PRIOR]
+            rows.append(sizes * units(camera, self.grid))
+        return np.array(rows)
+
+    def level(self, factor: int) -> Level:
+        """Return images and grid ``factor`` times as coarse."""
+        pairs = [shrunk_image(i, m, factor) for i, m in zip(self.images, self.masks, strict=True)]
+        rig = replace(self.rig, cameras=tuple(camera.shrunk(factor) for camera in self.rig))
+        grid = coarser_grid(self.grid, factor)
+        images, masks = [image for image, _ in pairs], [mask for _, mask in pairs]
+        held = held_out_tiles([image.shape for image in images])
+        trains = [mask & ~own for mask, own in zip(masks, held, strict=True)]
+        live = LiveVoxels(grid)
+        if self.skip:
+            live = carve(tuple(rig), images, trains, grid).live
+        return Level(rig, images, masks, trains, grid, live, self.chosen, self.lengths)
+
+    def size(self, step: NDArray[np.float64]) -> float:
+        """Return how far a step moves the volume's image, in pixels, RMS over the cameras."""
+        moves = _moves(self.rig, moved_rig(self.rig, step), self.grid)[list(self.chosen)]
+        return float(np.sqrt(np.mean(np.square(moves))))
+
+    def judged(
+        self,
+        parameters: NDArray[np.float64],
+        before: Judgement,
+        after: Judgement,
+        courses: Sequence[float],
+    ) -> Refinement:
+        """Return the refinement with the best parameters found."""
+        errors = before.relative_error, after.relative_error
+        accepted = bool(parameters.any()) and before.is_improved_by(after)
+        reason = (
+            f"held-out rays are predicted from other views to {errors[1]:.4f} instead of "
+            f"{errors[0]:.4f}"
+            if accepted
+            else f"no refined cameras predict held-out rays clearly better than to {errors[0]:.4f}"
+        )
+        found = moved_rig(self.rig, parameters)
+        moves = _moves(self.rig, found, self.grid)
+        return self._refinement(found, parameters, moves, *errors, courses, accepted, reason)
+
+    def refused(self, reason: str) -> Refinement:
+        """Return the refinement that leaves all cameras as they are."""
+        still = np.zeros((len(self.rig), COUNT))
+        zero = np.zeros(len(self.rig))
+        return self._refinement(
+            self.rig, still, zero, math.nan, math.nan, (), accepted=False, reason=reason
+        )
+
+    def _refinement(
+        self, found, parameters, moves, before, after, courses, accepted, reason
+    ) -> Refinement:
+        return Refinement(
+            self.rig,
+            found,
+            tuple(self.rig.names[view] for view in self.chosen),
+            parameters,
+            self.prior_pixels,
+            moves,
+            before,
+            after,
+            tuple(courses),
+            accepted,
+            reason,
+        )
+
+
+def _moves(rig: Rig, other: Rig, grid: VoxelGrid) -> NDArray[np.float64]:
+    """Return how far points of the volume move in the images of each camera, RMS: (cameras,)."""
+    axes = [np.linspace(-0.5, 0.5, 5)] * 3
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = np.asarray(grid.center) + places * (np.asarray(grid.shape) * grid.spacing)
+    moves = []
+    for camera, changed in zip(rig, other, strict=True):
+        (here, _, valid), (there, _, still) = camera.project(points), changed.project(points)
+        apart = np.sum(np.square(there - here), axis=1)[valid & still]
+        moves.append(float(np.sqrt(np.mean(apart))) if len(apart) else math.nan)
+    return np.array(moves)
