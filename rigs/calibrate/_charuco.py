@@ -82,19 +82,33 @@ def _that_fit(number, uv, target: CharucoBoard, first_white: int) -> _Markers:
     side = target.marker / target.square
     corner = 0.5 + side * np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     places = squares[number][:, None] + corner  # (markers, 4, 2)
-    nothing = _Markers(number[:0], uv[:0], places[:0])
-    if len(number) < 2:
-        return nothing
-    size = np.median(np.linalg.norm(uv[:, 1] - uv[:, 0], axis=-1))
-    homography, inside = cv2.findHomography(
-        places.reshape(-1, 2), uv.reshape(-1, 2), cv2.RANSAC, max(0.3 * size, 2.0)
-    )
-    if homography is None:
-        return nothing
-    fits = inside.reshape(-1, 4).all(axis=-1)
+    fits = _agree_with_neighbours(uv, places)
     if np.count_nonzero(fits) <= 0.7 * len(fits):
-        return nothing
+        fits[:] = False
     return _Markers(number[fits], uv[fits], places[fits])
+
+
+def _agree_with_neighbours(
+    uv: NDArray[np.float64], places: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return which markers have most of their neighbours where their own corners say.
+
+    Neighbours alone are asked, because a lens may bend the board as a whole.
+    """
+    fits = np.zeros(len(uv), bool)
+    middles, seen = places.mean(axis=1), uv.mean(axis=1)
+    for k in range(len(uv)):
+        apart = np.linalg.norm(middles - middles[k], axis=-1)
+        near = np.argsort(apart, kind="stable")[1 : 1 + _NEIGHBOURS]
+        own = np.column_stack([places[k] - middles[k], np.ones(4)])
+        affine = np.linalg.lstsq(own, uv[k], rcond=None)[0]  # (3, 2)
+        off = (
+            np.column_stack([middles[near] - middles[k], np.ones(len(near))]) @ affine - seen[near]
+        )
+        side = np.sqrt(abs(np.linalg.det(affine[:2])))  # pixels of a square
+        allowed = 0.4 * side * np.maximum(apart[near], 1)
+        fits[k] = len(near) > 0 and np.mean(np.linalg.norm(off, axis=-1) < allowed) >= 0.5
+    return fits
 
 
 def _corners(search: Search, target: CharucoBoard, first_white: int, markers: _Markers) -> Found:

@@ -2,12 +2,13 @@
 
 Around the corner the image is taken as
 
-    I = a + b x + c y + d erf(p / (sqrt(2) s)) erf(q / (sqrt(2) t))
+    I = a + b x + c y + (d + e x + f y) erf(p / (sqrt(2) s)) erf(q / (sqrt(2) t))
 
 where x, y run from the corner, p and q are the distances to the two edges, which may bend, and
-s and t say how blurred they are. All ten numbers are fitted by least squares over the pixels
+s and t say how blurred they are. All twelve numbers are fitted by least squares over the pixels
 around the corner. Blur of any kind that is its own mirror image, and any tone curve, leave the
-corner where it is, because a corner of four squares looks the same after half a turn.
+corner where it is, because a corner of four squares looks the same after half a turn; light that
+falls off across the corner is what the slopes are for.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _STEPS = 25
-_UNKNOWNS = 10  # corner, two directions, two blurs; level, two slopes, contrast
+_UNKNOWNS = 12  # corner, two directions, two blurs; level and contrast, each with two slopes
 _CONVERGED = 2e-4  # pixels
 _MAX_STEP = 1.0  # pixels
 _FAR = 4.0  # erf is 1 to 2e-8 from here
@@ -81,7 +82,9 @@ def fit_saddles(
         bend = np.zeros((count, 2))
     fitted = np.full((count, _UNKNOWNS + 1), np.nan)
     _fit(image, start, axes, reach, gap, white, bend, fitted)
-    return Saddles(fitted[:, :2], fitted[:, 2:4], fitted[:, 4:6], fitted[:, 9], fitted[:, 10])
+    return Saddles(
+        fitted[:, :2], fitted[:, 2:4], fitted[:, 4:6], fitted[:, 9], fitted[:, _UNKNOWNS]
+    )
 
 
 @_compiled
@@ -130,7 +133,7 @@ def _fit(image, start, axes, reach, gap, white, bend, fitted):
 
 @_compiled
 def _descend(places, values, bend, unknowns, fitted):
-    """Levenberg's descent; the last four unknowns are solved for at once in the first step."""
+    """Levenberg's descent; the last six unknowns are solved for at once in the first step."""
     damping = 1e-3
     normal, gradient, cost = _accumulate(places, values, bend, unknowns)
     linear = np.linalg.solve(normal[6:, 6:].copy(), gradient[6:].copy())
@@ -178,7 +181,6 @@ def _accumulate(places, values, bend, unknowns):
     cosine, sine = math.cos(unknowns[2]), math.sin(unknowns[2])
     other_cosine, other_sine = math.cos(unknowns[3]), math.sin(unknowns[3])
     scale, other_scale = math.sqrt(0.5) / unknowns[4], math.sqrt(0.5) / unknowns[5]
-    contrast = unknowns[9]
     for k in range(len(values)):
         x, y = places[k, 0] - unknowns[0], places[k, 1] - unknowns[1]
         along = cosine * x + sine * y
@@ -187,6 +189,7 @@ def _accumulate(places, values, bend, unknowns):
         other = other_cosine * y - other_sine * x - 0.5 * bend[1] * other_along * other_along
         other *= other_scale
         steep = other_steep = 0.0  # derivatives by the distances, in pixels, from the edges
+        contrast = unknowns[9] + unknowns[10] * x + unknowns[11] * y
         edge = 1.0 if distance > 0 else -1.0
         other_edge = 1.0 if other > 0 else -1.0
         if abs(distance) < _FAR:
@@ -205,6 +208,7 @@ def _accumulate(places, values, bend, unknowns):
         slope[6] = 1.0
         slope[7], slope[8] = x, y
         slope[9] = edge * other_edge
+        slope[10], slope[11] = x * slope[9], y * slope[9]
         left = values[k] - unknowns[6] - unknowns[7] * x - unknowns[8] * y
         left -= contrast * slope[9]
         cost += left * left

@@ -87,6 +87,18 @@ def test_blur_is_measured_and_moves_no_corner(photograph, blur):
     assert error(found, truth) < 0.02
 
 
+@pytest.mark.parametrize("text", BOARDS[:2])
+def test_light_that_falls_off_and_a_tone_curve_move_no_corner(photograph, text):
+    target = parse_target(text)
+    image, truth = photograph(target)
+    light = np.linspace(0.4, 1, 320) * np.linspace(1, 0.6, 240)[:, None]
+    shaded = 255 * (light * image / 255) ** 1.5
+    found = find_target(shaded.astype(np.float32), target)
+    assert len(found.point) == len(target.points)
+    assert error(found, truth) < 0.008
+    assert np.abs((found.uv - truth[found.point]).mean(axis=0)).max() < 0.003
+
+
 @pytest.mark.parametrize("text", [BOARDS[0], BOARDS[1], BOARDS[3]])
 def test_points_keep_their_numbers_however_the_target_is_turned(photograph, text):
     target = parse_target(text)
