@@ -99,6 +99,6 @@ def test_an_improvement_has_to_exceed_chance():
     assert not before.is_improved_by(before)
     assert not before.is_improved_by(Judgement(0.99 * before.squared_errors, 100.0))
     # a 40th less in all, but by gains and losses of each tile that scatter far more
-    scattered = random.normal(size=(4, 50))
+    scattered = random.normal(scale=2.0, size=(4, 50))
     scattered += before.squared_errors.sum() / 40 / scattered.size - scattered.mean()
     assert not before.is_improved_by(Judgement(before.squared_errors - scattered, 100.0))
