@@ -24,7 +24,8 @@ from tomo.wernet.ray_weights import RayWeights, corrections, reweighted
 
 WORTH_LEARNING = 0.95
 """The left-out views' residual must fall below this share of the chord lengths', or these stay:
-with less the corrections explain noise and voxels' edges."""
+with less the corrections explain noise and voxels' edges. So must what an encoder adds to the
+first guess."""
 
 SETTLED = 0.99
 """Training ends when the left-out views' residual falls by less than this factor."""
@@ -127,7 +128,7 @@ class Rounds:
         seen, self.volume = self.volume, self.projector.live.compress(found.volume)
         if judged:
             now = choice.held_out_residual
-            if self.best is None or now < self.best.held_out_residual:
+            if self.best is None or now < self._to_beat(self.best):
                 weights = RayWeights(
                     copy.deepcopy(encoder),
                     copy.deepcopy(tokens),
@@ -149,6 +150,11 @@ class Rounds:
                 self.ended = f"nothing worth learning after round {self.done}"
             self.previous = now if self.done else math.inf  # training is not judged by the guess
         return found.relative_residual
+
+    @staticmethod
+    def _to_beat(best: Learned) -> float:
+        """Return the residual that replaces the best: its few numbers speak for a first guess."""
+        return best.held_out_residual * (1 if best.index else WORTH_LEARNING)
 
     def _choose(self, learned: Projector) -> Choice:
         """Return how to solve with learned weights, and how well left-out views are predicted."""
