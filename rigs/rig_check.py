@@ -159,7 +159,7 @@ def check_rig(
     if weights.shape != (len(found.points),) or not (weights > 0).all():
         raise ValueError(f"weights: found shape {weights.shape}, expected a positive one a point")
     weights = weights / weights.sum()
-    calibrated = calibrated_ray_miss(rig.calibration)
+    calibrated = calibrated_ray_miss(rig)
     miss = calibrated if calibrated is not None else _rms(found.ray_miss)
     check = RigCheck(
         found,
@@ -176,9 +176,14 @@ def check_rig(
     return replace(check, findings=findings(check))
 
 
-def calibrated_ray_miss(calibration: Mapping | None, camera: str | None = None) -> float | None:
-    """Return the ray-miss that a calibration's summary predicts, of the rig or of one camera."""
-    summary = calibration or {}
+def calibrated_ray_miss(rig: Rig, camera: str | None = None) -> float | None:
+    """Return the ray-miss that the rig's calibration predicts, of all or of one camera.
+
+    None without one, and where the rig counts in another unit by now.
+    """
+    summary = rig.calibration or {}
+    if summary.get("length_unit", rig.length_unit) != rig.length_unit:
+        return None
     if camera is None:
         value = summary.get("ray_miss_predicted")
     else:
@@ -230,7 +235,7 @@ def _figures(found: Coverage, voxel: float, weights: NDArray) -> tuple[CameraFig
                 _nan(np.nanmax, found.blur[number]) / voxel,
                 float(between[number].min()) if len(rig) > 1 else math.nan,
                 float(worth[number]),
-                calibrated_ray_miss(rig.calibration, camera.name) or math.nan,
+                calibrated_ray_miss(rig, camera.name) or math.nan,
             )
         )
     return tuple(figures)

@@ -36,6 +36,7 @@ def summary(calibration: Calibration) -> dict[str, Any]:
         "points_used": int(used.sum()),
         "points_left_out": int((~used).sum()),
         "held": calibration.gauge,
+        "length_unit": calibration.rig.length_unit,
         "ray_miss_predicted": _plain(quality.predicted_ray_miss),
         "ray_miss_between_halves": _plain(quality.cross_ray_miss),
         "ray_miss_between_halves_expected": _plain(quality.cross_expected),

@@ -151,6 +151,8 @@ def test_ray_miss_is_the_calibration_s_where_there_is_one():
     answer = check(replace(rig, calibration=summary))
     assert found(answer, "miss each other", "warning").cameras == ("cam03",)
     assert answer.cameras[3].ray_miss == 0.9
+    other_unit = replace(rig, calibration=summary | {"length_unit": "m"})
+    assert check(other_unit).ray_miss_from == "pixel accuracy"
     assert check(rig, pixel_accuracy=5.0).verdict == "not usable"
 
 

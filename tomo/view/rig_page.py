@@ -140,7 +140,8 @@ def target_scene(rig: Rig) -> Scene:
 
     Reads ``calibration.target_poses``: a list of mappings with ``frame`` and ``corners``, the
     corners of the target in order, ``(N, 3)`` in the axes of ``camera``. Those of a camera that
-    the rig has no more are left out. Groups: ``targets, target names``.
+    the rig has no more are left out, and all where the rig counts in another unit by now.
+    Groups: ``targets, target names``.
 
     Raises
     ------
@@ -148,7 +149,9 @@ def target_scene(rig: Rig) -> Scene:
         If a pose is none of that.
     """
     meshes, labels = [], []
-    for index, pose in enumerate((rig.calibration or {}).get("target_poses") or ()):
+    summary = rig.calibration or {}
+    is_same_unit = summary.get("length_unit", rig.length_unit) == rig.length_unit
+    for index, pose in enumerate((summary.get("target_poses") if is_same_unit else ()) or ()):
         name, camera, border = _pose(pose, f"calibration.target_poses[{index}]")
         if camera not in rig:
             continue
