@@ -115,6 +115,8 @@ def test_the_same_bits_again_and_for_any_number_of_threads(scene):
         np.testing.assert_array_equal(each.volume, found[0].volume)
         np.testing.assert_array_equal(length, lengths[0])
         assert each.settings == found[0].settings
+        for entry, first in zip(each.history, found[0].history, strict=True):  # training too
+            assert entry.relative_residual == first.relative_residual
 
 
 def test_the_seed_decides_and_the_global_state_is_left_alone(scene):
