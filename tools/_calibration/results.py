@@ -18,6 +18,9 @@ from tomo.io.atomic import atomic_path
 
 FORMAT, VERSION = "calibration-study", 1
 PAGE, JSON = "calibration.md", "calibration.json"
+PICTURE = "calibration/page.png"
+"""A picture of what calibrate_rig wrote; taken in a browser, shown where it is there."""
+
 _DIGITS = 6
 
 _COLUMNS: Mapping[str, list[Column]] = {
@@ -106,12 +109,12 @@ def save(folder: Path, result: Mapping[str, Any]) -> dict[str, Any]:
     with atomic_path(folder / JSON) as temporary:
         temporary.write_text(json.dumps(result, indent=1) + "\n", "utf-8")
     with atomic_path(folder / PAGE) as temporary:
-        temporary.write_text(page(result), "utf-8")
+        temporary.write_text(page(result, (folder / PICTURE).exists()), "utf-8")
     return result
 
 
-def page(result: Mapping[str, Any]) -> str:
-    """Return the page in Markdown."""
+def page(result: Mapping[str, Any], picture: bool = False) -> str:
+    """Return the page in Markdown; ``picture`` says whether there is one to show."""
     here, exposure = result["machine"], Exposure()
     extent = " x ".join(f"{n * s:g}" for n, s in zip(VOLUME.shape, VOLUME.spacing, strict=True))
     lines = [
@@ -139,6 +142,9 @@ def page(result: Mapping[str, Any]) -> str:
     for name, rows in result["studies"].items():
         if rows:
             lines += ["", f"## {_TITLES[name]}", "", _TEXTS[name], "", table(rows, _COLUMNS[name])]
+    if picture:
+        words_below = f"![What calibrate_rig writes of five cameras]({PICTURE})"
+        lines += ["", "## The page of a calibration", "", words_below]
     return "\n".join(lines) + "\n"
 
 
