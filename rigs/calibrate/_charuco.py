@@ -46,6 +46,7 @@ def find_charuco(search: Search, target: CharucoBoard, both_layouts: bool = True
             if len(found.point):
                 tied = counts.count(counts[best]) == len(counts)
                 return replace(found, legacy=None if tied else layouts[best] == 0)
+            reason = reason or found.reason
         reason = reason or _why(number, target)
     return Found.nothing(reason)
 
@@ -127,14 +128,14 @@ def _corners(search: Search, target: CharucoBoard, first_white: int, markers: _M
     limits = np.array(search.whole.shape[::-1]) - 3
     point = np.flatnonzero(((start > 2) & (start < limits)).all(axis=-1))
     if not is_flat_patch(places[point]):
-        return Found.nothing("too few corners of the board")
+        return Found.nothing("a few markers, but too few corners of the board")
     # 1 where the squares with markers are up left and down right of the corner
     white = np.where(places[point].sum(axis=-1) % 2 == first_white, 1, -1)
     gap = 0.5 * (1 - target.marker / target.square)
     saddles, good = refine_corners(search.whole, places[point], start[point], gap, white)
     good &= np.sign(saddles.contrast) == -white
     if not is_flat_patch(places[point[good]]):
-        return Found.nothing("too few corners of the board")
+        return Found.nothing("too few corners of the board that can be measured")
     return Found(point[good], saddles.uv[good], float(np.median(saddles.blur[good])))
 
 

@@ -11,6 +11,7 @@ from rigs.calibrate._saddle import Saddles, fit_saddles
 
 _REACH = 16.0  # pixels: further out the lens bends the edges more than pixels there tell
 _SMALLEST_SIDE = 5.0  # pixels
+_PLAIN = 0.6  # pixels between the blurred edges of a square and of its marker
 _MARGIN = 1.5  # pixels of a marker's blur, before the blur is known
 
 
@@ -85,6 +86,12 @@ def _fit(image, start, axes, gap, white, blur, bend) -> tuple[Saddles, NDArray[n
         good &= moved < np.maximum(0.2 * side, 1.0)
         good &= saddles.misfit < 0.3 * np.abs(saddles.contrast)
         good &= saddles.blur.max(axis=-1) < 0.25 * side
+        if gap is not None:
+            # Seen at a grazing angle, markers come so close to the edges that they pull the corner
+            # by a tenth of a pixel. Where squares are small in any direction there is no better
+            needed = 2 * saddles.blur.max(axis=-1) + _PLAIN
+            longest = np.linalg.norm(axes, axis=1).max(axis=-1)
+            good &= (gap * side > needed) | (gap * longest < needed)
     return saddles, good
 
 

@@ -210,6 +210,11 @@ class CircleGrid(Drawn):
     ------
     ValueError
         If a field is out of range.
+
+    Notes
+    -----
+    Symmetric grids, and asymmetric ones with an odd number of rows, are their own mirror images:
+    no single image tells that it was flipped.
     """
 
     columns: int
