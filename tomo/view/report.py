@@ -64,6 +64,7 @@ def write_report(
         pictures=shown,
         views=_view_rows(report, results),
         comparisons=_comparison_rows(results),
+        refinement=_refinement(report, results.rig.length_unit),
         details=_details(report),
     )
     with atomic_path(path) as temporary:
@@ -172,16 +173,13 @@ def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
         ("quality", "Against the truth"),
         ("skipping", "What takes no part"),
         ("alignment", "Where the cameras look"),
-        ("refinement", "Refined cameras"),
         ("gains", "Gains and backgrounds"),
         ("learned", "Learned weights"),
         ("settings", "Settings"),
         ("versions", "Versions"),
     ):
         values = report.get(key)
-        if key == "refinement" and values:
-            tables.append((title, _refinement_lines(values)))
-        elif isinstance(values, Mapping) and values:
+        if isinstance(values, Mapping) and values:
             lines = [(str(k).replace("_", " "), _plain(v)) for k, v in values.items()]
             tables.append((title, [line for line in lines if len(line[1]) <= LONGEST_DETAIL]))
     rest = [
@@ -192,25 +190,31 @@ def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
     return [("Run", rest), *tables] if rest else tables
 
 
-def _refinement_lines(refinement: Mapping) -> list[tuple[str, str]]:
+def _refinement(report: Mapping, length_unit: str) -> dict | None:
     """Return what was found of every refined camera, and what held-out rays say of it."""
-    lines = [("accepted", "yes" if refinement["accepted"] else "no")]
-    lines.append(("reason", refinement["reason"]))
-    for key in ("held_out_error_before", "held_out_error_after"):
-        if key in refinement:
-            lines.append((key.replace("_", " "), _number(refinement[key], 4)))
-    for name, own in refinement["cameras"].items():
-        turns = ", ".join(f"{angle:+.3f}" for angle in own["turn_degrees"])
-        moves = ", ".join(f"{length:+.3g}" for length in own["position_right_down_forward"])
-        lines.append(
-            (
-                name,
-                f"moved by {own['moved_pixels']:.2f} px (prior {own['prior_pixels']:.2f} px); "
-                f"turned {turns} degrees and moved {moves} about and along right, down, forward; "
-                f"focal length x {own['focal_length_ratio']:.4f}, gain {own['gain']:.3f}",
-            )
+    found = report.get("refinement")
+    if not found:
+        return None
+    kept = "Used" if found["accepted"] else "Not used"
+    words = (
+        f"{kept}: {found['reason']} (relative error of rays that took no part). Positions and "
+        "turns are along and about each camera's own axes right, down and forward."
+    )
+    titles = ("Camera", "prior (px)", "moved (px)", f"position ({length_unit})")
+    rows = [
+        (
+            name,
+            f"{own['prior_pixels']:.2f}",
+            f"{own['moved_pixels']:.2f}" if "moved_pixels" in own else "not seen",
+            ", ".join(f"{length:+.3g}" for length in own["position_right_down_forward"]),
+            ", ".join(f"{angle:+.3f}" for angle in own["turn_degrees"]),
+            f"x {own['focal_length_ratio']:.4f}",
+            f"{own['gain']:.3f}",
         )
-    return lines
+        for name, own in found["cameras"].items()
+    ]
+    titles += ("turn (degrees)", "focal length", "gain")
+    return {"words": words, "titles": titles, "rows": rows}
 
 
 def _plain(value: object) -> str:
