@@ -17,6 +17,7 @@ from rigs.rig import Rig, Volume
 __all__ = ["Quality", "measure", "ray_miss"]
 
 _COVERAGE_CELLS = 8  # along each side of an image
+_LEAST_SPARE = 60  # degrees of freedom between images that tell their variance
 _HALVES_TOO_POOR = 6.0  # times the ray-miss of the whole: 2 is usual
 
 
@@ -29,7 +30,8 @@ class Quality:
     points : (points, 3) float64
         Where ray-miss is judged: those of a grid that two cameras see.
     predicted_ray_miss : float
-        RMS over points and rays, from the covariance; NaN for one camera.
+        RMS over points and rays, from the covariance; NaN for one camera. The covariance is that
+        of the noise between images where it exceeds that within them.
     camera_ray_miss : (cameras,) float64
         The same for each camera's rays.
     point_ray_miss : (points,) float64
@@ -117,6 +119,8 @@ def measure(
         Naming camera and parameter, if the sightings do not determine the cameras.
     """
     noise, covariance = covariance_of(rig, scene, sightings.where(used), freedom)
+    image_rms, alone_rms, contradiction, excess = _images(scene, sightings, used, freedom)
+    covariance = covariance * excess
     points, seen = judged_points(rig, scene, sightings.where(used), volume)
     squares = np.zeros(seen.shape)
     cross, expected = np.nan, np.nan
@@ -126,10 +130,10 @@ def measure(
         cross, expected = _cross_validated(
             rig, scene, sightings.where(used), freedom, points, whole
         )
+        expected *= float(np.sqrt(excess))
     cameras, frames = len(rig), len(scene.target_t)
     residuals = sightings.uv - predicted(scene, sightings)
     lengths2 = (residuals**2).sum(axis=1)
-    image_rms, alone_rms, contradiction = _images(scene, sightings, used)
     coverage, depths = np.zeros((2, cameras)), np.full((cameras, 2), np.nan)
     for camera in range(cameras):
         own = sightings.where(used & (sightings.camera == camera))
@@ -153,7 +157,7 @@ def measure(
         _group_rms(lengths2, sightings.frame, used, frames),
         *coverage,
         depths,
-        focal_errors(scene, freedom, covariance),
+        focal_errors(scene, freedom, covariance / excess),
         lens_misfit(scene, sightings.where(used), freedom, noise)
         if given_lenses
         else np.zeros(cameras),
@@ -200,11 +204,13 @@ def with_scene(rig: Rig, scene: Scene) -> Rig:
 
 
 def _images(
-    scene: Scene, sightings: Sightings, used: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    scene: Scene, sightings: Sightings, used: NDArray[np.bool_], freedom: Freedom
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
     """Return each image's RMS, that alone, and its contradiction, all ``(cameras, frames)``.
 
-    Of an image that is used in part the rest is not looked at.
+    Of an image that is used in part the rest is not looked at. Last comes by how much the
+    variance between images exceeds that within them, at least 1: errors that the points of an
+    image share do not average out over its points, as in an analysis of variance by groups.
     """
     shape = len(scene.lenses), len(scene.target_t)
     kept = np.zeros(shape, bool)
@@ -237,11 +243,19 @@ def _images(
     variance = by_itself[spare > 0].sum() / max(spare[spare > 0].sum(), 1)
     seen = np.where(number > 0, 1.0, np.nan)
     contradiction = np.sqrt(np.maximum(together - by_itself, 0) / 6 / max(variance, 1e-18))
+    of_image = kept & (2 * number > 6)
+    # Of six numbers an image, frames and camera poses took six each; lenses the better known four
+    spent = 6 * int(kept.any(axis=0).sum()) + 6 * int(freedom.pose.sum())
+    spent += sum(int(lens[:4].sum()) for lens in freedom.lens)
+    left = 6 * int(of_image.sum()) - spent
+    between = float((together - by_itself)[of_image].sum()) / max(left, 1)
+    excess = max(1.0, between / max(variance, 1e-18)) if left >= _LEAST_SPARE else 1.0
     number = np.maximum(number, 1)
     return (
         seen * np.sqrt(together / number),
         seen * np.sqrt(by_itself / number),
         np.where(2 * number > 6, seen, np.nan) * contradiction,
+        excess,
     )
 
 

@@ -164,6 +164,18 @@ def test_covariance_belongs_to_the_parameters(case):
     assert {"fx", "fy", "cx", "cy"} <= held
 
 
+def test_errors_that_an_image_shares_raise_the_prediction(case, judged_volume):
+    """Each image shifted as a whole: residuals hide most of it, the target's pose takes it up."""
+    truth, observations, plain = case
+    shift = 0.05 * np.random.default_rng(5).standard_normal((4, 16, 2))
+    uv = observations.uv + shift[observations.camera, observations.frame]
+    found = calibrate(replace(observations, uv=uv), volume=VOLUME)
+    assert found.noise < 1.2 * plain.noise
+    assert found.quality.predicted_ray_miss > 2 * plain.quality.predicted_ray_miss
+    miss = ray_miss(truth.rig, found.rig, judged_volume(truth))
+    assert miss / 2 < found.quality.predicted_ray_miss < miss * 2
+
+
 def test_coverage_and_depth(case):
     truth, observations, found = case
     quality = found.quality
@@ -224,7 +236,7 @@ def test_a_camera_out_of_step_is_named(simulated_rig):
             for name in ("camera", "frame", "point", "uv")
         },
     )
-    with pytest.raises(ValueError, match="camera cam03: sees the target .* out of step"):
+    with pytest.raises(ValueError, match=r"camera cam03: sees the target .* out of step"):
         calibrate(joined)
 
 
