@@ -11,10 +11,10 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "camera": ["Camera", "look_at"],
         "compare": ["compare_rigs"],
-        "coverage": ["Coverage", "ray_miss"],
+        "coverage": ["Coverage"],
         "distortion": ["Distortion"],
         "file": ["load_rig", "preset", "preset_names", "save_rig"],
-        "lines": ["nearest_point"],
+        "lines": ["nearest_point", "ray_distances", "ray_miss"],
         "optics": ["Optics"],
         "ray_table": ["RayTable"],
         "rig": ["Rig", "Volume"],

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.camera import Camera
-from rigs.coverage import ray_miss
 from rigs.formats._units import in_unit
+from rigs.lines import ray_distances
 from rigs.rig import Rig
 
 _LATTICE = 25  # points along an image's longer side at which lenses are compared
@@ -122,7 +122,9 @@ def compare_rigs(
     middle = np.mean([camera.position for camera in other], axis=0)
     miss = None
     if points is not None:
-        miss = ray_miss(first.without(*set(first.names) - set(names)), moved, points)  # (C, N)
+        miss = ray_distances(
+            first.without(*set(first.names) - set(names)), moved, points
+        )  # (C, N)
     differences = tuple(
         _difference(first[name], moved[name], math.nan if miss is None else _rms(miss[number]))
         for number, name in enumerate(names)

@@ -175,37 +175,6 @@ def expected_ray_miss(
     return np.where(count >= 2, miss, np.nan)
 
 
-def ray_miss(seen_by: Rig, cast_by: Rig, points: ArrayLike) -> NDArray[np.float64]:
-    """Return how far one rig's lines of sight pass from the best common points of another's.
-
-    Points are projected by the cameras of ``seen_by``; their pixels are cast back by the cameras
-    of the same names of ``cast_by``. A common displacement of all cameras changes nothing.
-
-    Returns
-    -------
-    distance : (C, N) float64
-        Of each camera's line from the point nearest to all, in the rigs' length unit; NaN where
-        the camera does not see the point or fewer than two do. The RMS over all is the ray-miss.
-    """
-    points = np.asarray(points, np.float64)
-    directions = np.full((len(points), len(seen_by), 3), np.nan)
-    origins = np.zeros_like(directions)
-    for number, camera in enumerate(seen_by):
-        uv, _, valid = camera.project(points)
-        valid = valid & camera.inside(np.where(valid[:, None], uv, -1e9))
-        origins[valid, number], directions[valid, number] = cast_by[camera.name].rays(uv[valid])
-    there = np.isfinite(directions).all(axis=2)
-    there &= (there.sum(axis=1) >= 2)[:, None]
-    lines = np.where(there[..., None], directions, 0.0)
-    across = (np.eye(3) - lines[..., :, None] * lines[..., None, :]) * there[..., None, None]
-    middle = origins.mean(axis=1)  # (N, 3)
-    right = np.einsum("ncij,ncj->ni", across, origins - middle[:, None])
-    inverse = np.linalg.pinv(across.sum(axis=1), rcond=1e-9, hermitian=True)
-    common = middle + np.einsum("nij,nj->ni", inverse, right)
-    off = np.einsum("ncij,ncj->nci", across, common[:, None] - origins)
-    return np.where(there, np.linalg.norm(off, axis=2), np.nan).T
-
-
 def _view(camera: Camera, points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Return of each point whether it is in the image, a pixel's size and the blur there."""
     uv, depth, valid = camera.project(points)

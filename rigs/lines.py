@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from rigs.rig import Rig
 
 
 def nearest_point(
@@ -33,3 +38,55 @@ def nearest_point(
     right = (across @ (positions - middle)[:, :, None]).sum(axis=0)[:, 0]
     offset, _, _, singular_values = np.linalg.lstsq(across.sum(axis=0), right, rcond=1e-9)
     return middle + offset, float(singular_values[-1])
+
+
+def ray_distances(true: Rig, estimated: Rig, points: ArrayLike) -> NDArray[np.float64]:
+    """Return how far an estimated rig's rays pass from the points they should meet in.
+
+    Points are projected with the true cameras; their pixels are cast back with the estimated
+    cameras of the same names.
+
+    Parameters
+    ----------
+    true, estimated : Rig
+        The estimated one in any world: a common displacement of its cameras changes nothing.
+    points : (N, 3) array_like
+        In the true rig's world.
+
+    Returns
+    -------
+    (C, N) float64
+        Of each camera's ray from the point nearest to all, in the estimated rig's length unit;
+        NaN where the camera does not see the point or fewer than two do.
+
+    Raises
+    ------
+    ValueError
+        If the estimated rig lacks a camera.
+    """
+    points = np.asarray(points, np.float64).reshape(-1, 3)
+    origins, directions = np.full((2, len(points), len(true), 3), np.nan)
+    for number, camera in enumerate(true):
+        uv, _, valid = camera.project(points)
+        valid = valid & camera.inside(np.where(valid[:, None], uv, -9.0))
+        origins[valid, number], directions[valid, number] = estimated[camera.name].rays(uv[valid])
+    there = np.isfinite(origins).all(axis=2) & np.isfinite(directions).all(axis=2)  # (N, C)
+    there &= (there.sum(axis=1) > 1)[:, None]
+    origins, directions = (np.where(there[..., None], a, 0.0) for a in (origins, directions))
+    count = np.maximum(there.sum(axis=1), 1)[:, None, None]
+    middle = origins.sum(axis=1, keepdims=True) / count
+    across = (np.eye(3) - directions[..., :, None] * directions[..., None, :]) * there[
+        ..., None, None
+    ]
+    right = np.einsum("ncij,ncj->ni", across, origins - middle)
+    inverse = np.linalg.pinv(across.sum(axis=1), rcond=1e-9, hermitian=True)
+    nearest = np.einsum("nij,nj->ni", inverse, right)[:, None] + middle
+    off = np.einsum("ncij,ncj->nci", across, nearest - origins)
+    return np.where(there, np.linalg.norm(off, axis=2), np.nan).T
+
+
+def ray_miss(true: Rig, estimated: Rig, points: ArrayLike) -> float:
+    """Return the RMS of `ray_distances`, the figure to judge a rig by; NaN where none is."""
+    distances = ray_distances(true, estimated, points)
+    squares = distances[np.isfinite(distances)] ** 2
+    return float(np.sqrt(squares.mean())) if squares.size else float("nan")

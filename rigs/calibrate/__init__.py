@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "detect": ["Detections", "detections", "find_target", "observe"],
         "image_sets": ["VideoFrame", "image_set"],
         "observations": ["Observations"],
-        "quality": ["Quality", "ray_miss"],
+        "quality": ["Quality"],
         "target_text": ["parse_target"],
         "targets": ["CharucoBoard", "Chessboard", "CircleGrid"],
     },

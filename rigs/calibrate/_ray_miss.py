@@ -1,47 +1,14 @@
-"""Ray-miss: how far the cameras' rays pass from their best common point."""
+"""The ray-miss that a covariance predicts: rays from their best common point."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rigs.calibrate._scene import Freedom, Scene, rays_by_camera
 from rigs.rig import Rig
 
 _BLOCK = 64  # points at a time
-
-
-def ray_miss(true: Rig, estimated: Rig, points: ArrayLike) -> float:
-    """Return the RMS distance of rays from their best common point, in length units.
-
-    Points of the true world are projected with the true cameras; their pixels are cast back with
-    the estimated ones. Free of the estimate's choice of world, and zero for a perfect rig.
-
-    Parameters
-    ----------
-    true, estimated : Rig
-        With the same cameras in the same order.
-    points : (points, 3) array_like
-        Those that fewer than two cameras see are left out.
-
-    Returns
-    -------
-    float
-        NaN if no point is seen by two cameras.
-    """
-    if true.names != estimated.names:
-        raise ValueError(f"estimated: found cameras {estimated.names}, expected {true.names}")
-    points = np.asarray(points, np.float64).reshape(-1, 3)
-    seen = views(true, points)
-    origins, directions = np.zeros((2, len(true), len(points), 3))
-    for index, (camera, other) in enumerate(zip(true, estimated, strict=True)):
-        uv, _, valid = camera.project(points)
-        uv = np.where(valid[:, None], uv, 0.0)
-        origins[index], directions[index] = other.rays(uv)
-        seen[index] &= np.isfinite(directions[index]).all(axis=1)
-    origins, directions = origins.transpose(1, 0, 2), np.nan_to_num(directions).transpose(1, 0, 2)
-    squares, seen = _squares(origins, directions, seen.T)
-    return float(np.sqrt(squares.sum() / seen.sum())) if seen.any() else np.nan
 
 
 def views(rig: Rig, points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -51,25 +18,6 @@ def views(rig: Rig, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         uv, _, valid = camera.project(points)
         seen[index] = valid & camera.inside(np.where(valid[:, None], uv, -9.0))
     return seen
-
-
-def _squares(
-    origins: NDArray, directions: NDArray, seen: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return the squared distances ``(points, cameras)`` of rays from their nearest point.
-
-    The nearest point y solves ``sum (I - d d^T) (y - o) = 0``; rays not ``seen``, or of points
-    with fewer than two, count as zero.
-    """
-    seen = seen & (seen.sum(axis=1) > 1)[:, None]
-    across = (np.eye(3) - directions[..., :, None] * directions[..., None, :]) * seen[
-        ..., None, None
-    ]
-    middle = origins.mean(axis=1, keepdims=True)
-    right = np.einsum("pcij,pcj->pi", across, origins - middle)
-    nearest = np.einsum("pij,pj->pi", _inverse(across.sum(axis=1)), right) + middle[:, 0]
-    miss = np.einsum("pcij,pcj->pci", across, nearest[:, None] - origins)
-    return (miss**2).sum(axis=2), seen
 
 
 def predicted_squares(

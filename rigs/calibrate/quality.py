@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate._covariance import covariance_of, focal_errors, lens_misfit
-from rigs.calibrate._ray_miss import predicted_squares, ray_miss, views
+from rigs.calibrate._ray_miss import predicted_squares, views
 from rigs.calibrate._region import judged_points
 from rigs.calibrate._scene import Freedom, Scene, Sightings, predicted
 from rigs.calibrate.bundle import adjust
+from rigs.lines import ray_miss
 from rigs.rig import Rig, Volume
-
-__all__ = ["Quality", "measure", "ray_miss"]
 
 _COVERAGE_CELLS = 8  # along each side of an image
 _LEAST_SPARE = 60  # degrees of freedom between images that tell their variance

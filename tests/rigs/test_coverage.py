@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigs import Camera, Distortion, Optics, Rig, look_at, nearest_point, ray_miss, ring
+from rigs import Camera, Distortion, Optics, Rig, look_at, nearest_point, ray_distances, ring
 from rigs.coverage import coverage, expected_ray_miss
 
 BALL = np.random.default_rng(0).uniform(-5, 5, (40, 3))
@@ -96,10 +96,12 @@ def test_ray_miss_between_two_rigs_is_free_of_gauge_and_finds_the_camera_moved()
     rig = a_ring(7, pitch_degrees=3.0)
     turn = look_at((3, 1, 2), (0, 0, 0))[0]
     # a displacement of the world moves all lines alike
-    np.testing.assert_allclose(ray_miss(rig, rig.transformed(turn, [1, 2, 3]), BALL), 0, atol=1e-9)
+    np.testing.assert_allclose(
+        ray_distances(rig, rig.transformed(turn, [1, 2, 3]), BALL), 0, atol=1e-9
+    )
     moved = replace(rig[2], t=np.add(rig[2].t, [0.1, 0, 0]))
     other = replace(rig, cameras=(*rig.cameras[:2], moved, *rig.cameras[3:]))
-    miss = np.sqrt((ray_miss(rig, other, BALL) ** 2).mean(axis=1))
+    miss = np.sqrt((ray_distances(rig, other, BALL) ** 2).mean(axis=1))
     assert miss.argmax() == 2
     assert 0.05 < miss[2] < 0.1
     assert miss[[0, 1, 3, 4, 5, 6]].max() < 0.5 * miss[2]

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from phantoms import create
-from rigs import load_rig, ring
-from rigs.calibrate import ray_miss
+from rigs import load_rig, ray_miss, ring
 from tomo import Scan, VoxelGrid
 from tomo.reconstruct import reconstruct
 from tomo.refine.parameters import COUNT, moved_rig

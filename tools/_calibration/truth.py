@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Rig, Volume, nearest_point
+from rigs import Rig, Volume, ray_miss
 from rigs.calibrate import Observations
 
 
@@ -27,23 +27,7 @@ def true_ray_miss(true: Rig, estimated: Rig, volume: Volume, points_per_side: in
     points_per_side : int
         Of the grid of points, the volume's faces included.
     """
-    points = _points(volume, points_per_side)
-    origins, directions, seen = [], [], []
-    for camera in true:
-        uv, _, valid = camera.project(points)
-        origin, direction = estimated[camera.name].rays(uv)
-        origins.append(origin)
-        directions.append(direction)
-        seen.append(valid & camera.inside(uv) & np.isfinite(direction).all(axis=1))
-    origins, directions = np.stack(origins, axis=1), np.stack(directions, axis=1)  # (N, C, 3)
-    squares = []
-    for origin, direction, use in zip(origins, directions, np.stack(seen, axis=1), strict=True):
-        if use.sum() >= 2:
-            point, _ = nearest_point(origin[use], direction[use])
-            away = point - origin[use]
-            along = (away * direction[use]).sum(axis=1, keepdims=True) * direction[use]
-            squares.append(((away - along) ** 2).sum(axis=1))
-    return float(np.sqrt(np.concatenate(squares).mean()))
+    return ray_miss(true, estimated, _points(volume, points_per_side))
 
 
 def in_metres(observations: Observations) -> Observations:

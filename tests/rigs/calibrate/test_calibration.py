@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigs import Distortion, Rig
-from rigs.calibrate import Observations, calibrate, ray_miss
+from rigs import Distortion, Rig, ray_miss
+from rigs.calibrate import Observations, calibrate
 from rigs.calibrate._duplicates import without_repeats
 from rigs.calibrate._lens_choice import TERMS
 

@@ -2,7 +2,8 @@
 
 import time
 
-from rigs.calibrate import calibrate, ray_miss
+from rigs import ray_miss
+from rigs.calibrate import calibrate
 
 
 def test_a_ring_of_twelve_where_neighbours_alone_share_views(simulated_rig, judged_volume):

@@ -6,7 +6,7 @@ import pytest
 
 import phantoms
 import rigs
-from rigs.calibrate import ray_miss
+from rigs import ray_miss
 from tomo import VoxelGrid
 from tomo.refine import refine_cameras
 from tomo.refine.parameters import COUNT, moved_rig
