@@ -1,0 +1,1 @@
+"""Parts of refinement_study.py: disturbed rigs, the real plume, the page."""
