@@ -60,7 +60,7 @@ def check_table(check: RigCheck) -> Table:
             number(figures.footprint_in_voxels, 3),
             number(figures.blur_in_pixels, 2),
             number(figures.nearest_view, 3),
-            number(figures.gap_without, 2),
+            number(round(figures.gap_without, 2), 2),
             number(figures.ray_miss, 3),
         )
         for figures in check.cameras
