@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Camera, Rig
+from rigs.rig_check import calibrated_ray_miss
 from tomo.grid import VoxelGrid
 
 STATUS = {"calibrated": 2.0, "virtual": 2.0, "nominal": 10.0}
@@ -27,13 +25,13 @@ def prior_lengths(rig: Rig, grid: VoxelGrid) -> NDArray[np.float64]:
     """Return each camera's prior in pixels, ``(cameras,)``.
 
     From the ray-miss that the rig's calibration predicts for the camera (``rig.calibration``, as
-    `rigs.calibrate.calibrate` writes it), three times and no less than 0.1 pixel; else 2 pixels,
-    or 10 for a camera whose status is nominal.
+    `rigs.calibrate.calibrate` writes it), three times and no less than 0.1 pixel; else, and where
+    the rig counts in another unit by now, 2 pixels, or 10 for a camera whose status is nominal.
     """
     footprints = rig.footprint(grid.center)
     lengths = []
     for camera, footprint in zip(rig, footprints, strict=True):
-        known = _ray_miss(rig.calibration, camera.name)
+        known = calibrated_ray_miss(rig, camera.name)
         if known is None or camera.status == "nominal" or not footprint > 0:
             lengths.append(STATUS[camera.status])
         else:
@@ -62,12 +60,3 @@ def units(camera: Camera, grid: VoxelGrid) -> NDArray[np.float64]:
     radius = max(float(np.sqrt(spread)), 1.0)
     place = [*[max(depth / focal, 1e-12)] * 3, 1 / focal, 1 / focal, 1 / radius, 1 / radius]
     return np.array([*place, 1.0])
-
-
-def _ray_miss(calibration: Mapping[str, Any] | None, camera: str) -> float | None:
-    """Return what a calibration says of a camera's ray-miss; None where it says nothing."""
-    cameras = (calibration or {}).get("cameras")
-    own = cameras.get(camera) if isinstance(cameras, Mapping) else None
-    found = own.get("ray_miss") if isinstance(own, Mapping) else None
-    is_number = isinstance(found, int | float) and not isinstance(found, bool)
-    return float(found) if is_number and np.isfinite(found) and found >= 0 else None

@@ -133,3 +133,5 @@ def test_priors_come_from_calibration_and_status():
     known = replace(rig, cameras=cameras, calibration=figures)
     assert prior_lengths(known, GRID) == pytest.approx([3 * 0.04 / 0.4, 2, 10])
     assert prior_lengths(replace(known, calibration={"cameras": 3}), GRID).tolist() == [2, 2, 10]
+    other_unit = replace(known, calibration={**figures, "length_unit": "m"})
+    assert prior_lengths(other_unit, GRID).tolist() == [2, 2, 10]
