@@ -148,7 +148,15 @@ def _check(
     prior_pixels: float | None,
 ) -> None:
     for what, found in (("images", images), ("masks", masks)):
-        if found is not None and len(found) != len(rig):
+        if found is None:
+            continue
+        if len(found) != len(rig):
             raise ValueError(f"{what}: found {len(found)}, expected one for each of {len(rig)}")
+        for camera, own in zip(rig, found, strict=True):
+            if np.shape(own) != camera.image_size[::-1]:
+                raise ValueError(
+                    f"{what}: camera {camera.name}: found shape {np.shape(own)}, "
+                    f"expected {camera.image_size[::-1]}"
+                )
     if prior_pixels is not None and not (math.isfinite(prior_pixels) and prior_pixels > 0):
         raise ValueError(f"prior_pixels: found {prior_pixels}, expected pixels above 0")

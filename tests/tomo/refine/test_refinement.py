@@ -190,3 +190,14 @@ def test_tables_of_rays_and_missing_images_are_refused(scene):
         refine_cameras(mixed, images, GRID)
     with pytest.raises(ValueError, match="images: found 11"):
         refine_cameras(rig, images[:11], GRID)
+
+
+@pytest.mark.parametrize("what", ["images", "masks"])
+def test_sizes_that_do_not_fit_the_cameras_are_refused_in_one_line(scene, what):
+    rig, images = scene
+    given = {"images": images, "masks": [np.ones(image.shape, bool) for image in images]}
+    given[what] = [given[what][0][:-2], *given[what][1:]]
+    words = rf"{what}: camera cam00: found shape \(62, 40\), expected \(64, 40\)"
+    with pytest.raises(ValueError, match=words) as error:
+        refine_cameras(rig, given["images"], GRID, masks=given["masks"])
+    assert "\n" not in str(error.value)
