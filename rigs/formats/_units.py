@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
+from typing import Any
 
 from rigs.camera import Camera
 from rigs.ray_table import RayTable
@@ -20,12 +22,27 @@ _METRES = {
     "ft": 0.3048,
 }
 UNKNOWN = "unit"  #: of formats that do not say what their lengths are in
+#: Figures of ``rig.calibration`` that are lengths, wherever they stand in it.
+_LENGTHS = {
+    "ray_miss",
+    "ray_miss_predicted",
+    "ray_miss_between_halves",
+    "ray_miss_between_halves_expected",
+    "pixel_footprint",
+    "depth_range",
+    "corners",  # of target poses
+    "position_right_down_forward",  # of refined cameras
+}
 
 
 def in_unit(rig: Rig, unit: str) -> Rig:
-    """Return ``rig`` with its lengths in ``unit``; lengths of unknown unit are taken to be."""
+    """Return ``rig`` with its lengths in ``unit``; lengths of unknown unit are taken to be.
+
+    Its calibration's figures follow; sentences in it name the unit that they were written in.
+    """
+    calibration = rig.calibration and _calibration_in(rig.calibration, rig.length_unit, unit)
     if rig.length_unit == UNKNOWN or rig.length_unit == unit:
-        return replace(rig, length_unit=unit)
+        return replace(rig, length_unit=unit, calibration=calibration)
     for name in (rig.length_unit, unit):
         if name not in _METRES:
             raise ValueError(f"length_unit: found {name!r}, expected one of {', '.join(_METRES)}")
@@ -35,7 +52,33 @@ def in_unit(rig: Rig, unit: str) -> Rig:
         cameras=tuple(_scaled(camera, factor) for camera in rig),
         length_unit=unit,
         volume=rig.volume and _scaled_volume(rig.volume, factor),
+        calibration=calibration,
     )
+
+
+def _calibration_in(summary: dict[str, Any], rig_unit: str, unit: str) -> dict[str, Any]:
+    """Return a calibration's figures with its lengths in ``unit``.
+
+    As they are where they are in a unit of their own that cannot be told into another.
+    """
+    own = summary.get("length_unit", rig_unit)
+    if own == UNKNOWN:
+        return summary | {"length_unit": unit}
+    if own == unit or not {str(own), unit} <= _METRES.keys():
+        return summary
+    return _lengths_scaled(summary, _METRES[own] / _METRES[unit]) | {"length_unit": unit}
+
+
+def _lengths_scaled(data: Any, factor: float, is_length: bool = False) -> Any:
+    """Return plain data with all lengths in it ``factor`` times as large."""
+    if isinstance(data, Mapping):
+        return {
+            key: _lengths_scaled(value, factor, key in _LENGTHS) for key, value in data.items()
+        }
+    if isinstance(data, list | tuple):
+        return [_lengths_scaled(value, factor, is_length) for value in data]
+    is_number = isinstance(data, int | float) and not isinstance(data, bool)
+    return data * factor if is_length and is_number else data
 
 
 def _scaled(camera: Camera | RayTable, factor: float) -> Camera | RayTable:
