@@ -119,7 +119,6 @@ def reconstruct(
         comparisons = [_comparison(text) for text in compare or ()]
         loaded = _load(scan, rig, images).scaled(scale)
         check_output_volume(out, loaded.rig, loaded.source)
-        _check_rig_file(out, refine_cameras)
         asked = any(option is not None for option in (grid, spacing, center, lower, upper))
         voxels = (
             parse_grid(grid, spacing, center, lower, upper, default=loaded.grid) if asked else None
@@ -194,15 +193,6 @@ def _cameras(text: str | None, rig: Rig) -> list[str] | None:
             raise ValueError("--refine-cameras: found no nominal camera in the rig, expected some")
         return names
     return [name.strip() for name in text.split(",")]
-
-
-def _check_rig_file(out: Path, refining: str | None) -> None:
-    """Refuse to write the refined rig over that of a scan."""
-    if refining is not None and (out / "scan.yaml").exists() and (out / "rig.yaml").exists():
-        raise ValueError(
-            f"--out: found a scan in {out}, expected another folder: its rig.yaml would be "
-            "overwritten by the refined one"
-        )
 
 
 def _number_or_auto(option: str, text: str, kind: type) -> float | str:

@@ -56,7 +56,7 @@ def done(run_tool, scan, tmp_path_factory):
 
 def test_the_refined_rig_is_written_and_better(done, scan, rig):
     out, _ = done
-    given, found = load_rig(scan / "rig.yaml"), load_rig(out / "rig.yaml")
+    given, found = load_rig(scan / "rig.yaml"), load_rig(out / "refined_rig.yaml")
     names = [name for name in rig.names if name != "cam04"]
     before, after = (
         ray_miss(rig.without("cam04"), one.without("cam04"), box()) for one in (given, found)
@@ -140,11 +140,15 @@ def test_bad_requests_are_one_line(run_tool, scan, tmp_path, options, words):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_scan_s_own_rig_is_not_overwritten(run_tool, scan):
+def test_a_scan_s_own_rig_stays_and_a_refined_one_goes_with_its_outcome(run_tool, scan):
     before = (scan / "rig.yaml").read_bytes()
-    result = run_tool("reconstruct", scan, "--refine-cameras", "all", "-o", scan)
-    assert result.exit_code == 2
-    assert "its rig.yaml would be overwritten" in result.stderr.replace("\n", " ")
+    quick = ("--method", "sirt", "--iterations", "2", "-o", scan)
+    refine = ("--refine-cameras", "cam02,cam03", "--refine-prior", "3", "--no-align")
+    assert run_tool("reconstruct", scan, *quick, *refine).exit_code == 0
+    refined = load_rig(scan / "refined_rig.yaml")
+    assert refined["cam02"] != load_rig(scan / "rig.yaml")["cam02"]
+    assert run_tool("reconstruct", scan, *quick).exit_code == 0
+    assert not (scan / "refined_rig.yaml").exists()
     assert (scan / "rig.yaml").read_bytes() == before
 
 

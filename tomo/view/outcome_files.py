@@ -18,8 +18,8 @@ from tomo.view.results import Convergence, Results, draw, write_pictures
 
 PICTURES = ("rig", "slices", "views", "convergence", "difference", "learned")
 
-RIG_FILE = "rig.yaml"
-"""The rig with its refined cameras, where there are any."""
+RIG_FILE = "refined_rig.yaml"
+"""The rig with its refined cameras, where there are any; a scan's own is its ``rig.yaml``."""
 
 VOLUME_FILES = ("volume.npz", "volume.vti", "volume.nrrd")
 
@@ -27,9 +27,9 @@ VOLUME_FILES = ("volume.npz", "volume.vti", "volume.nrrd")
 def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
     """Write everything about a reconstruction into a folder; return the paths.
 
-    ``report.json`` comes last: where it stands, the rest is complete. Pictures of an earlier
-    outcome that this one does not have are removed. Where cameras were refined, ``rig.yaml`` is
-    the rig with them.
+    ``report.json`` comes last: where it stands, the rest is complete. Where cameras were refined,
+    ``refined_rig.yaml`` is the rig with them. Pictures and the rig of an earlier outcome that this
+    one does not have are removed.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -47,7 +47,9 @@ def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
         if folder / f"{name}.png" not in paths:
             (folder / f"{name}.png").unlink(missing_ok=True)
     write_report(folder / "report.html", report, results, pictures)
-    if outcome.refined_rig is not None:
+    if outcome.refined_rig is None:
+        (folder / RIG_FILE).unlink(missing_ok=True)
+    else:
         save_rig(outcome.refined_rig, folder / RIG_FILE)
         paths.append(folder / RIG_FILE)
     with atomic_path(report_file) as temporary:
