@@ -9,7 +9,7 @@ import numpy as np
 
 from rigs import Rig
 from tomo.grid import VoxelGrid
-from tomo.linear_system import LinearSystem
+from tomo.linear_system import LinearSystem, VolumeNotSeenError
 from tomo.support.memory import MemoryNeed, choose_form, estimate_memory
 
 _CROSSINGS = 4_000_000  # of the larger sample: a second
@@ -86,7 +86,7 @@ def _at(crossings: int, few: int, many: int, short: float, long: float) -> float
 
 
 def _sampled(rig: Rig, grid: VoxelGrid, form: str, share: float) -> LinearSystem:
-    """Return the equations of a random share of the pixels that see the grid."""
+    """Return the equations of a random share of the pixels; of more where none sees the grid."""
     rng = np.random.default_rng(0)
     masks = []
     for camera in rig:
@@ -94,4 +94,9 @@ def _sampled(rig: Rig, grid: VoxelGrid, form: str, share: float) -> LinearSystem
         mask = rng.random((height, width)) < share
         mask[height // 2, width // 2] = True  # at least one
         masks.append(mask)
-    return LinearSystem.from_rig(rig, grid, masks=masks, form=form)
+    try:
+        return LinearSystem.from_rig(rig, grid, masks=masks, form=form)
+    except VolumeNotSeenError:
+        if share >= 1:
+            raise
+    return _sampled(rig, grid, form, min(10 * share, 1.0))
