@@ -7,9 +7,20 @@ from numpy.typing import NDArray
 
 from rigs.lines import nearest_point
 
+_SAMPLES = 64  # rays along each side of an image
 _PARALLEL = 1e-9  # certainty a ray of the point nearest to all, below which rays are parallel
 _FAR = 1e3  # spreads of the origins that the eye of parallel rays is put behind them
 _WIDEST = 0.5  # cosine of the angle off the middle up to which rays count
+
+
+def samples(image_size: tuple[int, int], part: float) -> NDArray[np.float64]:
+    """Return pixels ``(N, 2)`` all over the middle part of an image."""
+    axes = []
+    for side in image_size:
+        margin = (1 - part) / 2 * (side - 1)
+        steps = np.linspace(margin, side - 1 - margin, min(side, _SAMPLES))
+        axes.append(np.unique(np.rint(steps)))
+    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
 
 
 def nearest_pinhole(

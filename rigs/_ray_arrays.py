@@ -54,10 +54,11 @@ def origins_for(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[
     return array
 
 
-def pieces(directions: NDArray[np.float64]) -> int:
-    """Return into how many parts holes and jumps cut a table's pixels ``(h, w, 3)``.
+def pieces(directions: NDArray[np.float64]) -> NDArray[np.integer]:
+    """Return the number from 1 of the part each pixel ``(h, w)`` is in; 0 of holes and jumps.
 
-    A jump is a step between neighbours that is far larger than usual.
+    They cut a table's pixels ``(h, w, 3)`` into parts. A jump is a step between neighbours that is
+    far larger than usual.
     """
     from scipy.ndimage import label
 
@@ -69,7 +70,14 @@ def pieces(directions: NDArray[np.float64]) -> int:
         with np.errstate(invalid="ignore"):
             joined[:-1] &= ~(steps[0] > limit)
             joined[:, :-1] &= ~(steps[1] > limit)
-    return int(label(joined)[1])
+    return label(joined)[0]
+
+
+def in_largest(pieces: NDArray[np.integer], xy: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Say of places ``(N, 2)`` of a table whether they are in the largest of its `pieces`."""
+    height, width = pieces.shape
+    x, y = np.clip(np.rint(xy).astype(int), 0, [width - 1, height - 1]).T
+    return pieces[y, x] == 1 + np.bincount(pieces.ravel())[1:].argmax()
 
 
 def finite_or_zero(origins: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.angular_gap import largest_gap
 from rigs.camera import Camera
+from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
 PIXEL_ACCURACY = 0.2
@@ -27,7 +28,7 @@ class Coverage:
     seen : (C, N) bool
         Whether a camera's image holds the point.
     directions : (N, C, 3) float64
-        Unit vectors from the cameras to the points.
+        Unit vectors along the lines of sight, from the cameras to the points.
     footprint : (C, N) float64
         The size of a pixel at the point, across the line of sight; NaN where not seen.
     blur : (C, N) float64
@@ -138,12 +139,8 @@ def coverage(
     blur = np.full(seen.shape, np.nan)
     directions = np.zeros((len(points), len(rig), 3))
     for number, camera in enumerate(rig):
-        seen[number], footprint[number], blur[number] = _view(camera, points)
-        away = points - camera.position
-        distance = np.linalg.norm(away, axis=1, keepdims=True)
-        directions[:, number] = np.where(
-            distance > 0, away / np.where(distance > 0, distance, 1), 0
-        )
+        view = _view(camera, points)
+        directions[:, number], seen[number], footprint[number], blur[number] = view
     gap, normal = largest_gap(directions, seen.T)
     error = footprint * np.broadcast_to(accuracy, len(rig))[:, None]
     miss = expected_ray_miss(directions, np.where(seen, error, np.nan).T)
@@ -175,17 +172,21 @@ def expected_ray_miss(
     return np.where(count >= 2, miss, np.nan)
 
 
-def _view(camera: Camera, points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Return of each point whether it is in the image, a pixel's size and the blur there."""
+def _view(camera: Camera, points: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Return of each point its line of sight, whether it is in the image, pixel size and blur."""
     uv, depth, valid = camera.project(points)
     seen = valid & camera.inside(np.where(valid[:, None], uv, -1e9))
     footprint = np.full(len(points), np.nan)
     blur = np.full(len(points), np.nan)
-    if not seen.any():
-        return seen, footprint, blur
-    away = points[seen] - camera.position
+    away = points - camera.position
     distance = np.linalg.norm(away, axis=1, keepdims=True)
-    along = away / np.maximum(distance, 1e-300)
+    lines = away / np.maximum(distance, 1e-300)  # (N, 3)
+    if not seen.any():
+        return lines, seen, footprint, blur
+    if isinstance(camera, RayTable):  # its rays need not come from one place
+        origins, lines[seen] = camera.rays(uv[seen])
+        distance[seen, 0] = np.linalg.norm(points[seen] - origins, axis=1)
+    along, distance = lines[seen], distance[seen]
     helper = np.eye(3)[np.abs(along).argmin(axis=1)]
     first = np.cross(helper, along)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
@@ -207,4 +208,4 @@ def _view(camera: Camera, points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     if optics and optics.focal_length and optics.f_number and optics.focus_distance:
         aperture = optics.focal_length / optics.f_number
         blur[seen] = aperture * np.abs(1 - depth[seen] / optics.focus_distance)
-    return seen, footprint, blur
+    return lines, seen, footprint, blur

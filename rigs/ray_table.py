@@ -19,15 +19,14 @@ from rigs._image import (
     rows_of,
     scaled_size,
 )
-from rigs._nearest_pinhole import nearest_pinhole
-from rigs._ray_arrays import finite_or_zero, origins_for, pieces, unit_or_nan, vectors
+from rigs._nearest_pinhole import nearest_pinhole, samples
+from rigs._ray_arrays import finite_or_zero, in_largest, origins_for, pieces, unit_or_nan, vectors
 from rigs._ray_interpolation import between, pixels_of
 from rigs._rotation import numbers, rotation
 from rigs.camera import Camera
 from rigs.optics import Optics
 
-_SAMPLES = 64  # rays along each side of the image that tell the nearest pinhole
-_ENOUGH = 16  # of them
+_ENOUGH = 16  # rays that tell the nearest pinhole
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,9 +63,10 @@ class RayTable:
     Notes
     -----
     `position`, `R`, `t` and `camera_matrix` are those of the pinhole nearest to the rays
-    (`rigs._nearest_pinhole`): good for pictures, footprints and first guesses, and never what
-    `rays` and `project` go by. Of a point that is seen several times over, `project` gives one
-    pixel. Rays are extrapolated up to 8 table pixels beyond the outermost centres.
+    (`rigs._nearest_pinhole`), of the largest view where there are several in the image: good for
+    pictures, footprints and first guesses, and never what `rays` and `project` go by. Of a point
+    that is seen several times over, `project` gives one pixel. Rays are extrapolated up to 8
+    table pixels beyond the outermost centres.
 
     Examples
     --------
@@ -152,31 +152,20 @@ class RayTable:
     @cached_property
     def _pinhole(self) -> tuple[NDArray, NDArray, NDArray]:
         """Camera matrix, R and position of the pinhole nearest to the rays."""
-        for part in (0.5, 1.0):  # lenses bend least in the middle
-            uv = self._samples(part)
+        for part in (0.5, 1.0, None):  # lenses bend least in the middle
+            uv = samples(self.image_size, part) if part else pixel_centres(self.image_size)
             origins, directions = self.rays(uv)
             seen = np.isfinite(directions).all(axis=1)
+            if not self.sees_once:
+                seen &= in_largest(self._pieces, self._places(uv))
             if seen.sum() >= _ENOUGH:
                 break
-        else:
-            uv = pixel_centres(self.image_size)
-            origins, directions = self.rays(uv)
-            seen = np.isfinite(directions).all(axis=1)
         if not seen.any():
             raise ValueError(f"camera {self.name}: found no pixel that sees, expected one")
         found = nearest_pinhole(uv[seen], origins[seen], directions[seen])
         for array in found:
             array.setflags(write=False)
         return found
-
-    def _samples(self, part: float) -> NDArray[np.float64]:
-        """Return pixels ``(N, 2)`` all over the middle part of the image."""
-        axes = []
-        for side in self.image_size:
-            margin = (1 - part) / 2 * (side - 1)
-            steps = np.linspace(margin, side - 1 - margin, min(side, _SAMPLES))
-            axes.append(np.unique(np.rint(steps)))
-        return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
 
     @property
     def camera_matrix(self) -> NDArray[np.float64]:
@@ -201,7 +190,12 @@ class RayTable:
     @cached_property
     def sees_once(self) -> bool:
         """Whether the pixels that see hang together: else a point may have several images."""
-        return pieces(self.directions) <= 1
+        return bool(self._pieces.max() <= 1)
+
+    @cached_property
+    def _pieces(self) -> NDArray[np.integer]:
+        """The view that each pixel of the table belongs to, ``(h, w)``."""
+        return pieces(self.directions)
 
     @cached_property
     def _is_whole(self) -> bool:
@@ -256,11 +250,14 @@ class RayTable:
                 ).copy()
             uv = pixel_centres(self.image_size)
         uv = rows_of(uv, 2, "pixel coordinates")
-        xy = (uv + 0.5) * self.scale - 0.5 + self.offset
-        rays = between(self.origins, self.directions, xy)
+        rays = between(self.origins, self.directions, self._places(uv))
         with np.errstate(invalid="ignore", divide="ignore"):
             directions = rays.direction / np.linalg.norm(rays.direction, axis=1, keepdims=True)
         return finite_or_zero(rays.origin), directions
+
+    def _places(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the places of pixel coordinates in the table, column and row ``(N, 2)``."""
+        return (uv + 0.5) * self.scale - 0.5 + self.offset
 
     def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
         """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels."""

@@ -213,6 +213,25 @@ def test_tables_of_rays_are_judged_like_the_cameras_they_stand_for():
     assert "cam04" in found(check(blind), "nothing of the volume").cameras
 
 
+def test_two_views_in_one_image_count_as_two_cameras_do():
+    rig = a_ring(5)
+    left, right = (RayTable.of(camera) for camera in rig[:2])
+    width, height = rig[0].image_size
+    directions = np.concatenate([left.directions, right.directions], axis=1)
+    directions[:, width] = np.nan  # the edge of the mirror
+    origins = np.repeat([left.position, right.position], width, axis=0)
+    table = RayTable("split", np.broadcast_to(origins, (height, 2 * width, 3)), directions)
+    far = np.linalg.norm(table.position - [left.position, right.position], axis=1)
+    assert far.min() < 1e-3  # not between both, where the views cross
+    answer = check(replace(rig, cameras=(table, *rig.cameras[2:])))
+    assert not any("inside the volume" in finding.text for finding in answer.findings)
+    own = answer.coverage.directions[:, 0]
+    truth = [answer.coverage.points - camera.position for camera in (left, right)]
+    off = [1 - (own * t / np.linalg.norm(t, axis=1, keepdims=True)).sum(axis=1) for t in truth]
+    assert np.minimum(*off)[answer.coverage.seen[0]].max() < 1e-9
+    assert answer.cameras[0].footprint == pytest.approx(check(rig).cameras[0].footprint, rel=0.02)
+
+
 def test_points_stand_for_the_parts_of_the_volume_that_they_are_given():
     rig = changed(a_ring(3), aimed_aside)
     weights = np.where(POINTS[:, 1] < 0, 3.0, 1.0)
