@@ -188,3 +188,7 @@ def test_poses_of_targets_that_are_none_are_told(run_tool, tmp_path, two_rigs):
     done = run_tool("visualize_rig", two_rigs[0], "-o", tmp_path / "out.html")
     assert done.exit_code == 2
     assert "calibration.target_poses[0]: found" in done.stderr
+    rigs.save_rig(replace(rig, calibration={"target_poses": 5}), two_rigs[0])
+    done = run_tool("visualize_rig", two_rigs[0], "-o", tmp_path / "out.html")
+    assert done.exit_code == 2
+    assert "calibration.target_poses: found '5', expected a list" in done.stderr

@@ -146,12 +146,15 @@ def target_scene(rig: Rig) -> Scene:
     Raises
     ------
     ValueError
-        If a pose is none of that.
+        If they are none of that.
     """
     meshes, labels = [], []
     summary = rig.calibration or {}
     is_same_unit = summary.get("length_unit", rig.length_unit) == rig.length_unit
-    for index, pose in enumerate((summary.get("target_poses") if is_same_unit else ()) or ()):
+    poses = (summary.get("target_poses") if is_same_unit else None) or []
+    if not isinstance(poses, list | tuple):
+        raise ValueError(f"calibration.target_poses: found {str(poses)[:60]!r}, expected a list")
+    for index, pose in enumerate(poses):
         name, camera, border = _pose(pose, f"calibration.target_poses[{index}]")
         if camera not in rig:
             continue
