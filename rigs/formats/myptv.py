@@ -7,8 +7,11 @@ ray of pixel (eta, zeta), column and row with centres at integers, is::
     Z = [eta, zeta, eta^2, zeta^2, eta zeta, eta^3, eta^2 zeta, eta zeta^2, zeta^3]
 
 E is 3 x 5 or 3 x 9. Without the correction (E = 0) that is a pinhole, ``x_cam = M (X - O)``; with
-it the camera becomes a table of rays. The files hold no image size w, h; lengths are in mm.
-Source: ``myptv/imaging_mod.py`` at https://github.com/ronshnapp/MyPTV.
+it the camera becomes a table of rays. Lengths are in mm. Files from 2024 on have a line ``Tsai
+model camera`` before the name and the image size w, h after it; older ones hold no image size.
+MyPTV's other model, extendedZolof, is refused.
+Source: ``myptv/imaging_mod.py`` and ``myptv/TsaiModel/camera.py`` at
+https://github.com/ronshnapp/MyPTV.
 """
 
 from __future__ import annotations
@@ -22,13 +25,21 @@ from rigs._image import pixel_centres
 from rigs._text import read_text
 from rigs.camera import Camera
 from rigs.formats._image_size import required_size
-from rigs.formats._values import as_number, errors_of, errors_of_file, numbers_of_line, read_head
+from rigs.formats._values import (
+    as_count,
+    as_number,
+    errors_of,
+    errors_of_file,
+    numbers_of_line,
+    read_head,
+)
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
 LENGTH_UNIT = "mm"
 _COUNTS = (3, 3, 1, 2)  # of numbers in the lines after the name
 _TERMS = (5, 9)
+_TAG, _OTHER_MODEL = "Tsai model camera", "extendedZolof"  # how newer files begin
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -36,6 +47,9 @@ def looks_like(path: Path, head: str) -> bool:
     if path.is_dir():
         return bool(_files_of(path))
     lines = head.strip("\n").split("\n")
+    if lines[0].startswith(_OTHER_MODEL):
+        return True  # to say what it is
+    lines, _ = _untagged(lines)
     if len(lines) != 8 or not lines[0].strip():
         return False
     counts = [_count_of_numbers(line) for line in lines[1:]]
@@ -70,6 +84,13 @@ def _files_of(folder: Path) -> list[Path]:
     ]
 
 
+def _untagged(lines: list[str]) -> tuple[list[str], str | None]:
+    """Return the lines that older files have too, and that of the image size, if there is one."""
+    if lines[0].strip() != _TAG or len(lines) < 3:
+        return lines, None
+    return [lines[1], *lines[3:]], lines[2]
+
+
 def _count_of_numbers(line: str) -> int:
     """Return how many numbers a line is made of, or -1."""
     try:
@@ -80,9 +101,15 @@ def _count_of_numbers(line: str) -> int:
 
 def _camera(text: str, image_size: tuple[int, int] | None) -> Camera | RayTable:
     """Return the camera of a file."""
-    name, *lines = text.strip("\n").split("\n")
+    lines, size_line = _untagged(text.strip("\n").split("\n"))
+    if lines[0].startswith(_OTHER_MODEL):
+        raise ValueError(f"model: found {_OTHER_MODEL}, expected {_TAG}")
+    name, *lines = lines
     name = name.strip()
     with errors_of(f"camera {name}"):
+        if size_line is not None:
+            size = numbers_of_line(size_line.split(), ("width", "height"))
+            image_size = (as_count(size[0], "width"), as_count(size[1], "height"))
         if len(lines) != 7:
             raise ValueError(f"found {1 + len(lines)} lines, expected 8")
         words = [line.split() for line in lines]

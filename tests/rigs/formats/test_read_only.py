@@ -307,6 +307,34 @@ def test_myptv(tmp_path, focal):
         formats.load(tmp_path)
 
 
+def newer(text, size="320 256"):
+    """A file as myptv/TsaiModel/camera.py writes it."""
+    name, rest = text.split("\n", 1)
+    return f"Tsai model camera\n{name}\n{size} \n{rest}"
+
+
+def test_myptvs_newer_files_hold_the_image_size(tmp_path):
+    older, file = tmp_path / "older", tmp_path / "newer" / "cam1"
+    file.parent.mkdir()
+    older.write_text(myptv_text(MYPTV))
+    file.write_text(newer(myptv_text(MYPTV)))
+    assert formats.sniff(file) == formats.sniff(file.parent) == "myptv"
+    rig = formats.load(file.parent)
+    assert rig["cam1"].image_size == (320, 256)
+    assert rig["cam1"] == formats.load(older, image_size=(320, 256))["cam1"]
+    with pytest.raises(ValueError, match=r"image_size: found \(640, 480\), expected \(320, 256\)"):
+        formats.load(file, image_size=(640, 480))
+    for text, message in (
+        (newer(myptv_text(MYPTV), "320"), "camera cam1: found 1 values, expected 2: width height"),
+        (newer(myptv_text(MYPTV), "0 256"), "camera cam1: width: found 0.0"),
+        ("Tsai model camera\n", "camera Tsai model camera: found 1 lines, expected 8"),
+        ("extendedZolof \ncam1\nO 0 1.0\n", "model: found extendedZolof, expected Tsai model"),
+    ):
+        file.write_text(text)
+        with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")):
+            formats.load(file, "myptv")
+
+
 def test_myptv_with_a_correction_is_a_table_of_rays(tmp_path):
     E = np.array([[6e-3, -1e-2, -7e-6, 9e-7, 1.2e-5], [9e-3, -9e-3, -3e-6, 9e-6, -8e-6], [0] * 5])
     values = MYPTV | {"E": E, "xh, yh": [-59.0, -14.5], "f": 1600.0}
