@@ -121,7 +121,8 @@ def _fit(image, start, axes, reach, gap, white, bend, fitted):
                 places[used, 0], places[used, 1] = column, row
                 values[used] = image[row, column]
                 used += 1
-        if used < 3 * _UNKNOWNS:
+        # Where nothing is to be seen the equations are singular
+        if used < 3 * _UNKNOWNS or values[:used].min() == values[:used].max():
             continue
         unknowns = np.zeros(_UNKNOWNS)
         unknowns[0], unknowns[1] = u, v

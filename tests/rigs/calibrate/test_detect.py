@@ -141,6 +141,14 @@ def test_a_part_of_a_charuco_board_is_enough(photograph):
     assert (np.diff(found.point) > 0).all()
 
 
+def test_a_black_hole_in_the_image_hides_the_corner_in_it_and_no_other(photograph):
+    target = parse_target("charuco:4x3:1.0:0.5:DICT_4X4_50")
+    image, truth = photograph(target, fill=0.5)
+    column, row = np.round(truth[1]).astype(int)
+    image[row - 18 : row + 19, column - 18 : column + 19] = 0
+    assert find_target(image, target).point.tolist() == [0, 2, 3, 4, 5]
+
+
 def test_both_layouts_of_a_charuco_board_are_tried(photograph):
     target = parse_target("charuco:5x4:0.054:0.0405:DICT_4X4_1000")
     image, truth = photograph(replace(target, legacy=True))
