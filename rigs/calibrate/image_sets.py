@@ -96,8 +96,8 @@ def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, 
 def read_source(source: Source) -> NDArray:
     """Return the grey image ``(rows, columns)`` of a source, in the numbers stored.
 
-    Colour becomes grey by its luminance. How a file says it should be turned for viewing is
-    passed over: calibration is about the sensor.
+    Colour, blue first as OpenCV has it, becomes grey by its luminance. How a file says it should
+    be turned for viewing is passed over: calibration is about the sensor.
 
     Raises
     ------
@@ -206,16 +206,23 @@ def _count_pictures(path: Path) -> int:
 
 def _grey(image: NDArray, name: str) -> NDArray:
     """Return a colour image's luminance, a grey image as it is."""
-    if image.ndim == 3 and image.shape[2] in (1, 3, 4):
-        if image.shape[2] > 1:
-            code = cv2.COLOR_BGR2GRAY if image.shape[2] == 3 else cv2.COLOR_BGRA2GRAY
-            image = cv2.cvtColor(image, code)
-        image = image.reshape(image.shape[:2])
-    if image.ndim != 2 or min(image.shape) < 2 or image.dtype.kind not in "uif":
+    channels = image.shape[2] if image.ndim == 3 else 1
+    if (
+        image.ndim not in (2, 3)
+        or channels not in (1, 3, 4)
+        or min(image.shape[:2]) < 2
+        or image.dtype.kind not in "uif"
+    ):
         raise ValueError(
             f"{name}: found shape {image.shape} of {image.dtype}, expected an image in grey or "
             "colour"
         )
+    if channels > 1:
+        if image.dtype not in (np.uint8, np.uint16):
+            image = image.astype(np.float32)  # no other kind of number is made grey by OpenCV
+        code = cv2.COLOR_BGR2GRAY if channels == 3 else cv2.COLOR_BGRA2GRAY
+        image = cv2.cvtColor(image, code)
+    image = image.reshape(image.shape[:2])
     if image.dtype.kind == "f" and not np.isfinite(image).all():
         raise ValueError(f"{name}: found NaN or infinite pixels, expected finite ones")
     return image

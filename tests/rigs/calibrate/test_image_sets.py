@@ -148,6 +148,18 @@ def test_folders_that_hold_no_image_set_are_named(tmp_path):
         image_set(tmp_path)
 
 
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "int16", "int32", "float32", "float64"])
+def test_colour_of_any_number_becomes_grey(kind):
+    image = np.stack([board() // 2] * 3, axis=-1).astype(kind)
+    np.testing.assert_allclose(read_source(image), image[:, :, 0], atol=1e-3)
+
+
+def test_an_array_that_is_no_image_is_told():
+    for array in (np.ones((8, 8, 3), bool), np.ones((0, 8, 3)), np.ones((8, 8, 2)), np.ones(8)):
+        with pytest.raises(ValueError, match="expected an image in grey or colour"):
+            read_source(array)
+
+
 def damage_size(path):
     cv2.imwrite(str(path), board(size=(240, 160)))
 
