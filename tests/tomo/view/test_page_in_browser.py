@@ -71,6 +71,15 @@ def opened(open_page, page):
     return open_page(page, (1150, 720))
 
 
+def test_no_button_sends_the_rig_to_anyone(opened):
+    titles = opened.evaluate(
+        "return [...document.querySelectorAll('.modebar-btn')].map((b) => b.dataset.title);"
+    )
+    assert any(title.startswith("Download") for title in titles)
+    assert not [title for title in titles if "hare" in title or "loud" in title]
+    assert opened.evaluate("return plot._context.plotlyServerURL;") == ""
+
+
 def test_every_layer_switches_what_it_names_and_maps_replace_each_other(opened):
     found = opened.evaluate(
         """
