@@ -59,7 +59,10 @@ def load_ray_table(
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file, which camera {name} has for ray_table")
     try:
-        with np.load(path, allow_pickle=False) as data:
+        data = np.load(path, allow_pickle=False)
+        if not isinstance(data, np.lib.npyio.NpzFile):
+            raise ValueError("found a single array")
+        with data:
             found = {key: data[key] for key in data.files}
     except _UNREADABLE as error:
         raise ValueError(f"{where}: {file}: not a readable .npz: {error}") from None

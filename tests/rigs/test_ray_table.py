@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rigs import Camera, Distortion, Optics, RayTable, Rig, load_rig, look_at, save_rig
+from rigs.ray_file import load_ray_table
 
 LENSES = {
     "none": (),
@@ -317,6 +318,13 @@ def test_bad_files_are_refused_in_one_line(tmp_path, entry, arrays, message):
         load_rig(path)
     assert str(error.value).startswith(f"{path}: {message}")
     assert "\n" not in str(error.value)
+
+
+def test_a_single_array_under_the_name_of_several_is_refused(tmp_path):
+    with (tmp_path / "rays.npz").open("wb") as file:
+        np.save(file, np.ones((3, 4, 3)))
+    with pytest.raises(ValueError, match=r"rays.npz: not a readable .npz: found a single array"):
+        load_ray_table("a", "rays.npz", tmp_path)
 
 
 def test_pickles_are_not_opened(tmp_path):
