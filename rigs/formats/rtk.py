@@ -20,6 +20,7 @@ its documentation, http://www.openrtk.org/Doxygen/DocGeo3D.html.
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from xml.sax.saxutils import escape
 
@@ -149,4 +150,4 @@ def _projection(camera: Camera) -> str:
 
 def _comment(text: str) -> str:
     """Return text that may stand in a comment of XML."""
-    return escape(text).replace("--", "- -")
+    return re.sub("-(?=-)", "- ", escape(text))

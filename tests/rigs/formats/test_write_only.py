@@ -4,6 +4,7 @@ import json
 import math
 import re
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -144,6 +145,13 @@ def test_lengths_of_tables_are_converted(tmp_path):
     found = formats.load(tmp_path / "rig.yaml", length_unit="mm")["a"]
     np.testing.assert_array_equal(found.origins[1, 1], [1000, 2000, 3000])
     np.testing.assert_array_equal(found.directions, table.directions)
+
+
+def test_rtk_files_are_xml_whatever_the_names(make_rig, tmp_path):
+    camera = make_rig("none")[0]
+    rig = Rig(tuple(replace(camera, name=name) for name in ("a---b", "c--", "d<&e")))
+    formats.save(rig, tmp_path / "geometry.xml")
+    assert len(ElementTree.parse(tmp_path / "geometry.xml").findall("Projection")) == 3
 
 
 def test_rtk_refuses_skew(make_rig, tmp_path):
