@@ -36,13 +36,17 @@ _FIELDS = {
 _SCALE_KEYS = ("scale", "offset", "applied_scale", "applied_transform")
 
 
-def load_transforms(path: str | os.PathLike) -> tuple[Rig, Frames]:
+def load_transforms(
+    path: str | os.PathLike, image_size: tuple[int, int] | None = None
+) -> tuple[Rig, Frames]:
     """Return the rig and the images of a ``transforms.json``.
 
     Parameters
     ----------
     path : path
         Intrinsics may stand once for all or in each entry, which wins.
+    image_size : (int, int), optional
+        Width and height in pixels where the file holds none, as those of rendered scenes.
 
     Returns
     -------
@@ -68,6 +72,8 @@ def load_transforms(path: str | os.PathLike) -> tuple[Rig, Frames]:
     """
     path = Path(path)
     data = read_json_mapping(path)
+    if image_size is not None:
+        data = {"w": image_size[0], "h": image_size[1], **data}
     entries = data.get("frames")
     if not isinstance(entries, list) or not entries:
         raise ValueError(f"{path}: frames: found {shortened(entries)}, expected a list of entries")
@@ -149,7 +155,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     """Return the rig alone of a ``transforms.json``: see `load_transforms`."""
-    return load_transforms(path)[0]
+    return load_transforms(path, image_size)[0]
 
 
 def save(rig: Rig, path: Path) -> None:

@@ -118,6 +118,16 @@ def test_a_field_of_view_stands_for_the_focal_length(tmp_path):
     np.testing.assert_allclose(K, [[320, 0, 319.5], [0, 320, 239.5], [0, 0, 1]])
 
 
+def test_an_image_size_serves_files_without_one(tmp_path):
+    path = write(tmp_path, {"camera_angle_x": 0.69, "frames": [entry("./train/r_0")]})
+    with pytest.raises(ValueError, match=r"frames\[0\] \(./train/r_0\): w: missing"):
+        formats.load(path)
+    camera = formats.load(path, image_size=(800, 600))[0]
+    assert camera.image_size == (800, 600)
+    assert camera.camera_matrix[0, 0] == pytest.approx(400 / np.tan(0.345))
+    assert camera.camera_matrix[:2, 2].tolist() == [399.5, 299.5]
+
+
 def test_rotations_that_passed_through_float32_are_mended(tmp_path):
     image = entry("a/0.png", (1, 2, 3))
     image["transform_matrix"] = np.round(image["transform_matrix"], 5).tolist()
