@@ -14,8 +14,7 @@ from rigs.rig_check import Finding, angles_to_middle, short, slip_points
 from rigs.slips import find_slips
 
 if TYPE_CHECKING:
-    from rigs.camera import Camera
-from rigs.rig_check import RigCheck
+    from rigs.rig_check import RigCheck
 
 _LEVELS = ("fault", "warning", "note")
 _AXES = "xyz"

@@ -7,9 +7,10 @@ ray of pixel (eta, zeta), column and row with centres at integers, is::
     Z = [eta, zeta, eta^2, zeta^2, eta zeta, eta^3, eta^2 zeta, eta zeta^2, zeta^3]
 
 E is 3 x 5 or 3 x 9. Without the correction (E = 0) that is a pinhole, ``x_cam = M (X - O)``; with
-it the camera becomes a table of rays. Lengths are in mm. Files from 2024 on have a line ``Tsai
-model camera`` before the name and the image size w, h after it; older ones hold no image size.
-MyPTV's other model, extendedZolof, is refused.
+it the camera becomes a table of rays. Lengths are in mm. Newer files have a line ``Tsai model
+camera`` before the name and the image size w, h after it; older ones hold no image size. None
+says which of eta and zeta counts columns: one calibrated with the two in the other order comes out
+mirrored, and looks away from its scene. MyPTV's other model, extendedZolof, is refused.
 Source: ``myptv/imaging_mod.py`` and ``myptv/TsaiModel/camera.py`` at
 https://github.com/ronshnapp/MyPTV.
 """
