@@ -136,7 +136,10 @@ def read_json_mapping(path: str | os.PathLike) -> dict[str, Any]:
 
 
 def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
-    """Refuse aliases, repeated keys and deep nesting, before anything is built from them."""
+    """Refuse aliases, repeated keys and deep nesting, before anything is built from them.
+
+    Keys become text as they are written: cameras and frames are called 01 or 000012.
+    """
     seen: set[int] = set()
     waiting = [(root, 0)]
     while waiting:
@@ -157,13 +160,14 @@ def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
                 if key.value in keys:
                     raise ValueError(f"{path}: {key.value}: found twice in one mapping")
                 keys.add(key.value)
+                key.tag = "tag:yaml.org,2002:str"
                 waiting += [(key, depth + 1), (value, depth + 1)]
 
 
 def _plain(value: Any) -> Any:
-    """Return ``value`` with dates as text and every key as text."""
+    """Return ``value`` with dates as text."""
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, set)):
         return [_plain(item) for item in value]
     if isinstance(value, (datetime.date, datetime.datetime)):

@@ -165,28 +165,11 @@ def _world(text: str | None) -> Any:
     """Return a name as it is, and the positions in a file."""
     if text is None or Path(text).suffix.lower() not in (".yaml", ".yml"):
         return text
-    import yaml
+    from rigs._rotation import numbers
+    from rigs._text import read_yaml_mapping
 
-    path = Path(text)
-    if not path.is_file():
-        raise FileNotFoundError(f"{path}: no such file, expected positions by name")
-    try:
-        positions = yaml.safe_load(path.read_text("utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: no YAML file: {error}") from None
-    if not isinstance(positions, dict) or not all(_is_point(p) for p in positions.values()):
-        raise ValueError(
-            f"{path}: found no mapping of names to positions, expected NAME: [x, y, z]"
-        )
-    return {str(name): point for name, point in positions.items()}
-
-
-def _is_point(point: object) -> bool:
-    return (
-        isinstance(point, list)
-        and len(point) == 3
-        and all(isinstance(x, int | float) and math.isfinite(x) for x in point)
-    )
+    positions = read_yaml_mapping(text)
+    return {name: numbers(point, (3,), f"{text}: {name}") for name, point in positions.items()}
 
 
 def _notes(found: ImageSet, seen: Detections) -> list[str]:

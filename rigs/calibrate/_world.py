@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs._rotation import numbers
 from rigs.calibrate._scene import Scene
 
 
@@ -64,10 +65,7 @@ def _aligned(
     """
     given, found = [], []
     for name, position in world.items():
-        array = np.asarray(position, np.float64)
-        if array.shape != (3,) or not np.isfinite(array).all():
-            raise ValueError(f"world: {name}: found {position!r}, expected three numbers")
-        given.append(array)
+        given.append(numbers(position, (3,), f"world: {name}"))
         if name in cameras:
             index = cameras.index(name)
             found.append(-scene.camera_R[index].T @ scene.camera_t[index])

@@ -140,6 +140,37 @@ def test_lenses_that_are_given_stay_and_the_world_is_where_it_was_asked_for(
         np.testing.assert_allclose(camera.position, positions[camera.name], atol=0.3)
 
 
+def test_names_of_numbers_are_taken_as_they_are_written(run_tool, tmp_path, images):
+    """YAML has 010 for eight."""
+    for number, camera in enumerate(CAMERAS):
+        (images / camera).rename(images / f"0{number + 9}")
+    (tmp_path / "world.yaml").write_text(
+        "09: [0, 0, 0]\n010: [0, 1, 0]\n011: [1, 0, 0]\n", "utf-8"
+    )
+    done = run_tool(
+        "calibrate_rig", images, "--target", TARGET, "-o", tmp_path / "rig.yaml",
+        "--world", tmp_path / "world.yaml", "--rescale",
+    )  # fmt: skip
+    assert done.exit_code == 0, (done.stderr, done.exception)
+    assert "given positions of 09, 010, 011" in load_rig(tmp_path / "rig.yaml").world_frame
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("- 1", "world.yaml: found list, expected a YAML mapping"),
+        ("cam00: [1, 2]", "world.yaml: cam00: found shape (2,), expected 3 numbers"),
+        ("cam00: here", "world.yaml: cam00: found 'here', expected 3 numbers"),
+        ("cam00: [1, 2, .nan]", "world.yaml: cam00: found NaN or infinity"),
+        ("cam00: [1, 2, 3", "world.yaml: broken YAML"),
+        ("a: [1, 2, 3]\na: [1, 2, 3]", "world.yaml: a: found twice"),
+    ],
+)
+def test_a_world_file_that_will_not_do(refused, tmp_path, text, words):
+    (tmp_path / "world.yaml").write_text(text, "utf-8")
+    assert words in refused(tmp_path, "--world", tmp_path / "world.yaml")
+
+
 def turned_into(image, change):
     """Rewrite an image file."""
     assert cv2.imwrite(str(image), change(cv2.imread(str(image), cv2.IMREAD_GRAYSCALE)))

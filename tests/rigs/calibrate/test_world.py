@@ -77,7 +77,7 @@ def test_a_mirrored_world_is_met_as_well_as_a_rotation_can(scene):
         ("nothing", "world: found 'nothing', expected the name"),
         ("c", "world: frame c: found no pose"),
         ({"left": [0, 0, 0], "top": [1, 0, 0]}, "world: found 2 positions"),
-        ({"left": [0, 0], "top": [1, 0, 0]}, "world: left: found .*three numbers"),
+        ({"left": [0, 0], "top": [1, 0, 0]}, "world: left: found .*3 numbers"),
         ({"left": [0, 0, 0], "top": [1, 0, 0], "low": [2, 0, 0]}, "not on a line"),
         ({"left": [0, 0, 0], "nobody": [1, 0, 0]}, "world: found 'nobody'"),
     ],
