@@ -17,8 +17,9 @@ The formats, r read and w written:
 \b
 {formats}
 
-What a format cannot hold (a lens model, skew) is refused, never dropped. Formats tell by content
-what they are, or by the ending of the file to write.
+A lens or a skew that a format cannot hold is refused, never dropped; what no format but ours holds
+(lens data, volume, world, calibration's figures) stays behind. Formats tell by content what they
+are, or by the ending of the file to write.
 """
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rigs._text import read_json_mapping, read_text, shortened, yaml_mapping
 from rigs.formats._quaternion import matrix_of_vector
-from rigs.formats._values import as_array, as_count, as_rotation, flat
+from rigs.formats._values import as_array, as_count, as_rotation, as_size, flat
 
 MATRIX = ("camera_matrix", "cameraMatrix", "intrinsic_matrix", "K", "M")
 LENS = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "distortion_coeffs", "D")
@@ -89,8 +89,7 @@ def size_of(entry: Mapping[str, Any]) -> tuple[int, int] | None:
             return width, height
     for key in ("image_size", "imageSize"):
         if entry.get(key) is not None:
-            width, height = (as_count(n, key) for n in as_array(entry[key], (2,), key).tolist())
-            return width, height
+            return as_size(entry[key], key)
     return None
 
 

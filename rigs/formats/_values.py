@@ -64,6 +64,12 @@ def as_count(found: object, what: str) -> int:
     return int(number)
 
 
+def as_size(found: object, what: str) -> tuple[int, int]:
+    """Return ``found``, two whole numbers from 1, as width and height."""
+    width, height = (as_count(n, what) for n in as_array(found, (2,), what).tolist())
+    return width, height
+
+
 def as_mapping(found: object, what: str) -> dict[str, Any]:
     """Return ``found``, a mapping."""
     if not isinstance(found, dict):

@@ -24,9 +24,9 @@ from rigs.formats._quaternion import matrix_of_vector
 from rigs.formats._units import UNKNOWN
 from rigs.formats._values import (
     as_array,
-    as_count,
     as_mapping,
     as_rotation,
+    as_size,
     errors_of,
     errors_of_file,
     flat,
@@ -78,8 +78,7 @@ def _camera(key: str, entry: Mapping[str, Any]) -> Camera:
         fisheye = entry.get("fisheye", False) is True
         lens = flat(required(entry, "distortions"), "distortions")
         distortion = from_vector(lens, fisheye, "distortions")
-        size = as_array(required(entry, "size"), (2,), "size")
-        width, height = (as_count(n, "size") for n in size.tolist())
+        size = as_size(required(entry, "size"), "size")
         turn = flat(required(entry, "rotation"), "rotation")
         R = (
             matrix_of_vector(turn)
@@ -87,4 +86,4 @@ def _camera(key: str, entry: Mapping[str, Any]) -> Camera:
             else as_rotation(entry["rotation"], "rotation")
         )
         t = as_array(flat(required(entry, "translation"), "translation"), (3,), "translation")
-    return Camera(name, (width, height), K, distortion, R, t, status="calibrated")
+    return Camera(name, size, K, distortion, R, t, status="calibrated")

@@ -26,9 +26,9 @@ from rigs.distortion import Distortion
 from rigs.formats._sphere_models import PARAMETERS, directions
 from rigs.formats._values import (
     as_array,
-    as_count,
     as_mapping,
     as_rotation,
+    as_size,
     errors_of,
     errors_of_file,
     required,
@@ -108,8 +108,7 @@ def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> Camera | RayT
         count = len(PARAMETERS.get(model, ()))
         intrinsics = as_array(required(entry, "intrinsics"), (count + 4,), "intrinsics").tolist()
         fu, fv, pu, pv = intrinsics[count:]
-        size = as_array(required(entry, "resolution"), (2,), "resolution")
-        width, height = (as_count(n, "resolution") for n in size.tolist())
+        size = as_size(required(entry, "resolution"), "resolution")
         if lens == "none":
             distortion = Distortion()
         else:
@@ -117,10 +116,10 @@ def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> Camera | RayT
             distortion = Distortion(_LENSES[model][lens], tuple(given))
     R, t = pose[:3, :3], pose[:3, 3]
     K = [[fu, 0.0, pu], [0.0, fv, pv], [0.0, 0.0, 1.0]]
-    camera = Camera(name, (width, height), K, distortion, R, t, status="calibrated")
+    camera = Camera(name, size, K, distortion, R, t, status="calibrated")
     if model == "pinhole":
         return camera
     behind_lens = camera.rays()[1] @ R.T  # where the model's own image plane is, at one
     plane = behind_lens[:, :2] / behind_lens[:, 2:]
     seen = directions(model, intrinsics[:count], plane) @ R
-    return RayTable(name, camera.position, seen.reshape(height, width, 3), status="calibrated")
+    return RayTable(name, camera.position, seen.reshape(*size[::-1], 3), status="calibrated")

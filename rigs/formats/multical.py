@@ -19,9 +19,9 @@ from rigs.formats._lens import from_vector
 from rigs.formats._units import UNKNOWN
 from rigs.formats._values import (
     as_array,
-    as_count,
     as_mapping,
     as_rotation,
+    as_size,
     errors_of,
     errors_of_file,
     flat,
@@ -71,8 +71,7 @@ def _camera(name: str, entry: Mapping[str, Any], pose: Mapping[str, Any]) -> Cam
             )
         K = as_array(required(entry, "K"), (3, 3), "K")
         distortion = from_vector(flat(required(entry, "dist"), "dist"), False, "dist")
-        size = as_array(required(entry, "image_size"), (2,), "image_size")
-        width, height = (as_count(n, "image_size") for n in size.tolist())
+        size = as_size(required(entry, "image_size"), "image_size")
         R = as_rotation(required(pose, "R"), "R")
         t = as_array(flat(required(pose, "T"), "T"), (3,), "T")
-    return Camera(name, (width, height), K, distortion, R, t, status="calibrated")
+    return Camera(name, size, K, distortion, R, t, status="calibrated")
