@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from rigs._rotation import numbers
 from rigs.calibrate._scene import Scene
 
+_POORLY_MET = 0.05  # of how far given positions lie from their middle, RMS
+
 
 def placed(
     scene: Scene,
@@ -18,8 +20,10 @@ def placed(
     frames: tuple[str, ...],
     world: str | Mapping[str, ArrayLike] | None,
     rescale: bool,
-) -> tuple[Scene, str, float]:
+) -> tuple[Scene, str, float, tuple[str, ...]]:
     """Return the scene in the world asked for, that world in words, and what lengths grew by.
+
+    Last comes a line of doubt where given positions are poorly met, else nothing.
 
     Parameters
     ----------
@@ -48,7 +52,7 @@ def placed(
         index = _posed_frame(scene, frames, name)
         R, t = scene.target_R[index].T, -scene.target_R[index].T @ scene.target_t[index]
         words = f"axes of the target in frame {name}: origin in its point (0, 0, 0), z its normal"
-    return _moved(scene, R, t, 1.0), words, 1.0
+    return _moved(scene, R, t, 1.0), words, 1.0, ()
 
 
 def _aligned(
@@ -57,7 +61,7 @@ def _aligned(
     frames: tuple[str, ...],
     world: Mapping[str, ArrayLike],
     rescale: bool,
-) -> tuple[Scene, str, float]:
+) -> tuple[Scene, str, float, tuple[str, ...]]:
     """Return the scene moved onto given positions in the least-squares sense.
 
     Umeyama, "Least-squares estimation of transformation parameters between two point patterns"
@@ -85,9 +89,15 @@ def _aligned(
     size = float((values * sign).sum() / (from_**2).sum()) if rescale else 1.0
     t = given.mean(axis=0) - size * R @ found.mean(axis=0)
     off = np.sqrt((((size * found @ R.T + t) - given) ** 2).sum(axis=1).mean())
+    apart = np.sqrt((onto**2).sum(axis=1).mean())
     words = f"given positions of {', '.join(world)}, met within {off:.3g} RMS"
     words += ", which set the scale" if rescale else ""
-    return _moved(scene, R, t, size), words, size
+    doubt = (
+        f"world: the given positions are met within {off:.3g} only, {100 * off / apart:.0f} % of "
+        f"how far they lie from their middle: are they in {'one' if rescale else 'the same'} "
+        "length unit, of these cameras and frames, and not mirrored?",
+    )
+    return _moved(scene, R, t, size), words, size, doubt if off > _POORLY_MET * apart else ()
 
 
 def _posed_frame(scene: Scene, frames: tuple[str, ...], name: str) -> int:

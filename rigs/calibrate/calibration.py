@@ -115,7 +115,7 @@ def calibrate(
     rescale : bool
         Let the positions in ``world`` set the scale instead of the target.
     length_unit : str
-        Of the target, and so of the rig.
+        Of the target, and so of the rig; with ``rescale`` that of the positions.
     distortion : str
         Which terms of the lenses are free: "none", "radial" (k1 k2), "brown4", "brown5",
         "rational", "thin_prism", "tilted", "fisheye"; "auto" frees those that pay, camera by
@@ -174,7 +174,7 @@ def calibrate(
         if richer is not None:
             scene, freedom, terms = richer
             kept = adjust_and_cull(scene, sightings, freedom, cull)
-    scene, words, size = placed(
+    scene, words, size, poorly_met = placed(
         _scaled(kept.solution.scene, scale), names, observations.frames, world, rescale
     )
     if size != 1:
@@ -192,7 +192,7 @@ def calibrate(
     used[order] = kept.used
     doubts, remarks = findings(quality, observations, used, noise)
     repeats += _unposed(scene, sightings, observations.frames)
-    doubts, remarks = (*frozen, *doubts), (*repeats, *remarks)
+    doubts, remarks = (*frozen, *poorly_met, *doubts), (*repeats, *remarks)
     calibration = Calibration(
         rig,
         observations,

@@ -37,7 +37,8 @@ def pictures(scene):
 
 @pytest.mark.parametrize("world", [None, "right", "b"])
 def test_axes_of_a_camera_or_of_a_frame(scene, world):
-    moved, words, size = placed(scene, CAMERAS, FRAMES, world, False)
+    moved, words, size, doubt = placed(scene, CAMERAS, FRAMES, world, False)
+    assert not doubt
     assert size == 1
     assert (world or "left") in words
     if world == "b":
@@ -56,7 +57,8 @@ def test_given_positions_are_met(scene, size):
     aim = size * positions(scene) @ R.T + [1, 2, 3]
     target = size * R @ scene.target_t[0] + [1, 2, 3]
     given = {"right": aim[1], "top": aim[2], "low": aim[3], "a": target}
-    moved, words, found = placed(scene, CAMERAS, FRAMES, given, size != 1)
+    moved, words, found, doubt = placed(scene, CAMERAS, FRAMES, given, size != 1)
+    assert not doubt
     assert found == pytest.approx(size, rel=1e-12)
     assert np.abs(positions(moved) - aim).max() < 1e-9
     assert np.abs(moved.target_t[0] - target).max() < 1e-9
@@ -67,8 +69,18 @@ def test_given_positions_are_met(scene, size):
 
 def test_a_mirrored_world_is_met_as_well_as_a_rotation_can(scene):
     aim = dict(zip(CAMERAS, positions(scene) * [-1, 1, 1], strict=True))
-    moved, _, _ = placed(scene, CAMERAS, FRAMES, aim, False)
+    moved, _, _, doubt = placed(scene, CAMERAS, FRAMES, aim, False)
     assert np.linalg.det(moved.camera_R) == pytest.approx(np.ones(4))
+    assert "not mirrored?" in doubt[0]
+
+
+def test_positions_in_another_unit_or_of_other_cameras_are_doubted(scene):
+    right = positions(scene)
+    for wrong in (right / 1000, right[::-1]):
+        *_, doubt = placed(scene, CAMERAS, FRAMES, dict(zip(CAMERAS, wrong, strict=True)), False)
+        assert doubt[0].startswith("world: the given positions are met within")
+    close = right + 0.01 * np.random.default_rng(3).standard_normal((4, 3))
+    assert not placed(scene, CAMERAS, FRAMES, dict(zip(CAMERAS, close, strict=True)), False)[3]
 
 
 @pytest.mark.parametrize(
