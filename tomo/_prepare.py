@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from tomo.alignment import Alignment, align_views
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.refine import Refinement, refine_cameras
+from tomo.scan import Scan
 from tomo.support import Carving, carve
 
 
@@ -70,6 +71,25 @@ class Prepared:
         recorded = sum(math.prod(camera.image_size) for camera in self.rig)
         counts = {"pixels_recorded": recorded, "pixels_used": pixels_used}
         return counts if self.carving is None else {**counts, **self.carving.report()}
+
+    def recorded_rig(self, scan: Scan) -> Rig | None:
+        """Return the scan's rig as recorded, its cameras as they were found; None if as given."""
+        found = {
+            "refined_from_images": self.refinement,
+            "shifted_from_images": self.alignment,
+        }
+        accepted = {name: one.report() for name, one in found.items() if one and one.accepted}
+        if not accepted:
+            return None
+        cameras = []
+        for camera in scan.rig:
+            own = self.rig[camera.name] if camera.name in self.rig.names else camera
+            if scan.shrink > 1:
+                size = scan.recorded_sizes[camera.name]
+                own = replace(own.scaled(scan.shrink), image_size=size)
+            cameras.append(own)
+        known = {**(scan.rig.calibration or {}), **accepted}
+        return replace(scan.rig, cameras=tuple(cameras), calibration=known)
 
 
 def prepare(

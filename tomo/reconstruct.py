@@ -6,14 +6,21 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tomo._first_use import warm_up, warm_up_carving
+from tomo._judging import (
+    as_learned,
+    data_range,
+    held_out_system,
+    read_truth,
+    summed_up,
+    views_of,
+)
 from tomo._memory import peak_memory
-from tomo._prepare import Prepared, prepare
+from tomo._prepare import prepare
 from tomo._request import (
     cameras_to_refine,
     check_device,
@@ -27,17 +34,11 @@ from tomo._run import Run
 from tomo._true_weights import true_effects, true_ratios
 from tomo.gains import Gains, gains_worth_correcting
 from tomo.grid import VoxelGrid
-from tomo.io import is_integer_image, read_volume
 from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
 from tomo.methods import AUTO, method_named
-from tomo.outcome import ZERO, Outcome, View
-from tomo.reconstruction import Reconstruction
-from tomo.scan import Images, Masks, Scan
+from tomo.outcome import ZERO, Outcome
+from tomo.scan import Scan
 from tomo.support import STORED
-
-if TYPE_CHECKING:
-    from rigs import Rig
-    from tomo.wernet import LearnedWeights
 
 
 def reconstruct(
@@ -160,7 +161,7 @@ def reconstruct(
             "--grid with --spacing, or with --lower and --upper"
         )
     effects = true_effects(scan)
-    truth, warnings = _read_truth(scan, grid)
+    truth, warnings = read_truth(scan, grid)
     training = scan.without(*hold_out) if hold_out else scan
     training_images, training_masks = training.read(frame)
     judged = scan.only(*hold_out) if hold_out else None
@@ -205,7 +206,7 @@ def reconstruct(
     if system.form != STORED:
         first_use += warm_up(tracer, system.form)
     how |= {"live": system.projector.live, "midpoints": main.needs_midpoints}
-    judged_system = _held_out_system(judged, grid, held_out_masks, how)
+    judged_system = held_out_system(judged, grid, held_out_masks, how)
     warnings += [*prepared.warnings, *_warnings_of_views(system, judged_system)]
     traced = time.perf_counter()
 
@@ -234,15 +235,15 @@ def reconstruct(
             warnings.append(f"comparison {other.name}: {error}")
     compared = time.perf_counter()
 
-    seeing = _as_learned(system, found, same_views=True)
-    views = _views(seeing, found.volume, training_images, training_masks, gains)
+    seeing = as_learned(system, found, same_views=True)
+    views = views_of(seeing, found.volume, training_images, training_masks, gains)
     learned = None
     if found.weights is not None:
         ratios = true_ratios(system, effects, truth, gains) if supersample == 1 else None
-        learned = _summed_up(system, seeing, found, ratios)
+        learned = summed_up(system, seeing, found, ratios)
     if judged_system is not None:
-        judging = _as_learned(judged_system, found, same_views=False)
-        judged_views = _views(judging, found.volume, held_out_images, held_out_masks)
+        judging = as_learned(judged_system, found, same_views=False)
+        judged_views = views_of(judging, found.volume, held_out_images, held_out_masks)
         views += [replace(view, held_out=True) for view in judged_views]
     order = {name: place for place, name in enumerate(scan.rig.names)}
     no_ray = system.unseen
@@ -280,7 +281,7 @@ def reconstruct(
         reconstruction=replace(found, peak_memory=peak_memory()),
         rig=scan.rig,
         views=tuple(sorted(views, key=lambda view: order[view.name])),
-        data_range=_data_range(scan, frame, [*training_images, *held_out_images]),
+        data_range=data_range(scan, frame, [*training_images, *held_out_images]),
         truth=truth,
         comparisons=tuple(comparisons),
         counts={
@@ -292,7 +293,7 @@ def reconstruct(
         skipping=prepared.report(system.projector.shape[0]),
         alignment=prepared.alignment.report() if prepared.alignment else None,
         refinement=prepared.refinement.report() if prepared.refinement else None,
-        refined_rig=_refined_rig(scan, prepared) if refined else None,
+        refined_rig=prepared.recorded_rig(scan) if refined else None,
         gains=gains.report() if gains else None,
         seconds={
             "load": loaded - started,
@@ -312,51 +313,6 @@ def reconstruct(
     )
 
 
-def _read_truth(scan: Scan, grid: VoxelGrid) -> tuple[NDArray[np.float32] | None, list[str]]:
-    """Return the scan's truth if it lives on the grid, and a warning if it does not."""
-    if scan.truth is None:
-        return None, []
-    data, truth_grid, _ = read_volume(scan.truth)
-    apart = np.abs([truth_grid.lower - grid.lower, truth_grid.upper - grid.upper]).max()
-    if truth_grid.shape == grid.shape and apart <= 1e-6 * min(grid.spacing):
-        return data, []
-    return None, [f"{scan.truth.name}: the truth is on another grid: no quality figures"]
-
-
-def _refined_rig(scan: Scan, prepared: Prepared) -> Rig | None:
-    """Return the scan's rig as recorded, its cameras as they were found; None if as given."""
-    found = {
-        "refined_from_images": prepared.refinement,
-        "shifted_from_images": prepared.alignment,
-    }
-    accepted = {name: one.report() for name, one in found.items() if one and one.accepted}
-    if not accepted:
-        return None
-    cameras = []
-    for camera in scan.rig:
-        own = prepared.rig[camera.name] if camera.name in prepared.rig.names else camera
-        if scan.shrink > 1:
-            size = scan.recorded_sizes[camera.name]
-            own = replace(own.scaled(scan.shrink), image_size=size)
-        cameras.append(own)
-    known = {**(scan.rig.calibration or {}), **accepted}
-    return replace(scan.rig, cameras=tuple(cameras), calibration=known)
-
-
-def _held_out_system(
-    judged: Scan | None, grid: VoxelGrid, masks: Masks, how: dict[str, Any]
-) -> LinearSystem | None:
-    """Trace the cameras that are only judged, before anything is solved in vain."""
-    if judged is None:
-        return None
-    try:
-        return LinearSystem.from_rig(judged.rig, grid, masks=masks, **how)
-    except VolumeNotSeenError as error:
-        raise VolumeNotSeenError(
-            f"{judged.source}: hold_out: nothing to judge by: {error}"
-        ) from None
-
-
 def _warnings_of_views(*systems: LinearSystem | None) -> list[str]:
     return [
         f"camera {name}: none of its usable pixels sees the volume"
@@ -373,54 +329,3 @@ def _warning_of_gains(gains: Gains, asked: bool | None) -> list[str]:
         f"the cameras' gains differ by {gains.disagreement:.1%}, or their backgrounds: both were "
         "fitted and corrected"
     ]
-
-
-def _as_learned(system: LinearSystem, found: Reconstruction, same_views: bool) -> LinearSystem:
-    """Return the system with the weights that were learnt, where there are any."""
-    if found.weights is None:
-        return system
-    learned = found.weights.projector(system.projector, same_views=same_views)
-    return replace(system, projector=learned)
-
-
-def _summed_up(
-    system: LinearSystem,
-    seeing: LinearSystem,
-    found: Reconstruction,
-    ratios: NDArray[np.float64] | None,
-) -> LearnedWeights:
-    """Return what the weights of ``seeing`` are over the chords, beside the true ratios."""
-    from tomo.wernet import LearnedWeights
-
-    return LearnedWeights.of(
-        found.weights,
-        system.projector,
-        seeing.projector,
-        found.volume,
-        system.rig.names,
-        held_out_residual=found.settings.get("held_out_residual"),
-        truth=ratios,
-    )
-
-
-def _views(
-    system: LinearSystem,
-    volume: NDArray[np.float32],
-    images: Images,
-    masks: Masks,
-    gains: Gains | None = None,
-) -> list[View]:
-    projected = system.projector @ system.projector.live.compress(volume)
-    reprojected = system.images(gains.apply(system.projector, projected) if gains else projected)
-    return [
-        View(camera.name, image, seen, mask)
-        for camera, image, seen, mask in zip(system.rig, images, reprojected, masks, strict=True)
-    ]
-
-
-def _data_range(scan: Scan, frame: str | None, images: Images) -> float:
-    """Return 1 where integer images were scaled to 0..1, else the brightest pixel."""
-    files = scan.frame(frame).images.values()
-    if scan.corrections.gain is None and all(is_integer_image(path) for path in files):
-        return 1.0
-    return max(max(float(image.max()) for image in images), np.finfo(np.float32).tiny)
