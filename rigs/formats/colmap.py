@@ -189,7 +189,10 @@ def _read_images(text: str, sensors: dict[int, Camera]) -> list[tuple[PurePosixP
     lines = _lines(text)
     while lines and not lines[0].strip():
         lines.pop(0)
-    for line in lines[::2]:  # every second line holds the points seen
+    for line in lines[1::2]:  # every second one, often empty
+        if len(line.split()) % 3:
+            raise ValueError(f"found {shortened(line)}, expected POINTS2D after each image")
+    for line in lines[::2]:
         if not line.strip():
             continue
         words = line.split(maxsplit=9)

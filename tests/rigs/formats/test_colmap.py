@@ -151,6 +151,16 @@ def test_what_is_wrong_is_named(tmp_path, file, cameras, images, message):
     assert "\n" not in str(error.value)
 
 
+def test_images_without_lines_of_points_are_not_lost(tmp_path):
+    folder = write_model(tmp_path / "model", [CAMERA], [])
+    images = [IMAGE.replace("a.png", f"{name}.png") for name in "abcd"]
+    (folder / "images.txt").write_text("\n".join(images) + "\n")
+    with pytest.raises(ValueError, match=r"images.txt: found .*b.png.*, expected POINTS2D"):
+        formats.load(folder)
+    (folder / "images.txt").write_text("\n\n".join(images))
+    assert formats.load(folder).names == ("a", "b", "c", "d")
+
+
 def test_a_binary_model_is_refused_with_the_way_out(tmp_path):
     (tmp_path / "cameras.bin").write_bytes(b"0")
     with pytest.raises(ValueError, match=r"found a binary model, expected text: colmap model_con"):
