@@ -123,6 +123,7 @@ def save_transforms(rig: Rig, path: str | os.PathLike, frames: Frames | None = N
     Notes
     -----
     instant-ngp knows only k1, k2, p1, p2 of a lens, and fisheyes; of others it reads those four.
+    A rational lens is FULL_OPENCV here, as in COLMAP; nerfstudio refuses it.
     """
     path = Path(path)
     refuse_tables(rig, "transforms.json")
