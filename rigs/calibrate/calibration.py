@@ -19,10 +19,11 @@ from rigs.calibrate._shared_views import rig_poses
 from rigs.calibrate._summary import summary
 from rigs.calibrate._verdict import findings, verdict
 from rigs.calibrate._world import placed
-from rigs.calibrate.initial import View, check_side, lens_alone, view_with
+from rigs.calibrate.initial import View, check_view, lens_alone, view_with
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality import Quality, measure
 from rigs.camera import Camera
+from rigs.ray_table import RayTable
 from rigs.rig import Rig, Volume
 
 _GIVEN = Terms("given", "none", ())
@@ -162,7 +163,7 @@ def calibrate(
             else _given(intrinsics[name])
         )
         views.append(view_with(lens, terms, own, frames))
-        check_side(name, views[-1])
+        check_view(name, views[-1])
     say("poses along shared views")
     scene, root = rig_poses(names, views, sightings, frames)
     freedom = Freedom(tuple(_lens_freedom(view) for view in views), np.arange(len(names)) != root)
@@ -267,6 +268,10 @@ def _check(
         if intrinsics is not None:
             if name not in intrinsics:
                 raise ValueError(f"intrinsics: camera {name}: not in the rig, expected its lens")
+            if isinstance(intrinsics[name], RayTable):
+                raise ValueError(
+                    f"intrinsics: camera {name}: found a table of rays, expected a lens"
+                )
             if intrinsics[name].image_size != size:
                 raise ValueError(
                     f"intrinsics: camera {name}: image_size: found {intrinsics[name].image_size}, "

@@ -129,10 +129,15 @@ def view_with(lens: Lens, terms: Terms, sightings: Sightings, frames: int) -> Vi
     return View(lens, terms, *camera_poses(lens, sightings, frames))
 
 
-def check_side(name: str, one: View) -> None:
-    """Raise if the camera sees the target from behind: then something is mirrored."""
+def check_view(name: str, one: View) -> None:
+    """Raise if the camera has no pose of the target, or sees it from behind: mirrored."""
     R, t = one.R[:, 0], one.t[:, 0]
     posed = np.isfinite(one.rms[:, 0])
+    if not posed.any():
+        raise ValueError(
+            f"camera {name}: found no image with 6 or more target points not on a line, expected "
+            "some to find its pose"
+        )
     behind = int((np.einsum("fi,fi->f", R[posed, :, 2], t[posed]) < 0).sum())
     if 2 * behind > posed.sum():
         raise ValueError(

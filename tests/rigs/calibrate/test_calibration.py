@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigs import Distortion, Rig, ray_miss
+from rigs import Distortion, RayTable, Rig, ray_miss
 from rigs.calibrate import Observations, calibrate
 from rigs.calibrate._duplicates import without_repeats
 from rigs.calibrate._lens_choice import TERMS
@@ -278,11 +278,21 @@ def test_names_and_models_that_do_not_fit(arc_case):
         ValueError, match=r"intrinsics: camera cam00: image_size: found \(64, 48\)"
     ):
         calibrate(observations, intrinsics=small)
+    table = RayTable("cam00", (0, 0, 0), np.ones((480, 640, 3)))
+    with pytest.raises(ValueError, match="intrinsics: camera cam00: found a table of rays"):
+        calibrate(observations, intrinsics=Rig((table, *truth.rig.cameras[1:])))
     with pytest.raises(ValueError, match="rescale"):
         calibrate(observations, rescale=True)
     tilted = observations.target_points + [0, 0, 1.0] * (np.arange(48) == 3)[:, None]
     with pytest.raises(ValueError, match="flat target"):
         calibrate(replace(observations, target_points=tilted))
+
+
+def test_a_camera_of_given_lens_that_sees_too_little_of_the_target_is_named(arc_case):
+    truth, observations, _ = arc_case
+    little = (observations.camera != 2) | (observations.point < 4)
+    with pytest.raises(ValueError, match="camera cam02: found no image with 6 or more target"):
+        calibrate(observations.where(little), intrinsics=truth.rig)
 
 
 def test_repeated_images_count_once_and_are_told(arc_case):
