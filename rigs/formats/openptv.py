@@ -103,10 +103,9 @@ def _read_project(file: Path) -> _Project:
             raise ValueError(
                 f"found {len(words)} lines, expected {13 + 2 * count} for {count} cameras"
             )
-        images = words[2 : 2 + 2 * count : 2]
+        images = [name.replace("\\", "/") for name in words[2 : 2 + 2 * count : 2]]
         for image in images:
-            parts = PurePosixPath(image.replace("\\", "/")).parts
-            if ".." in parts or PurePosixPath(image).is_absolute():
+            if ".." in PurePosixPath(image).parts or PurePosixPath(image).is_absolute():
                 raise ValueError(f"calibration image: found {image!r}, expected a path inside")
         rest = words[4 + 2 * count : 4 + 2 * count + len(_SENSOR)]
         values = dict(zip(_SENSOR, numbers_of_line(rest, _SENSOR), strict=True))

@@ -235,6 +235,17 @@ def test_openptv(tmp_path):
         assert formats.load(folder / path)["cam1"] == rig["cam1"]
 
 
+def test_openptv_projects_of_windows_have_backslashes(tmp_path):
+    folder = write_openptv(tmp_path, OPENPTV)
+    rig = formats.load(folder)
+    parameters = folder / "parameters/ptv.par"
+    parameters.write_text(parameters.read_text().replace("cal/", "cal\\"))
+    assert formats.load(folder).cameras == rig.cameras
+    parameters.write_text(parameters.read_text().replace("cal\\", "..\\cal\\"))
+    with pytest.raises(ValueError, match="expected a path inside"):
+        formats.load(folder)
+
+
 def test_openptv_with_a_lens_round_another_centre_is_a_table_of_rays(tmp_path):
     values = (OPENPTV[0][0], [0.3, -0.2, 60.0], OPENPTV[0][2])
     size, pitch = (320, 256), (0.048, 0.05)
