@@ -216,6 +216,11 @@ def _thin_data(quality: Quality, observations: Observations) -> list[str]:
     """Return lines on cameras of which too little is known."""
     lines = []
     for camera, name in enumerate(observations.cameras):
+        if len(quality.points) and np.isnan(quality.camera_ray_miss[camera]):
+            lines.append(
+                f"camera {name}: sees no part of the volume that another camera sees: nothing is "
+                "known of its rays there"
+            )
         if quality.focal_error[camera] > _HIGH_FOCAL_ERROR:
             lines.append(
                 f"camera {name}: focal length known to {100 * quality.focal_error[camera]:.2g} % "

@@ -288,6 +288,17 @@ def test_a_target_that_covers_little_is_told(case):
     assert found.verdict.startswith("doubtful")
 
 
+def test_a_camera_that_does_not_see_the_volume_is_named(case):
+    truth, observations, _ = case
+    found = calibrate(observations, volume=Volume((4, 4, 4), 5.0, (140.0, 0.0, 800.0)))
+    blind = np.isnan(found.quality.camera_ray_miss)
+    assert blind.any()
+    for name, is_blind in zip(truth.rig.names, blind, strict=True):
+        line = f"camera {name}: sees no part of the volume that another camera sees"
+        assert any(finding.startswith(line) for finding in found.findings) == is_blind
+    assert found.verdict.startswith("doubtful")
+
+
 def test_a_volume_nobody_sees_is_refused(case):
     _, observations, _ = case
     with pytest.raises(ValueError, match="volume: found no point of it that two cameras see"):
