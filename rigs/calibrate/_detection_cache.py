@@ -35,7 +35,7 @@ def key(target: str, camera: str, frame: str, source: Source) -> str:
             raise ValueError(
                 f"camera {camera}: {path}: cannot be read: {error.strerror}"
             ) from None
-        identity = f"{path.name} {state.st_size} {state.st_mtime_ns}"
+        identity = f"{path.absolute()} {state.st_size} {state.st_mtime_ns}"
         if isinstance(source, VideoFrame):
             identity += f" {source.index}"
     return "\n".join((target, camera, frame, identity))

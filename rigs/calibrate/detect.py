@@ -109,7 +109,7 @@ def detections(
         the target in one place.
     target : Chessboard, CharucoBoard or CircleGrid
     cache : path-like, optional
-        A file that keeps what was found (.npz). An image is searched again when its name, size
+        A file that keeps what was found (.npz). An image is searched again when its path, size
         or time of change, or the target, is another.
     progress : callable, optional
         Called with the number of images done and the number of all.

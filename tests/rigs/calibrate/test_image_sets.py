@@ -83,6 +83,18 @@ def test_the_cache_is_used_until_an_image_or_the_target_changes(folder, tmp_path
     assert [item.name for item in cache.parent.iterdir()] == ["detections.npz"]
 
 
+def test_the_cache_tells_images_of_equal_name_size_and_time_apart(tmp_path):
+    """As unpacked archives have them: times in whole seconds, sizes without compression."""
+    seen = []
+    for shift in (0, 9):
+        folder = tmp_path / str(shift) / "cam"
+        folder.mkdir(parents=True)
+        cv2.imwrite(str(folder / "0.pgm"), board(shift))
+        os.utime(folder / "0.pgm", (1e9, 1e9))
+        seen.append(observe(image_set(folder.parent), TARGET, cache=tmp_path / "cache").uv)
+    np.testing.assert_allclose(seen[1], np.add(seen[0], (9, 0)), atol=2e-3)
+
+
 def test_another_file_is_not_overwritten_by_the_cache(folder, tmp_path):
     path = tmp_path / "rig.yaml"
     path.write_text("format: emission-rig")
