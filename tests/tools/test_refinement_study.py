@@ -27,6 +27,8 @@ def test_what_is_missed_is_said(run_tool):
     assert "29.00" in missed[1]
     better = [{"held_out": "a", "f given": 29.0, "f refined": 30.0}]
     assert claims({"disturbed_rigs": [{"seed": 1, "after_pixels": 0.05}], "plume": better}) == []
+    unjudged = claims({"disturbed_rigs": [{"seed": 1, "after_pixels": 0.05}], "plume": []})
+    assert unjudged == ["plume: not judged"]
 
 
 def test_a_folder_that_is_a_file_is_refused(run_tool, tmp_path):

@@ -62,13 +62,15 @@ def page(result: Mapping[str, Any]) -> str:
 
 
 def claims(result: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[str]:
-    """Return in words what was asked for and is not met; empty where all is."""
+    """Return in words what was asked for and is not met, or not judged; empty where all is."""
     missed = [
         f"seed {row['seed']}: {row['after_pixels']:.3f} px, expected below 0.1"
         for row in result["disturbed_rigs"]
         if not row["after_pixels"] < 0.1
     ]
     plume = result["plume"]
+    if not plume:
+        missed.append("plume: not judged")
     for name in [key for key in (plume[0] if plume else ()) if key.endswith(" given")]:
         given, refined = (
             statistics.fmean(row[key] for row in plume)
