@@ -125,7 +125,7 @@ def _read(path: Path, camera: Camera) -> NDArray[np.float32]:
     if image is None:
         raise ValueError(f"{path}: camera {camera.name}: not readable, expected an image")
     _check_size(path, image.shape[::-1], camera)
-    return np.nan_to_num(image.astype(np.float32))
+    return np.nan_to_num(image.astype(np.float32), posinf=0.0, neginf=0.0)
 
 
 def _check_size(path: Path, size: tuple[int, int], camera: Camera) -> None:

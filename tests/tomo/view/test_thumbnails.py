@@ -37,6 +37,15 @@ def test_large_pictures_shrink_by_area(tmp_path):
     assert np.ptp(small.astype(int)) < 40  # a fine board turns grey, no pattern of its own
 
 
+def test_pixels_that_are_no_number_are_dark_and_leave_the_others_their_scale(tmp_path):
+    image = np.full((60, 80), 3.0, np.float32)
+    image[0, :3] = np.inf, -np.inf, np.nan
+    write(tmp_path / "cam00.tif", image)
+    found = load_thumbnails(RIG, tmp_path)["cam00"]
+    assert found[0, :3].tolist() == [0, 0, 0]
+    assert (found[1:] == 255).all()
+
+
 def test_bad_sources_are_told(tmp_path):
     with pytest.raises(FileNotFoundError, match="nowhere: no such folder"):
         load_thumbnails(RIG, tmp_path / "nowhere")
