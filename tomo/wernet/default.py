@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 FEW_VIEW_ROUNDS = 2
 FEW_VIEWS_WORTH = 1.02
 """With few views, views cannot be spared to tell whether the weights are better: what is learnt is
-common to all of them, is little, and is kept unless the left-out views are predicted worse."""
+common to all of them, is little, and is kept unless the left-out views are predicted worse by more
+than this factor."""
 
 WIDEST_WITH_FEW_VIEWS = 1.0
 """Voxels. Where so few views ask for a wider smooth basis, most of what the chord lengths do not
@@ -64,7 +65,7 @@ def wernet(
     encoder is trained at fixed voxels (`tomo.wernet.alternation`), and the classic solve is done
     again with the weights that it gives. Every other round method, smoothness and stop are chosen
     anew. What predicts the left-out views best is returned: unless that is clearly better than
-    the chord lengths do, the classic solve itself.
+    the chord lengths do, or with few views not clearly worse, the classic solve itself.
 
     Parameters
     ----------
