@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rigs.calibrate import VideoFrame, detections, image_set, observe, parse_target
+from rigs.calibrate._detection_cache import read
 from rigs.calibrate.image_sets import read_source
 
 TARGET = parse_target("chessboard:5x4:1.0")
@@ -103,6 +104,21 @@ def test_another_file_is_not_overwritten_by_the_cache(folder, tmp_path):
     ):
         observe(image_set(folder), TARGET, cache=path)
     assert path.read_text() == "format: emission-rig"
+
+
+def test_a_damaged_cache_is_told(folder, tmp_path):
+    path = tmp_path / "cache"
+    observe(image_set(folder), TARGET, cache=path)
+    whole = path.read_bytes()
+    lines = []
+    for at in range(0, len(whole), 10):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x5A]) + whole[at + 1 :])
+        try:
+            read(path)
+        except ValueError as error:
+            lines.append(str(error))
+    assert len(lines) > 0.5 * len(whole) / 10
+    assert all("expected a cache of detections" in line for line in lines)
 
 
 @pytest.fixture
