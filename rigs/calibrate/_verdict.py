@@ -88,6 +88,17 @@ def _left_out(
                 "moved or is out of step"
             )
             out[camera] = False
+    # Of two that disagree either may be left out, so who is left alone is as suspect
+    alone = (kept > 0) & ((kept > 0).sum(axis=0) == 1) & out.any(axis=0)
+    for camera, name in enumerate(observations.cameras):
+        images, of = np.flatnonzero(alone[camera]), int((seen[camera] > 0).sum())
+        if len(images) >= 3 and len(images) > _MANY_IMAGES * of:
+            doubts.append(
+                f"camera {name}: in {len(images)} of its {of} images, from frame "
+                f"{frames[images[0]]} to {frames[images[-1]]}, no other camera agrees with it: it "
+                "moved or is out of step, or all of these are"
+            )
+            out[:, images] = False
     for frame in np.flatnonzero((out.sum(axis=0) >= 2) & (kept.sum(axis=0) == 0)):
         cameras = [observations.cameras[camera] for camera in np.flatnonzero(out[:, frame])]
         remarks.append(

@@ -221,6 +221,17 @@ def test_a_camera_that_moved_half_way_is_named(simulated_rig):
                    for line in found.findings)  # fmt: skip
 
 
+def test_a_camera_that_moved_and_shares_most_frames_with_one_other_is_named(simulated_rig):
+    """Of two that disagree the wrong one may be left out; it must not be blamed for that."""
+    truth = simulated_rig("arc", cameras=3, frames=24)
+    observations = truth.observe(0.05, seed=1)
+    moved = (observations.camera == 2) & (observations.frame >= 14)
+    found = calibrate(replace(observations, uv=observations.uv + moved[:, None] * [2.0, 1.0]))
+    assert found.verdict.startswith("doubtful")
+    assert any(line.startswith("camera cam02: in 4 of its 14 images") for line in found.findings)
+    assert not any(line.startswith(("camera cam00", "camera cam01")) for line in found.findings)
+
+
 def test_a_camera_out_of_step_is_named(simulated_rig):
     truth = simulated_rig("arc", cameras=5, frames=16, seed=3)
     observations = truth.observe(0.05, seed=1)
