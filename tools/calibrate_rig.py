@@ -121,6 +121,8 @@ def calibrate_rig(
             )
         notes = _notes(found, seen)
         seconds = time.perf_counter() - started
+        out.parent.mkdir(parents=True, exist_ok=True)
+        save_rig(calibration.rig, out)
         details = {"images": images, "target": described, "time": f"{seconds:.0f} s"}
         folder = out.parent if report is None else report
         _write_page(folder / PAGE, calibration, found, notes, details)
@@ -132,8 +134,6 @@ def calibrate_rig(
             **_figures(calibration),
         }
         _write_json(folder / FIGURES, figures)
-        out.parent.mkdir(parents=True, exist_ok=True)
-        save_rig(calibration.rig, out)
     for line in (calibration.verdict, *notes):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     if json:

@@ -81,14 +81,6 @@ def test_memory_stays_bounded():
     assert peak < 60e6
 
 
-def test_turbulent_on_the_refined_grid_of_the_paper_is_quick():
-    from time import process_time
-
-    start = process_time()
-    sample(phantoms.create("turbulent"), VoxelGrid((60, 280, 60), 0.25))
-    assert process_time() - start < 20  # about 1.5 s on a free core
-
-
 @pytest.mark.parametrize(
     ("field", "words"),
     [
