@@ -40,8 +40,8 @@ def test_rig_with_a_volume_to_all_three(tmp_path, volume):
     assert np.abs(bounds).max() == pytest.approx(5.8, rel=0.05)  # metres
 
 
-@pytest.mark.parametrize("name", rigs.preset_names())
-def test_every_preset_to_all_three(run_tool, tmp_path, name):
+@pytest.mark.parametrize("name", ["paper11_33deg", "paper33_pitch"])
+def test_a_preset_to_all_three(run_tool, tmp_path, name):
     outs = [tmp_path / f"rig.{suffix}" for suffix in ("png", "html", "glb")]
     options = [part for out in outs for part in ("-o", out)]
     done = run_tool("visualize_rig", name, *options, "--json")
