@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from tomo.projector import Projector
@@ -100,25 +101,26 @@ class Rounds:
         self.volume = volume_with(
             self.projector, self.measured, features, tokens, self.chords, self.unit
         )
-        return self._solve(judged=True)
+        return self._solve(self._front(), judged=True)
 
     def round(self, *, train: bool = True) -> float:
         """Learn and solve once more; return the relative residual, NaN where it diverged."""
-        loss = 0.0
-        if train:
-            front = self.alternation.features.emission_in_front(self.volume, self.unit)
-            loss = self.alternation.round(self.done, self.volume, front)
+        front = self._front()
+        loss = self.alternation.round(self.done, self.volume, front) if train else 0.0
         self.done += 1
         if not math.isfinite(loss):
             self.ended = f"diverged in round {self.done}"
             return math.nan
-        return self._solve(judged=self.done % JUDGED_EVERY == 0 or self.done >= self.last)
+        return self._solve(front, judged=self.done % JUDGED_EVERY == 0 or self.done >= self.last)
 
-    def _solve(self, *, judged: bool) -> float:
+    def _front(self) -> torch.Tensor:
+        """Return the emission in front of each segment, ``(S,)``, by the voxels as they are."""
+        return self.alternation.features.emission_in_front(self.volume, self.unit)
+
+    def _solve(self, front: torch.Tensor, *, judged: bool) -> float:
         """Solve with the weights as they are learnt by now; return the relative residual."""
         alternation = self.alternation
         features, encoder, tokens = alternation.features, alternation.encoder, alternation.tokens
-        front = features.emission_in_front(self.volume, self.unit)
         correction = corrections(encoder, tokens, features, front, alternation.over_parts)
         learned = reweighted(self.projector, correction)
         if judged:

@@ -14,11 +14,7 @@ from numpy.typing import ArrayLike
 
 from tomo.reconstruction import Callback, Iteration, Reconstruction
 from tomo.solve._drive import additive_start, check_measured
-from tomo.solve.stopping import (
-    FEW_VIEWS,
-    choose_by_held_out_views,
-    solve_as_chosen,
-)
+from tomo.solve.stopping import FEW_VIEWS, choose_by_held_out_views, solve_as_chosen
 from tomo.wernet._checkpoint import Checkpoint
 from tomo.wernet._rounds import WORTH_LEARNING, Rounds, reason
 from tomo.wernet.alternation import Alternation
@@ -155,7 +151,7 @@ def wernet(
 
     chord_choice = choose_by_held_out_views(projector, measured)
     classic = solve_as_chosen(projector, measured, chord_choice)
-    volume = projector.live.compress(classic.volume)
+    volume = noted = projector.live.compress(classic.volume)
     history = [Iteration(0, classic.relative_residual, time.perf_counter() - began)]
     stopped = bool(callback and callback(0, volume, classic.relative_residual))
     if start is not None:
@@ -169,8 +165,6 @@ def wernet(
         ended = f"nothing to judge by: {chord_choice.reason}"
     elif not tells_views and chord_choice.width > WIDEST_WITH_FEW_VIEWS and not freeze_encoder:
         ended = "few views, which allow no detail: smoothness would be taken for optics"
-
-    noted = projector.live.compress(classic.volume)
 
     guesses = tells_views and start is None and last > 0
 

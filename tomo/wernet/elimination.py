@@ -79,8 +79,9 @@ def first_guess(
     pixels = np.arange(0, projector.shape[0], stride)
     some, images = projector.take(pixels), measured[pixels]
     features = RayFeatures.of(some)
+    patches = _Patches.of(some, features)
     best, chosen = ViewTokens(projector.n_views, 1), ()
-    _fit(best, some, images, features, choice, unit, chosen)
+    _fit(best, some, images, features, patches, choice, unit, chosen)
     # What still disagrees asks for more smoothness than what is left once it is explained.
     learned = _learned(some, images, features, best, choice, unit)
     choice = choose_by_held_out_views(learned, images)
@@ -88,7 +89,7 @@ def first_guess(
         trials = []
         for trend in sorted(set(range(len(TRENDS))) - set(chosen)):
             tokens = copy.deepcopy(best)
-            _fit(tokens, some, images, features, choice, unit, (*chosen, trend))
+            _fit(tokens, some, images, features, patches, choice, unit, (*chosen, trend))
             learned = _learned(some, images, features, tokens, choice, unit)
             residual = residual_of_left_out_views(learned, images, choice)
             trials.append((residual, trend, tokens, learned))
@@ -150,12 +151,12 @@ def _fit(
     projector: Projector,
     measured: NDArray[np.float32],
     features: RayFeatures,
+    patches: _Patches,
     choice: Choice,
     unit: float,
     trends: Sequence[int],
 ) -> None:
     """Fit levels and ``trends`` to the images, in place."""
-    patches = _Patches.of(projector, features)
     for _ in range(STEPS):
         volume = volume_with(projector, measured, features, tokens, choice, unit)
         front = features.emission_in_front(volume, unit)
