@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -28,6 +28,24 @@ class Size:
 
 
 @dataclass(frozen=True)
+class Chart:
+    """What a row's figure came from, as curves on logarithmic axes.
+
+    Attributes
+    ----------
+    title, x, y : str
+        Words above the plot and along its axes.
+    curves : mapping of str to sequence of (float, float)
+        By name, the points of each; what is not above zero is not drawn.
+    """
+
+    title: str
+    x: str
+    y: str
+    curves: Mapping[str, Sequence[tuple[float, float]]]
+
+
+@dataclass(frozen=True)
 class Row:
     """One stress and its figure.
 
@@ -47,6 +65,8 @@ class Row:
         Whether the figure has to be at least the bound.
     note : str
         Where it was worst, or why the bound is right to fail.
+    chart : Chart, optional
+        Shown below the area's table.
     """
 
     stress: str
@@ -56,6 +76,7 @@ class Row:
     unit: str = ""
     at_least: bool = False
     note: str = ""
+    chart: Chart | None = None
 
     @property
     def holds(self) -> bool:
