@@ -97,6 +97,8 @@ def calibrate_rig(
     started = time.perf_counter()
     with bad_input_in_one_line():
         _check_outputs(out, report)
+        from _results import write_json
+
         from rigs import save_rig
         from rigs.calibrate import calibrate, detections, image_set, parse_target
 
@@ -133,7 +135,7 @@ def calibrate_rig(
             "notes": notes,
             **_figures(calibration),
         }
-        _write_json(folder / FIGURES, figures)
+        write_json(folder / FIGURES, figures, indent=2)
     for line in (calibration.verdict, *notes):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     if json:
@@ -213,18 +215,16 @@ def _write_page(
 def _figures(calibration: Calibration) -> dict[str, Any]:
     """Return every figure of the calibration as plain data, and what was left out."""
     import numpy as np
+    from _results import plain
 
     observations, quality = calibration.observations, calibration.quality
     left_out = np.flatnonzero(~calibration.used)
-    return {
+    figures = {
         **(calibration.rig.calibration or {}),
-        "frames_rms_px": {
-            name: _plain(rms)
-            for name, rms in zip(observations.frames, quality.frame_rms, strict=True)
-        },
+        "frames_rms_px": dict(zip(observations.frames, quality.frame_rms, strict=True)),
         "images_rms_px": {
             camera: {
-                frame: _plain(rms)
+                frame: rms
                 for frame, rms in zip(observations.frames, row, strict=True)
                 if math.isfinite(rms)
             }
@@ -235,26 +235,13 @@ def _figures(calibration: Calibration) -> dict[str, Any]:
                 "camera": observations.cameras[observations.camera[k]],
                 "frame": observations.frames[observations.frame[k]],
                 "point": int(observations.point[k]),
-                "uv": [_plain(x) for x in observations.uv[k]],
-                "residual_px": [_plain(x) for x in calibration.residuals[k]],
+                "uv": list(observations.uv[k]),
+                "residual_px": list(calibration.residuals[k]),
             }
             for k in left_out
         ],
     }
-
-
-def _plain(value: float) -> float | None:
-    """Return a number as JSON holds it: six digits, null where there is none."""
-    return float(f"{value:.6g}") if math.isfinite(value) else None
-
-
-def _write_json(path: Path, figures: dict[str, Any]) -> None:
-    import json
-
-    from tomo.io.atomic import atomic_path
-
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    return plain(figures, digits=6)
 
 
 if __name__ == "__main__":

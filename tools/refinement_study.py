@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as plain
 import os
 from pathlib import Path
 from typing import Annotated
@@ -33,8 +32,7 @@ def refinement_study(
         from _benchmark.machine import machine
         from _refinement.page import claims, page
         from _refinement.study import disturbed_rigs, plume
-
-        from tomo.io.atomic import atomic_path
+        from _results import write_json, write_text
 
         data = Path(os.environ.get("TOMO_TEST_DATA", ROOT.parent / "shared" / "data"))
         numbers = range(1, 2 if quick else seeds + 1)
@@ -45,9 +43,8 @@ def refinement_study(
             "plume": [] if quick else plume(data, _say),
         }
         result["missed"] = claims(result)
-        for name, text in (("md", page(result)), ("json", plain.dumps(result, indent=1) + "\n")):
-            with atomic_path(out / f"refinement.{name}") as temporary:
-                temporary.write_text(text, "utf-8")
+        write_text(out / "refinement.md", page(result))
+        write_json(out / "refinement.json", result, indent=1)
     for line in result["missed"] or ["everything wanted is met"]:
         _say(line)
     if json:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from _results import Studies, judged
+
 from _benchmark.startup import first_use
 from _benchmark.tables import significant
-
-Rows = Mapping[str, Sequence[Mapping[str, Any]]]
 
 
 @dataclass(frozen=True)
@@ -53,13 +53,9 @@ class Claim:
         }
 
 
-def claims(studies: Rows) -> list[dict[str, Any]]:
+def claims(studies: Studies) -> list[dict[str, Any]]:
     """Return the aims that the studies at hand say something about."""
-    found: list[Claim] = []
-    for names, judge in _JUDGES:
-        if all(studies.get(name) for name in names):
-            found += judge(*(studies[name] for name in names))
-    return [claim.row() for claim in found]
+    return judged(studies, _JUDGES)
 
 
 def ratio(over: float | None, under: float | None) -> float | None:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from _results import earlier_run, plain, studies_of, write_json, write_text
+
 from _benchmark.claims import claims
 from _benchmark.page import page
 from _benchmark.plots import plots
-from tomo.io.atomic import atomic_path
 from tomo.view.figures import save_figure
 
 FORMAT, VERSION = "emission-benchmark", 1
@@ -26,48 +25,19 @@ def load(folder: Path, size: str, machine: Mapping[str, Any]) -> dict[str, Any]:
     ValueError
         If it is no benchmark's, or was of another size or on another machine.
     """
-    path = folder / JSON
-    if not path.is_file():
-        return {}
-    try:
-        result = json.loads(path.read_text("utf-8"))
-        known = (result["format"], result["version"]) == (FORMAT, VERSION)
-        found = {"size": result["size"], **{k: result["machine"][k] for k in ("cpu", "cores")}}
-    except (ValueError, KeyError, TypeError):
-        known = False
-    if not known:
-        raise ValueError(f"{path}: expected the result of a benchmark, {FORMAT} {VERSION}")
-    wanted = {"size": size, **{key: machine[key] for key in ("cpu", "cores")}}
-    for key, value in wanted.items():
-        if found[key] != value:
-            raise ValueError(f"{path}: --resume: {key}: found {found[key]!r}, expected {value!r}")
-    return result
+    wanted = {"size": size, "machine": {key: machine[key] for key in ("cpu", "cores")}}
+    return earlier_run(folder / JSON, (FORMAT, VERSION), wanted, of="a benchmark")
 
 
 def save(folder: Path, result: Mapping[str, Any]) -> dict[str, Any]:
     """Write the JSON, the page and the plots of what there is so far; return it with claims."""
-    studies = {
-        name: rows for part in result["parts"].values() for name, rows in part["studies"].items()
-    }
-    result = _finite({**result, "claims": claims(studies)})
-    with atomic_path(folder / JSON) as temporary:
-        temporary.write_text(json.dumps(result), "utf-8")
+    studies = studies_of(result["parts"])
+    result = plain({**result, "claims": claims(studies)})
+    write_json(folder / JSON, result)
     names: dict[str, list[str]] = {}
     for study, figures in plots(studies).items():
         for name, figure in figures.items():
             save_figure(figure, folder / PLOTS / f"{name}.png")
             names.setdefault(study, []).append(f"{PLOTS}/{name}.png")
-    with atomic_path(folder / PAGE) as temporary:
-        temporary.write_text(page(result, names), "utf-8")
+    write_text(folder / PAGE, page(result, names))
     return result
-
-
-def _finite(value: Any) -> Any:
-    """Return the value with None for NaN and infinity, which JSON lacks; tuples become lists."""
-    if isinstance(value, Mapping):
-        return {str(key): _finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(inner) for inner in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value.item() if hasattr(value, "item") else value

@@ -7,10 +7,9 @@ from typing import Any
 
 from _benchmark.claims import Claim
 from _benchmark.tables import significant
+from _results import Studies, judged
 
 from _calibration.cases import CASES
-
-Rows = Mapping[str, Sequence[Mapping[str, Any]]]
 
 MOST_RAY_MISS = {"arc": 0.003, "ring": 0.005}
 MOST_RATIO = 1.5
@@ -20,13 +19,9 @@ STEREO = {"left_rms_px": 0.409, "right_rms_px": 0.459, "joint_rms_px": 0.445}
 BASELINE, BASELINE_WITHIN = 3.338, 0.01
 
 
-def claims(studies: Rows) -> list[dict[str, Any]]:
+def claims(studies: Studies) -> list[dict[str, Any]]:
     """Return the claims that the studies at hand say something about."""
-    found: list[Claim] = []
-    for names, judge in _JUDGES:
-        if all(studies.get(name) for name in names):
-            found += judge(*(studies[name] for name in names))
-    return [claim.row() for claim in found]
+    return judged(studies, _JUDGES)
 
 
 def best_of_peer(rows: Sequence[Mapping[str, Any]], case: str, seed: int) -> float | None:

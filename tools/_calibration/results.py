@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from _benchmark.tables import Column, number, table, words
+from _results import plain, write_json, write_text
 
 from _calibration.cases import CASES, TARGET, TEXELS
 from _calibration.claims import claims
 from _calibration.rendering import Exposure
 from _calibration.scenes import FOOTPRINT, IMAGE_SIZE, VOLUME
-from tomo.io.atomic import atomic_path
 
 FORMAT, VERSION = "calibration-study", 1
 PAGE, JSON = "calibration.md", "calibration.json"
@@ -105,11 +103,9 @@ _TEXTS = {
 
 def save(folder: Path, result: Mapping[str, Any]) -> dict[str, Any]:
     """Write the JSON and the page of what there is so far; return it with the claims."""
-    result = _short({**result, "claims": claims(result["studies"])})
-    with atomic_path(folder / JSON) as temporary:
-        temporary.write_text(json.dumps(result, indent=1) + "\n", "utf-8")
-    with atomic_path(folder / PAGE) as temporary:
-        temporary.write_text(page(result, (folder / PICTURE).exists()), "utf-8")
+    result = plain({**result, "claims": claims(result["studies"])}, _DIGITS)
+    write_json(folder / JSON, result, indent=1)
+    write_text(folder / PAGE, page(result, (folder / PICTURE).exists()))
     return result
 
 
@@ -155,14 +151,3 @@ def _words_of(name: str) -> str:
 def _counted(terms: Sequence[str]) -> str:
     """Return ``4 brown4, 1 radial``."""
     return ", ".join(f"{terms.count(name)} {name}" for name in dict.fromkeys(sorted(terms)))
-
-
-def _short(value: Any) -> Any:
-    """Return plain data with numbers of a few digits; what is not finite becomes None."""
-    if isinstance(value, Mapping):
-        return {key: _short(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_short(inner) for inner in value]
-    if isinstance(value, float):
-        return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
-    return value

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from _benchmark.tables import significant
+from _results import Studies, judged
 
-Row = Mapping[str, Any]
-Rows = Mapping[str, Sequence[Row]]
-
+Rows = Sequence[Mapping[str, Any]]
 
 _EPOCHS, _MINUTES = 80, 8
 
@@ -47,13 +46,9 @@ class Claim:
         }
 
 
-def claims(studies: Rows) -> list[dict[str, Any]]:
+def claims(studies: Studies) -> list[dict[str, Any]]:
     """Return the claims that the studies at hand say something about."""
-    found: list[Claim] = []
-    for name, judge in _JUDGES:
-        if studies.get(name):
-            found += judge(studies)
-    return [claim.row() for claim in found]
+    return judged(studies, _JUDGES)
 
 
 def short(layout: str) -> str:
@@ -66,8 +61,8 @@ def _similarity(distance: float) -> str:
     return f"similarity {1 - distance:.4f}"
 
 
-def _layouts(studies: Rows) -> Iterator[Claim]:
-    for row in studies["layouts"]:
+def _layouts(rows: Rows) -> Iterator[Claim]:
+    for row in rows:
         distance = row["cosine_distance"]
         yield Claim(
             f"Jet, {short(row['layout'])}, {row['epochs']} epochs",
@@ -76,7 +71,7 @@ def _layouts(studies: Rows) -> Iterator[Claim]:
             distance < 1e-3,
             _WHY_LAYOUTS,
         )
-    slowest = max(row["core_seconds_per_epoch"] for row in studies["layouts"]) * _EPOCHS / 60
+    slowest = max(row["core_seconds_per_epoch"] for row in rows) * _EPOCHS / 60
     yield Claim(
         f"Jet, time of {_EPOCHS} epochs",
         f"(this project's aim) below {_MINUTES} minutes on 2 cores",
@@ -85,10 +80,11 @@ def _layouts(studies: Rows) -> Iterator[Claim]:
     )
 
 
-def _views(studies: Rows) -> Iterator[Claim]:
-    rows = {row["layout"]: row["cosine_distance"] for row in studies["views"]}
-    many = [d for layout, d in rows.items() if layout.startswith("paper33")]
-    few = [d for layout, d in rows.items() if layout.startswith("paper11")]
+def _views(rows: Rows) -> Iterator[Claim]:
+    many, few = (
+        [row["cosine_distance"] for row in rows if row["layout"].startswith(f"paper{views}_")]
+        for views in (33, 11)
+    )
     if many and few:
         yield Claim(
             "Turbulent flame, 33 views against 11",
@@ -98,22 +94,20 @@ def _views(studies: Rows) -> Iterator[Claim]:
         )
 
 
-def _ablation(studies: Rows) -> Iterator[Claim]:
-    rows = {row["variant"]: row["cosine_distance"] for row in studies["ablation"]}
+def _ablation(rows: Rows) -> Iterator[Claim]:
+    distances = {row["variant"]: row["cosine_distance"] for row in rows}
     yield Claim(
         "Jet, encoder without bias",
         "worst of the three variants",
-        ", ".join(f"{name} {significant(d)}" for name, d in rows.items()),
-        rows["no-bias"] == max(rows.values()),
+        ", ".join(f"{name} {significant(d)}" for name, d in distances.items()),
+        distances["no-bias"] == max(distances.values()),
         _WHY_ABLATION,
     )
 
 
-def _normalisation(studies: Rows) -> Iterator[Claim]:
+def _normalisation(rows: Rows) -> Iterator[Claim]:
     on, off = (
-        next(
-            r["cosine_distance"] for r in studies["normalisation"] if r["normalise_gradient"] is n
-        )
+        next(row["cosine_distance"] for row in rows if row["normalise_gradient"] is n)
         for n in (True, False)
     )
     yield Claim(
@@ -125,9 +119,9 @@ def _normalisation(studies: Rows) -> Iterator[Claim]:
     )
 
 
-def _denoising(studies: Rows) -> Iterator[Claim]:
-    for row in studies["denoising"]:
-        art = [r["cosine_distance"] for r in studies["art"] if r["flame"] == row["flame"]]
+def _denoising(rows: Rows, by_art: Rows) -> Iterator[Claim]:
+    for row in rows:
+        art = [r["cosine_distance"] for r in by_art if r["flame"] == row["flame"]]
         ours, best = row["cosine_distance"], row["best_cosine_distance"]
         rays = 100 * row["samples_per_batch"]
         where = f"{row['flame'].capitalize()}, 10 % noise, {rays} rays a step"
@@ -144,9 +138,9 @@ def _denoising(studies: Rows) -> Iterator[Claim]:
         )
 
 
-def _transfer(studies: Rows) -> Iterator[Claim]:
+def _transfer(rows: Rows) -> Iterator[Claim]:
     said = {("jet", "turbulent"): 0.99, ("turbulent", "jet"): 0.92}
-    for row in studies["transfer"]:
+    for row in rows:
         way = f"Encoder of the {row['encoder_of']} case for the {row['flame']} flame"
         way += ", frozen" if row["frozen"] else ", trained on"
         wanted = said.get((row["encoder_of"], row["flame"]))
@@ -172,11 +166,11 @@ _WHY_NORMALISATION = (
 _WHY_NOISE = "free weights and free voxels fit the noise, and nothing keeps them smooth"
 _WHY_TRANSFER = "one seed only"
 
-_JUDGES: tuple[tuple[str, Callable[[Rows], Iterator[Claim]]], ...] = (
-    ("layouts", _layouts),
-    ("views", _views),
-    ("ablation", _ablation),
-    ("normalisation", _normalisation),
-    ("denoising", _denoising),
-    ("transfer", _transfer),
+_JUDGES: tuple[tuple[tuple[str, ...], Callable[..., Iterator[Claim]]], ...] = (
+    (("layouts",), _layouts),
+    (("views",), _views),
+    (("ablation",), _ablation),
+    (("normalisation",), _normalisation),
+    (("denoising", "art"), _denoising),
+    (("transfer",), _transfer),
 )

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
+
+from _results import earlier_run, plain, studies_of, write_json, write_text
 
 from _paper.claims import claims
 from _paper.page import page
 from _paper.plots import plots
 from _paper.sizes import Sizes
-from tomo.io.atomic import atomic_path
 from tomo.view.figures import save_figure
 
 FORMAT, VERSION = "wernet-paper-experiments", 1
@@ -28,20 +27,7 @@ def load(folder: Path, size: str) -> dict[str, Any]:
     ValueError
         If it is no run of these experiments, or was of another size.
     """
-    path = folder / JSON
-    if not path.is_file():
-        return {}
-    try:
-        result = json.loads(path.read_text("utf-8"))
-        known = (result["format"], result["version"]) == (FORMAT, VERSION)
-        found, _ = result["size"], result["parts"]
-    except (ValueError, KeyError, TypeError):
-        known = False
-    if not known:
-        raise ValueError(f"{path}: expected the result of an earlier run, {FORMAT} {VERSION}")
-    if found != size:
-        raise ValueError(f"{path}: --resume: size: found {found!r}, expected {size!r}")
-    return result
+    return earlier_run(folder / JSON, (FORMAT, VERSION), {"size": size})
 
 
 def save(
@@ -57,35 +43,20 @@ def save(
     fresh : collection of str, optional
         The parts whose figures are to be drawn, the others' being there already; all when None.
     """
-    studies = {
-        name: rows for part in result["parts"].values() for name, rows in part["studies"].items()
-    }
+    studies = studies_of(result["parts"])
     new = {
         name
         for part, record in result["parts"].items()
         for name in record["studies"]
         if fresh is None or part in fresh
     }
-    result = _short({**result, "claims": claims(studies)})
-    with atomic_path(folder / JSON) as temporary:
-        temporary.write_text(json.dumps(result), "utf-8")
+    result = plain({**result, "claims": claims(studies)}, _DIGITS)
+    write_json(folder / JSON, result)
     names: dict[str, list[str]] = {}
     for study, figures in plots(studies, sizes).items():
         for name, draw in figures.items():
             if study in new:
                 save_figure(draw(), folder / FOLDER / f"{name}.png")
             names.setdefault(study, []).append(f"{FOLDER}/{name}.png")
-    with atomic_path(folder / PAGE) as temporary:
-        temporary.write_text(page(result, names, sizes), "utf-8")
+    write_text(folder / PAGE, page(result, names, sizes))
     return result
-
-
-def _short(value: Any) -> Any:
-    """Return the value as JSON takes it: lists, five digits, None for NaN and infinity."""
-    if isinstance(value, Mapping):
-        return {str(key): _short(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_short(inner) for inner in value]
-    if isinstance(value, float):
-        return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
-    return value.item() if hasattr(value, "item") else value
