@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from rigs import Rig, formats, load_rig, save_rig
 from tomo._scan_schema import parse_scan_file
 from tomo.grid import VoxelGrid, grid_of_rig
-from tomo.io import atomic_path, write_image, write_volume
+from tomo.io import whole_folder, write_image, write_volume
 from tomo.io.images import IMAGE_SUFFIXES
 from tomo.io.volumes import check_length_unit
 from tomo.scan import Corrections, Frame, Scan
@@ -169,8 +169,7 @@ def save_scan(
 ) -> Path:
     """Write a scan folder: ``rig.yaml``, ``images/<camera>/<frame>.tif``, ``scan.yaml``.
 
-    ``scan.yaml`` is written last and an old one is removed first, so that a folder left behind by
-    an interrupted run is never taken for a whole scan.
+    Until all is written, the folder keeps what stood there before: see `tomo.io.whole_folder`.
 
     Parameters
     ----------
@@ -221,20 +220,16 @@ def save_scan(
     if effects is not None:
         content["effects"] = {name: value for name, value in effects.items() if value is not None}
 
-    scan_file = folder / SCAN_FILE
-    folder.mkdir(parents=True, exist_ok=True)
-    scan_file.unlink(missing_ok=True)
-    save_rig(rig, folder / "rig.yaml")
-    for frame, images in frames.items():
-        for camera, image in images.items():
-            write_image(folder / "images" / camera / f"{frame}.tif", image)
-    if truth is not None:
-        write_volume(folder / "truth.npz", truth, grid, rig.length_unit)
-    with atomic_path(scan_file) as temporary:
-        temporary.write_text(
-            yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8"
-        )
-    return scan_file
+    with whole_folder(folder, last=(SCAN_FILE,)) as staging:
+        save_rig(rig, staging / "rig.yaml")
+        for frame, images in frames.items():
+            for camera, image in images.items():
+                write_image(staging / "images" / camera / f"{frame}.tif", image)
+        if truth is not None:
+            write_volume(staging / "truth.npz", truth, grid, rig.length_unit)
+        text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+        (staging / SCAN_FILE).write_text(text, encoding="utf-8")
+    return folder / SCAN_FILE
 
 
 def _check_image(folder: Path, frame: str, camera: str, shape: tuple, rig: Rig) -> None:

@@ -6,11 +6,13 @@ import json
 import math
 import os
 import re
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import rich.console
 import typer
@@ -29,20 +31,85 @@ _ABOUT_A_PATH = (
     PermissionError,
 )
 
+INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM
+"""Exit codes, as shells give them."""
+
 
 @contextmanager
 def bad_input_in_one_line() -> Iterator[None]:
-    """Turn the library's errors about input into one line on stderr and exit code 2."""
+    """Turn errors about input, memory and files, and being stopped, into one line on stderr.
+
+    Exit codes are 2 for input, which is what takes too much memory too, 1 for files that the
+    system refuses to read or write (a full disk), `INTERRUPTED` and `TERMINATED`.
+    """
+    try:
+        with _terminated_by_an_exception():
+            yield
+    except BrokenPipeError:  # who reads stdout has gone: typer's to say
+        raise
+    except (ValueError, *_ABOUT_A_PATH) as error:
+        _end(f"error: {_told(error)}", 2)
+    except OSError as error:
+        _end(f"error: {_told(error)}", 1)
+    except KeyboardInterrupt:
+        _end("interrupted", INTERRUPTED)
+    except _Terminated:
+        _end("terminated", TERMINATED)
+    except (MemoryError, RuntimeError, ImportError) as error:
+        if not _for_want_of_memory(error):
+            raise
+        _end(
+            f"error: memory: found too little left, expected enough: use fewer voxels, smaller "
+            f"images or another method ({_told(error)})",
+            2,
+        )
+
+
+def _end(line: str, code: int) -> NoReturn:
+    typer.echo(line, err=True)
+    raise typer.Exit(code) from None
+
+
+def _told(error: Exception) -> str:
+    """Return what an error says in one line; the file first where the system names one."""
+    said = str(error)
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        said = f"{error.filename}: {error.strerror}"
+    return " ".join(said.split()) or type(error).__name__
+
+
+def _for_want_of_memory(error: BaseException) -> bool:
+    """Tell whether it is memory that lacked: libraries say so in words of their own."""
+    words = ("allocate memory", "out of memory", "failed to map segment", "start new thread")
+    return isinstance(error, MemoryError) or any(word in str(error).lower() for word in words)
+
+
+class _Terminated(BaseException):
+    """The system asked the process to end."""
+
+
+@contextmanager
+def _terminated_by_an_exception() -> Iterator[None]:
+    """Have SIGTERM raise in the main thread, so that what is half-written is removed."""
+
+    def stop(*_: object) -> NoReturn:
+        raise _Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # handlers are the main thread's alone
+        return
+    before = signal.signal(signal.SIGTERM, stop)
     try:
         yield
-    except (ValueError, *_ABOUT_A_PATH) as error:
-        message = " ".join(str(error).split())
-        typer.echo(f"error: {message}", err=True)
-        raise typer.Exit(2) from None
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def check_output_folder(folder: Path) -> None:
-    """Raise unless there is such a folder or it can be made: better now than after the work."""
+    """Raise unless there is such a folder or it can be made: better now than after the work.
+
+    What killed runs left half-written in it is removed.
+    """
     existing = folder.absolute()
     while not existing.exists():
         existing = existing.parent
@@ -50,6 +117,10 @@ def check_output_folder(folder: Path) -> None:
         raise NotADirectoryError(f"{existing}: is a file, expected a folder to write into")
     if not os.access(existing, os.W_OK | os.X_OK):
         raise PermissionError(f"{existing}: nothing can be written there")
+    if folder.exists():
+        from tomo.io import remove_leftovers
+
+        remove_leftovers(folder)
 
 
 def check_output_volume(folder: Path, rig: Rig, source: object) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import secrets
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from rigs._atomic import atomic_path
 from rigs.calibrate._found import Found
 from rigs.calibrate.image_sets import Source, VideoFrame
 
@@ -89,11 +88,5 @@ def write(path: Path, entries: Mapping[str, Entry]) -> None:
         "legacy": np.array([-1 if i.legacy is None else int(i.legacy) for i in found], np.int64),
         "size": np.array([entry[1] for entry in entries.values()], np.int64).reshape(-1, 2),
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name[:100]}.{secrets.token_hex(6)}")
-    try:
-        with temporary.open("wb") as file:
-            np.savez_compressed(file, **stored)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **stored)

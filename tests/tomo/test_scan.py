@@ -1,5 +1,7 @@
+import errno
 import os
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -98,18 +100,27 @@ def test_the_grid_is_the_rigs_volume_where_the_scan_names_none(folder):
     assert Scan.load(folder).grid is None
 
 
-def test_an_interrupted_run_is_never_a_whole_scan(tmp_path, monkeypatch):
-    """The scan file goes first and comes last, also over an older scan."""
+def test_an_interrupted_run_leaves_the_scan_that_was_there(tmp_path, monkeypatch):
     save_scan(tmp_path, RIG, FRAMES)
-    assert Scan.load(tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    brighter = {
+        frame: {camera: 2 * image for camera, image in images.items()}
+        for frame, images in FRAMES.items()
+    }
+    calls = []
 
-    def full_disk(*_):
-        raise OSError("no space left")
+    def full_disk(path, image):
+        calls.append(path)
+        if len(calls) == 2:
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        write_image(path, image)
 
     monkeypatch.setattr("tomo.scan_file.write_image", full_disk)
-    with pytest.raises(OSError, match="no space"):
-        save_scan(tmp_path, RIG, FRAMES)
-    assert_refused(lambda: Scan.load(tmp_path), str(tmp_path), error=FileNotFoundError)
+    with pytest.raises(OSError, match="No space left") as caught:
+        save_scan(tmp_path, RIG, brighter)
+    assert Path(caught.value.filename).parents[2] == tmp_path  # as the user knows it
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    assert Scan.load(tmp_path)
 
 
 # --- corrections

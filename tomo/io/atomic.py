@@ -1,38 +1,94 @@
-"""Files that appear whole or not at all."""
+"""Files, and folders of files that belong together, that appear whole or not at all."""
 
 from __future__ import annotations
 
 import os
-import secrets
-from collections.abc import Iterator
-from contextlib import contextmanager
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from rigs._atomic import atomic_path, partial_name, remove_leftovers
+
+__all__ = ["atomic_path", "remove_leftovers", "whole_folder"]
 
 
 @contextmanager
-def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
-    """Yield a temporary name beside ``path``; rename it to ``path`` when the block succeeds.
+def whole_folder(
+    folder: str | os.PathLike, last: Sequence[str], others: Sequence[str] = ()
+) -> Iterator[Path]:
+    """Yield an empty folder to write into; move its files to ``folder`` when the block succeeds.
 
-    The temporary name has the suffix of ``path``, because many writers choose the format by it,
-    and lies in the same folder, because a rename is atomic only within one file system. Missing
-    folders are made. When the block raises, the temporary file is deleted and what stood at
-    ``path`` before stands there still.
+    Until then ``folder`` stays as it is, whatever happens to the block. The files are moved one
+    by one, within milliseconds, by one process at a time (where the system has ``flock``): of
+    several that write into one folder, the last one's files stand there, all of them.
 
     Parameters
     ----------
-    path : path-like
-        The file to write.
+    folder : path-like
+        Made where it is missing.
+    last : sequence of str
+        Files that say that the others are complete: removed before the first file is moved,
+        moved after all others, in this order.
+    others : sequence of str
+        Files of an earlier result, removed where the block has written none of that name.
 
-    Examples
-    --------
-    >>> with atomic_path("report.json") as temporary:
-    ...     temporary.write_text("{}")
+    Raises
+    ------
+    OSError, ValueError
+        Of the block, naming files in ``folder`` where they name those in the folder yielded.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.stem[:100]}.{secrets.token_hex(6)}{path.suffix}")
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    remove_leftovers(folder)
+    staging = folder / partial_name("files")
     try:
-        yield temporary
-        os.replace(temporary, path)
+        staging.mkdir()
+        yield staging
+        with _alone(folder):
+            _move(staging, folder, last, others)
+    except (OSError, ValueError) as error:
+        _say_instead(error, staging, folder)
+        raise
     finally:
-        temporary.unlink(missing_ok=True)
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def _move(staging: Path, folder: Path, last: Sequence[str], others: Sequence[str]) -> None:
+    files = [path.relative_to(staging) for path in staging.rglob("*") if path.is_file()]
+    order = {Path(name): place for place, name in enumerate(last, 1)}
+    for name in last:
+        (folder / name).unlink(missing_ok=True)
+    for name in {*map(Path, others)}.difference(files):
+        (folder / name).unlink(missing_ok=True)
+    for name in sorted(files, key=lambda name: order.get(name, 0)):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(staging / name, folder / name)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Wait until no other process moves files into ``folder``; a killed one does not count."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some network file systems have no locks on folders
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _say_instead(error: OSError | ValueError, found: Path, wanted: Path) -> None:
+    """Name ``wanted`` where an error names ``found``, or no file at all."""
+    error.args = tuple(
+        part.replace(str(found), str(wanted)) if isinstance(part, str) else part
+        for part in error.args
+    )
+    if isinstance(error, OSError) and error.errno is not None:
+        named = wanted if error.filename is None else error.filename
+        error.filename = str(named).replace(str(found), str(wanted))

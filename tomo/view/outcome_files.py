@@ -9,8 +9,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 from rigs import save_rig
-from tomo.io import write_volume
-from tomo.io.atomic import atomic_path
+from tomo.io import whole_folder, write_volume
 from tomo.outcome import Outcome
 from tomo.reconstruction import Reconstruction
 from tomo.view.report import write_report
@@ -21,40 +20,37 @@ PICTURES = ("rig", "slices", "views", "convergence", "difference", "learned")
 RIG_FILE = "refined_rig.yaml"
 """The rig with its refined cameras, where there are any; a scan's own is its ``rig.yaml``."""
 
+PAGE, FIGURES = "report.html", "report.json"
+
 VOLUME_FILES = ("volume.npz", "volume.vti", "volume.nrrd")
 
 
 def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
     """Write everything about a reconstruction into a folder; return the paths.
 
-    ``report.json`` comes last: where it stands, the rest is complete. Where cameras were refined,
-    ``refined_rig.yaml`` is the rig with them. Pictures and the rig of an earlier outcome that this
-    one does not have are removed.
+    Until all is written, the folder keeps what stood there before: see `tomo.io.whole_folder`.
+    ``report.json`` comes last: where it stands, the rest is complete and of the same run. Where
+    cameras were refined, ``refined_rig.yaml`` is the rig with them. Pictures and the rig of an
+    earlier outcome that this one does not have are removed.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    report_file = folder / "report.json"
-    report_file.unlink(missing_ok=True)
-    found = outcome.reconstruction
-    paths = [folder / name for name in VOLUME_FILES]
-    for path in paths:
-        write_volume(path, outcome.volume, found.grid, outcome.rig.length_unit, allow_nan=True)
-    report = outcome.report()
-    results = results_of(outcome)
-    pictures = draw(results)
-    paths += write_pictures(folder, pictures)
-    for name in PICTURES:
-        if folder / f"{name}.png" not in paths:
-            (folder / f"{name}.png").unlink(missing_ok=True)
-    write_report(folder / "report.html", report, results, pictures)
-    if outcome.refined_rig is None:
-        (folder / RIG_FILE).unlink(missing_ok=True)
-    else:
-        save_rig(outcome.refined_rig, folder / RIG_FILE)
-        paths.append(folder / RIG_FILE)
-    with atomic_path(report_file) as temporary:
-        temporary.write_text(json.dumps(report, indent=2, allow_nan=False) + "\n", "utf-8")
-    return [*paths, folder / "report.html", report_file]
+    found, report = outcome.reconstruction, outcome.report()
+    names = [*VOLUME_FILES]
+    with whole_folder(
+        folder, last=(PAGE, FIGURES), others=(RIG_FILE, *(f"{name}.png" for name in PICTURES))
+    ) as staging:
+        for name in VOLUME_FILES:
+            path = staging / name
+            write_volume(path, outcome.volume, found.grid, outcome.rig.length_unit, allow_nan=True)
+        results = results_of(outcome)
+        pictures = draw(results)
+        names += [path.name for path in write_pictures(staging, pictures)]
+        write_report(staging / PAGE, report, results, pictures)
+        if outcome.refined_rig is not None:
+            save_rig(outcome.refined_rig, staging / RIG_FILE)
+            names.append(RIG_FILE)
+        text = json.dumps(report, indent=2, allow_nan=False) + "\n"
+        (staging / FIGURES).write_text(text, "utf-8")
+    return [Path(folder) / name for name in (*names, PAGE, FIGURES)]
 
 
 def results_of(outcome: Outcome) -> Results:
