@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from tomo._compile import compiled
+from tomo.trace.box import STILL
 
 
 @compiled(inline=True)
@@ -35,7 +36,7 @@ def voxel_units(point, lower, upper, spacing, count):
 @compiled(inline=True)
 def _clip(position, direction, count, start, stop):
     """Clip the interval ``start, stop`` of a ray to one axis's slab ``0 <= position <= count``."""
-    if direction == 0:
+    if abs(direction) < STILL:
         if position < 0 or position > count:
             return start, -1.0
         return start, stop

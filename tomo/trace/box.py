@@ -10,6 +10,13 @@ from numpy.typing import NDArray
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
 
+STILL = 1e-300
+"""Voxels per length below which a ray is parallel to an axis: its reciprocal may be infinite.
+
+Every tracer has to draw the line here: a ray in an outer face is inside while it is parallel, and
+outside at once where it leaves however slowly.
+"""
+
 
 @dataclass(frozen=True, eq=False)
 class BoxCrossing:
@@ -56,16 +63,15 @@ def enter_box(rays: Rays, grid: VoxelGrid) -> BoxCrossing:
     """Clip every ray to the grid's box by the slab method.
 
     A ray parallel to an axis is inside that axis's slab when it lies between the two outer faces
-    or on one of them. Written without ``0 * inf``: a zero direction component never divides.
+    or on one of them. Written without ``0 * inf``: a component of `STILL` never divides.
     """
     position = grid.to_voxel_units(rays.origins)  # (N, 3)
     direction = rays.directions / grid.spacing  # (N, 3)
     shape = np.asarray(grid.shape, np.float64)
-    parallel = direction == 0
+    parallel = np.abs(direction) < STILL
     divisor = np.where(parallel, 1.0, direction)
-    with np.errstate(over="ignore"):  # a subnormal component: infinity is the right answer
-        to_lower = (0.0 - position) / divisor
-        to_upper = (shape - position) / divisor
+    to_lower = (0.0 - position) / divisor
+    to_upper = (shape - position) / divisor
     between = (position >= 0) & (position <= shape)
     near = np.where(parallel, np.where(between, -np.inf, np.inf), np.minimum(to_lower, to_upper))
     far = np.where(parallel, np.where(between, np.inf, -np.inf), np.maximum(to_lower, to_upper))

@@ -16,6 +16,7 @@ import numpy as np
 
 from tomo._compile import compiled
 from tomo.trace._planes import voxel_units
+from tomo.trace.box import STILL
 
 START_B, SLOPE_B, START_C, SLOPE_C, ENTER, LEAVE, SCALE = range(7)
 """Columns of a course: ``b`` and ``c`` where ``t`` is zero (counted backwards if mirrored), voxels
@@ -27,13 +28,11 @@ WIDTH = 8
 
 _TOGETHER = 256  # rays whose courses are computed in one loop, which vectorises
 
-_STILL = 1e-300  # a direction's component below which its reciprocal may not be finite
-
 
 @compiled(inline=True)
 def _bounds(position, direction, count, near, far):
     """Clip the interval ``near, far`` of a ray to ``0 <= position <= count`` along one axis."""
-    still = abs(direction) < _STILL
+    still = abs(direction) < STILL
     per = 1.0 / (1.0 if still else direction)
     lower, upper = -position * per, (count - position) * per
     first, last = (lower, upper) if lower < upper else (upper, lower)

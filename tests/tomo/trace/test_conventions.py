@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tomo.grid import VoxelGrid
+from tomo.on_the_fly import OnTheFlyProjector
 from tomo.rays import Rays
 from tomo.trace import TRACERS, trace
 
@@ -89,6 +90,17 @@ def test_a_tilt_below_rounding_changes_neither_voxels_nor_lengths(tracer, tilt):
     assert len(level) == 4
     np.testing.assert_array_equal(tilted.voxel, level.voxel)
     np.testing.assert_array_equal(tilted.length, level.length)
+
+
+@EVERY
+@pytest.mark.parametrize("tilt", [5e-324, -5e-324, 1e-310, -1e-310])
+@pytest.mark.parametrize("face", [0, 4])
+def test_in_an_outer_face_a_subnormal_tilt_is_none(tracer, tilt, face):
+    origin = CUBE.lower + 0.5 * np.array([-20, face, face])
+    rays = Rays.from_lines(origin, [1, tilt, tilt])
+    segments = trace(rays, CUBE, tracer, dtype=np.float64)
+    assert segments.length.tolist() == [0.5] * 4
+    assert (OnTheFlyProjector(rays, CUBE) @ np.ones(CUBE.size)).tolist() == [2.0]
 
 
 @pytest.mark.parametrize("tilt", [1e-3, 1e-6, 1e-9, 1e-12, 1e-14])
