@@ -59,7 +59,10 @@ def pixel_centres(size: tuple[int, int]) -> NDArray[np.float64]:
 
 
 def on_image(uv: ArrayLike, size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels."""
+    """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels.
+
+    NaN does not: what is not to be seen is not on the image.
+    """
     u, v = rows_of(uv, 2, "pixel coordinates").T
     width, height = size
     return (u >= -0.5) & (u < width - 0.5) & (v >= -0.5) & (v < height - 0.5)

@@ -180,7 +180,10 @@ class Camera:
         return np.tile(self.position, (len(uv), 1)), directions
 
     def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
-        """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels."""
+        """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels.
+
+        NaN, which `project` returns of what is not to be seen, does not.
+        """
         return on_image(uv, self.image_size)
 
     def scaled(self, scale: float) -> Camera:

@@ -174,8 +174,8 @@ def expected_ray_miss(
 
 def _view(camera: Camera, points: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Return of each point its line of sight, whether it is in the image, pixel size and blur."""
-    uv, depth, valid = camera.project(points)
-    seen = valid & camera.inside(np.where(valid[:, None], uv, -1e9))
+    uv, depth, _ = camera.project(points)
+    seen = camera.inside(uv)
     footprint = np.full(len(points), np.nan)
     blur = np.full(len(points), np.nan)
     away = points - camera.position

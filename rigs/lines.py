@@ -67,9 +67,9 @@ def ray_distances(true: Rig, estimated: Rig, points: ArrayLike) -> NDArray[np.fl
     points = np.asarray(points, np.float64).reshape(-1, 3)
     origins, directions = np.full((2, len(points), len(true), 3), np.nan)
     for number, camera in enumerate(true):
-        uv, _, valid = camera.project(points)
-        valid = valid & camera.inside(np.where(valid[:, None], uv, -9.0))
-        origins[valid, number], directions[valid, number] = estimated[camera.name].rays(uv[valid])
+        uv, _, _ = camera.project(points)
+        seen = camera.inside(uv)
+        origins[seen, number], directions[seen, number] = estimated[camera.name].rays(uv[seen])
     there = np.isfinite(origins).all(axis=2) & np.isfinite(directions).all(axis=2)  # (N, C)
     there &= (there.sum(axis=1) > 1)[:, None]
     origins, directions = (np.where(there[..., None], a, 0.0) for a in (origins, directions))

@@ -260,7 +260,10 @@ class RayTable:
         return (uv + 0.5) * self.scale - 0.5 + self.offset
 
     def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
-        """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels."""
+        """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels.
+
+        NaN, which `project` returns of what is not to be seen, does not.
+        """
         return on_image(uv, self.image_size)
 
     def scaled(self, scale: float) -> RayTable:

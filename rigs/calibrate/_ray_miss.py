@@ -15,8 +15,7 @@ def views(rig: Rig, points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Say which camera has which of ``points`` in its image, ``(cameras, points)``."""
     seen = np.zeros((len(rig), len(points)), bool)
     for index, camera in enumerate(rig):
-        uv, _, valid = camera.project(points)
-        seen[index] = valid & camera.inside(np.where(valid[:, None], uv, -9.0))
+        seen[index] = camera.inside(camera.project(points)[0])
     return seen
 
 
