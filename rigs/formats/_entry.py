@@ -13,7 +13,7 @@ from rigs._text import shortened
 from rigs.camera import Camera
 from rigs.distortion import Distortion
 from rigs.formats._lens import named_model, refuse_skew
-from rigs.formats._values import as_rotation
+from rigs.formats._values import rotation_of_motion
 
 _RADIAL, _TANGENTIAL = tuple(f"k{i}" for i in range(1, 7)), ("p1", "p2")
 #: The lens keys that each of the format's camera models uses, and our model; all others must be 0.
@@ -84,12 +84,7 @@ def _pose(matrix: object) -> tuple[NDArray, NDArray]:
         raise ValueError(
             f"transform_matrix: found {shortened(matrix)}, expected 4 x 4 finite numbers"
         )
-    if pose.shape == (4, 4) and np.abs(pose[3] - [0, 0, 0, 1]).max() > 1e-9:
-        raise ValueError(
-            f"transform_matrix: found last row {pose[3].tolist()}, expected [0, 0, 0, 1]"
-        )
-    turn = as_rotation(pose[:3, :3], "transform_matrix")
-    R = np.diag([1.0, -1.0, -1.0]) @ turn.T
+    R = np.diag([1.0, -1.0, -1.0]) @ rotation_of_motion(pose, "transform_matrix").T
     return R, -R @ pose[:3, 3]
 
 

@@ -115,6 +115,13 @@ def as_rotation(found: object, what: str) -> NDArray[np.float64]:
     return rotation(as_array(found, (3, 3), what), what, _RIGID)
 
 
+def rotation_of_motion(motion: NDArray[np.float64], what: str) -> NDArray[np.float64]:
+    """Return the rotation ``(3, 3)`` of a rigid motion, ``(4, 4)`` or without its last row."""
+    if len(motion) == 4 and np.abs(motion[3] - [0, 0, 0, 1]).max() > 1e-9:
+        raise ValueError(f"{what}: found last row {motion[3].tolist()}, expected [0, 0, 0, 1]")
+    return as_rotation(motion[:3, :3], what)
+
+
 def numbers_of_line(fields: Sequence[str], names: Sequence[str]) -> list[float]:
     """Return one number a name from the words of a line."""
     if len(fields) != len(names):

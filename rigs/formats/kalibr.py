@@ -27,11 +27,11 @@ from rigs.formats._sphere_models import PARAMETERS, directions
 from rigs.formats._values import (
     as_array,
     as_mapping,
-    as_rotation,
     as_size,
     errors_of,
     errors_of_file,
     required,
+    rotation_of_motion,
 )
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
@@ -85,9 +85,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
 def _link(found: object) -> NDArray[np.float64]:
     """Return a rigid motion ``(4, 4)``."""
     motion = as_array(found, (4, 4), "T_cn_cnm1")
-    if np.abs(motion[3] - [0, 0, 0, 1]).max() > 1e-9:
-        raise ValueError(f"T_cn_cnm1: found last row {motion[3].tolist()}, expected [0, 0, 0, 1]")
-    motion[:3, :3] = as_rotation(motion[:3, :3], "T_cn_cnm1")
+    motion[:3, :3] = rotation_of_motion(motion, "T_cn_cnm1")
     return motion
 
 
