@@ -150,7 +150,7 @@ class Rounds:
                 self.ended = f"settled after round {self.done}"
             elif self.done >= PATIENCE and not self.worth(now, WORTH_LEARNING):
                 self.ended = f"nothing worth learning after round {self.done}"
-            self.previous = now if self.done else math.inf  # training is not judged by the guess
+            self.previous = now
         return found.relative_residual
 
     @staticmethod

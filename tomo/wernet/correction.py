@@ -48,6 +48,11 @@ class CorrectionEncoder(nn.Module):
         """What it takes to build it again."""
         return {"blocks": self.blocks, "channels": self.channels}
 
+    @property
+    def is_zero(self) -> bool:
+        """Whether it gives no correction whatever it sees, as it does until it is trained."""
+        return not (self.last.weight.any() or self.last.bias.any())
+
     def forward(
         self,
         features: torch.Tensor,

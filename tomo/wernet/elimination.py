@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -160,8 +161,8 @@ def _fit(
     for _ in range(STEPS):
         volume = volume_with(projector, measured, features, tokens, choice, unit)
         front = features.emission_in_front(volume, unit)
-        columns = features.trends(front)  # (S, 2)
-        scale = np.sqrt(np.mean(np.square(columns, dtype=np.float64), axis=0)) + 1e-6
+        columns = features.trends(front)
+        scale = [math.sqrt(dot(column, column) / len(column)) + 1e-6 for column in columns]
         learned = reweighted(projector, trend_corrections(tokens, features, front))
         basis = SmoothBasis(learned, choice.width) if choice.width else learned
         free = _solved(basis, measured, choice)
@@ -170,7 +171,7 @@ def _fit(
         residual = (measured - learned @ free).astype(np.float64)
         slope = 2 * learned.segments.length
         rows = [
-            _not_imitated(basis, with_lengths(projector, slope * columns[:, k]) @ free, choice)
+            _not_imitated(basis, with_lengths(projector, slope * columns[k]) @ free, choice)
             / scale[k]
             for k in trends
         ]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from tomo.projector import Projector
+from tomo.wernet import _along_rays
 from tomo.wernet._directions import ray_directions
 from tomo.wernet.packing import Packing
 
@@ -152,12 +154,11 @@ class RayFeatures:
         entry = packing.entry
         midpoint = self.midpoint[entry]
         direction = packing.per_segment(self.direction[rays])
-        depth = self._depth(midpoint, direction, packing.per_segment(self.entry[rays]))
         place = packing.per_segment(self.place[rays])
         features = [
             2 * (midpoint - self.centre[self.voxel[entry].long()]) / self.spacing,
             direction,
-            depth[:, None],
+            self.depth[entry][:, None],
             (self.length[entry] / self.spacing.log().mean().exp() - 0.5)[:, None],
             place,
             place.square(),
@@ -165,24 +166,21 @@ class RayFeatures:
         ]
         return packing, torch.cat(features, dim=1)
 
-    def trends(self, front: torch.Tensor) -> NDArray[np.float32]:
-        """Return the features `TRENDS` of all segments: ``(S, 2)``."""
+    @cached_property
+    def depth(self) -> torch.Tensor:
+        """How deep in the grid segments lie, from -1 to 1 over its shortest edge: ``(S,)``."""
         direction = torch.repeat_interleave(self.direction, self.count, dim=0)
         entry = torch.repeat_interleave(self.entry, self.count)
-        depth = self._depth(self.midpoint, direction, entry)
-        return torch.stack([depth, front], dim=1).cpu().numpy()
+        return 2 * ((self.midpoint * direction).sum(dim=1) - entry) / self.shortest - 1
 
-    def _depth(
-        self, midpoint: torch.Tensor, direction: torch.Tensor, entry: torch.Tensor
-    ) -> torch.Tensor:
-        return 2 * ((midpoint * direction).sum(dim=1) - entry) / self.shortest - 1
+    def trends(self, front: torch.Tensor) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the features `TRENDS` of all segments, ``(S,)`` each."""
+        return self.depth.cpu().numpy(), front.cpu().numpy()
 
-    def emission_in_front(
-        self, volume: NDArray[np.float32], unit: float, weight: NDArray[np.float32] | None = None
-    ) -> torch.Tensor:
+    def emission_in_front(self, volume: NDArray[np.float32], unit: float) -> torch.Tensor:
         """Return the emission between each segment's middle and the camera: ``(S,)`` float32.
 
-        The sum of ``weight x volume`` along the ray up to there, half of the segment's own
+        The sum of ``length x volume`` along the ray up to there, half of the segment's own
         included, over ``unit``.
 
         Parameters
@@ -190,15 +188,16 @@ class RayFeatures:
         volume : (unknowns,) float32
         unit : float
             A typical pixel; above zero.
-        weight : (S,) float32, optional
-            The chords when None.
         """
-        chord = self.length.cpu().numpy() if weight is None else weight
-        own = chord.astype(np.float64) * volume[self.voxel.cpu().numpy()]
-        before = np.concatenate([[0.0], np.cumsum(own)])
-        start, count = self.start.cpu().numpy(), self.count.cpu().numpy()
-        front = before[:-1] + own / 2 - np.repeat(before[start], count)
-        return torch.from_numpy((front / unit).astype(np.float32)).to(self.length.device)
+        crossings = (self.start, self.count, self.voxel, self.length)
+        front = np.zeros(len(self.voxel), np.float32)
+        _along_rays.emission_in_front(
+            *(tensor.cpu().numpy() for tensor in crossings),
+            np.ascontiguousarray(volume, np.float32),
+            float(unit),
+            front,
+        )
+        return torch.from_numpy(front).to(self.length.device)
 
 
 def _entries(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tomo.projector import Projector
 from tomo.segments import Segments
+from tomo.wernet import _along_rays
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.packing import Packing
 from tomo.wernet.parts import SEGMENTS_A_PART, Map, cut, on_cores
@@ -85,10 +86,13 @@ def trend_corrections(
     tokens: ViewTokens, features: RayFeatures, front: torch.Tensor
 ) -> NDArray[np.float32]:
     """Return the corrections that an encoder of zeros leaves: trends and levels, ``(S,)``."""
-    view = torch.repeat_interleave(features.view, features.count)
-    with torch.no_grad():
-        trend = torch.from_numpy(features.trends(front)).to(view.device) @ tokens.trend
-        return torch.expm1(trend + tokens.level[view]).cpu().numpy()
+    found = np.zeros(len(features.voxel), np.float32)
+    tensors = (
+        features.start, features.count, features.view, features.depth, front,
+        tokens.trend.detach(), tokens.level.detach(),
+    )  # fmt: skip
+    _along_rays.trend_corrections(*(tensor.cpu().numpy() for tensor in tensors), found)
+    return found
 
 
 def corrections(
@@ -99,6 +103,8 @@ def corrections(
     over_parts: Map,
 ) -> NDArray[np.float32]:
     """Return the correction of every segment, ``(S,)``."""
+    if encoder.is_zero:
+        return trend_corrections(tokens, features, front)
     found = np.zeros(len(features.voxel), np.float32)
     crossing = features.count.nonzero()[:, 0]
 

@@ -145,11 +145,13 @@ def test_emission_in_front_is_what_a_loop_sums(scene, weighted):
     segments = one.projector.segments
     random = np.random.default_rng(0)
     volume = random.random(one.grid.size).astype(np.float32)
-    weight = random.random(len(segments)).astype(np.float32) if weighted else None
+    weight = random.random(len(segments)).astype(np.float32)
     features = RayFeatures.of(one.projector)
-    found = features.emission_in_front(volume, 2.5, weight).numpy()
+    if weighted:
+        features = replace(features, length=torch.from_numpy(weight))
+    found = features.emission_in_front(volume, 2.5).numpy()
     assert found.dtype == np.float32
-    length = segments.length if weight is None else weight
+    length = weight if weighted else segments.length
     for pixel in range(0, segments.n_pixels, 13):
         light = 0.0
         for entry in range(segments.ptr[pixel], segments.ptr[pixel + 1]):

@@ -75,12 +75,18 @@ def test_an_encoder_of_zeros_leaves_trends_and_levels(scene):
     features = RayFeatures.of(chords)
     front = features.emission_in_front(weights.volume, weights.unit)
     plain = CorrectionEncoder(blocks=1, channels=8)
+    crossing = features.count.nonzero()[:, 0]
+    with torch.no_grad():
+        packing, expected = correction_of(plain, weights.tokens, features, front, crossing)
+    assert expected.abs().max() > 0.1
+    found = trend_corrections(weights.tokens, features, front)[packing.entry]
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
     simple = RayWeights(plain, weights.tokens, weights.volume, weights.unit, True)
-    expected = reweighted(chords, trend_corrections(weights.tokens, features, front))
-    found = simple.projector(chords).segments.length
-    np.testing.assert_allclose(found, expected.segments.length, rtol=1e-5, atol=1e-7)
-    packing, described = features.packed(features.count.nonzero()[:, 0], front)
-    trends = features.trends(front)[packing.entry]
+    lengths = chords.segments.length[packing.entry] * (1 + expected.numpy()) ** 2
+    found = simple.projector(chords).segments.length[packing.entry]
+    np.testing.assert_allclose(found, lengths, rtol=1e-4, atol=1e-6)
+    _, described = features.packed(crossing, front)
+    trends = np.stack(features.trends(front), axis=1)[packing.entry]
     np.testing.assert_allclose(trends, described[:, TRENDS], atol=1e-5)
 
 
