@@ -197,16 +197,28 @@ class OnTheFlyProjector(ViewedOperator):
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
+        finite = np.isfinite(y)
+        if not finite.all():
+            return self._with_spoiled(y, finite)
         volume = np.zeros(self.grid.size, y.dtype)
         most = self._most(y)
         if not math.isfinite(most):
             volume[:] = np.nan
         elif most > 0:
-            per_unit = 2.0 ** (61 - math.frexp(most)[1])
+            per_unit = math.ldexp(1.0, min(61 - math.frexp(most)[1], 1023))
             for axis in range(3):
                 if any(axes[axis] for axes in self._axes):
                     self._add_along(axis, y, per_unit, volume)
         return self.live.compress(volume)
+
+    def _with_spoiled(self, y: NDArray, finite: NDArray[np.bool_]) -> NDArray:
+        """Return the adjoint of pixels some of which are not finite: they reach what they see."""
+        volume = self._rmatvec(np.where(finite, y, 0))
+        with np.errstate(invalid="ignore"):  # infinity less infinity is not a number
+            for value in np.unique(y[~finite]):
+                same = np.isnan(y) if np.isnan(value) else y == value
+                volume[self._rmatvec(same.astype(np.float64)) > 0] += value
+        return volume
 
     def _most(self, y: NDArray) -> float:
         """Return a bound of what all pixels ``y`` together add to a voxel."""

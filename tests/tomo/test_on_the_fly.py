@@ -289,10 +289,29 @@ def test_faint_beside_bright_is_good_to_single_precision_of_the_bright():
     assert np.abs(flying @ volume.ravel() - exact).max() < 3e-6 * 400
 
 
-def test_a_pixel_that_is_not_finite_spoils_the_back_projection():
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("values", [(np.nan,), (np.inf,), (-np.inf,), (np.inf, -np.inf)])
+def test_pixels_that_are_not_finite_reach_the_voxels_that_they_see_alone(values, dtype):
+    grid = VoxelGrid((6, 7, 8), 1.0)
+    rays = random_rays(grid, 40, 17)
+    flying, stored = OnTheFlyProjector(rays, grid), Projector(trace(rays, grid), grid)
+    y = np.ones(40, dtype)
+    y[3 : 3 + len(values)] = values
+    found, expected = flying.T @ y, stored.T @ y
+    assert found.dtype == dtype
+    assert 0 < np.isfinite(found).sum() < grid.size
+    np.testing.assert_allclose(found, expected, rtol=1e-5)  # what is not finite alike
+
+
+def test_no_light_is_back_projected_to_nothing():
     grid = VoxelGrid((4, 4, 4), 1.0)
     flying = OnTheFlyProjector(random_rays(grid, 20, 17), grid)
-    y = np.ones(20)
-    y[3] = np.nan
-    assert np.isnan(flying.T @ y).all()
     assert not (flying.T @ np.zeros(20)).any()
+
+
+@pytest.mark.parametrize("scale", [1e-295, 1e-40, 1e30, 1e290])
+def test_back_projections_of_the_faintest_and_the_brightest_images_scale(scale):
+    grid = VoxelGrid((4, 4, 4), 1.0)
+    flying = OnTheFlyProjector(random_rays(grid, 20, 17), grid)
+    found = flying.T @ np.full(20, scale)
+    np.testing.assert_allclose(found / scale, flying.T @ np.ones(20), rtol=1e-9)

@@ -113,7 +113,8 @@ def drive(
     Raises
     ------
     ValueError
-        If ``iterations`` is not a whole number or negative.
+        If ``iterations`` is not a whole number or negative, or not even the first volume that is
+        not dark can be written in single precision.
     """
     if not (iterations >= 0 and iterations % 1 == 0):
         raise ValueError(f"iterations: found {iterations}, expected a whole number >= 0")
@@ -122,9 +123,14 @@ def drive(
     history: list[Iteration] = []
     stop_reason = f"all {iterations} iterations done"
     volume = np.zeros(projector.shape[1], np.float32)
-    for index, (state, residual_norm) in enumerate(states):
+    for index, (state, residual_norm) in enumerate(_quietly(states)):
         relative = residual_norm / scale
-        if not np.isfinite(relative):
+        if not (np.isfinite(relative) and np.isfinite(state).all()):
+            if not volume.any():
+                raise ValueError(
+                    "measured: found intensities whose volume overflows single precision, "
+                    "expected smaller numbers: a larger unit"
+                )
             stop_reason = f"diverged at iteration {index}; the volume is that of the one before"
             break
         volume = state
@@ -144,6 +150,16 @@ def drive(
         stop_reason=stop_reason,
         seconds={"solve": time.perf_counter() - started},
     )
+
+
+def _quietly(states: States) -> States:
+    """Go through the states; where numbers overflow, that is seen in them and not warned of."""
+    while True:
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = next(states, None)
+        if found is None:
+            return
+        yield found
 
 
 def check_relaxation(relaxation: float) -> float:

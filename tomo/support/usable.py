@@ -49,7 +49,9 @@ def usable_pixels(
     with np.errstate(invalid="ignore"):
         level = np.where(surrounded, np.maximum(low, 0), 0)
         far = np.maximum(SIGMAS * np.sqrt(noise.variance(level)), SHARE * largest)
-        strange = (image > TIMES * np.abs(high) + far) | (image < low / TIMES - far)
+        # The image is divided rather than a bright neighbour multiplied: 1e38 is a number too.
+        hot = image / TIMES > np.abs(high) + far / TIMES
+        strange = hot | (image < low / TIMES - far)
     return usable & ~(strange & surrounded)
 
 

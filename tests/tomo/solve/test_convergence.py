@@ -83,6 +83,21 @@ def test_cgls_stops_by_itself_where_single_precision_ends(projector_of):
     assert len(found.history) < 100
 
 
+@pytest.mark.parametrize("images", ["noise", "one wild pixel"])
+@pytest.mark.parametrize("nonnegative", [True, False])
+@pytest.mark.parametrize("method", ["cgls", "nnls"])
+def test_images_that_no_volume_explains_end_in_no_growth(ring_system, method, nonnegative, images):
+    pixels = len(ring_system.measured)
+    measured = np.random.default_rng(0).standard_normal(pixels)
+    if images == "one wild pixel":
+        measured = np.where(np.arange(pixels) == pixels // 2, 1e5, ring_system.measured)
+    solver = getattr(solve, method)
+    found = solver(ring_system.projector, measured, iterations=4000, nonnegative=nonnegative)
+    lowest = min(entry.relative_residual for entry in found.history)
+    assert found.stop_reason.startswith("converged")
+    assert found.relative_residual <= lowest * (1 + 1e-6)
+
+
 @pytest.mark.parametrize("method", ["art", "cgls", "nnls", "sirt", "sart"])
 def test_from_zero_an_underdetermined_system_gets_its_solution_of_least_norm(projector_of, method):
     random = np.random.default_rng(4)

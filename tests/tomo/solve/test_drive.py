@@ -36,6 +36,21 @@ def test_a_solver_that_diverges_keeps_the_last_good_volume(projector, bad):
     assert found.stop_reason.startswith("diverged at iteration 2")
 
 
+def test_a_volume_that_is_not_finite_has_diverged_however_small_its_residual(projector):
+    states = iter([(np.ones(2, np.float32), 5.0), (np.array([1, np.inf], np.float32), 2.5)])
+    found = _drive(projector, states)
+    np.testing.assert_array_equal(found.volume.ravel(), [1, 1])
+    assert found.stop_reason.startswith("diverged at iteration 1")
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_volume_that_never_was_finite_is_refused(projector, number):
+    states = [(np.zeros(2, np.float32), 5.0), (np.zeros(2, np.float32), 5.0)]
+    states[number] = (np.full(2, np.inf, np.float32), 2.5)
+    with pytest.raises(ValueError, match=r"^measured: found intensities .*, expected smaller"):
+        _drive(projector, iter(states))
+
+
 def test_a_state_that_is_overwritten_after_it_was_yielded_does_not_reach_the_result(projector):
     def overwriting():
         state = np.zeros(2, np.float32)

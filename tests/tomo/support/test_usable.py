@@ -51,3 +51,14 @@ def test_masks_stay_and_their_pixels_judge_nobody():
     alone = np.zeros(BLOB.shape, bool)
     alone[10, 10] = True
     assert (usable_pixels(image, alone) == alone).all()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("scale", [1e-36, 3.3e38])
+def test_the_faintest_and_the_brightest_images_are_judged_like_others(scale):
+    image = (BLOB + np.float32(0.2)) / np.float32(1.2)
+    image[10, 10] = 1.0  # hot where the flame is not
+    image[30, 25] = 0.0
+    expected = usable_pixels(image)
+    assert not expected[10, 10]
+    assert (usable_pixels(image * np.float32(scale)) == expected).all()
