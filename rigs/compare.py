@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs._units import in_unit
 from rigs.camera import Camera
-from rigs.formats._units import in_unit
 from rigs.lines import ray_distances
 from rigs.rig import Rig
 

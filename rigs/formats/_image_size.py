@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rigs._decoded import size_of
+
 
 def size_of_image(path: Path) -> tuple[int, int] | None:
     """Return width and height of an image, or None where there is none that can be read."""
     if not path.is_file():
         return None
-    import cv2
-
     try:
-        image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
+        return size_of(path.read_bytes())
+    except (OSError, ValueError):
         return None
-    return None if image is None else (image.shape[1], image.shape[0])
 
 
 def required_size(

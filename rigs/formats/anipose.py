@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from rigs._text import read_text
+from rigs._units import UNKNOWN
 from rigs.camera import Camera
 from rigs.formats._lens import from_vector
 from rigs.formats._quaternion import matrix_of_vector
-from rigs.formats._units import UNKNOWN
 from rigs.formats._values import (
     as_array,
     as_mapping,
@@ -37,7 +37,7 @@ from rigs.rig import Rig
 
 def looks_like(path: Path, head: str) -> bool:
     """Say whether a file is TOML of cameras with ``distortions``."""
-    return path.suffix == ".toml" and bool(re.search(r"^\s*distortions\s*=", head, re.MULTILINE))
+    return path.suffix == ".toml" and bool(re.search(r"^[ \t]*+distortions\s*=", head, re.MULTILINE))
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:

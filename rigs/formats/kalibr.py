@@ -49,8 +49,8 @@ def looks_like(path: Path, head: str) -> bool:
     """Say whether a file holds ``cam0`` with Kalibr's ``camera_model`` and ``intrinsics``."""
     return bool(
         re.search(r"^cam\d+\s*:", head, re.MULTILINE)
-        and re.search(r"^\s+camera_model\s*:", head, re.MULTILINE)
-        and re.search(r"^\s+intrinsics\s*:", head, re.MULTILINE)
+        and re.search(r"^[ \t]++camera_model\s*:", head, re.MULTILINE)
+        and re.search(r"^[ \t]++intrinsics\s*:", head, re.MULTILINE)
     )
 
 

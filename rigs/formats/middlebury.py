@@ -28,7 +28,8 @@ LENGTH_UNIT = "m"
 
 def looks_like(path: Path, head: str) -> bool:
     """Say whether ``head``, the file's first characters, is a count and a line of 22 words."""
-    return bool(re.match(r"\s*\d+\s*\n\s*\S+\.\w+(\s+[-+.\deE]+){21}\s*(\n|$)", head))
+    first = r"\s*+\d++[^\S\n]*+\n\s*+\S+\.\w++"
+    return bool(re.match(first + r"(\s++[-+.\deE]++){21}[^\S\n]*+(\n|$)", head))
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from rigs._text import read_json_mapping, shortened
+from rigs._units import UNKNOWN
 from rigs.camera import Camera
 from rigs.formats._lens import from_vector
-from rigs.formats._units import UNKNOWN
 from rigs.formats._values import (
     as_array,
     as_mapping,

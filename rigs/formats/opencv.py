@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from rigs._text import shortened, write_text
+from rigs._units import UNKNOWN
 from rigs.camera import Camera
 from rigs.formats._file_storage import (
     LENS,
@@ -43,7 +44,6 @@ from rigs.formats._file_storage import (
 )
 from rigs.formats._image_size import required_size
 from rigs.formats._lens import from_vector, refuse_skew, refuse_tables
-from rigs.formats._units import UNKNOWN
 from rigs.formats._values import as_mapping, errors_of, errors_of_file, read_head
 from rigs.rig import Rig
 

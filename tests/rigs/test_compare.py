@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rigs import Distortion, Rig, look_at, ring
+from rigs._units import in_unit
 from rigs.compare import compare_rigs
-from rigs.formats._units import in_unit
 
 POINTS = np.random.default_rng(1).uniform(-5, 5, (30, 3))
 TURN = look_at((3, 1, 2), (0, 0, 0))[0]

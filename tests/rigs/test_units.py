@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rigs import arc, check_rig
-from rigs.formats._units import in_unit
+from rigs._units import in_unit
 from rigs.rig_check import calibrated_ray_miss
 
 SUMMARY = {
