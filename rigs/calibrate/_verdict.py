@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -79,26 +81,20 @@ def _left_out(
     out = (seen > 0) & (kept == 0) & np.isfinite(quality.image_rms)
     frames = observations.frames
     doubts, remarks = [], []
-    for camera, name in enumerate(observations.cameras):
-        images, of = np.flatnonzero(out[camera]), int((seen[camera] > 0).sum())
-        if len(images) >= 3 and len(images) > _MANY_IMAGES * of:
-            doubts.append(
-                f"camera {name}: {len(images)} of its {of} images, from frame {frames[images[0]]} "
-                f"to {frames[images[-1]]}, disagree with the other cameras and were left out: it "
-                "moved or is out of step"
-            )
-            out[camera] = False
+    for camera, name, images, words in _many(observations, out):
+        doubts.append(
+            f"camera {name}: {words}, disagree with the other cameras and were left out: it moved "
+            "or is out of step"
+        )
+        out[camera, images] = False
     # Of two that disagree either may be left out, so who is left alone is as suspect
     alone = (kept > 0) & ((kept > 0).sum(axis=0) == 1) & out.any(axis=0)
-    for camera, name in enumerate(observations.cameras):
-        images, of = np.flatnonzero(alone[camera]), int((seen[camera] > 0).sum())
-        if len(images) >= 3 and len(images) > _MANY_IMAGES * of:
-            doubts.append(
-                f"camera {name}: in {len(images)} of its {of} images, from frame "
-                f"{frames[images[0]]} to {frames[images[-1]]}, no other camera agrees with it: it "
-                "moved or is out of step, or all of these are"
-            )
-            out[:, images] = False
+    for _, name, images, words in _many(observations, alone):
+        doubts.append(
+            f"camera {name}: in {words}, no other camera agrees with it: it moved or is out of "
+            "step, or all of these are"
+        )
+        out[:, images] = False
     for frame in np.flatnonzero((out.sum(axis=0) >= 2) & (kept.sum(axis=0) == 0)):
         cameras = [observations.cameras[camera] for camera in np.flatnonzero(out[:, frame])]
         remarks.append(
@@ -125,6 +121,19 @@ def _left_out(
             )
             (doubts if single.sum() > _MANY_POINTS * own.sum() else remarks).append(line)
     return doubts, remarks
+
+
+def _many(
+    observations: Observations, which: NDArray[np.bool_]
+) -> Iterator[tuple[int, str, NDArray[np.int64], str]]:
+    """Yield cameras with many of ``which`` images ``(cameras, frames)``: these, and in words."""
+    counts = (observations.counts() > 0).sum(axis=1)
+    for camera, (name, of) in enumerate(zip(observations.cameras, counts, strict=True)):
+        images = np.flatnonzero(which[camera])
+        if len(images) >= 3 and len(images) > _MANY_IMAGES * of:
+            first, last = (observations.frames[frame] for frame in images[[0, -1]])
+            words = f"{len(images)} of its {of} images, from frame {first} to {last}"
+            yield camera, name, images, words
 
 
 def _contradictions(

@@ -35,7 +35,7 @@ def held_out_tiles(shapes: Sequence[tuple[int, int]]) -> list[NDArray[np.bool_]]
     """Return which pixels of each image are held out: tiles on diagonals, shifted by view."""
     found = []
     for view, shape in enumerate(shapes):
-        rows, columns = np.indices(shape) // max(min(shape) // TILES, 2)
+        rows, columns = np.indices(shape) // _side(shape)
         found.append((rows + 2 * columns + view) % EVERY == 0)
     return found
 
@@ -111,9 +111,14 @@ def judge(
 
 def tiles_of(shape: tuple[int, int], count: int = TILES) -> NDArray[np.int64]:
     """Return the number of the tile that each pixel is in, of the image's shape."""
-    side = max(min(shape) // count, 2)
+    side = _side(shape, count)
     rows, columns = np.indices(shape) // side
     return rows * (shape[1] // side + 1) + columns
+
+
+def _side(shape: tuple[int, int], count: int = TILES) -> int:
+    """Return a tile's, in pixels, of an image."""
+    return max(min(shape) // count, 2)
 
 
 def _by_tile(values: NDArray[np.float64]) -> NDArray[np.float64]:
