@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _WIDEST = math.radians(89.9)  # how far off the axis a fold is looked for
+_NEAREST = 1e-8  # as near to the axis as one is looked for
 _RADIAL_STEPS = 1024
 _DIRECTIONS = 256
 _TOLERANCE = 4e-14  # of a solved image coordinate, relative to 1 + its radius
@@ -116,7 +117,7 @@ def lens(full: tuple[float, ...], pinhole: NDArray) -> tuple[NDArray, NDArray, N
 def _lens_in_domain(full: tuple[float, ...], pinhole: NDArray) -> tuple[NDArray, NDArray]:
     """Return the image ``(N, 2)`` of an untilted lens and whether ``pinhole`` is in its domain."""
     image, jacobian, pole_free = lens(full, pinhole)
-    inside = pole_free & (_determinant(jacobian) > 0) & _before_fold(full, pinhole)
+    inside = pole_free & _moves_along(jacobian) & _before_fold(full, pinhole)
     return image, inside
 
 
@@ -125,12 +126,18 @@ def _is_round(full: tuple[float, ...]) -> bool:
     return not any(full[2:4] + full[8:12])
 
 
-def _determinant(jacobian: NDArray) -> NDArray:
-    """Return the determinants ``(...,)`` of ``(..., 2, 2)``."""
+def _moves_along(jacobian: NDArray) -> NDArray[np.bool_]:
+    """Say of each ``(..., 2, 2)`` whether the image of a step goes along it, whichever step.
+
+    That is, whether the symmetric part is positive definite. Where it is in a convex region, no
+    two points have one image: ``(f(p) - f(q)) . (p - q) > 0``. A positive determinant does not
+    say so: beyond a turn by 180 degrees it is positive again, and around a strong prism's fold
+    the plane is covered several times without one that is not.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
-        return (
-            jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
-        )
+        across = (jacobian[..., 0, 1] + jacobian[..., 1, 0]) / 2
+        product = jacobian[..., 0, 0] * jacobian[..., 1, 1]
+        return (jacobian[..., 0, 0] > 0) & (product > across * across)
 
 
 def _before_fold(full: tuple[float, ...], pinhole: NDArray) -> NDArray[np.bool_]:
@@ -149,9 +156,9 @@ def fold_angles(coefficients: tuple[float, ...]) -> tuple[float, ...]:
     """Return the angle off the axis of the first fold, in equally spaced directions round it.
 
     One angle where the lens is round, else one for each of 256 directions from +x to +y; pi/2
-    where there is no fold within 89.9 degrees. A fold is where the Jacobian's determinant or
-    the radial denominator stops being positive: looked for on a fine ladder of angles, then
-    bisected to the last bit.
+    where there is no fold within 89.9 degrees. A fold is where the Jacobian's symmetric part or
+    the radial denominator stops being positive: looked for on a fine ladder of angles, finer
+    towards the axis, then bisected to the last bit.
     """
     is_round = _is_round(coefficients)
     steps = _RADIAL_STEPS * (16 if is_round else 1)
@@ -160,11 +167,12 @@ def fold_angles(coefficients: tuple[float, ...]) -> tuple[float, ...]:
 
     def good(angles: NDArray) -> NDArray[np.bool_]:  # (directions, n) -> (directions, n)
         _, jacobian, pole_free = lens(coefficients, np.tan(angles)[..., None] * towards[:, None])
-        return pole_free & (_determinant(jacobian) > 0)
+        return pole_free & _moves_along(jacobian)
 
-    ladder = np.linspace(0.0, _WIDEST, steps + 1)
-    bad = ~good(np.broadcast_to(ladder, (len(turns), steps + 1)))
-    first = np.where(bad.any(axis=1), bad.argmax(axis=1), steps)
+    even = np.linspace(0.0, _WIDEST, steps + 1)
+    ladder = np.concatenate([even[:1], np.geomspace(_NEAREST, even[1], steps // 4), even[2:]])
+    bad = ~good(np.broadcast_to(ladder, (len(turns), len(ladder))))
+    first = np.where(bad.any(axis=1), bad.argmax(axis=1), len(ladder) - 1)
     low, high = ladder[np.maximum(first - 1, 0)], ladder[first]
     for _ in range(60):
         middle = (low + high) / 2

@@ -44,8 +44,8 @@ class Distortion:
     -----
     Distortion polynomials fold: beyond some angle the image runs back, and two directions share
     a pixel. The *domain* of a lens is what lies between the axis and the first fold, direction
-    by direction: the Jacobian's determinant is positive on the whole straight way there from
-    the axis. Both maps stay inside it, so they are each other's inverse.
+    by direction: on the whole straight way there from the axis the symmetric part of the
+    Jacobian is positive definite. Both maps stay inside it, so they are each other's inverse.
 
     Examples
     --------

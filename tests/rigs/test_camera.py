@@ -151,6 +151,29 @@ def test_beyond_a_fold_that_turns_back_again_nothing_is_valid():
     assert (np.diff(image[valid, 0]) > 0).all()
 
 
+WRAPS = {  # several directions a pixel, without a fold that a determinant or a ladder shows
+    "prism": Distortion(
+        "thin_prism",
+        (0.139, -0.0036, -0.266, -0.05, 0, -0.0026, 0, 0.002, -0.0067, 0, -0.03, 0.87),
+    ),
+    "tangential, near the axis": Distortion("brown", (0, 0, 1e3, 0)),
+    "radial, near the axis": Distortion("brown", (-1e9, 4e17, 0, 0)),
+}
+
+
+@pytest.mark.parametrize("lens", WRAPS.values(), ids=WRAPS.keys())
+def test_two_directions_never_share_a_pixel(lens):
+    random = np.random.default_rng(0)
+    radius = np.tan(1.5 * random.random(20_000)) * 10.0 ** random.uniform(-8, 0, 20_000)
+    turn = random.uniform(0, 2 * np.pi, 20_000)
+    points = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.ones(20_000)], axis=-1)
+    image, valid = lens.project(points)
+    assert valid.sum() > 1000
+    seen = lens.unproject(image[valid])
+    seen = seen[:, :2] / seen[:, 2:]
+    assert np.abs(seen - points[valid, :2]).max() < 1e-6
+
+
 def test_fisheye_sees_beyond_a_right_angle():
     camera = Camera(
         "c", (1280, 960), K * 0.2 + 0.8 * np.diag([0, 0, 1]), Distortion("fisheye", (0,) * 4)
