@@ -25,13 +25,15 @@ if TYPE_CHECKING:
     from rigs.calibrate import Calibration, Detections
     from rigs.calibrate.detect import ImageSet
 
+from _usage import OneLineUsage
+
 app = typer.Typer(add_completion=False)
 
 PAGE, FIGURES = "calibration.html", "calibration.json"
 _NAMED = 6
 
 
-@app.command()
+@app.command(cls=OneLineUsage)
 def calibrate_rig(
     images: Annotated[
         Path,

@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     from rigs.rig_check import RigCheck
     from tomo.time_estimate import Effort
 
+from _usage import OneLineUsage
+
 app = typer.Typer(add_completion=False)
 
 
-@app.command()
+@app.command(cls=OneLineUsage)
 def check_rig(
     rig: Annotated[
         str,

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 from _command import bad_input_in_one_line, check_output_folder, print_json
+from _usage import OneLineUsage
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -33,7 +34,7 @@ def _formats() -> str:
     )
 
 
-@app.command(help=__doc__ + "\n" + _TABLE.format(formats=_formats()))
+@app.command(cls=OneLineUsage, help=__doc__ + "\n" + _TABLE.format(formats=_formats()))
 def convert_rig(
     source: Annotated[
         Path, typer.Argument(metavar="IN", help="The rig to read: a file, or a folder of files.")

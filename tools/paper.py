@@ -9,11 +9,12 @@ from typing import Annotated
 import typer
 from _command import bad_input_in_one_line, check_output_folder, console, print_json, progress_bar
 from _paper import PARTS
+from _usage import OneLineUsage
 
 app = typer.Typer(add_completion=False)
 
 
-@app.command()
+@app.command(cls=OneLineUsage)
 def paper(
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write.")] = Path("docs"),
     half: Annotated[

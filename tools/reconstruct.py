@@ -19,10 +19,12 @@ from _command import (
 if TYPE_CHECKING:
     from rigs import Rig
 
+from _usage import OneLineUsage
+
 app = typer.Typer(add_completion=False)
 
 
-@app.command()
+@app.command(cls=OneLineUsage)
 def reconstruct(
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write.")],
     scan: Annotated[

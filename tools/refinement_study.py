@@ -8,13 +8,14 @@ from typing import Annotated
 
 import typer
 from _command import bad_input_in_one_line, check_output_folder, console, print_json
+from _usage import OneLineUsage
 
 app = typer.Typer(add_completion=False)
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
-@app.command()
+@app.command(cls=OneLineUsage)
 def refinement_study(
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write.")] = Path("docs"),
     seeds: Annotated[int, typer.Option(help="Disturbed rigs.", min=1, max=99)] = 6,

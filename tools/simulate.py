@@ -15,13 +15,14 @@ from _command import (
     print_json,
     progress_bar,
 )
+from _usage import OneLineUsage
 
 app = typer.Typer(add_completion=False)
 
 _VOLUME_FILES = (".npz", ".vti", ".nrrd")
 
 
-@app.command()
+@app.command(cls=OneLineUsage)
 def simulate(
     rig: Annotated[str, typer.Option(help="A rig.yaml, or the name of a preset.")],
     phantom: Annotated[str, typer.Option(help="A phantom's name, or a volume file.")],

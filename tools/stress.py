@@ -9,11 +9,12 @@ from typing import Annotated
 import typer
 from _command import bad_input_in_one_line, check_output_folder, console, print_json, progress_bar
 from _stress import AREAS
+from _usage import OneLineUsage
 
 app = typer.Typer(add_completion=False)
 
 
-@app.command()
+@app.command(cls=OneLineUsage)
 def stress(
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write.")],
     quick: Annotated[bool, typer.Option("--quick", help="Less of each: 3 minutes.")] = False,

@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 from _command import bad_input_in_one_line, check_output_folder, print_json, progress_bar
+from _usage import OneLineUsage
 
 app = typer.Typer(add_completion=False)
 
 
-@app.command()
+@app.command(cls=OneLineUsage)
 def train_encoders(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The encoder to write, .pt.")

@@ -16,10 +16,12 @@ if TYPE_CHECKING:
     from tomo.grid import VoxelGrid
     from tomo.view.scene import Scene
 
+from _usage import OneLineUsage
+
 app = typer.Typer(add_completion=False)
 
 
-@app.command()
+@app.command(cls=OneLineUsage)
 def visualize_rig(
     rig: Annotated[
         str,

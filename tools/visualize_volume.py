@@ -8,11 +8,12 @@ from typing import Annotated
 import typer
 from _command import bad_input_in_one_line, print_json
 from _picture import check_outputs
+from _usage import OneLineUsage
 
 app = typer.Typer(add_completion=False)
 
 
-@app.command()
+@app.command(cls=OneLineUsage)
 def visualize_volume(
     volume: Annotated[Path, typer.Argument(help="A volume file: .npz, .vti or .nrrd.")],
     out: Annotated[
