@@ -159,8 +159,6 @@ def _default(rows: Sequence) -> Iterator[Claim]:
 
 def _mismatch(rows: Sequence) -> Iterator[Claim]:
     for row in rows:
-        if row["wernet_of_classic"] is None:
-            continue
         wanted = 1 / 3 if row["effect"] == "gains" else 1 / 5
         if row["effect"] in ("vignetting", "defocus", "pixel area"):
             wanted = 1.0

@@ -6,7 +6,7 @@ import collections
 import itertools
 import statistics
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -56,8 +56,8 @@ class MismatchRow:
     informed_cosine_distance, informed_nrmse : float
         Of the best of `INFORMED` and ``classic``, so stopped, with the true weights in place of
         chords: about what the images allow.
-    wernet_cosine_distance, wernet_nrmse, wernet_seconds : float or None
-        Of WERNet as it stops by itself; None where it is not there.
+    wernet_cosine_distance, wernet_nrmse, wernet_seconds : float
+        Of WERNet as it stops by itself.
     """
 
     effect: str
@@ -72,9 +72,9 @@ class MismatchRow:
     tried: Mapping[str, float]
     informed_cosine_distance: float
     informed_nrmse: float
-    wernet_cosine_distance: float | None = None
-    wernet_nrmse: float | None = None
-    wernet_seconds: float | None = None
+    wernet_cosine_distance: float
+    wernet_nrmse: float
+    wernet_seconds: float
 
 
 def mismatch(sizes: Sizes, progress: Progress) -> Rows:
@@ -138,14 +138,12 @@ def means(rows: Sequence[MismatchRow]) -> list[dict[str, Any]]:
             "seeds": len(group),
             "classic": " / ".join(name for name, _ in won.most_common()),
         }
-        for key, value in asdict(group[0]).items():
+        for key in asdict(group[0]):
             if key.startswith(("classic_", "informed_", "wernet_")):
-                values = [getattr(row, key) for row in group]
-                mean[key] = None if value is None else statistics.fmean(values)
+                mean[key] = statistics.fmean(getattr(row, key) for row in group)
         classic = mean["classic_cosine_distance"]
         for name in ("informed", "wernet"):
-            distance = mean[f"{name}_cosine_distance"]
-            mean[f"{name}_of_classic"] = None if distance is None else distance / classic
+            mean[f"{name}_of_classic"] = mean[f"{name}_cosine_distance"] / classic
         found.append(mean)
     return found
 
@@ -173,10 +171,9 @@ def _least(course: Course) -> float:
 
 
 def _learned(scene: MismatchScene) -> dict[str, float]:
-    """Return what WERNet reaches, without the truth; nothing where there is no WERNet."""
-    wernet = _wernet()
-    if wernet is None:
-        return {}
+    """Return what WERNet reaches, without the truth."""
+    from tomo.wernet import wernet
+
     started = time.perf_counter()
     ready = scene.problem(midpoints=True)
     found = wernet(ready.system.projector, ready.measured, seed=scene.seed)
@@ -186,11 +183,3 @@ def _learned(scene: MismatchScene) -> dict[str, float]:
         "wernet_nrmse": metrics.nrmse(found.volume, scene.truth),
         "wernet_seconds": seconds,
     }
-
-
-def _wernet() -> Callable | None:
-    try:
-        from tomo.wernet import wernet
-    except ImportError:
-        return None
-    return wernet
