@@ -9,6 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submodules=["formats", "paper"],
     submod_attrs={
+        "box": ["box_points"],
         "camera": ["Camera", "look_at"],
         "compare": ["compare_rigs"],
         "coverage": ["Coverage"],

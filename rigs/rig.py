@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs._rotation import numbers, rotation
+from rigs.box import box_points
 from rigs.camera import Camera
 from rigs.ray_table import RayTable
 
@@ -53,8 +54,7 @@ class Volume:
     def corners(self) -> NDArray[np.float64]:
         """Return the corners of the box, ``(8, 3)``."""
         half = np.multiply(self.shape, self.spacing) / 2
-        signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-        return self.center + signs * half
+        return self.center + box_points(-half, half, 2)
 
     def transformed(self, R: NDArray, t: NDArray) -> Volume | None:
         """Return the box after a rigid motion; None where it would stand askew to the axes."""

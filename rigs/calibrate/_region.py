@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.box import box_points
 from rigs.calibrate._ray_miss import views
 from rigs.calibrate._scene import Scene, Sightings
 from rigs.rig import Rig, Volume
@@ -28,7 +29,7 @@ def judged_points(
         return np.zeros((0, 3)), np.zeros((len(rig), 0), bool)
     if volume is not None:
         corners = volume.corners()
-        points = _box_grid(corners.min(axis=0), corners.max(axis=0))
+        points = box_points(corners[0], corners[-1], _GRID)
     else:
         points = _swept(scene, sightings)
     seen = views(rig, points)
@@ -45,15 +46,9 @@ def _swept(scene: Scene, sightings: Sightings) -> NDArray[np.float64]:
     frames = sightings.frame
     places = np.einsum("nij,nj->ni", scene.target_R[frames], sightings.points)
     places += scene.target_t[frames]
-    grid = _box_grid(places.min(axis=0), places.max(axis=0))
+    grid = box_points(places.min(axis=0), places.max(axis=0), _GRID)
     try:
         inside = Delaunay(places[:: max(1, len(places) // 3000)]).find_simplex(grid) >= 0
     except QhullError:
         inside = np.zeros(len(grid), bool)
     return grid[inside] if inside.any() else places[:: max(1, len(places) // 300)]
-
-
-def _box_grid(lower: NDArray, upper: NDArray) -> NDArray[np.float64]:
-    """Return the points of a grid over a box, its faces included."""
-    axes = [np.linspace(a, b, _GRID) for a, b in zip(lower, upper, strict=True)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import rigs
-from rigs import Camera, Rig, Volume, look_at, ring
+from rigs import Camera, Rig, Volume, box_points, look_at, ring
 
 
 @pytest.fixture
@@ -86,3 +86,13 @@ def test_footprint_is_depth_over_focal_length(rig):
 def test_bad_volumes_are_named(fields, message):
     with pytest.raises(ValueError, match=message):
         Volume(**fields)
+
+
+def test_points_of_a_box_are_even_and_reach_its_faces():
+    points = box_points((-1, 0, 5), (1, 4, 6), 3)
+    assert points.shape == (27, 3)
+    for axis, steps in enumerate(([-1, 0, 1], [0, 2, 4], [5, 5.5, 6])):
+        assert np.unique(points[:, axis]).tolist() == steps
+    assert len(np.unique(points, axis=0)) == 27
+    volume = Volume((2, 8, 4), (1.0, 0.5, 0.25), (0.0, 2.0, 5.5))
+    np.testing.assert_array_equal(volume.corners(), box_points((-1, 0, 5), (1, 4, 6), 2))

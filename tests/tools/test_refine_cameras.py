@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from phantoms import create
-from rigs import load_rig, ray_miss, ring
+from rigs import box_points, load_rig, ray_miss, ring
 from tomo import Scan, VoxelGrid
 from tomo.reconstruct import reconstruct
 from tomo.refine.parameters import COUNT, moved_rig
@@ -16,11 +16,7 @@ from tomo.simulate import simulate
 
 GRID = VoxelGrid((14, 28, 14), 1.0)
 FOOTPRINT = 0.7
-
-
-def box():
-    axes = [np.linspace(low, high, 4) for low, high in zip(GRID.lower, GRID.upper, strict=True)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+BOX = box_points(GRID.lower, GRID.upper, 4)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +55,7 @@ def test_the_refined_rig_is_written_and_better(done, scan, rig):
     given, found = load_rig(scan / "rig.yaml"), load_rig(out / "refined_rig.yaml")
     names = [name for name in rig.names if name != "cam04"]
     before, after = (
-        ray_miss(rig.without("cam04"), one.without("cam04"), box()) for one in (given, found)
+        ray_miss(rig.without("cam04"), one.without("cam04"), BOX) for one in (given, found)
     )
     assert after < 0.4 * before
     assert found["cam04"] == given["cam04"]  # held out: nobody has seen its image
@@ -98,7 +94,7 @@ def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
     found = outcome.refined_rig
     assert [camera.image_size for camera in found] == [(43, 64)] * 9
     apart = [
-        np.abs(one.project(box())[0] - other.project(box())[0]).max()
+        np.abs(one.project(BOX)[0] - other.project(BOX)[0]).max()
         for one, other in zip(found, loaded.rig, strict=True)
     ]
     assert min(apart[2:4]) > 0.1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera, Rig
+from rigs import Camera, Rig, box_points
 from rigs.rig_check import calibrated_ray_miss
 from tomo.grid import VoxelGrid
 
@@ -49,7 +49,7 @@ def units(camera: Camera, grid: VoxelGrid) -> NDArray[np.float64]:
     Position and turn are parts of their own: seen from the volume a camera that is aside and
     turned back is in another direction, which the prior allows only as far as each part.
     """
-    corners = np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    corners = box_points([-0.5] * 3, [0.5] * 3, 2)
     points = np.asarray(grid.center) + corners * (np.asarray(grid.shape) * grid.spacing)
     focal = float(np.sqrt(camera.camera_matrix[0, 0] * camera.camera_matrix[1, 1]))
     depth = abs(float(camera.R[2] @ np.asarray(grid.center) + camera.t[2]))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Rig
+from rigs import Rig, box_points
 from tomo._coarser import coarser_grid, shrunk_image
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
@@ -120,8 +120,7 @@ class Task:
 
 def _moves(rig: Rig, other: Rig, grid: VoxelGrid) -> NDArray[np.float64]:
     """Return how far points of the volume move in the images of each camera, RMS: (cameras,)."""
-    axes = [np.linspace(-0.5, 0.5, 5)] * 3
-    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    places = box_points([-0.5] * 3, [0.5] * 3, 5)
     points = np.asarray(grid.center) + places * (np.asarray(grid.shape) * grid.spacing)
     moves = []
     for camera, changed in zip(rig, other, strict=True):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs import box_points
 from tomo.view.figures import INK, MUTED, new_figure, plain, thin_lines
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ def draw_depths(calibration: Calibration, grid: VoxelGrid | None = None) -> Figu
             + calibration.target_t[frames]
         )
         if grid is not None:
-            corners = grid.lower + (grid.upper - grid.lower) * _CORNERS
+            corners = box_points(grid.lower, grid.upper, 2)
             depth = corners @ camera.R[2] + camera.t[2]
             axes.barh(index, np.ptp(depth), left=depth.min(), height=0.8, color="#e3e7eb")
         if len(world):
@@ -239,9 +240,6 @@ class _Cells:
     def middles(self, row: NDArray, column: NDArray) -> tuple[NDArray, NDArray]:
         """Return the middles of cells in pixel coordinates."""
         return (column + 0.5) * self.side - 0.5, (row + 0.5) * self.side - 0.5
-
-
-_CORNERS = np.stack(np.meshgrid(*[[0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def _quantile(maps: list[NDArray], share: float) -> float:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from rigs import Rig, Volume, ray_miss
+from rigs import Rig, Volume, box_points, ray_miss
 from rigs.calibrate import Observations
 
 
@@ -27,7 +24,9 @@ def true_ray_miss(true: Rig, estimated: Rig, volume: Volume, points_per_side: in
     points_per_side : int
         Of the grid of points, the volume's faces included.
     """
-    return ray_miss(true, estimated, _points(volume, points_per_side))
+    corners = volume.corners()
+    points = box_points(corners[0], corners[-1], points_per_side)
+    return ray_miss(true, estimated, points)
 
 
 def in_metres(observations: Observations) -> Observations:
@@ -39,10 +38,3 @@ def of_complete_targets(observations: Observations) -> Observations:
     """Return the sightings in images that show every point of the target."""
     complete = observations.counts() == len(observations.target_points)  # (cameras, frames)
     return observations.where(complete[observations.camera, observations.frame])
-
-
-def _points(volume: Volume, count: int) -> NDArray[np.float64]:
-    """Return a grid of points over a volume, ``(count ** 3, 3)``."""
-    low, high = volume.corners().min(axis=0), volume.corners().max(axis=0)
-    axes = [np.linspace(low[k], high[k], count) for k in range(3)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

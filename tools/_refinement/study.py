@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 from _benchmark.plume import LOWER, SCAN, UPPER
-from numpy.typing import NDArray
 
 import phantoms
 import rigs
-from rigs import Rig, ray_miss
+from rigs import Rig, box_points, ray_miss
 from tomo import Scan, VoxelGrid
 from tomo.reconstruct import reconstruct
 from tomo.refine import refine_cameras
@@ -55,9 +54,8 @@ def disturbed_rigs(seeds: Iterable[int], say: Say, *, tiny: bool = False) -> lis
         began = time.perf_counter()
         found = refine_cameras(given, list(scan.images.values()), grid)
         seconds = time.perf_counter() - began
-        before, after = (
-            ray_miss(true, rig, _points(grid)) / footprint for rig in (given, found.rig)
-        )
+        points = box_points(grid.lower, grid.upper, POINTS)
+        before, after = (ray_miss(true, rig, points) / footprint for rig in (given, found.rig))
         rows.append(
             {
                 "seed": seed,
@@ -121,9 +119,3 @@ def _disturbed(rig: Rig, grid: VoxelGrid, seed: int) -> Rig:
     for number, camera in enumerate(rig):
         steps[number, :6] = random.normal(size=6) * ERROR * units(camera, grid)[:6]
     return moved_rig(rig, steps)
-
-
-def _points(grid: VoxelGrid) -> NDArray[np.float64]:
-    """Return points all over the grid, ``(POINTS³, 3)``."""
-    axes = [np.linspace(a, b, POINTS) for a, b in zip(grid.lower, grid.upper, strict=True)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -6,7 +6,7 @@ import pytest
 
 import phantoms
 import rigs
-from rigs import ray_miss
+from rigs import box_points, ray_miss
 from tomo import VoxelGrid
 from tomo.refine import refine_cameras
 from tomo.refine.parameters import COUNT, moved_rig
@@ -15,11 +15,7 @@ from tomo.simulate import simulate
 
 GRID = VoxelGrid((16, 40, 16), 0.8)
 FOOTPRINT = 0.6
-
-
-def points():
-    axes = [np.linspace(low, high, 5) for low, high in zip(GRID.lower, GRID.upper, strict=True)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+POINTS = box_points(GRID.lower, GRID.upper, 5)
 
 
 def disturbed(rig, seed, pixels=0.35):
@@ -50,8 +46,8 @@ def found(scene):
 
 def test_half_a_pixel_of_pose_errors_is_found(scene, found):
     rig, _ = scene
-    before = ray_miss(rig, found.given, points()) / FOOTPRINT
-    after = ray_miss(rig, found.rig, points()) / FOOTPRINT
+    before = ray_miss(rig, found.given, POINTS) / FOOTPRINT
+    after = ray_miss(rig, found.rig, POINTS) / FOOTPRINT
     assert before > 0.4
     assert after < 0.1
     assert found.accepted
@@ -96,7 +92,7 @@ def test_only_the_chosen_cameras_move_and_their_gains_are_found(scene):
     assert found.accepted
     assert all(found.rig[view] == mixed[view] for view in range(12) if view != 3)
     assert found.report()["cameras"]["cam03"]["gain"] == pytest.approx(0.8, abs=0.04)
-    assert ray_miss(rig, found.rig, points()) < 0.3 * ray_miss(rig, mixed, points())
+    assert ray_miss(rig, found.rig, POINTS) < 0.3 * ray_miss(rig, mixed, POINTS)
 
 
 def test_a_focal_length_that_is_nominal_is_found(scene):
