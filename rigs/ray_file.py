@@ -4,26 +4,15 @@ from __future__ import annotations
 
 import io
 import os
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from rigs._text import shortened, write_bytes
+from rigs._unpacked import read_arrays
 from rigs.optics import Optics
 from rigs.ray_table import RayTable
 
-_UNREADABLE = (
-    OSError,
-    ValueError,
-    EOFError,
-    KeyError,
-    RuntimeError,  # an encrypted archive, a compression that is not known
-    MemoryError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 _OPTIONAL = ("image_size", "scale", "offset")
 
 
@@ -59,13 +48,9 @@ def load_ray_table(
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file, which camera {name} has for ray_table")
     try:
-        data = np.load(path, allow_pickle=False)
-        if not isinstance(data, np.lib.npyio.NpzFile):
-            raise ValueError("found a single array")
-        with data:
-            found = {key: data[key] for key in data.files}
-    except _UNREADABLE as error:
-        raise ValueError(f"{where}: {file}: not a readable .npz: {error}") from None
+        found = read_arrays(path)
+    except ValueError as error:
+        raise ValueError(f"{where}: {file}: {error}") from None
     for key in ("origins", "directions"):
         if key not in found:
             raise ValueError(f"{where}: {file}: {key}: missing, expected (height, width, 3)")

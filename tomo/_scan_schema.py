@@ -8,8 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from rigs._text import read_yaml_mapping
 
 
 class _Strict(BaseModel):
@@ -106,14 +107,7 @@ class ScanFile(_Strict):
 
 def parse_scan_file(path: Path) -> ScanFile:
     """Return the checked content of a scan.yaml; whatever is wrong is one line."""
-    try:
-        content = yaml.safe_load(path.read_bytes())
-    except (yaml.YAMLError, ValueError, RecursionError, TypeError, OverflowError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"{path}: not readable as YAML: {reason}") from None
-    if not isinstance(content, dict):
-        found = "an empty file" if content is None else type(content).__name__
-        raise ValueError(f"{path}: found {found}, expected a mapping with format: emission-scan")
+    content = read_yaml_mapping(path)
     try:
         return ScanFile.model_validate(content)
     except ValidationError as error:

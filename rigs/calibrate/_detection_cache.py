@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigs._atomic import atomic_path
+from rigs._unpacked import errors_of_libraries, read_arrays
 from rigs.calibrate._found import Found
 from rigs.calibrate.image_sets import Source, VideoFrame
 
@@ -49,29 +51,40 @@ def read(path: Path) -> dict[str, Entry]:
     """
     if not path.exists():
         return {}
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            if str(file["format"]) != _FORMAT:
-                return {}
-            stored = {name: file[name] for name in _FIELDS}
-    except Exception:  # damaged archives raise errors of half a dozen modules
-        raise ValueError(
-            f"{path}: found another kind of file, expected a cache of detections or none"
-        ) from None
+    kind = f"{path}: found another kind of file, expected a cache of detections or none"
+    with errors_of_libraries(kind):
+        stored = read_arrays(path)
+        if str(stored["format"]) != _FORMAT:
+            return {}
+        return _entries(stored)
+
+
+def _entries(stored: Mapping[str, NDArray]) -> dict[str, Entry]:
+    """Return the entries of the arrays of a cache."""
+    point, uv, size = (_numbers(stored[name]) for name in ("point", "uv", "size"))
     ends = np.cumsum(stored["counts"])
+    if min(stored["counts"], default=0) < 0 or point.shape != (ends[-1] if len(ends) else 0,):
+        raise ValueError("counts: found others than of the points")
+    if uv.shape != (len(point), 2) or size.shape != (len(stored["keys"]), 2):
+        raise ValueError(f"uv, size: found {uv.shape} and {size.shape}")
+    if any(len(stored[name]) != len(size) for name in ("counts", "blur", "reason", "legacy")):
+        raise ValueError("keys: found another number of them")
+    if not np.isfinite(uv).all() or (size < 1).any():
+        raise ValueError("uv, size: found NaN, infinity or nothing")
     entries = {}
     for k, name in enumerate(stored["keys"].tolist()):
         rows = slice(int(ends[k] - stored["counts"][k]), int(ends[k]))
         legacy = {-1: None, 0: False, 1: True}[int(stored["legacy"][k])]
-        found = Found(
-            stored["point"][rows],
-            stored["uv"][rows],
-            float(stored["blur"][k]),
-            str(stored["reason"][k]),
-            legacy,
-        )
-        entries[name] = found, (int(stored["size"][k, 0]), int(stored["size"][k, 1]))
+        blur, reason = float(stored["blur"][k]), str(stored["reason"][k])
+        found = Found(point[rows].astype(np.int64), uv[rows].astype(float), blur, reason, legacy)
+        entries[str(name)] = found, (int(size[k, 0]), int(size[k, 1]))
     return entries
+
+
+def _numbers(array: NDArray) -> NDArray:
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"found {array.dtype}, expected numbers")
+    return array
 
 
 def write(path: Path, entries: Mapping[str, Entry]) -> None:

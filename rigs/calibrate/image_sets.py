@@ -12,6 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs._decoded import decoded
+
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp")
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
 
@@ -113,16 +115,10 @@ def read_source(source: Source) -> NDArray:
         content = path.read_bytes()
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
-    # OpenCV hands back what it could decode of a truncated file, so look for the end mark first
-    if content.startswith(b"\x89PNG") and b"IEND" not in content[-64:]:
-        raise ValueError(f"{path}: not a readable image: found no end mark (IEND), truncated")
-    if content.startswith(b"\xff\xd8") and b"\xff\xd9" not in content[-1024:]:
-        raise ValueError(f"{path}: not a readable image: found no end mark (EOI), truncated")
-    image = None
-    if content:
-        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise ValueError(f"{path}: not a readable image: damaged, empty or of another format")
+    try:
+        image = decoded(content)
+    except ValueError as error:
+        raise ValueError(f"{path}: not a readable image: {error}") from None
     return _grey(image, str(path))
 
 

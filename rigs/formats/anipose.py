@@ -37,7 +37,9 @@ from rigs.rig import Rig
 
 def looks_like(path: Path, head: str) -> bool:
     """Say whether a file is TOML of cameras with ``distortions``."""
-    return path.suffix == ".toml" and bool(re.search(r"^[ \t]*+distortions\s*=", head, re.MULTILINE))
+    return path.suffix == ".toml" and bool(
+        re.search(r"^[ \t]*+distortions\s*=", head, re.MULTILINE)
+    )
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:

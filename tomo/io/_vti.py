@@ -8,21 +8,23 @@ base64), compressed by zlib or not.
 from __future__ import annotations
 
 import base64
+import itertools
 import re
 import sys
-import zlib
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs._unpacked import check_unpacked, inflated
 from tomo.grid import VoxelGrid
 
 _NUMBERS = {
     "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",
     "Int64": "i8", "UInt64": "u8", "Float32": "f4", "Float64": "f8",
 }  # fmt: skip
+_OPENING = re.compile(rb"<AppendedData[^>]*+>\s*+_")
 
 
 def write(path: Path, data: NDArray[np.float32], grid: VoxelGrid, length_unit: str) -> None:
@@ -59,16 +61,15 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
     """Return values ``(nx, ny, nz)``, the centre of voxel (0, 0, 0), spacing and length unit."""
     content = path.read_bytes()
     appended = b""
-    opening = re.search(rb"<AppendedData[^>]*>\s*_", content)
+    opening = _OPENING.match(content, max(content.find(b"<AppendedData"), 0))
     if opening:  # raw bytes are no XML: cut them out before parsing
         closing = content.rfind(b"</AppendedData>")
-        if closing < 0:
+        if closing < opening.end():
             raise ValueError("found no end of AppendedData, expected one: truncated")
         appended = content[opening.end() : closing]
         content = content[: opening.end() - 1] + content[closing:]
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise ValueError("found a document type, expected plain VTK XML")
-    root = ElementTree.fromstring(content)
+    parser = ElementTree.XMLParser(target=_PlainTree(), encoding="utf-8")
+    root = ElementTree.fromstring(content, parser)
     image, piece = root.find("ImageData"), root.find("ImageData/Piece")
     if root.get("type") != "ImageData" or image is None or piece is None:
         raise ValueError("expected VTK XML of type ImageData with one piece")
@@ -97,12 +98,19 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
     return values.reshape(shape, order="F"), origin, spacing, length_unit
 
 
+class _PlainTree(ElementTree.TreeBuilder):
+    """Refuses document types, in which a few lines stand for any amount of text."""
+
+    def doctype(self, *_: object) -> None:
+        raise ValueError("found a document type, expected plain VTK XML")
+
+
 def _values(root: ElementTree.Element, array: ElementTree.Element, appended: bytes) -> NDArray:
     order = {"LittleEndian": "<", "BigEndian": ">"}[root.get("byte_order", sys.byteorder)]
     dtype = np.dtype(order + _NUMBERS[array.get("type", "")])
     header = np.dtype(order + _NUMBERS[root.get("header_type", "UInt32")])
     if array.get("format") == "ascii":
-        return np.array((array.text or "").split(), np.float64)
+        return np.fromstring(array.text or "", np.float64, sep=" ")
     if array.get("format") == "appended":
         encoded = appended[int(array.get("offset", "0")) :]
         is_raw = root.find("AppendedData").get("encoding") == "raw"
@@ -119,12 +127,14 @@ def _values(root: ElementTree.Element, array: ElementTree.Element, appended: byt
     # zlib: number of blocks, block size, size of the last block, then each compressed size
     blocks = int(np.frombuffer(take(encoded, header.itemsize), header)[0])
     head_size = (3 + blocks) * header.itemsize
-    sizes = np.frombuffer(take(encoded, head_size), header)[3:].astype(int)
+    _, each, last, *sizes = np.frombuffer(take(encoded, head_size), header).tolist()
+    counts = [each] * (blocks - 1) + [last or each]
+    check_unpacked(sum(counts), len(encoded))
     encoded = encoded[head_size if is_raw else -(-head_size // 3) * 4 :]
-    payload = take(encoded, int(sizes.sum()))
-    stops = np.cumsum(sizes)
-    parts = [payload[a:b] for a, b in zip(stops - sizes, stops, strict=True)]
-    return np.frombuffer(b"".join(map(zlib.decompress, parts)), dtype)
+    payload = take(encoded, sum(sizes))
+    stops = itertools.accumulate(sizes)
+    parts = (payload[stop - size : stop] for stop, size in zip(stops, sizes, strict=True))
+    return np.frombuffer(b"".join(map(inflated, parts, counts)), dtype)
 
 
 def _take_raw(encoded: bytes, count: int) -> bytes:

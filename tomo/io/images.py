@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import os
+import zlib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs._decoded import decoded
+from rigs._unpacked import check_unpacked
 from tomo.io.atomic import atomic_path
+
+if TYPE_CHECKING:
+    import tifffile
 
 TIFF_SUFFIXES = (".tif", ".tiff")
 IMAGE_SUFFIXES = (*TIFF_SUFFIXES, ".png", ".jpg", ".jpeg")
@@ -51,7 +58,7 @@ def read_image(
         raise ValueError(f"{path}: found suffix {path.suffix!r}, expected one of {expected}")
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such image file")
-    decode = _decode_tiff if path.suffix.lower() in TIFF_SUFFIXES else _decode_with_opencv
+    decode = _decode_tiff if path.suffix.lower() in TIFF_SUFFIXES else decoded
     try:
         content = path.read_bytes()
         if not content:
@@ -66,7 +73,10 @@ def read_image(
             f"{stored.shape[-1]} channels, expected a grey one (rows, columns)"
         )
     image = _to_float(path, stored, bit_depth)
-    bad = ~np.isfinite(image)
+    if stored.dtype.kind != "f":
+        return image
+    bad = np.isfinite(image)
+    np.logical_not(bad, out=bad)
     if usable is not None and usable.shape == image.shape:
         image[bad & ~usable] = 0
         bad &= usable
@@ -147,25 +157,35 @@ def _decode_tiff(content: bytes) -> NDArray:
         if max(ends, default=0) > len(content):
             raise ValueError(f"found {len(content)} bytes, expected {max(ends)}: truncated")
         if page.compression in _LEFT_TO_OPENCV:
-            return _decode_with_opencv(content)
+            return decoded(content)
+        check_unpacked(page.nbytes, len(content))
+        _check_strips(page, content)
         return page.asarray()
 
 
 _LEFT_TO_OPENCV = (5, 7)  # LZW and JPEG: tifffile alone does not decompress them
+_DEFLATE = (8, 32946)
+_DECOMPRESSED = (1, *_DEFLATE, 32773)  # none, deflate, PackBits
 
 
-def _decode_with_opencv(content: bytes) -> NDArray:
-    import cv2
-
-    # OpenCV hands back what it could decode of a truncated file, so look for the end mark first
-    if content.startswith(b"\x89PNG") and b"IEND" not in content[-64:]:
-        raise ValueError("found no end mark (IEND): truncated")
-    if content.startswith(b"\xff\xd8") and b"\xff\xd9" not in content[-1024:]:
-        raise ValueError("found no end mark (EOI): truncated")
-    image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise ValueError("found no image in it: damaged or another format")
-    return image
+def _check_strips(page: tifffile.TiffPage, content: bytes) -> None:
+    """Raise if a page's strips overlap or unpack to more than the page."""
+    if page.compression not in _DECOMPRESSED:
+        raise ValueError(
+            f"found compression {page.compression}, expected none, deflate, LZW, PackBits or JPEG"
+        )
+    if sum(page.databytecounts) > len(content):
+        raise ValueError(
+            f"found {len(content)} bytes, expected {sum(page.databytecounts)}: strips overlap"
+        )
+    if page.compression not in _DEFLATE:
+        return
+    most = page.nbytes + (page.nbytes if page.is_tiled else 0) + (1 << 20)  # tiles overhang
+    for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
+        strip = zlib.decompressobj()
+        most -= len(strip.decompress(content[offset : offset + count], max(most, 0) + 1))
+        if most < 0:
+            raise ValueError(f"found strips of more than {page.nbytes} bytes, expected no more")
 
 
 def _to_float(path: Path, stored: NDArray, bit_depth: int | None) -> NDArray[np.float32]:
@@ -188,4 +208,6 @@ def _to_float(path: Path, stored: NDArray, bit_depth: int | None) -> NDArray[np.
             f"{path}: found a pixel of {stored.max()}, "
             f"expected at most {full_scale} with bit_depth {bits}"
         )
-    return stored.astype(np.float32) / np.float32(full_scale)
+    image = stored.astype(np.float32)
+    image /= np.float32(full_scale)
+    return image

@@ -8,15 +8,15 @@ VTK's origin is where the first point is, so points are voxel centres.
 from __future__ import annotations
 
 import os
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs._unpacked import errors_of_libraries, most_unpacked, read_arrays
 from tomo.grid import VoxelGrid
-from tomo.io import _vti
+from tomo.io import _nrrd, _vti
 from tomo.io.atomic import atomic_path
 
 Volume = tuple[NDArray[np.float32], VoxelGrid, str]
@@ -50,7 +50,7 @@ def read_volume(path: str | os.PathLike, *, allow_nan: bool = False) -> Volume:
     reader, _ = _format_of(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such volume file")
-    try:
+    with errors_of_libraries(f"{path}: not a readable volume"):
         data, origin, spacing, length_unit = reader(path)
         if data.ndim != 3 or data.dtype.kind not in "fiub":
             raise ValueError(f"found {data.dtype} {data.shape}, expected numbers (nx, ny, nz)")
@@ -58,9 +58,7 @@ def read_volume(path: str | os.PathLike, *, allow_nan: bool = False) -> Volume:
             data = np.ascontiguousarray(data, dtype=np.float32)
         grid = VoxelGrid.from_origin(data.shape, spacing, origin)
         _check_finite(data, allow_nan)
-    except Exception as error:  # parsers of foreign bytes may raise anything
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"{path}: not a readable volume: {reason}") from error
+        check_length_unit(length_unit)
     return data, grid, length_unit
 
 
@@ -109,6 +107,8 @@ def write_volume(
         raise ValueError(f"{path}: {error}") from None
     with atomic_path(path) as temporary:
         writer(temporary, data, grid, length_unit)
+        if data.nbytes > most_unpacked(temporary.stat().st_size):  # no reader would take it
+            writer(temporary, data, grid, length_unit, is_packed=False)
 
 
 def check_length_unit(length_unit: str) -> None:
@@ -125,62 +125,25 @@ def _check_finite(data: NDArray[np.float32], allow_nan: bool) -> None:
 
 
 def _read_npz(path: Path) -> tuple:
-    if not zipfile.is_zipfile(path):
-        raise ValueError("expected a .npz archive, found something else or a truncated one")
-    with np.load(path, allow_pickle=False) as archive:
-        missing = [key for key in ("data", "origin", "spacing") if key not in archive]
-        if missing:
-            raise ValueError(f"found no {missing[0]!r} in it, expected data, origin and spacing")
-        unit = str(archive["length_unit"]) if "length_unit" in archive else "mm"
-        return archive["data"], archive["origin"], archive["spacing"], unit
+    arrays = read_arrays(path)
+    missing = [key for key in ("data", "origin", "spacing") if key not in arrays]
+    if missing:
+        raise ValueError(f"found no {missing[0]!r} in it, expected data, origin and spacing")
+    unit = str(arrays["length_unit"]) if "length_unit" in arrays else "mm"
+    return arrays["data"], arrays["origin"], arrays["spacing"], unit
 
 
-def _write_npz(path: Path, data: NDArray, grid: VoxelGrid, length_unit: str) -> None:
-    np.savez_compressed(
-        path, data=data, origin=grid.origin, spacing=grid.spacing, length_unit=length_unit
-    )
-
-
-def _read_nrrd(path: Path) -> tuple:
-    import nrrd
-
-    with path.open("rb") as file:
-        header = nrrd.read_header(file)
-        if "data file" in header or "datafile" in header:
-            raise ValueError("the values are in another file, expected them in this one")
-        data = nrrd.read_data(header, file)  # index order F: data[ix, iy, iz], x fastest on disk
-    if "space directions" in header:
-        directions = np.asarray(header["space directions"], np.float64)
-        spacing = np.diagonal(directions)
-        if directions.shape != (3, 3) or (directions != np.diag(spacing)).any():
-            raise ValueError(
-                f"space directions: found {directions.tolist()}, expected axes along x, y and z"
-            )
-    else:
-        spacing = header.get("spacings", np.ones(3))
-    units = header.get("space units", ["mm"])
-    return data, header.get("space origin", np.zeros(3)), spacing, str(units[0])
-
-
-def _write_nrrd(path: Path, data: NDArray, grid: VoxelGrid, length_unit: str) -> None:
-    import nrrd
-
-    unit = length_unit.replace("µ", "u").replace("μ", "u")  # NRRD headers are ASCII
-    header = {
-        "space": "3D-right-handed",
-        "space directions": np.diag(grid.spacing),
-        "space origin": grid.origin,
-        "space units": [unit] * 3,
-        "kinds": ["domain"] * 3,
-        "encoding": "gzip",
-    }
-    nrrd.write(str(path), data, header, compression_level=1, index_order="F")
+def _write_npz(
+    path: Path, data: NDArray, grid: VoxelGrid, length_unit: str, is_packed: bool = True
+) -> None:
+    save = np.savez_compressed if is_packed else np.savez
+    save(path, data=data, origin=grid.origin, spacing=grid.spacing, length_unit=length_unit)
 
 
 _FORMATS: dict[str, tuple[Callable[[Path], tuple], Callable[..., None]]] = {
     ".npz": (_read_npz, _write_npz),
     ".vti": (_vti.read, _vti.write),
-    ".nrrd": (_read_nrrd, _write_nrrd),
+    ".nrrd": (_nrrd.read, _nrrd.write),
 }
 
 

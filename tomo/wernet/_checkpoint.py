@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,10 +14,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from rigs._text import shortened
+from rigs._unpacked import errors_of_libraries
 from tomo.io.atomic import atomic_path
 from tomo.solve.stopping import Choice
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
-from tomo.wernet.encoder_file import load_tensors
+from tomo.wernet.encoder_file import load_tensors, rebuilt
 from tomo.wernet.ray_weights import RayWeights
 
 if TYPE_CHECKING:
@@ -133,17 +137,50 @@ class Checkpoint:
                 f"{self.path}: problem: found a checkpoint of other images, rays or settings, "
                 "expected the one that was interrupted"
             )
-        method, width, iterations, residual = content["choice"]
-        choice = Choice(method, width, iterations, residual, reason="as before the interruption")
-        return State(
-            content["round"],
-            content["volume"].numpy(),
-            choice,
-            None if content["best"] is None else _unpacked(content["best"]),
-            content["previous"],
-            content["ended"],
-            content["training"],
+        with self.damages():
+            return _state(content)
+
+    def damages(self) -> AbstractContextManager[None]:
+        """Turn what a damaged state raises when it is taken up into one line of ValueError."""
+        what = "found a damaged checkpoint, expected a whole one"
+        return errors_of_libraries(f"{self.path}: {what}")
+
+
+def _state(content: Mapping[str, Any]) -> State:
+    """Return the state that the content of a file is, checked."""
+    method, width, iterations, residual = content["choice"]
+    for name, found, kind in (
+        ("round", content["round"], int),
+        ("ended", content["ended"], str),
+        ("previous", content["previous"], float),
+        ("training", content["training"], dict),
+        ("choice: method", method, str),
+        ("choice: width", width, int | float),
+        ("choice: iterations", iterations, int),
+        ("choice: residual", residual, int | float),
+    ):
+        if not isinstance(found, kind) or isinstance(found, bool):
+            raise ValueError(f"{name}: found {shortened(found)}")
+    if content["round"] < 0 or iterations < 0 or not 0 <= width < math.inf:
+        raise ValueError(
+            f"round, choice: found {content['round']}, {shortened(content['choice'])}"
         )
+    return State(
+        content["round"],
+        _numbers(content["volume"], "volume"),
+        Choice(method, width, iterations, residual, reason="as before the interruption"),
+        None if content["best"] is None else _unpacked(content["best"]),
+        content["previous"],
+        content["ended"],
+        content["training"],
+    )
+
+
+def _numbers(tensor: torch.Tensor, name: str) -> NDArray[np.float32]:
+    """Return a tensor of a file as an array of finite numbers."""
+    if tensor.dtype != torch.float32 or not tensor.isfinite().all():
+        raise ValueError(f"{name}: found {tensor.dtype}, NaN or infinity, expected float32")
+    return tensor.numpy()
 
 
 def _packed(best: Learned) -> dict[str, Any]:
@@ -160,13 +197,11 @@ def _packed(best: Learned) -> dict[str, Any]:
 
 
 def _unpacked(content: Mapping[str, Any]) -> Learned:
-    settings, numbers = content["encoder"]
-    encoder = CorrectionEncoder(**settings)
-    encoder.load_state_dict(numbers)
+    encoder = rebuilt(CorrectionEncoder, *content["encoder"])
     tokens = ViewTokens(*content["tokens"]["hidden"].shape)
     tokens.load_state_dict(content["tokens"])
-    index, held_out, residual, unit = content["numbers"]
-    weights = RayWeights(encoder, tokens, content["seen"].numpy(), unit, content["tells_views"])
-    return Learned(
-        index, held_out, residual, content["volume"].numpy(), content["solved_by"], weights
-    )
+    index, held_out, residual, unit = map(float, content["numbers"])
+    seen = _numbers(content["seen"], "seen")
+    weights = RayWeights(encoder, tokens, seen, unit, bool(content["tells_views"]))
+    volume, solved_by = _numbers(content["volume"], "volume"), dict(content["solved_by"])
+    return Learned(int(index), held_out, residual, volume, solved_by, weights)

@@ -189,7 +189,8 @@ def wernet(
         saved = Checkpoint.of(checkpoint, settings, projector, measured)
         state = saved.load() if saved and resume and not ended else None
         if state is not None:
-            rounds.restore(state)
+            with saved.damages():
+                rounds.restore(state)
         elif tells_views and last and not ended:
             rounds.guess()
             residual = rounds.solve_guess() if guesses else math.nan

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import zipfile
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import torch
 
+from rigs._unpacked import check_unpacked, errors_of_libraries
 from tomo.io.atomic import atomic_path
 from tomo.wernet.correction import CorrectionEncoder
 from tomo.wernet.encoder import WeightEncoder
@@ -68,20 +72,36 @@ def load_encoder(path: str | Path, kind: type[Encoder] | None = None) -> Encoder
         raise ValueError(f"{path}: format: found no {_FORMAT!r}, expected an encoder")
     if content.get("version") != _VERSION:
         raise ValueError(f"{path}: version: found {content.get('version')!r}, expected {_VERSION}")
-    try:
-        encoder = _KINDS[content["kind"]](**content["settings"])
-        encoder.load_state_dict(content["state"])
-        for name, numbers in encoder.state_dict().items():
-            if not numbers.isfinite().all():
-                raise ValueError(f"{name}: NaN or infinity")
-    except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
-        reason = str(error).splitlines()[0]
-        raise ValueError(f"{path}: found an encoder that does not fit itself: {reason}") from error
+    with errors_of_libraries(f"{path}: found an encoder that does not fit itself"):
+        encoder = rebuilt(_KINDS[content["kind"]], content["settings"], content["state"])
     if kind is not None and not isinstance(encoder, kind):
         raise ValueError(
             f"{path}: kind: found an encoder of {content['kind']}, expected one of "
             + next(name for name, of in _KINDS.items() if of is kind)
         )
+    return encoder
+
+
+def rebuilt(
+    kind: type[Encoder], settings: Mapping[str, Any], state: Mapping[str, torch.Tensor]
+) -> Encoder:
+    """Return the encoder of settings and numbers that were read from a file.
+
+    Raises
+    ------
+    Exception
+        Of several kinds, if the two do not fit each other, or the numbers are not finite.
+    """
+    # before anything is built by them, settings have to be of the size of the numbers
+    blocks, channels = settings["blocks"], settings["channels"]
+    numbers = sum(tensor.numel() for tensor in state.values())
+    if blocks > len(state) or 3 * channels * (1 + (blocks - 1) * channels) > numbers:
+        raise ValueError(f"blocks, channels: found {blocks}, {channels} with {numbers} numbers")
+    encoder = kind(**settings)
+    encoder.load_state_dict(state)
+    for name, tensor in encoder.state_dict().items():
+        if not tensor.isfinite().all():
+            raise ValueError(f"{name}: NaN or infinity")
     return encoder
 
 
@@ -94,9 +114,32 @@ def load_tensors(path: Path, expected: str) -> object:
         If it cannot be read; the message says what was ``expected``.
     """
     try:
-        return torch.load(path, map_location="cpu", weights_only=True)
+        with zipfile.ZipFile(path) as archive:  # what torch.save writes; older files are not read
+            size = sum(item.file_size for item in archive.infolist())
+        check_unpacked(size, path.stat().st_size)
+        content = torch.load(path, map_location="cpu", weights_only=True)
+        _check_tensors(content)
     except Exception as error:  # torch raises half a dozen kinds for a file it cannot read
         raise ValueError(
             f"{path}: found a file that cannot be read ({type(error).__name__}), "
             f"expected {expected}"
         ) from error
+    return content
+
+
+def _check_tensors(content: object) -> None:
+    """Raise if a tensor claims more numbers than the file holds for it."""
+    waiting, seen = [content], set()
+    while waiting:
+        item = waiting.pop()
+        if id(item) in seen:
+            continue
+        seen.add(id(item))
+        if isinstance(item, Mapping):
+            waiting += item.values()
+        elif isinstance(item, list | tuple | set):
+            waiting += item
+        elif isinstance(item, torch.Tensor):
+            held = item.untyped_storage().nbytes() if item.layout == torch.strided else -1
+            if item.numel() * item.element_size() > held:
+                raise ValueError("found a tensor of more numbers than are stored")
