@@ -100,6 +100,7 @@ def write_calibration_page(
         pictures={
             name: {
                 "title": _PICTURES[name][0],
+                "alt": _PICTURES[name][0],
                 "caption": _PICTURES[name][1],
                 "data": embedded(png_bytes(figure)),
             }
