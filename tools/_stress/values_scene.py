@@ -1,0 +1,117 @@
+"""The small scene that the areas of numbers share: a jet in view of a ring of cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+import phantoms
+import rigs
+from rigs import Rig
+from tomo import LinearSystem, Scan, VoxelGrid, solve
+from tomo.on_the_fly import OnTheFlyProjector
+from tomo.reconstruction import Reconstruction
+from tomo.simulate import SimulatedScan, simulate
+from tomo.viewed import ViewedOperator
+
+SHAPE = (12, 28, 12)
+SPACING = 0.5
+ITERATIONS = 10
+BY_PIXEL = ("art", "mart")
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A rig, its grid, and what is seen there.
+
+    Attributes
+    ----------
+    simulated : SimulatedScan
+    stored, on_the_fly : ViewedOperator
+        The same matrix.
+    measured : (pixels,) float32
+    """
+
+    simulated: SimulatedScan
+    stored: ViewedOperator
+    on_the_fly: ViewedOperator
+    measured: NDArray[np.float32]
+
+    @property
+    def truth(self) -> NDArray[np.float32]:
+        """The emission, of the grid's shape."""
+        return self.simulated.truth
+
+    @property
+    def grid(self) -> VoxelGrid:
+        """The voxels."""
+        return self.simulated.grid
+
+    def projectors(self, method: str) -> list[tuple[str, ViewedOperator]]:
+        """Return the forms of the matrix that a method can use, by name."""
+        forms = [("stored", self.stored), ("on the fly", self.on_the_fly)]
+        return forms[:1] if method in BY_PIXEL else forms
+
+    def cases(self) -> list[tuple[str, str, ViewedOperator]]:
+        """Return every classic method with every form of the matrix: name, method, projector."""
+        return [
+            (f"{method}, {form}", method, projector)
+            for method in solve.METHODS
+            for form, projector in self.projectors(method)
+        ]
+
+
+def ring(count: int = 9, **options: object) -> Rig:
+    """Return so many cameras of 24 x 40 pixels round the scene, pitched up and down in turn."""
+    return rigs.ring(
+        count,
+        distance=options.pop("distance", 300.0),
+        image_size=options.pop("image_size", (24, 40)),
+        footprint=options.pop("footprint", 0.4),
+        pitch_degrees=[10.0 if n % 2 else -10.0 for n in range(count)],
+        **options,
+    )
+
+
+@cache
+def scene(noise: float = 0.0, cameras: int = 9) -> Scene:
+    """Return the scene, simulated through finer voxels and 2 x 2 rays a pixel."""
+    return scene_of(ring(cameras), noise)
+
+
+def scene_of(rig: Rig, noise: float = 0.0, grid: VoxelGrid | None = None) -> Scene:
+    """Return what a rig sees of the jet; the projectors have one ray a pixel."""
+    grid = VoxelGrid(SHAPE, SPACING) if grid is None else grid
+    field = phantoms.create("jet", 1, grid.extent, grid.center)
+    simulated = simulate(rig, field, grid, supersample=2, refine=2, noise=noise)
+    system = LinearSystem.from_rig(rig, grid, form="stored")
+    measured = system.flatten(list(simulated.images.values()))
+    on_the_fly = OnTheFlyProjector.from_cameras(tuple(rig), system.pixels, grid)
+    return Scene(simulated, system.projector, on_the_fly, measured)
+
+
+def run(
+    method: str,
+    projector: ViewedOperator,
+    measured: NDArray,
+    iterations: int = ITERATIONS,
+    **settings: object,
+) -> Reconstruction:
+    """Return what one classic method makes of the images."""
+    return getattr(solve, method)(projector, measured, iterations=iterations, **settings)
+
+
+def scaled_scan(simulated: SimulatedScan, factor: float, folder: Path) -> Scan:
+    """Return the scan of files with all intensities times ``factor``, the truth too."""
+    images = {
+        name: (np.float64(factor) * image).astype(np.float32)
+        for name, image in simulated.images.items()
+    }
+    truth = (np.float64(factor) * simulated.truth).astype(np.float32)
+    scaled = replace(simulated, images=MappingProxyType(images), truth=truth)
+    return Scan.load(scaled.save(folder))
