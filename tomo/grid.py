@@ -13,6 +13,13 @@ if TYPE_CHECKING:
     from rigs import Rig
 
 
+SHORTEST, LONGEST = 1e-100, 1e100
+"""Edge lengths between which no square or quotient of lengths leaves what float64 can hold."""
+
+FINEST = 1e-4
+"""Of a voxel, that coordinates in the world have to tell apart."""
+
+
 @dataclass(frozen=True)
 class VoxelGrid:
     """A box of ``shape`` voxels; arrays on it are ``volume[ix, iy, iz]`` in C order.
@@ -32,7 +39,8 @@ class VoxelGrid:
     Raises
     ------
     ValueError
-        If a count is below one, or a length is not positive and finite.
+        If a count is below one, a length is not positive or no float64 can square it, or the
+        box is so far from the origin that float64 does not tell its voxels apart.
 
     Examples
     --------
@@ -58,6 +66,17 @@ class VoxelGrid:
         center = np.asarray(self.center, dtype=np.float64)
         if center.shape != (3,) or not np.isfinite(center).all():
             raise ValueError(f"grid center: found {self.center}, expected three finite numbers")
+        if not all(SHORTEST <= s <= LONGEST for s in spacing):
+            raise ValueError(
+                f"grid spacing: found {self.spacing}, expected lengths from {SHORTEST} to "
+                f"{LONGEST}"
+            )
+        step = np.spacing(np.abs(center) + np.multiply(shape, spacing) / 2)
+        if (step > np.multiply(FINEST, spacing)).any():
+            raise ValueError(
+                f"grid center: found {center.tolist()} and voxels of {list(spacing)}, expected "
+                f"fewer voxels from the origin: coordinates there are {step.max():.2g} apart"
+            )
         object.__setattr__(self, "shape", shape)
         object.__setattr__(self, "spacing", spacing)
         object.__setattr__(self, "center", tuple(center.tolist()))
@@ -118,7 +137,15 @@ class VoxelGrid:
         return np.where(points <= self.upper, np.minimum(position, self.shape), position)
 
     def voxel_of(self, points: ArrayLike) -> NDArray[np.int64]:
-        """Return the flat voxel index of each of ``points`` ``(..., 3)``; -1 is outside."""
+        """Return the flat voxel index of each of ``points`` ``(..., 3)``; -1 is outside.
+
+        Raises
+        ------
+        ValueError
+            If the grid has more voxels than can be numbered.
+        """
+        if self.size > np.iinfo(np.int64).max:
+            raise ValueError(f"grid shape: found {self.shape}, more voxels than int64 can number")
         position = self.to_voxel_units(points)
         shape = np.asarray(self.shape)
         inside = ((position >= 0) & (position <= shape)).all(axis=-1)

@@ -91,9 +91,14 @@ class Rays:
         """
         origins = np.atleast_2d(np.asarray(origins, np.float64))
         directions = np.atleast_2d(np.asarray(directions, np.float64))
-        norms = np.linalg.norm(directions, axis=1, keepdims=True)
-        if not (norms > 0).all():
+        if not np.isfinite(directions).all():
+            raise ValueError("rays directions: found NaN or infinity, expected finite vectors")
+        largest = np.abs(directions).max(axis=1, keepdims=True)
+        if not (largest > 0).all():
             raise ValueError("rays directions: found a zero vector, expected non-zero")
+        _, exponent = np.frexp(largest)  # by powers of two: squares neither overflow nor vanish
+        directions = np.ldexp(directions, -exponent)
+        norms = np.linalg.norm(directions, axis=1, keepdims=True)
         lengths = np.atleast_1d(np.asarray(lengths, np.float64))
         n = max(len(origins), len(directions), len(lengths)) if len(origins) else 0
         origins = np.array(np.broadcast_to(origins, (n, 3)))

@@ -160,7 +160,17 @@ def test_bad_parts_are_named(changed, message):
         Rays(**parts(**changed))
 
 
+@pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-200, 1e200, 1.7e308])
+def test_directions_of_any_length_are_normalised(size):
+    rays = Rays.from_lines([0, 0, 0], [[size, 0, 0], [size, -size, size]])
+    expected = [[1, 0, 0], np.array([1, -1, 1]) / np.sqrt(3)]
+    np.testing.assert_allclose(rays.directions, expected, rtol=1e-15)
+
+
 def test_bad_lines_are_named(camera):
+    for bad in (np.nan, np.inf):
+        with pytest.raises(ValueError, match="directions: found NaN or infinity"):
+            Rays.from_lines([0, 0, 0], [1, bad, 0])
     with pytest.raises(ValueError, match="found a zero vector"):
         Rays.from_lines([0, 0, 0], [0, 0, 0])
     with pytest.raises(ValueError, match="supersample: found 0"):

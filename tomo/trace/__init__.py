@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 TRACERS = ("march", "raycast", "reference")
 
+MOST_VOXELS = 2**53
+"""Voxel numbers are computed as float64 on the way: exact up to here."""
+
 
 def trace(
     rays: Rays,
@@ -48,12 +51,15 @@ def trace(
     Raises
     ------
     ValueError
-        If the tracer is unknown, or the live voxels are those of another grid.
+        If the tracer is unknown, the live voxels are those of another grid, or there are more
+        voxels than can be numbered.
     """
     if tracer not in TRACERS:
         raise ValueError(f"tracer: found {tracer!r}, expected one of {', '.join(TRACERS)}")
     if live is not None and live.grid != grid:
         raise ValueError(f"live: found voxels of {live.grid}, expected of {grid}")
+    if grid.size > MOST_VOXELS:
+        raise ValueError(f"grid shape: found {grid.shape}, expected at most 2^53 voxels to trace")
     module = importlib.import_module(f"tomo.trace.{tracer}")
     if tracer == "march":
         return module.trace(rays, grid, midpoints=midpoints, dtype=dtype, live=live)

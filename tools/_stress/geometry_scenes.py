@@ -148,13 +148,25 @@ def chord(case: Case, outward: float = 0.0) -> NDArray[np.float64]:
     return np.maximum(np.minimum(far.min(axis=1), rays.lengths) - start, 0).astype(np.float64)
 
 
-def beyond(case: Case, total: NDArray[np.float64], roundings: float = 4.0) -> float:
-    """Return how far sums of chords (rays,) are from the analytic length, in longest chords.
+def roundings_apart(case: Case, total: NDArray[np.float64]) -> float:
+    """Return how many roundings of coordinates explain where sums of chords (rays,) are.
 
-    A ray that grazes the box is as long as rounding its coordinates makes it: what counts is how
-    far the sum is outside of what boxes smaller and larger by so many roundings measure.
+    A ray that grazes the box is as long as rounding its coordinates makes it: the sums have to
+    lie between what boxes smaller and larger by so many roundings measure.
     """
-    outward = roundings * case.rounding
-    most, least = chord(case, outward), chord(case, -outward)
-    outside = np.maximum(total - most, least - total)
-    return float(outside.max(initial=0.0)) / max(float(most.max(initial=0.0)), 1e-300)
+    slack = 8 * EPS * max(float(chord(case).max(initial=0.0)), 1e-300)  # of adding them up
+
+    def explained(roundings: float) -> bool:
+        outward = roundings * case.rounding
+        most, least = chord(case, outward), chord(case, -outward)
+        return bool(((total <= most + slack) & (total >= least - slack)).all())
+
+    low, high = 0.0, 64.0
+    if not explained(high):
+        return np.inf
+    if explained(low):
+        return low
+    for _ in range(8):
+        middle = (low + high) / 2
+        low, high = (low, middle) if explained(middle) else (middle, high)
+    return high

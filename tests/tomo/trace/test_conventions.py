@@ -252,6 +252,13 @@ def test_voxel_numbers_are_32_bit_as_long_as_they_fit():
         assert segments.voxel.tolist() == [grid.size - 1]
 
 
+@EVERY
+def test_more_voxels_than_can_be_numbered_are_refused(tracer):
+    grid = VoxelGrid((2**18,) * 3, 1.0)
+    with pytest.raises(ValueError, match=r"expected at most 2\^53 voxels"):
+        trace(Rays.from_lines(grid.upper - 0.5, [1, 0, 0]), grid, tracer)
+
+
 def test_an_unknown_tracer_is_named():
     with pytest.raises(ValueError, match="tracer: found 'siddon', expected one of march, raycast"):
         trace(through(CUBE), CUBE, "siddon")

@@ -1,0 +1,133 @@
+"""What may not matter: which way rays run, how axes are named, where the world's origin is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rigs
+from _stress.geometry_scenes import SHAPE, through
+from _stress.row import Row, Size, relative_error, worst_of
+from tomo import LinearSystem, Projector
+from tomo.grid import VoxelGrid
+from tomo.on_the_fly import OnTheFlyProjector
+from tomo.rays import Rays
+from tomo.solve import cgls
+from tomo.trace import trace
+
+
+def motion_rows(size: Size) -> Iterator[Row]:
+    """Yield how far results move when nothing of substance does."""
+    random = np.random.default_rng(size.seed)
+    yield _same_bits(random)
+    yield _turned(random)
+    yield _moved(random)
+    yield _limit(size)
+
+
+def _images(rays: Rays, grid: VoxelGrid, volume: NDArray) -> dict[str, NDArray]:
+    return {
+        "stored": Projector(trace(rays, grid, dtype=np.float64), grid) @ volume.ravel(),
+        "on the fly": OnTheFlyProjector(rays, grid) @ volume.ravel(),
+    }
+
+
+def _same_bits(random: np.random.Generator) -> Row:
+    """Scale lengths by powers of two: every chord has to have the same digits."""
+    grid = VoxelGrid(SHAPE, 0.3, (1, 2, 3))
+    rays, volume = through(grid, 500, random, 50), random.random(SHAPE)
+    expected = _images(rays, grid, volume)
+    figures = []
+    for power in (-30, -10, 10, 30):
+        factor = 2.0**power
+        scaled = VoxelGrid(SHAPE, 0.3 * factor, tuple(factor * np.asarray(grid.center)))
+        found = _images(replace(rays, origins=rays.origins * factor), scaled, volume)
+        for name, images in expected.items():
+            figures.append((f"{name}, 2^{power}", relative_error(found[name], images * factor)))
+    figure, where = worst_of(figures)
+    return Row("Lengths scaled by powers of two", "2^-30 to 2^30", figure, 0.0, note=where)
+
+
+def _turned(random: np.random.Generator) -> Row:
+    """Rename and mirror axes, and send rays the other way."""
+    grid = VoxelGrid(SHAPE, (0.3, 0.5, 0.4), (1, -2, 3))
+    rays, volume = through(grid, 500, random, 50), random.random(SHAPE)
+    expected = _images(rays, grid, volume)
+    figures = []
+    for order in permutations(range(3)):
+        axes = list(order)
+        turned = VoxelGrid(
+            *(tuple(np.asarray(v)[axes]) for v in (grid.shape, grid.spacing, grid.center))
+        )
+        other = replace(rays, origins=rays.origins[:, axes], directions=rays.directions[:, axes])
+        found = _images(other, turned, volume.transpose(axes))
+        figures += [
+            (f"{n}, axes {axes}", relative_error(found[n], v)) for n, v in expected.items()
+        ]
+    for axis in range(3):
+        sign = np.where(np.arange(3) == axis, -1.0, 1.0)
+        mirrored = replace(grid, center=tuple(sign * grid.center))
+        other = replace(rays, origins=rays.origins * sign, directions=rays.directions * sign)
+        found = _images(other, mirrored, np.flip(volume, axis))
+        figures += [(f"{n}, mirrored", relative_error(found[n], v)) for n, v in expected.items()]
+    back = replace(rays, origins=rays.origins + 120 * rays.directions, directions=-rays.directions)
+    found = _images(back, grid, volume)
+    figures += [(f"{n}, reversed", relative_error(found[n], v)) for n, v in expected.items()]
+    figure, where = worst_of(figures)
+    return Row("Axes renamed and mirrored, rays reversed", "all orders", figure, 1e-12, note=where)
+
+
+def _moved(random: np.random.Generator) -> Row:
+    """Shift rays and grid together, by up to 1e7 voxels."""
+    grid = VoxelGrid(SHAPE, 0.5)
+    rays, volume = through(grid, 500, random, 50), random.random(SHAPE)
+    expected = _images(rays, grid, volume)
+    figures = []
+    for distance in (1e2, 1e5, 1e7):
+        shift = 0.5 * distance * random.standard_normal(3)
+        moved = _images(
+            replace(rays, origins=rays.origins + shift),
+            VoxelGrid(SHAPE, 0.5, tuple(shift)), volume,
+        )  # fmt: skip
+        rounding = np.finfo(float).eps * np.abs(shift).max() / 0.5
+        figures += [
+            (f"{name}, {distance:g} voxels", relative_error(moved[name], images) / rounding)
+            for name, images in expected.items()
+        ]
+    figure, where = worst_of(figures)
+    return Row(
+        "World moved with everything in it", "1e2 to 1e7 voxels", figure, 8.0,
+        "roundings of a coordinate, in voxels", note=where,
+    )  # fmt: skip
+
+
+def _limit(size: Size) -> Row:
+    """Reconstruct from farther and farther: what changes falls with the distance.
+
+    At the grid's rim, half its side n from the axis, a ray from D voxels away leans by n / 2 D:
+    over half the side it comes to lie n² / 4 D voxels from a parallel one.
+    """
+    grid = VoxelGrid((16, 20, 16), 1.0)
+    centre = np.linalg.norm(grid.centers() / (5, 6, 5), axis=-1)
+    truth = np.exp(-(centre**2)).ravel()
+    volumes = {}
+    distances = (1e4, 1e6, 1e8)
+    for distance in distances:
+        rig = rigs.ring(
+            5 if size.quick else 9, distance=distance, image_size=(24, 28), footprint=1.0,
+            pitch_degrees=10,
+        )  # fmt: skip
+        A = LinearSystem.from_rig(rig, grid, skip=False).projector
+        volumes[distance] = cgls(A, A @ truth, iterations=8).volume
+    last = volumes[distances[-1]]
+    figures = [(f"{d:g}", relative_error(volumes[d], last) * d) for d in distances[:-1]]
+    figure, where = worst_of(figures)
+    return Row(
+        "Reconstruction from ever farther cameras: change against that of parallel rays",
+        "1e4 to 1e8 voxels away", figure, max(grid.shape) ** 2 / 4,
+        "voxels over the distance", note=where,
+    )  # fmt: skip
