@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any
 
 import pydantic
 
-from rigs._text import shortened
+from rigs._problems import dotted, first_problem
 
 
 def _number(value: object) -> float:
@@ -107,14 +106,6 @@ class RigEntry(_Entry):
     calibration: dict[str, Any] | None = None
 
 
-_SECTIONS: dict[str, type[_Entry]] = {
-    "cameras": CameraEntry,
-    "distortion": DistortionEntry,
-    "optics": OpticsEntry,
-    "volume": VolumeEntry,
-}
-
-
 def parse_rig(data: Mapping[str, Any]) -> RigEntry:
     """Return the checked entries of a rig file.
 
@@ -126,51 +117,15 @@ def parse_rig(data: Mapping[str, Any]) -> RigEntry:
     try:
         return RigEntry.model_validate(data)
     except pydantic.ValidationError as error:
-        # Of several errors the most specific one is told: unknown fields before missing ones.
-        errors = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-        raise ValueError(_one_line(errors[0], data)) from None
+        path, said = first_problem(error, RigEntry, data)
+        raise ValueError(f"{_where(path, data)}: {said}") from None
 
 
-def _one_line(error: Mapping[str, Any], data: Mapping[str, Any]) -> str:
-    """Return pydantic's error in the words of the file."""
-    path = [part for part in error["loc"] if not _is_union_branch(part)]
-    camera, field = "", path
-    if path[0] == "cameras" and len(path) > 1:
+def _where(path: list[str | int], data: Mapping[str, Any]) -> str:
+    """Return the camera by name, where it has one, and the field."""
+    if path[0] == "cameras" and len(path) > 2:
         entry = data["cameras"][path[1]]
-        name = entry.get("name") if isinstance(entry, dict) else None
-        camera = f"camera {name if isinstance(name, str) else f'number {path[1]}'}: "
-        field = path[2:] or ["entry"]
-    where = camera + _dotted(field)
-    if error["type"] == "extra_forbidden":
-        parents = [part for part in path[:-1] if isinstance(part, str)]
-        known = list(_SECTIONS[parents[-1]].model_fields if parents else RigEntry.model_fields)
-        near = difflib.get_close_matches(str(path[-1]), known, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
-        return f"{where}: unknown field, {hint}"
-    if error["type"] == "missing":
-        # pydantic reports a tuple that is too short as an item that is missing
-        if isinstance(path[-1], int):
-            return f"{camera}{_dotted(field[:-1])}: found {path[-1]} values, expected more"
-        return f"{where}: missing"
-    if error["type"] == "value_error":
-        expected = str(error["ctx"]["error"])
-    elif error["type"] in ("tuple_type", "list_type"):
-        expected = "a list"
-    elif error["type"] in ("model_type", "dict_type"):
-        expected = "a mapping"
-    else:
-        expected = " ".join(error["msg"].split())
-    return f"{where}: found {shortened(error['input'])}, expected {expected}"
-
-
-def _is_union_branch(part: str | int) -> bool:
-    """Say whether a step of pydantic's path names a type that was tried, not a field."""
-    return isinstance(part, str) and ("[" in part or part in ("float", "tuple"))
-
-
-def _dotted(path: list[str | int]) -> str:
-    """Return ``distortion.coefficients[3]`` of its steps."""
-    text = ""
-    for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
-    return " ".join(text.split())
+        if isinstance(entry.get("name"), str):
+            return f"camera {entry['name']}: {dotted(path[2:])}"
+        return f"{dotted(path[:2])}: {dotted(path[2:])}"
+    return dotted(path)

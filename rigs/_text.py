@@ -103,7 +103,9 @@ def yaml_mapping(text: str, path: str | os.PathLike) -> dict[str, Any]:
     if data is None:
         raise ValueError(f"{path}: found an empty file, expected a YAML mapping")
     if not isinstance(data, dict):
-        raise ValueError(f"{path}: found {type(data).__name__}, expected a YAML mapping")
+        raise ValueError(
+            f"{path}: found {_kind(data)}, expected a YAML mapping: lines like length_unit: mm"
+        )
     return _plain(data)
 
 
@@ -121,8 +123,14 @@ def read_json_mapping(path: str | os.PathLike) -> dict[str, Any]:
     except ValueError as error:
         raise ValueError(f"{path}: broken JSON: {error}") from None
     if not isinstance(data, dict):
-        raise ValueError(f"{path}: found {type(data).__name__}, expected a JSON object")
+        raise ValueError(f"{path}: found {_kind(data)}, expected a JSON object")
     return data
+
+
+def _kind(data: object) -> str:
+    """Return what plain data is, in words."""
+    words = {list: "a list", str: "text", bool: "true or false", type(None): "nothing"}
+    return words.get(type(data), "a number")
 
 
 def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
@@ -148,7 +156,10 @@ def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
                 if not isinstance(key, yaml.ScalarNode):
                     raise ValueError(f"{path}: broken YAML at line {line}: a key is no plain text")
                 if key.value in keys:
-                    raise ValueError(f"{path}: {key.value}: found twice in one mapping")
+                    raise ValueError(
+                        f"{path}: {key.value}: found twice in one mapping, again at line "
+                        f"{key.start_mark.line + 1}"
+                    )
                 keys.add(key.value)
                 key.tag = "tag:yaml.org,2002:str"
                 waiting += [(key, depth + 1), (value, depth + 1)]

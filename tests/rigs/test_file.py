@@ -173,8 +173,8 @@ def test_a_missing_file_is_named():
         ("up: [0, 1, 0]", "up: [0, 0, 1]", "camera left: up: found [0.0, 0.0, 1.0], expected a"),
         ("up: [0, 1, 0]", "R: [1]", "camera left: R[0]: found 1, expected a list"),
         ("name: right", "name: left", "camera left: name: found twice"),
-        ("name: right", "name: 7", "camera number 1: name: found 7, expected text"),
-        ("name: right", "label: right", "camera number 1: label: unknown field"),
+        ("name: right", "name: 7", "cameras[1]: name: found 7, expected text"),
+        ("name: right", "label: right", "cameras[1]: label: unknown field"),
         (
             "[640, 480]\n    camera",
             "[640, 4.5]\n    camera",
@@ -183,7 +183,7 @@ def test_a_missing_file_is_named():
         (
             "[640, 480]\n    camera",
             "[640]\n    camera",
-            "camera right: image_size: found 1 values",
+            "camera right: image_size: found 1 value, expected a list of 2",
         ),
         ("[640, 480]\n    camera", "[0, 1]\n    camera", "camera right: image_size: found (0, 1)"),
         ("spacing: 0.5", "spacing: [1, 2]", "volume.spacing"),
@@ -220,8 +220,8 @@ def test_errors_name_file_camera_and_field(old, new, message, tmp_path):
     [
         (b"", "found an empty file"),
         (b"# only a comment\n", "found an empty file"),
-        (b"- 1\n- 2\n", "found list, expected a YAML mapping"),
-        (b"text", "found str, expected a YAML mapping"),
+        (b"- 1\n- 2\n", "found a list, expected a YAML mapping"),
+        (b"text", "found text, expected a YAML mapping"),
         (b"\xff\xfe\x00", "not UTF-8"),
         (b"a: \x00", "broken YAML"),
         (b"a: " + b"[" * 5000, "broken YAML"),
@@ -231,7 +231,10 @@ def test_errors_name_file_camera_and_field(old, new, message, tmp_path):
         (b"? [1, 2]\n: 3\n", "a key is no plain text"),
         (b"format: emission-rig\nversion: 1\n", "cameras: missing"),
         (b"format: emission-rig\nversion: 1\ncameras: []\n", "cameras: found none"),
-        (b"format: emission-rig\nversion: 1\ncameras: [1]\n", "camera number 0: entry: found 1"),
+        (
+            b"format: emission-rig\nversion: 1\ncameras: [1]\n",
+            r"cameras\[0\]: found 1, expected a mapping",
+        ),
         (b"#" * (2**24 + 1), "more than 16 MiB"),
     ],
 )
