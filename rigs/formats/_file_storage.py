@@ -9,8 +9,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from rigs._rotation import matrix_of_vector
 from rigs._text import read_json_mapping, read_text, shortened, yaml_mapping
-from rigs.formats._quaternion import matrix_of_vector
 from rigs.formats._values import as_array, as_count, as_rotation, as_size, flat
 
 MATRIX = ("camera_matrix", "cameraMatrix", "intrinsic_matrix", "K", "M")

@@ -1,4 +1,4 @@
-"""Rotations as Hamilton's unit quaternions (w, x, y, z) and as axis times angle."""
+"""Rotations as Hamilton's unit quaternions (w, x, y, z)."""
 
 from __future__ import annotations
 
@@ -37,18 +37,3 @@ def quaternion_of_matrix(R: NDArray[np.float64]) -> NDArray[np.float64]:
     K[1:, 1:] = R + R.T - trace * np.eye(3)
     q = np.linalg.eigh(K / 3)[1][:, -1]
     return q if q[0] >= 0 else -q
-
-
-def matrix_of_vector(vector: ArrayLike) -> NDArray[np.float64]:
-    """Return the rotation ``(3, 3)`` of OpenCV's rvec: the axis times the angle in radians.
-
-    Rodrigues' formula: ``cos I + sin [a]_x + (1 - cos) a a^T``.
-    """
-    vector = np.asarray(vector, np.float64)
-    angle = float(np.linalg.norm(vector))
-    if angle == 0:
-        return np.eye(3)
-    x, y, z = axis = vector / angle
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    sin, cos = math.sin(angle), math.cos(angle)
-    return cos * np.eye(3) + sin * cross + (1 - cos) * np.outer(axis, axis)

@@ -17,11 +17,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rigs._rotation import matrix_of_vector
 from rigs._text import read_text
 from rigs._units import UNKNOWN
 from rigs.camera import Camera
 from rigs.formats._lens import from_vector
-from rigs.formats._quaternion import matrix_of_vector
 from rigs.formats._values import (
     as_array,
     as_mapping,

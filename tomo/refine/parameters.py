@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Camera, Rig
+from rigs._rotation import matrix_of_vector
 from tomo.grid import VoxelGrid
 
 COUNT = 8
@@ -24,7 +25,7 @@ FOCAL, GAIN = 6, 7
 
 def moved(camera: Camera, parameters: NDArray[np.float64]) -> Camera:
     """Return the camera with its position, turn and focal length changed."""
-    R = _turn(parameters[3:6]) @ camera.R
+    R = matrix_of_vector(parameters[3:6]) @ camera.R
     position = camera.position + camera.R.T @ parameters[:3]
     matrix = np.array(camera.camera_matrix)
     matrix[:2, :2] *= np.exp(parameters[FOCAL])
@@ -122,15 +123,3 @@ def without_common_motion(
     weighed = (parameters / lengths).ravel()
     shares = np.linalg.lstsq(basis.T, weighed, rcond=1e-9)[0]
     return (weighed - shares @ basis).reshape(parameters.shape) * lengths
-
-
-def _turn(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotation matrix of a rotation vector, Rodrigues' formula."""
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector
-    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return (
-        np.eye(3)
-        + np.sinc(angle / np.pi) * across
-        + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * across @ across
-    )
