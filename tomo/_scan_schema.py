@@ -3,29 +3,36 @@
 from __future__ import annotations
 
 import math
-import reprlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationError
 
-from rigs._text import read_yaml_mapping
+from rigs._problems import dotted, first_problem
+from rigs._schema import Number, Text, VolumeEntry, Whole
+from rigs._text import read_yaml_mapping, shortened
+
+
+def _named(name: str) -> str:
+    if not name:
+        raise ValueError("found '', expected a name")
+    return name
+
+
+def _some(frames: list) -> list:
+    if not frames:
+        raise ValueError("found none, expected at least one")
+    return frames
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-
-class _Grid(_Strict):
-    shape: list[int]
-    spacing: float | list[float]
-    center: list[float] = [0.0, 0.0, 0.0]
+    model_config = ConfigDict(extra="forbid")
 
 
 class _Frame(_Strict):
-    name: Annotated[str, Field(min_length=1)]
-    images: dict[str, str]
+    name: Annotated[Text, AfterValidator(_named)]
+    images: dict[str, Text]
 
 
 def _one_or_each(expected: str, accepts: Callable[[Any], bool]) -> Any:
@@ -37,9 +44,9 @@ def _one_or_each(expected: str, accepts: Callable[[Any], bool]) -> Any:
         each = value if isinstance(value, dict) else {None: value}
         for camera, one in each.items():
             if (camera is None and isinstance(value, dict)) or not accepts(one):
-                where = "" if camera is None else f"camera {_plain(camera)}: "
-                found = reprlib.repr(one)
-                raise ValueError(f"{where}found {found}, expected {expected} or one per camera")
+                where = "" if camera is None else f"camera {dotted([camera])}: "
+                found = "nothing" if one is None else shortened(one)
+                raise ValueError(f"{where}found {found}, expected {expected}, or one per camera")
         return value
 
     return Annotated[Any, BeforeValidator(check)]
@@ -63,10 +70,10 @@ def _is_bit_depth(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= 16
 
 
-_Number = _one_or_each("a number, an image's path", lambda v: _is_number(v) or _is_path(v))
+_Number = _one_or_each("a number or an image's path", lambda v: _is_number(v) or _is_path(v))
 _Positive = _one_or_each("a positive number", _is_positive)
 _Flat = _one_or_each(
-    "a positive number, an image's path", lambda v: _is_positive(v) or _is_path(v)
+    "a positive number or an image's path", lambda v: _is_positive(v) or _is_path(v)
 )
 _Mask = _one_or_each("an image's path", _is_path)
 _BitDepth = _one_or_each("a whole number from 1 to 16", _is_bit_depth)
@@ -84,24 +91,24 @@ class _Corrections(_Strict):
 class _Effects(_Strict):
     """The fields of `tomo.effects.Effects`, which checks their ranges, and the cameras' gains."""
 
-    gain_spread: float = 0.0
-    absorption: float = 0.0
-    self_absorption: float = 0.0
-    vignetting: float = 0.0
-    aperture: float = 0.0
-    focus_distance: float | None = None
-    aperture_rays: int = 32
-    gains: dict[str, float] = {}
+    gain_spread: Number = 0.0
+    absorption: Number = 0.0
+    self_absorption: Number = 0.0
+    vignetting: Number = 0.0
+    aperture: Number = 0.0
+    focus_distance: Number | None = None
+    aperture_rays: Whole = 32
+    gains: dict[str, Number] = {}
 
 
 class ScanFile(_Strict):
     format: Literal["emission-scan"]
     version: Literal[1]
-    rig: str
-    grid: _Grid | None = None
-    frames: Annotated[list[_Frame], Field(min_length=1)]
+    rig: Text
+    grid: VolumeEntry | None = None
+    frames: Annotated[list[_Frame], AfterValidator(_some)]
     corrections: _Corrections = _Corrections()
-    truth: str | None = None
+    truth: Text | None = None
     effects: _Effects | None = None
 
 
@@ -111,24 +118,14 @@ def parse_scan_file(path: Path) -> ScanFile:
     try:
         return ScanFile.model_validate(content)
     except ValidationError as error:
-        raise ValueError(f"{path}: {_first_problem(error)}") from None
-    except (RecursionError, ValueError) as error:
-        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
+        steps, said = first_problem(error, ScanFile, content)
+        raise ValueError(f"{path}: {_where(steps, content)}: {said}") from None
 
 
-def _first_problem(error: ValidationError) -> str:
-    problem = error.errors(include_url=False)[0]
-    where = ".".join(_plain(part) for part in problem["loc"])
-    if problem["type"] == "missing":
-        return f"{where}: found none, expected one"
-    if problem["type"] == "extra_forbidden":
-        return f"{where}: found an unknown field, expected only known ones"
-    if problem["type"] == "value_error":
-        return f"{where}: {problem['ctx']['error']}"
-    expected = problem["msg"].removeprefix("Input should be ")
-    return f"{where}: found {reprlib.repr(problem['input'])}, expected {expected}"
-
-
-def _plain(name: Any) -> str:
-    """Return a name from the file fit for one line."""
-    return str(name).encode("unicode_escape").decode()
+def _where(steps: list[str | int], content: dict[str, Any]) -> str:
+    """Return the frame by name, where it has one, and the field."""
+    if steps[0] == "frames" and len(steps) > 2:
+        name = content["frames"][steps[1]].get("name")
+        frame = f"frame {name!r}" if isinstance(name, str) and name else dotted(steps[:2])
+        return f"{frame}: {dotted(steps[2:])}"
+    return dotted(steps)

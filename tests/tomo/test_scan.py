@@ -353,13 +353,27 @@ def test_links_that_leave_the_folder(folder, tmp_path):
     [
         (lambda c: c.update(format="emission-rig"), ["format", "'emission-rig'", "emission-scan"]),
         (lambda c: c.update(version=2), ["version", "found 2", "expected 1"]),
-        (lambda c: c.pop("frames"), ["frames", "found none"]),
-        (lambda c: c.update(frames=[]), ["frames"]),
+        (lambda c: c.pop("frames"), ["frames: missing, expected a list of mappings"]),
+        (lambda c: c.update(frames=[]), ["frames: found none, expected at least one"]),
         (lambda c: c["frames"].append(copy.deepcopy(c["frames"][0])), ["'first'", "twice"]),
-        (lambda c: c["frames"][0].update(name=7), ["frames.0.name", "found 7", "string"]),
-        (lambda c: c["frames"][0]["images"].update(left=3), ["frames.0.images.left", "found 3"]),
+        (
+            lambda c: c["frames"][0].update(name=7),
+            ["frames[0]: name: found 7, expected text (put it in quotes)"],
+        ),
+        (
+            lambda c: c["frames"][0]["images"].update(left=3),
+            ["frame 'first': images.left: found 3, expected text"],
+        ),
         (lambda c: c.update(colour="red"), ["colour", "unknown field"]),
-        (lambda c: c["grid"].update(shape=[1, 2]), ["grid shape", "(1, 2)"]),
+        (
+            lambda c: c.update(trut=c.pop("truth", "x")),
+            ["trut: unknown field, did you mean truth?"],
+        ),
+        (lambda c: c.update(grid="3x4x5"), ["grid: found '3x4x5', expected a mapping"]),
+        (
+            lambda c: c["grid"].update(shape=[1, 2]),
+            ["grid.shape: found 2 values, expected a list of 3 whole numbers"],
+        ),
         (lambda c: c["grid"].update(spacing=-1.0), ["grid spacing", "-1.0"]),
         (lambda c: c["grid"].update(spacing=float("nan")), ["grid.spacing", "nan"]),
         (lambda c: c.update(corrections={"gain": 0}), ["corrections.gain", "found 0"]),
