@@ -1,5 +1,8 @@
+import json
+
 import numpy as np
 import pytest
+from hypothesis import strategies as st
 
 from rigs import Camera, Distortion, Rig, look_at
 
@@ -69,3 +72,34 @@ def read_or_refused():
         return None
 
     return read
+
+
+@pytest.fixture(scope="session")
+def mutated():
+    """Return a function: a copy of plain data with another value at a path; None deletes it."""
+
+    def change(data, path, value):
+        data = json.loads(json.dumps(data))
+        inner = data
+        for key in path[:-1]:
+            inner = inner[key]
+        if value is None:
+            del inner[path[-1]]
+        else:
+            inner[path[-1]] = value
+        return data
+
+    return change
+
+
+@pytest.fixture(scope="session")
+def spoiled():
+    """Return a function: a text with a piece of it replaced by junk that hypothesis draws."""
+
+    def spoil(text, data):
+        cut = data.draw(st.integers(0, len(text)))
+        end = cut + data.draw(st.integers(0, 30))
+        junk = data.draw(st.text('0179.-+eE[]{}:,"= \n\tx&*!#', max_size=10))
+        return text[:cut] + junk + text[end:]
+
+    return spoil

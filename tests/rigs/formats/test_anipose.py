@@ -1,0 +1,67 @@
+"""The TOML of anipose and Caliscope, written here by their documented layout."""
+
+import re
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rigs import formats
+from rigs.formats import anipose
+
+
+def toml_of(rig, style):
+    text = ""
+    for index, camera in enumerate(rig):
+        table = f"cam_{index}" if style == "anipose" else f"cameras.{index}"
+        rotation = cv2.Rodrigues(np.array(camera.R))[0].ravel() if style == "anipose" else camera.R
+        fields = {
+            "size": camera.image_size,
+            "matrix": camera.camera_matrix,
+            "distortions": camera.distortion.coefficients or (0.0,) * 5,
+            "rotation": rotation,
+            "translation": camera.t,
+        }
+        lines = [f"{key} = {np.asarray(value).tolist()}" for key, value in fields.items()]
+        name = f'name = "{camera.name}"' if style == "anipose" else f"cam_id = {index}"
+        fisheye = str(camera.distortion.model == "fisheye").lower()
+        text += "\n".join([f"[{table}]", name, *lines, f"fisheye = {fisheye}", ""]) + "\n"
+    return text + "[metadata]\nadjusted = false\n"
+
+
+@pytest.mark.parametrize("style", ["anipose", "caliscope"])
+def test_anipose_and_caliscope(make_rig, assert_same_views, tmp_path, style):
+    rig = make_rig("brown", "fisheye", "none")
+    path = tmp_path / "calibration.toml"
+    path.write_text(toml_of(rig, style))
+    assert formats.sniff(path) == "anipose"
+    assert_same_views(formats.load(path), rig)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("translation = ", "moved = ", "camera cam0: translation: missing"),
+        ("matrix = [[", "matrix = [[1], [", "camera cam0: matrix: found"),
+        ("[cam_0]", "[cam_0", "broken TOML: "),
+        ("fisheye = false", "fisheye = true", "camera cam0: distortions: found 5 coefficients"),
+        ("cam_", "kamera_", "cameras: found none, expected tables"),
+    ],
+)
+def test_what_is_wrong_in_toml_is_named(make_rig, tmp_path, old, new, message):
+    file = tmp_path / "calibration.toml"
+    file.write_text(toml_of(make_rig("brown", "none"), "anipose").replace(old, new))
+    with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")):
+        anipose.load(file)
+
+
+@given(data=st.data())
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=35)
+def test_broken_files_are_refused_or_read(make_rig, read_or_refused, spoiled, tmp_path, data):
+    file = tmp_path / "a.toml"
+    rig = make_rig("brown", "none", seed=1)
+    file.write_text(spoiled(toml_of(rig, "anipose"), data))
+    rig = read_or_refused(anipose.load, file)
+    assert rig is None or len(rig)

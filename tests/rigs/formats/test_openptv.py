@@ -1,0 +1,145 @@
+"""OpenPTV's projects, written here by liboptv's formulas."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rigs import RayTable, formats
+from rigs.formats import openptv
+
+
+def write_openptv(folder, cameras, size=(1280, 1024), pitch=(0.012, 0.0125), indices=(1, 1, 1)):
+    (folder / "parameters").mkdir(parents=True, exist_ok=True)
+    (folder / "cal").mkdir(exist_ok=True)
+    lines = [len(cameras)]
+    for index, (exterior, interior, lens) in enumerate(cameras, 1):
+        lines += [f"img/cam{index}.10002", f"cal/cam{index}.tif"]
+        ori = [*exterior, *[0.0] * 9, *interior, 0.0, 0.0, 50.0]  # the matrix is a copy
+        (folder / f"cal/cam{index}.tif.ori").write_text(" ".join(repr(float(v)) for v in ori))
+        (folder / f"cal/cam{index}.tif.addpar").write_text(" ".join(map(repr, lens)))
+    lines += [1, 0, 1, *size, *pitch, 0, *indices, 6]
+    (folder / "parameters/ptv.par").write_text("\n".join(map(str, lines)) + "\n")
+    return folder
+
+
+def openptv_pixels(points, exterior, interior, lens, size, pitch):
+    """Pixel coordinates by liboptv's imgcoord and trafo."""
+    omega, phi, kappa = exterior[3:]
+    co, so, cp, sp, ck, sk = (f(a) for a in (omega, phi, kappa) for f in (np.cos, np.sin))
+    dm = np.array(
+        [
+            [cp * ck, -cp * sk, sp],
+            [co * sk + so * sp * ck, co * ck - so * sp * sk, -so * cp],
+            [so * sk - co * sp * ck, so * ck + co * sp * sk, co * cp],
+        ]
+    )
+    d = (points - exterior[:3]) @ dm
+    assert (d[:, 2] < 0).all()  # in front
+    xh, yh, cc = interior
+    x, y = xh - cc * d[:, 0] / d[:, 2], yh - cc * d[:, 1] / d[:, 2]
+    k1, k2, k3, p1, p2, scx, she = lens
+    q = x * x + y * y
+    gain = k1 * q + k2 * q**2 + k3 * q**3
+    x, y = (
+        x + x * gain + p1 * (q + 2 * x * x) + 2 * p2 * x * y,
+        y + y * gain + p2 * (q + 2 * y * y) + 2 * p1 * x * y,
+    )
+    x, y = scx * x - np.sin(she) * y, np.cos(she) * y
+    return np.stack([x / pitch[0] + size[0] / 2, size[1] / 2 - y / pitch[1]], axis=-1)
+
+
+OPENPTV = [
+    (
+        [120.0, 50.0, 600.0, -0.05, 0.2, 0.01],
+        [0, 0, 60],
+        [-4e-4, 1e-7, 0, 2e-5, -3e-5, 1.01, 2e-3],
+    ),
+    ([-90.0, 40.0, 500.0, -0.1, -0.2, 3.1], [0.3, -0.2, 55.0], [0, 0, 0, 0, 0, 1.0, 0.0]),
+]
+
+
+def test_openptv(tmp_path):
+    folder = write_openptv(tmp_path, OPENPTV)
+    assert formats.sniff(folder) == "openptv"
+    rig = formats.load(folder)
+    assert rig.names == ("cam1", "cam2")
+    points = np.random.default_rng(0).uniform(-30, 30, (200, 3))
+    for camera, values in zip(rig, OPENPTV, strict=True):
+        expected = openptv_pixels(points, *values, (1280, 1024), (0.012, 0.0125))
+        uv, _, valid = camera.project(points)
+        assert valid.all()
+        np.testing.assert_allclose(uv + 0.5, expected, atol=1e-6)  # its centres are at halves
+    for path in ("parameters/ptv.par", "cal/cam1.tif.ori"):
+        assert formats.load(folder / path)["cam1"] == rig["cam1"]
+
+
+def test_openptv_projects_of_windows_have_backslashes(tmp_path):
+    folder = write_openptv(tmp_path, OPENPTV)
+    rig = formats.load(folder)
+    parameters = folder / "parameters/ptv.par"
+    parameters.write_text(parameters.read_text().replace("cal/", "cal\\"))
+    assert formats.load(folder).cameras == rig.cameras
+    parameters.write_text(parameters.read_text().replace("cal\\", "..\\cal\\"))
+    with pytest.raises(ValueError, match="expected a path inside"):
+        formats.load(folder)
+
+
+def test_openptv_with_a_lens_round_another_centre_is_a_table_of_rays(tmp_path):
+    values = (OPENPTV[0][0], [0.3, -0.2, 60.0], OPENPTV[0][2])
+    size, pitch = (320, 256), (0.048, 0.05)
+    camera = formats.load(write_openptv(tmp_path, [values], size, pitch))["cam1"]
+    assert isinstance(camera, RayTable)
+    uv = np.random.default_rng(0).integers([0, 0], size, (200, 2)).astype(float)
+    origins, directions = camera.rays(uv)
+    points = origins + directions * np.linspace(300, 900, 200)[:, None]
+    expected = openptv_pixels(points, *values, size, pitch)
+    np.testing.assert_allclose(uv + 0.5, expected, rtol=0, atol=1e-6)
+    points = np.random.default_rng(0).uniform(-30, 30, (200, 3))
+    uv, _, valid = camera.project(points)
+    assert valid.all()
+    np.testing.assert_allclose(uv + 0.5, openptv_pixels(points, *values, size, pitch), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("indices", "message"),
+    [((1, 1.46, 1.33), r"n1, n2, n3: found refraction indices \[1.0, 1.46, 1.33\], expected 1")],
+)
+def test_openptv_with_glass_is_refused(tmp_path, indices, message):
+    write_openptv(tmp_path, OPENPTV, indices=indices)
+    with pytest.raises(ValueError, match=message) as error:
+        formats.load(tmp_path)
+    assert str(error.value).startswith(f"{tmp_path}/parameters/ptv.par: ")
+
+
+def test_what_is_wrong_in_openptvs_files_is_named(tmp_path):
+    folder = write_openptv(tmp_path, OPENPTV)
+    parameters, ori = folder / "parameters/ptv.par", folder / "cal/cam2.tif.ori"
+    good = parameters.read_text()
+    for old, new, message in (
+        ("1280", "wide", "imx: found 'wide'"),
+        ("0.012\n", "-1\n", "pix_x: found -1.0, expected a positive"),
+        ("cal/cam1.tif", "../x/cam1.tif", "calibration image: found '../x/cam1.tif'"),
+        ("2\n", "9\n", "found 17 lines, expected 31 for 9 cameras"),
+    ):
+        parameters.write_text(good.replace(old, new, 1))
+        with pytest.raises(ValueError, match=re.escape(f"{parameters}: {message}")):
+            formats.load(folder)
+    parameters.write_text(good)
+    ori.write_text("1 2 3")
+    with pytest.raises(ValueError, match=re.escape(f"{ori}: found 3 values, expected 21: x0 y0")):
+        formats.load(folder)
+    ori.unlink()
+    with pytest.raises(FileNotFoundError, match=r"cam2.tif.ori: no such file"):
+        formats.load(folder)
+
+
+@given(data=st.data())
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=35)
+def test_broken_files_are_refused_or_read(read_or_refused, spoiled, tmp_path, data):
+    file = write_openptv(tmp_path, OPENPTV) / "cal" / "cam1.tif.ori"
+    file.write_text(spoiled(file.read_text(), data))
+    rig = read_or_refused(openptv.load, file)
+    assert rig is None or len(rig)
