@@ -10,8 +10,10 @@ from rigs.rig import Rig
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Say whether a file says that it is a rig of ours."""
-    return bool(re.search(r"^format\s*:\s*['\"]?emission-rig", head, re.MULTILINE))
+    """Say whether a file says that it is a rig of ours, or has a list of cameras as ours have."""
+    says = re.search(r"^format\s*:\s*['\"]?emission.?rig", head, re.MULTILINE | re.IGNORECASE)
+    lists = re.search(r"^cameras\s*:\s*(#.*)?\n\s*-\s", head, re.MULTILINE)
+    return bool(says or (lists and not head.startswith("%YAML")))
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:

@@ -9,7 +9,19 @@ import yaml
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from rigs import Camera, Distortion, Optics, Rig, Volume, load_rig, look_at, ring, save_rig
+from rigs import (
+    Camera,
+    Distortion,
+    Optics,
+    Rig,
+    Volume,
+    formats,
+    load_rig,
+    look_at,
+    preset,
+    ring,
+    save_rig,
+)
 from rigs.file import rig_to_yaml
 
 COUNTS = {"none": 0, "brown": 5, "rational": 8, "thin_prism": 12, "tilted": 14, "fisheye": 4}
@@ -325,3 +337,19 @@ def test_a_failed_save_leaves_the_old_file(tmp_path):
         save_rig(dataclasses.replace(rig, calibration={"when": np.zeros(2)}), path)
     assert path.read_text() == before
     assert os.listdir(tmp_path) == ["rig.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("format_line", "words"),
+    [
+        ("", "format: missing, expected emission-rig"),
+        ("format: Emission-Rig\n", "format: found 'Emission-Rig', expected emission-rig"),
+        ("fromat: emission-rig\n", "format: missing, expected emission-rig"),
+    ],
+)
+def test_a_rig_that_lacks_its_format_is_not_taken_for_a_foreign_one(format_line, words, tmp_path):
+    path = tmp_path / "rig.yaml"
+    save_rig(preset("paper11_11deg"), path)
+    path.write_text(path.read_text("utf-8").replace("format: emission-rig\n", format_line))
+    with pytest.raises(ValueError, match=words):
+        formats.load(path)
