@@ -1,0 +1,121 @@
+"""Scaling: other units of length or intensity change the volume by their factor, nothing else.
+
+Emission is per unit of length: with all lengths times k and the images as they are, it is 1/k of
+what it was.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from _stress.row import Progress, Row, Size, relative_error, worst_of
+from _stress.scaling_parts import alignment_rows, carving_rows, figures_rows, gains_rows
+from _stress.scaling_scene import EXACT, FACTORS, RANGE, Scaled
+from _stress.values_scene import BY_PIXEL, run, scene
+from tomo import Scan, solve
+from tomo.outcome import Outcome
+from tomo.reconstruct import reconstruct
+from tomo.solve.stopping import choose_by_held_out_views
+from tomo.viewed import ViewedOperator
+
+
+def rows(size: Size, progress: Progress) -> Iterator[Row]:
+    """Yield the rows of the area."""
+    factors = FACTORS[::3] if size.quick else FACTORS
+    plain = Scaled(scene(noise=0.02).simulated)
+    others = [replace(plain, lengths=factor) for factor in factors]
+    others += [replace(plain, intensities=factor) for factor in factors]
+    others += [replace(plain, lengths=factors[0], intensities=factors[-1])]
+    parts = (
+        _solvers(plain, others, size.quick),
+        _default(plain, others),
+        carving_rows(plain, others),
+        gains_rows(plain, others),
+        alignment_rows(plain, others),
+        figures_rows(plain, others),
+    )
+    for number, part in enumerate(parts):
+        progress(number, len(parts), "scaling")
+        yield from part
+    progress(len(parts), len(parts), "")
+
+
+def _solvers(plain: Scaled, others: Sequence[Scaled], quick: bool) -> Iterator[Row]:
+    for what in ("lengths", "intensities"):
+        figures = []
+        for method in solve.METHODS:
+            forms = ["system"] if quick or method in BY_PIXEL else ["system", "on_the_fly"]
+            for form in forms:
+                expected = run(method, _form(plain, form), plain.measured).volume
+                for other in others:
+                    if getattr(other, what) == 1:
+                        continue
+                    found = run(method, _form(other, form), other.measured).volume
+                    error = relative_error(other.unscaled(found), expected)
+                    figures.append((f"{method}, {form}, {other.name}", error))
+        worst, where = worst_of(figures)
+        unit = "relative to scale 1"
+        yield Row(f"{what}, every classic method", RANGE, worst, EXACT, unit, note=where)
+
+
+def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
+    expected = _reconstructed(plain)
+    chosen = _choice(expected)
+    figures, changed = [], []
+    for other in others:
+        outcome = _reconstructed(other)
+        found = other.unscaled(outcome.reconstruction.volume)
+        error = relative_error(found, expected.reconstruction.volume)
+        figures.append((other.name, error))
+        changed += [
+            f"{name} {value} instead of {chosen[name]}, {other.name}"
+            for name, value in _choice(outcome).items()
+            if value != chosen[name]
+        ]
+    worst, where = worst_of(figures)
+    yield Row(
+        "default method, through files", RANGE, worst, EXACT, "relative to scale 1", note=where
+    )
+    yield Row(
+        "what the default method chooses: method, width, iterations, live voxels, warnings",
+        RANGE,
+        len(changed),
+        0,
+        "changes",
+        note="; ".join(changed[:3]),
+    )
+    residual = choose_by_held_out_views(plain.system.projector, plain.measured).held_out_residual
+    worst, where = worst_of(
+        (
+            other.name,
+            abs(
+                choose_by_held_out_views(other.system.projector, other.measured).held_out_residual
+                / residual
+                - 1
+            ),
+        )
+        for other in others
+    )
+    yield Row("residual of views left out", RANGE, worst, EXACT, "relative", note=where)
+
+
+def _form(scaled: Scaled, form: str) -> ViewedOperator:
+    return scaled.on_the_fly if form == "on_the_fly" else scaled.system.projector
+
+
+def _reconstructed(scaled: Scaled) -> Outcome:
+    with tempfile.TemporaryDirectory() as folder:
+        return reconstruct(Scan.load(scaled.simulated.save(folder)))
+
+
+def _choice(outcome: Outcome) -> Mapping[str, object]:
+    settings = outcome.reconstruction.settings
+    return {
+        "method": settings["method"],
+        "width": settings["smooth_width"],
+        "iterations": settings["iterations"],
+        "live voxels": outcome.counts["active_voxels"],
+        "warnings": len(outcome.warnings),
+    }
