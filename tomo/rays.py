@@ -57,6 +57,8 @@ class Rays:
                 raise ValueError(
                     f"rays {name}: found {found.dtype} {found.shape}, expected float64 {shape}"
                 )
+            # kernels are compiled anew for another order in memory
+            object.__setattr__(self, name, np.ascontiguousarray(found))
         if not np.isfinite(self.origins).all():
             raise ValueError("rays origins: found NaN or infinity, expected finite coordinates")
         norms = np.linalg.norm(self.directions, axis=1)
