@@ -1,0 +1,173 @@
+"""What some of the views say of the others, on few and large pixels and voxels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from rigs import Rig
+from tomo._coarser import coarsening, coarser_grid, shrunk_image
+from tomo.grid import VoxelGrid
+from tomo.linear_system import LinearSystem
+from tomo.solve._common_start import common_start, log_smears
+from tomo.solve.mlem import mlem
+
+CROSSINGS = 250_000
+"""About the size of the coarser system."""
+
+COARSEST = 16
+"""Pixels along an image's shorter side, and voxels along the grid's longest, left at least."""
+
+ITERATIONS = 4
+BLUR = 1.0
+"""Standard deviation, in large pixels, of the blur before images are compared: the edges of
+single voxels are no part of what is predicted."""
+
+FEW_VIEWS, MANY_VIEWS = 6, 20
+PARTIES = 5
+"""Of many views: so many interleaved parties, an odd number since cameras may alternate."""
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions:
+    """Each view's image, and what several parties of other views predict of it.
+
+    A wrong view spoils what its own party says, and nothing else.
+
+    Attributes
+    ----------
+    images, masks : tuple of (rows, columns)
+        Of large pixels, blurred; the masks are True where a usable pixel sees the grid.
+    parties : tuple of tuple of int
+        The views that each volume was made from.
+    predicted : tuple of tuple of (rows, columns) float32
+        For each party what its volume shows in every view.
+    factor : int
+        How many pixels a large pixel is wide.
+    """
+
+    images: tuple[NDArray[np.float32], ...]
+    masks: tuple[NDArray[np.bool_], ...]
+    parties: tuple[tuple[int, ...], ...]
+    predicted: tuple[tuple[NDArray[np.float32], ...], ...]
+    factor: int
+    system: LinearSystem
+    measured: NDArray[np.float32]
+
+    @classmethod
+    def of(
+        cls,
+        rig: Rig,
+        images: Sequence[NDArray[np.float32]],
+        masks: Sequence[NDArray[np.bool_]],
+        grid: VoxelGrid,
+        trusted: int,
+    ) -> Self:
+        """Predict all views from parties of the first ``trusted`` ones.
+
+        Parameters
+        ----------
+        rig, images, masks, grid
+            See `tomo.alignment.align_views`.
+        trusted : int
+            The views after these are predicted only.
+
+        Raises
+        ------
+        tomo.linear_system.VolumeNotSeenError
+            If no usable pixel sees the grid.
+        """
+        factor = coarsening(rig, grid, CROSSINGS, COARSEST)
+        small = [shrunk_image(i, m, factor) for i, m in zip(images, masks, strict=True)]
+        coarse = replace(rig, cameras=tuple(camera.shrunk(factor) for camera in rig))
+        system = LinearSystem.from_rig(
+            coarse, coarser_grid(grid, factor), masks=[mask for _, mask in small]
+        )
+        measured = system.flatten([image for image, _ in small])
+        seeing = system.images(np.ones(len(measured), np.float32))
+        parties = parties_of(trusted)
+        return cls(
+            tuple(gaussian_filter(image, BLUR) for image, _ in small),
+            tuple(image > 0 for image in seeing),
+            tuple(parties),
+            _predicted(system, measured, parties),
+            factor,
+            system,
+            measured,
+        )
+
+    def rehearsed(self, views: Sequence[int]) -> Self:
+        """Return the same for images that are certainly right: those of a volume.
+
+        The volume is made from ``views``. Which view is harder to predict than others, at the end
+        of an arc say, shows here too.
+        """
+        volume = _volume(self.system, self.measured, views, None)
+        shown = np.asarray(self.system.projector @ volume, np.float32)
+        return replace(
+            self,
+            images=tuple(gaussian_filter(image, BLUR) for image in self.system.images(shown)),
+            predicted=_predicted(self.system, shown, self.parties),
+            measured=shown,
+        )
+
+    def of_view(self, view: int) -> list[NDArray[np.float32]]:
+        """Return what the parties without a view predict of it."""
+        return [
+            images[view]
+            for party, images in zip(self.parties, self.predicted, strict=True)
+            if view not in party
+        ]
+
+
+def _predicted(
+    system: LinearSystem, measured: NDArray[np.float32], parties: Sequence[Sequence[int]]
+) -> tuple[tuple[NDArray[np.float32], ...], ...]:
+    """Return what each party's volume shows in every view."""
+    smears = log_smears(system.projector, measured)
+    predicted = []
+    for party in parties:
+        volume = _volume(system, measured, party, smears)
+        seen = system.images(system.projector @ volume)
+        predicted.append(tuple(gaussian_filter(image, BLUR) for image in seen))
+    return tuple(predicted)
+
+
+def _volume(
+    system: LinearSystem,
+    measured: NDArray[np.float32],
+    views: Sequence[int],
+    smears: NDArray[np.float64] | None,
+) -> NDArray[np.float32]:
+    """Return a few iterations of MLEM from some of the views."""
+    found = mlem(
+        system.projector.subset(views),
+        measured[system.projector.pixels_of(views)],
+        iterations=ITERATIONS,
+        start=common_start(system.projector, measured, views, smears),
+    )
+    return system.projector.live.compress(found.volume)
+
+
+def parties_of(views: int) -> list[tuple[int, ...]]:
+    """Return parties of views such that each view is predicted by several without a wrong one.
+
+    Few views: all threes. Many: five interleaved parties. Between: one party a view, spread
+    evenly round it.
+    """
+    if views <= FEW_VIEWS:
+        return list(combinations(range(views), 3))
+    if views >= MANY_VIEWS:
+        return [tuple(range(first, views, PARTIES)) for first in range(PARTIES)]
+    size = math.ceil(views / 4) + 1
+    return [
+        tuple(sorted({(first + step * views // size) % views for step in range(size)}))
+        for first in range(views)
+    ]

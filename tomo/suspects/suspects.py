@@ -1,0 +1,116 @@
+"""What of a moment's images is left out as wrong, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Rig
+from tomo.grid import VoxelGrid
+from tomo.linear_system import VolumeNotSeenError
+from tomo.suspects.views import ViewVerdict, judge_views
+from tomo.suspects.wild import wild_pixels
+
+NOTEWORTHY = 1e-3
+"""Share of wild pixels, in a view, above which the user is told."""
+
+
+@dataclass(frozen=True, eq=False)
+class Suspects:
+    """Wild pixels and wrong views.
+
+    Attributes
+    ----------
+    masks : tuple of (height, width) bool
+        Of the cameras to reconstruct from: True where a pixel is usable and not wild.
+    wild : mapping
+        Camera to its number of wild pixels.
+    usable : mapping
+        Camera to its number of pixels that were usable.
+    views : tuple of ViewVerdict
+        Of all cameras, those held out too; empty where too few views could tell.
+    held_out : tuple of str
+    """
+
+    masks: tuple[NDArray[np.bool_], ...]
+    wild: Mapping[str, int]
+    usable: Mapping[str, int]
+    views: tuple[ViewVerdict, ...] = ()
+    held_out: tuple[str, ...] = ()
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """The cameras whose views are wrong and not held out."""
+        return tuple(v.name for v in self.views if v.wrong and v.name not in self.held_out)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should know of it."""
+        return [*self._of_wild_pixels(), *self._of_views()]
+
+    def _of_views(self) -> list[str]:
+        return [
+            f"{view.in_words()}: "
+            + ("held out all the same" if view.name in self.held_out else "left out")
+            for view in self.views
+            if view.wrong
+        ]
+
+    def _of_wild_pixels(self) -> list[str]:
+        shares = {name: n / max(self.usable[name], 1) for name, n in self.wild.items()}
+        worst = max(shares, key=shares.__getitem__, default=None)
+        if worst is None or shares[worst] <= NOTEWORTHY:
+            return []
+        total = sum(self.wild.values()) / max(sum(self.usable.values()), 1)
+        return [
+            f"{total:.2%} of the pixels contradict their neighbours, most of all in camera "
+            f"{worst} ({shares[worst]:.2%}): left out"
+        ]
+
+    def report(self) -> dict[str, Any]:
+        """Return what a report says of them: plain numbers and words."""
+        return {
+            "left_out": list(self.left_out),
+            "wild_pixels": dict(self.wild),
+            "views": {view.name: view.report() for view in self.views},
+        }
+
+
+def find_suspects(
+    rig: Rig,
+    images: Sequence[NDArray[np.float32]],
+    masks: Sequence[NDArray[np.bool_]],
+    grid: VoxelGrid,
+    *,
+    held_out: tuple[Rig, Sequence[NDArray], Sequence[NDArray]] | None = None,
+) -> Suspects:
+    """Find wild pixels and wrong views from the images alone.
+
+    Parameters
+    ----------
+    rig, images, masks, grid
+        Of the cameras to reconstruct from; see `tomo.alignment.align_views`.
+    held_out : (Rig, images, masks), optional
+        Cameras that are judged, and whose images nothing else depends on.
+    """
+    wild = [wild_pixels(i, m) for i, m in zip(images, masks, strict=True)]
+    clean = tuple(m & ~w for m, w in zip(masks, wild, strict=True))
+    beside = held_out or (Rig(()), [], [])
+    cameras = Rig((*rig, *beside[0]), length_unit=rig.length_unit)
+    try:
+        views = judge_views(
+            cameras, [*images, *beside[1]], [*clean, *beside[2]], grid, trusted=len(rig)
+        )
+    except VolumeNotSeenError:  # told, in better words, by whoever needs the volume
+        views = ()
+    return Suspects(
+        clean,
+        {name: int(w.sum()) for name, w in zip(rig.names, wild, strict=True)},
+        {name: int(np.count_nonzero(m)) for name, m in zip(rig.names, masks, strict=True)},
+        views,
+        tuple(beside[0].names),
+    )

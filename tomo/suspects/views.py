@@ -1,0 +1,266 @@
+"""Wrong views: images that the other cameras cannot have seen the same volume in.
+
+A view is predicted from parties of the others, and the best of the predictions that it takes no
+part in is compared with its image. Cameras that look a little beside, gains, haze, blur and noise
+lower that agreement by little, and alike in all views; the image of another moment, camera or
+flame, or one that was turned over, lowers it in one view alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import rotate
+
+from rigs import Rig
+from tomo.grid import VoxelGrid
+from tomo.suspects.agreement import agreement
+from tomo.suspects.predictions import Predictions
+
+FEWEST_VIEWS = 5
+"""Fewer views predict each other too poorly to tell which one is wrong."""
+
+SLIP = 3.0
+"""Pixels that any camera may look beside."""
+
+FAR_SLIP, FARTHEST = 0.1, 3
+"""Of the image's shorter side, and in large pixels at most: what a suspected view may look beside
+before it is doubted."""
+
+SUSPECT = (2.5, 4.0, 0.004)
+WRONG = (4.0, 8.0, 0.03)
+WRONG_OF_FEW = (4.0, 8.0, 0.12)
+"""How far a view lacks agreement: times what the others lack, their standard deviations above
+that, and at least so much. Suspects are looked at closely; wrong views are left out. Few views
+predict each other less well."""
+
+FEW_VIEWS = 8
+
+TURNED_OVER = 0.45
+"""A suspect is wrong too where turning its image over leaves at most this share of what it lacks,
+and no more than the other views may lack."""
+
+EXCHANGED = 0.6
+"""The same of what two views lack together, once their images are exchanged."""
+
+SIMPLER = 1.5
+"""That an image was turned over is believed before it is another camera's, unless that leaves so
+many times less: opposite cameras see mirror images."""
+
+TILTS = (-4.0, -2.0, 2.0, 4.0)
+"""Degrees that a suspect's camera may be turned about its axis before it is doubted."""
+
+FAINT = 0.03
+"""A view says nothing whose predictions vary by less than this share of the typical view's."""
+
+MOST_WRONG = 1 / 3
+"""Of the views: where more contradict the others, there is no telling who is right."""
+
+
+@dataclass(frozen=True)
+class ViewVerdict:
+    """What the other views say of one.
+
+    Attributes
+    ----------
+    name : str
+        The camera's.
+    agreement : float
+        Correlation of its image with the best prediction; NaN where nothing can be said.
+    others : (float, float)
+        The range of the other views' agreement, wrong ones left aside.
+    wrong : bool
+    looks : str
+        What its image looks like instead, in words; empty where nothing fits.
+    """
+
+    name: str
+    agreement: float
+    others: tuple[float, float]
+    wrong: bool = False
+    looks: str = ""
+
+    def report(self) -> dict[str, Any]:
+        """Return plain numbers and words."""
+        return {"agreement": self.agreement, "wrong": self.wrong, "looks": self.looks or None}
+
+    def in_words(self) -> str:
+        """Return the line of a wrong view, without what is done about it."""
+        low, high = self.others
+        looks = f"; it {self.looks}" if self.looks else ""
+        return (
+            f"camera {self.name}: its image agrees with what the other views predict only to "
+            f"{self.agreement:.3f} (theirs {low:.3f} to {high:.3f}){looks}"
+        )
+
+
+def judge_views(
+    rig: Rig,
+    images: Sequence[NDArray[np.float32]],
+    masks: Sequence[NDArray[np.bool_]],
+    grid: VoxelGrid,
+    *,
+    trusted: int | None = None,
+) -> tuple[ViewVerdict, ...]:
+    """Judge every view by the others; none where there are too few to tell.
+
+    Parameters
+    ----------
+    rig : Rig
+    images, masks : sequence of (height, width)
+        One a camera; the masks are True where a pixel is usable.
+    grid : VoxelGrid
+    trusted : int, optional
+        The cameras after the first so many are judged and judge nobody; all judge when None.
+
+    Raises
+    ------
+    tomo.linear_system.VolumeNotSeenError
+        If no usable pixel sees the grid.
+    """
+    trusted = len(rig) if trusted is None else trusted
+    lit = any(np.any(i > 0, where=m) for i, m in zip(images, masks, strict=True))
+    if trusted < FEWEST_VIEWS or not lit:
+        return ()
+    court = _Court(rig.names, Predictions.of(rig, images, masks, grid, trusted), trusted)
+    return court.verdicts()
+
+
+_LIKE = "looks like camera {}'s"
+
+
+@dataclass(frozen=True, eq=False)
+class _Court:
+    names: tuple[str, ...]
+    seen: Predictions
+    trusted: int
+
+    def verdicts(self) -> tuple[ViewVerdict, ...]:
+        views = range(len(self.names))
+        lack = self.lacks()
+        suspects = [v for v in views if self._stands_out(lack, v, SUSPECT)]
+        wrong: dict[int, str] = {}
+        if suspects:
+            harder = self._harder(suspects)
+            lack = lack / harder
+            for view in suspects:
+                lack[view] = self._own_lack(view) / harder[view]
+            wrong = self._found_wrong(lack, harder, suspects)
+        if sum(view < self.trusted for view in wrong) > MOST_WRONG * self.trusted:
+            wrong = {}
+        good = [1 - lack[v] for v in views[: self.trusted] if v not in wrong]
+        others = (float(np.nanmin(good)), float(np.nanmax(good)))
+        return tuple(
+            ViewVerdict(name, float(1 - lack[v]), others, v in wrong, wrong.get(v, ""))
+            for v, name in enumerate(self.names)
+        )
+
+    def _found_wrong(
+        self, lack: NDArray[np.float64], harder: NDArray[np.float64], suspects: Sequence[int]
+    ) -> dict[int, str]:
+        """Return the wrong ones among suspects, and what they were exchanged for, in words."""
+        wrong: dict[int, str] = {}
+        limits = WRONG if self.trusted > FEW_VIEWS else WRONG_OF_FEW
+        for view in suspects:
+            if view in wrong or not self._stands_out(lack, view, SUSPECT):
+                continue
+            found, words, other = self._best_reading(view)
+            read = lack.copy()
+            read[view] = found / harder[view]
+            fits = read[view] < EXCHANGED * lack[view]
+            fits &= not self._stands_out(read, view, SUSPECT)
+            if other is None and fits and read[view] < TURNED_OVER * lack[view]:
+                wrong[view] = words
+            elif other is not None and fits and self._exchanged(view, other, found):
+                wrong[view], wrong[other] = words, _LIKE.format(self.names[view])
+            elif self._stands_out(lack, view, limits):
+                wrong[view] = words if fits else ""
+        return wrong
+
+    def _exchanged(self, view: int, other: int, found: float) -> bool:
+        """Return whether each of two images is like the other camera's."""
+        own, there = self._own_lack(other), self.lack(other, view, self._far(other))
+        together = found + there < EXCHANGED * (self._own_lack(view) + own)
+        return together and there < own
+
+    def lacks(self) -> NDArray[np.float64]:
+        """Return what every view's agreement lacks of 1, ``(views,)``; NaN where nothing shows."""
+        reach = math.ceil(SLIP / self.seen.factor)
+        lack = np.array([self.lack(view, view, reach) for view in range(len(self.names))])
+        lack[self._silent()] = np.nan
+        return lack
+
+    def _harder(self, suspects: Sequence[int]) -> NDArray[np.float64]:
+        """Return by how much each view is harder to predict than the others, at least 1."""
+        good = [view for view in range(self.trusted) if view not in suspects]
+        if not good:
+            return np.ones(len(self.names))
+        rehearsal = replace(self, seen=self.seen.rehearsed(good)).lacks()
+        typical = np.nanmedian(rehearsal[good]) if np.isfinite(rehearsal[good]).any() else 0.0
+        if not typical > 0:
+            return np.ones(len(self.names))
+        return np.maximum(np.nan_to_num(rehearsal / typical, nan=1.0), 1.0)
+
+    def lack(self, view: int, of: int, reach: int, image: NDArray | None = None) -> float:
+        """Return 1 less the agreement of a view's image with predictions of a view."""
+        image = self.seen.images[view] if image is None else image
+        mask = self.seen.masks[of]
+        found = [agreement(p, image, mask, reach) for p in self.seen.of_view(of)]
+        found = [one for one in found if not math.isnan(one)]
+        return 1 - max(found) if found else math.nan
+
+    def _own_lack(self, view: int) -> float:
+        """Return what is lacking however the camera is shifted and turned a little."""
+        image, reach = self.seen.images[view], self._far(view)
+        turned = [rotate(image, tilt, reshape=False, order=1, mode="nearest") for tilt in TILTS]
+        return min(self.lack(view, view, reach, one) for one in (image, *turned))
+
+    def _far(self, view: int) -> int:
+        far = math.ceil(FAR_SLIP * min(self.seen.images[view].shape))
+        return max(math.ceil(SLIP / self.seen.factor), min(far, FARTHEST))
+
+    def _silent(self) -> NDArray[np.bool_]:
+        """Return the views of which next to nothing is predicted."""
+        varies = []
+        for view, mask in enumerate(self.seen.masks):
+            spreads = [np.std(p[mask]) if mask.any() else 0.0 for p in self.seen.of_view(view)]
+            varies.append(float(np.median(spreads)))
+        return np.array(varies) < FAINT * np.median(varies)
+
+    def _stands_out(
+        self, lack: NDArray[np.float64], view: int, limits: tuple[float, float, float]
+    ) -> bool:
+        """Return whether a view lacks far more than the trusted others do."""
+        others = [lack[v] for v in range(self.trusted) if v != view and not math.isnan(lack[v])]
+        if math.isnan(lack[view]) or len(others) < FEWEST_VIEWS - 1:
+            return False
+        middle = float(np.median(others))
+        spread = 1.4826 * float(np.median(np.abs(np.array(others) - middle)))
+        times, deviations, least = limits
+        return bool(lack[view] > max(times * middle, middle + deviations * spread, least))
+
+    def _best_reading(self, view: int) -> tuple[float, str, int | None]:
+        """Return what is lacking if the image was turned over, or is another camera's."""
+        image, reach = self.seen.images[view], self._far(view)
+        turned = {
+            "looks mirrored left to right": image[:, ::-1],
+            "looks upside down": image[::-1],
+            "looks turned by 180 degrees": image[::-1, ::-1],
+        }
+        if image.shape[0] == image.shape[1]:
+            turned["looks turned by 90 degrees"] = np.rot90(image)
+            turned["looks turned by 270 degrees"] = np.rot90(image, 3)
+        readings = [(self.lack(view, view, reach, i), w, None) for w, i in turned.items()]
+        simplest = min(readings, key=lambda reading: reading[0])
+        for other, name in enumerate(self.names):
+            if other != view and self.seen.images[other].shape == image.shape:
+                found = self.lack(view, other, reach)
+                if not math.isnan(found):
+                    readings.append((found, _LIKE.format(name), other))
+        best = min(readings, key=lambda reading: reading[0])
+        return simplest if simplest[0] <= SIMPLER * best[0] else best

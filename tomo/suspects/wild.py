@@ -1,0 +1,130 @@
+"""Wild pixels: single ones, or two side by side, that no lens could have drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo.support.noise_model import estimate_noise
+
+TIMES = 3.0
+"""By how much a pixel must be farther from its neighbours' word than they are from theirs."""
+
+TYPICAL = 6
+"""The so-manieth largest deviation of the 24 pixels around speaks for all of them."""
+
+SIGMAS = 3.0  # of the noise, times TIMES
+SHARE = 0.015  # of the image's brightest light, likewise
+ROUNDS = 4
+"""A wild pixel hides its neighbours: they are looked at again once it is left out."""
+
+AROUND = [(y, x) for y in range(-2, 3) for x in range(-2, 3) if (y, x) != (0, 0)]
+SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
+PAIRS = ((0, 1), (1, 0), (1, 1), (1, -1))
+
+
+def wild_pixels(image: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.bool_]:
+    """Return the usable pixels that their neighbours contradict, ``(height, width)``.
+
+    Parameters
+    ----------
+    image : (height, width)
+    mask : (height, width) bool, optional
+        True where a pixel is usable as far as is known; the others say nothing.
+
+    Notes
+    -----
+    Each of the four lines through a pixel predicts it by the mean of the two neighbours on it;
+    the middle of the four, the mean of the second and third of them, is not moved by one wild
+    neighbour. On a smooth image the deviation from it is the curvature, which the pixels around
+    share. A pixel is wild when it deviates three times as much as the sixth largest of the 24
+    around it, three standard deviations of the noise, one photon and 1.5 % of the image's
+    brightest light together. Lenses spread real light: where three of the four pixels beside a
+    pixel are lifted as well, by a third of its deviation, the spot is real.
+    """
+    image = np.asarray(image, np.float32)
+    usable = np.isfinite(image)
+    if mask is not None:
+        usable &= np.asarray(mask, bool)
+    wild = np.zeros(image.shape, bool)
+    if min(image.shape) < 5 or not image.any(where=usable):
+        return wild
+    scale = np.float32(np.abs(image).max(where=usable, initial=0.0))
+    image = np.where(usable, image / scale, 0)
+    noise = estimate_noise(image, usable)
+    known = usable
+    for _ in range(ROUNDS):
+        filled = np.where(known, image, _mean_around(image, known))
+        expected = _middle_of_pairs(filled)
+        deviation = np.where(usable, image, expected) - expected
+        light = float(expected.max(initial=0.0, where=known))
+        sigma = np.sqrt(noise.variance(expected)).astype(np.float32)
+        far = SHARE * light + SIGMAS * sigma + np.float32(noise.gain)
+        # What the pixels around deviate by counts them filled: wild ones stand for nobody.
+        spread = np.abs(filled - expected)
+        found = _confirmed(deviation, filled, spread, far, usable & ~wild)
+        if not found.any():
+            break
+        wild |= found
+        known = known & ~found
+    return wild
+
+
+def _confirmed(
+    deviation: NDArray[np.float32],
+    filled: NDArray[np.float32],
+    spread: NDArray[np.float32],
+    far: NDArray[np.float32],
+    asked: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """Return which of the pixels asked for are wild, looking closely at the few that may be."""
+    found = np.zeros(asked.shape, bool)
+    rows, columns = np.nonzero(asked & (np.abs(deviation) > TIMES * far))
+    if not len(rows):
+        return found
+    padded = np.pad(spread, 2, mode="reflect")
+    around = np.stack([padded[rows + 2 + y, columns + 2 + x] for y, x in AROUND])
+    typical = np.partition(around, -TYPICAL, axis=0)[-TYPICAL]  # (candidates,)
+    own = deviation[rows, columns]
+    sign = np.sign(own)
+    padded = np.pad(filled, 2, mode="reflect")
+    near = np.stack([padded[rows + 2 + y, columns + 2 + x] for y, x in SIDES]) * sign
+    ring = [(y, x) for y, x in AROUND if max(abs(y), abs(x)) == 2]
+    ground = np.stack([padded[rows + 2 + y, columns + 2 + x] for y, x in ring]) * sign
+    lifted = np.sort(near, axis=0)[1] - np.median(ground, axis=0)
+    level = np.maximum(typical + far[rows, columns], lifted)
+    wild = np.abs(own) > TIMES * level
+    found[rows[wild], columns[wild]] = True
+    return found
+
+
+def _middle_of_pairs(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the mean of the second and third of the four lines' predictions."""
+    height, width = image.shape
+    # Odd reflection goes on straight beyond the border: a slope is no deviation.
+    padded = np.pad(image, 1, mode="reflect", reflect_type="odd")
+
+    def at(y: int, x: int) -> NDArray[np.float32]:
+        return padded[1 + y : 1 + y + height, 1 + x : 1 + x + width]
+
+    total = np.zeros(image.shape, np.float32)
+    lowest = np.full(image.shape, np.inf, np.float32)
+    highest = np.full(image.shape, -np.inf, np.float32)
+    for y, x in PAIRS:
+        pair = (at(y, x) + at(-y, -x)) / 2
+        total += pair
+        np.minimum(lowest, pair, out=lowest)
+        np.maximum(highest, pair, out=highest)
+    return (total - lowest - highest) / 2
+
+
+def _mean_around(image: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return the mean of the known pixels of each 3 x 3; zero where there is none."""
+    if known.all():
+        return image
+    import cv2
+
+    size = (3, 3)
+    total = cv2.blur(np.where(known, image, 0), size, borderType=cv2.BORDER_REFLECT_101)
+    share = cv2.blur(known.astype(np.float32), size, borderType=cv2.BORDER_REFLECT_101)
+    return np.divide(total, share, out=np.zeros_like(total), where=share > 1e-6)
