@@ -169,9 +169,11 @@ class Outcome:
     def volume(self) -> NDArray[np.float32]:
         """The volume; NaN where no ray says anything if that was asked for, else zero there."""
         volume = self.reconstruction.volume
-        if self.unseen is None or self.settings.get("unseen") != NOT_A_NUMBER:
+        if self.unseen is None:
             return volume
-        return np.where(self.unseen, np.float32(np.nan), volume)
+        # Smooth bases and penalties carry their neighbours' light into voxels that no ray crosses.
+        fill = np.nan if self.settings.get("unseen") == NOT_A_NUMBER else 0
+        return np.where(self.unseen, np.float32(fill), volume)
 
     def report(self) -> dict[str, Any]:
         """Return the contents of ``report.json``: plain numbers, strings, lists and mappings."""

@@ -67,6 +67,17 @@ def test_quality_of_a_scaled_truth():
     assert quality(truth, None) == {}
 
 
+@pytest.mark.parametrize(("asked", "there"), [("zero", 0.0), ("nan", np.nan)])
+def test_where_no_ray_says_anything_the_volume_is_what_was_asked_for(asked, there):
+    carried = RANDOM.random((4, 5, 6)).astype(np.float32)  # as smooth bases carry light anywhere
+    unseen = RANDOM.random(carried.shape) < 0.3
+    found = Reconstruction(carried, VoxelGrid(carried.shape, 1.0), (), {"method": "tikhonov"})
+    rig = ring(3, image_size=(4, 4), footprint=1.0)
+    outcome = Outcome(found, rig, (), 1.0, unseen=unseen, settings={"unseen": asked})
+    np.testing.assert_array_equal(outcome.volume[unseen], there)
+    np.testing.assert_array_equal(outcome.volume[~unseen], carried[~unseen])
+
+
 def test_a_report_is_json_whatever_is_in_it():
     grid = VoxelGrid((2, 3, 4), 1.0)
     rig = ring(1, image_size=(16, 20), footprint=1.0)
