@@ -14,6 +14,7 @@ from rigs._atomic import atomic_path
 
 _MAX_BYTES = 16 * 2**20
 _MAX_DEPTH = 32
+_MAX_VALUES = 250_000  # of a YAML file: 30 cameras and 4000 frames have half as many
 
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -81,6 +82,7 @@ def read_yaml_mapping(path: str | os.PathLike) -> dict[str, Any]:
 def yaml_mapping(text: str, path: str | os.PathLike) -> dict[str, Any]:
     """Return the plain data of ``text``, which was read from ``path``: see `read_yaml_mapping`."""
     try:
+        _check_events(text, path)
         loader = _Loader(text)
         try:
             node = loader.get_single_node()
@@ -133,36 +135,53 @@ def _kind(data: object) -> str:
     return words.get(type(data), "a number")
 
 
-def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
-    """Refuse aliases, repeated keys and deep nesting, before anything is built from them.
+def _check_events(text: str, path: str | os.PathLike) -> None:
+    """Refuse aliases, deep nesting and too many values before anything is built from them.
 
-    Keys become text as they are written: cameras and frames are called 01 or 000012.
+    Nodes are built by recursion in C, which overflows the stack at some ten thousand levels.
     """
-    seen: set[int] = set()
-    waiting = [(root, 0)]
-    while waiting:
-        node, depth = waiting.pop()
-        line = node.start_mark.line + 1
-        if id(node) in seen:
+    depth, values, anchors = 0, 0, {}
+    for event in yaml.parse(text, _Loader):
+        if isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        if not isinstance(event, yaml.NodeEvent):
+            continue
+        line = event.start_mark.line + 1
+        if isinstance(event, yaml.AliasEvent):
+            line = anchors.get(event.anchor, line)
             raise ValueError(f"{path}: found a YAML alias to line {line}, expected plain values")
-        if depth > _MAX_DEPTH:
-            raise ValueError(f"{path}: broken YAML at line {line}: nested too deeply")
-        seen.add(id(node))
+        anchors[event.anchor] = line
+        values += 1
+        if values > _MAX_VALUES:
+            raise ValueError(f"{path}: found more than {_MAX_VALUES} values, expected fewer")
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            if depth > _MAX_DEPTH:
+                raise ValueError(f"{path}: broken YAML at line {line}: nested too deeply")
+
+
+def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
+    """Refuse repeated keys; keys become text as they are written.
+
+    Cameras and frames are called 01 or 000012.
+    """
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        line = node.start_mark.line + 1
         if isinstance(node, yaml.SequenceNode):
-            waiting += [(child, depth + 1) for child in node.value]
+            waiting += node.value
         elif isinstance(node, yaml.MappingNode):
             keys = set()
             for key, value in node.value:
                 if not isinstance(key, yaml.ScalarNode):
                     raise ValueError(f"{path}: broken YAML at line {line}: a key is no plain text")
                 if key.value in keys:
-                    raise ValueError(
-                        f"{path}: {key.value}: found twice in one mapping, again at line "
-                        f"{key.start_mark.line + 1}"
-                    )
+                    name = " ".join(key.value.split())[:60]
+                    raise ValueError(f"{path}: {name}: found twice in one mapping")
                 keys.add(key.value)
                 key.tag = "tag:yaml.org,2002:str"
-                waiting += [(key, depth + 1), (value, depth + 1)]
+                waiting.append(value)
 
 
 def _plain(value: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -116,9 +117,8 @@ class Scan:
             raise ValueError(f"{self._where}cameras: found none, expected at least one")
         if not self.frames:
             raise ValueError(f"{self._where}frames: found none, expected at least one")
-        names = [frame.name for frame in self.frames]
-        for name in names:
-            if names.count(name) > 1:
+        for name, count in Counter(frame.name for frame in self.frames).items():
+            if count > 1:
                 raise ValueError(f"{self._where}frame {name!r}: found twice, expected once")
 
     @classmethod

@@ -6,6 +6,9 @@ from pathlib import Path
 
 from rigs._decoded import size_of
 
+MOST_RAYS = 2**24
+"""Of a table of rays that is made from a formula: about 4 GB while it is made."""
+
 
 def size_of_image(path: Path) -> tuple[int, int] | None:
     """Return width and height of an image, or None where there is none that can be read."""
@@ -29,3 +32,18 @@ def required_size(
             f"expected --image-size WIDTHxHEIGHT{beside}"
         )
     return size
+
+
+def check_table_size(size: tuple[int, int]) -> None:
+    """Raise if a table of an image's rays, one a pixel, would be far larger than any sensor's.
+
+    Raises
+    ------
+    ValueError
+        Naming the size: a few digits of a text file decide how much memory the table takes.
+    """
+    if size[0] * size[1] > MOST_RAYS:
+        raise ValueError(
+            f"image_size: found {size[0]} x {size[1]} pixels, expected at most {MOST_RAYS} "
+            "for a camera that becomes a table of rays"
+        )

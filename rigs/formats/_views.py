@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -28,6 +29,7 @@ def named(
     unnamed = [i for i, name in enumerate(given) if name is None]
     folders = {images[i].parent for i in unnamed}
     alone = len(folders) == 1 and any(difference(cameras[i], cameras[unnamed[0]]) for i in unnamed)
+    alike = Counter(folder.name for folder in folders)
     names, frame_names = [], []
     for image, name in zip(images, given, strict=True):
         if name is not None:
@@ -37,15 +39,10 @@ def named(
             names.append(image.stem)
             frame_names.append(file_stem)
         else:
-            names.append(_folder_name(image.parent, folders))
+            folder = image.parent  # all of its parts where another folder ends the same
+            names.append(folder.name if alike[folder.name] == 1 else "_".join(folder.parts))
             frame_names.append(image.stem)
     return names, frame_names
-
-
-def _folder_name(folder: PurePosixPath, folders: set[PurePosixPath]) -> str:
-    """Return a folder's last part, or all of them where another folder ends the same."""
-    alike = [other for other in folders if other.name == folder.name]
-    return folder.name if len(alike) == 1 else "_".join(folder.parts)
 
 
 def grouped(

@@ -34,6 +34,8 @@ from rigs.formats._values import (
 )
 from rigs.rig import Rig
 
+_DEEP_KEY = r"(?<![^\s.,=\[\]{}])(?:[^\s.,=\[\]{}]++[ \t]*+\.[ \t]*+){32}"
+
 
 def looks_like(path: Path, head: str) -> bool:
     """Say whether a file is TOML of cameras with ``distortions``."""
@@ -52,6 +54,8 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     """
     text = read_text(path)
     with errors_of_file(path):
+        if re.search(_DEEP_KEY, text):  # tomllib's time and memory grow with its square
+            raise ValueError("broken TOML: nested too deeply")
         try:
             data = tomllib.loads(text)
         except RecursionError:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from rigs._text import read_yaml_mapping, shortened
 from rigs.camera import Camera
 from rigs.distortion import Distortion
+from rigs.formats._image_size import check_table_size
 from rigs.formats._sphere_models import PARAMETERS, directions
 from rigs.formats._values import (
     as_array,
@@ -112,6 +113,8 @@ def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> Camera | RayT
         else:
             given = as_array(required(entry, "distortion_coeffs"), (4,), "distortion_coeffs")
             distortion = Distortion(_LENSES[model][lens], tuple(given))
+        if model != "pinhole":
+            check_table_size(size)
     R, t = pose[:3, :3], pose[:3, 3]
     K = [[fu, 0.0, pu], [0.0, fv, pv], [0.0, 0.0, 1.0]]
     camera = Camera(name, size, K, distortion, R, t, status="calibrated")

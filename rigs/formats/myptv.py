@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rigs._image import pixel_centres
 from rigs._text import read_text
 from rigs.camera import Camera
-from rigs.formats._image_size import required_size
+from rigs.formats._image_size import check_table_size, required_size
 from rigs.formats._values import (
     as_count,
     as_number,
@@ -127,6 +127,7 @@ def _camera(text: str, image_size: tuple[int, int] | None) -> Camera | RayTable:
             raise ValueError("f: found 0, expected a focal length in pixels")
         width, height = required_size(image_size, "MyPTV")
         if correction.any():
+            check_table_size((width, height))
             uv = pixel_centres((width, height))
             inner = (uv - [width / 2 + xh, height / 2 + yh]).T
             seen = np.concatenate([inner, np.full((1, len(uv)), focal)])  # (3, pixels)

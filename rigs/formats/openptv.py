@@ -30,6 +30,7 @@ from rigs._image import pixel_centres
 from rigs._text import read_text
 from rigs.camera import Camera
 from rigs.distortion import Distortion
+from rigs.formats._image_size import check_table_size
 from rigs.formats._values import as_count, as_number, errors_of, errors_of_file, numbers_of_line
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
@@ -169,6 +170,7 @@ def _camera(
     brown = (k1 * cc**2, k2 * cc**4, -p2 * cc, p1 * cc, k3 * cc**6)
     distortion = Distortion("brown", brown) if any(brown) else Distortion()
     if any(brown) and shift.any():
+        check_table_size(project.size)
         uv = pixel_centres(project.size)
         seen = distortion.unproject((uv - K[:2, 2]) @ np.linalg.inv(K[:2, :2]).T)
         seen = np.concatenate([seen[:, :2] / seen[:, 2:] - shift, np.ones((len(uv), 1))], axis=1)
