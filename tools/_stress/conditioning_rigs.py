@@ -1,0 +1,184 @@
+"""Rigs that say too little: few views, a narrow fan, cameras at one place, voxels unseen."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from _stress.row import Row, relative_error, worst_of
+from _stress.values_scene import SHAPE, SPACING, Scene, ring, run, scene_of
+from rigs import Rig
+from tomo import LinearSystem, Scan, VoxelGrid, solve
+from tomo.metrics import nrmse
+from tomo.outcome import Outcome
+from tomo.reconstruct import reconstruct
+
+VIEWS = (1, 2, 3, 5, 9, 17, 33)
+FAN = 30.0  # degrees
+NOISE = 0.02
+ORDERED = ("art", "mart", "sart")
+"""Methods that go view by view or ray by ray: the order of rays matters to them."""
+
+
+def rig_rows(quick: bool) -> Iterator[Row]:
+    """Yield the rows of rigs."""
+    views = VIEWS[::2] if quick else VIEWS
+    scenes = {f"{count} views": scene_of(ring(count), NOISE) for count in views}
+    scenes |= {name: make() for name, make in _WEAK.items()}
+    yield _finite(scenes)
+    outcomes = {name: _reconstructed(seen) for name, seen in scenes.items()}
+    yield _better_than_nothing(scenes, outcomes)
+    yield _more_views(views, scenes, outcomes)
+    yield from _unseen(scenes, outcomes)
+    yield _twice()
+
+
+def fan(count: int = 9) -> Rig:
+    """Return cameras all within a narrow angle."""
+    return ring(count, step_degrees=FAN / (count - 1))
+
+
+def narrow(count: int = 9) -> Rig:
+    """Return cameras whose images show the middle of the volume alone."""
+    return ring(count, image_size=(10, 16))
+
+
+_WEAK = {
+    f"a fan of {FAN:.0f} degrees": lambda: scene_of(fan(), NOISE),
+    "all cameras at one place": lambda: scene_of(ring(9, step_degrees=0.0), NOISE),
+    "more unknowns than rays": lambda: scene_of(
+        ring(3), NOISE, VoxelGrid(tuple(2 * n for n in SHAPE), SPACING / 2)
+    ),
+    "partly unseen": lambda: scene_of(narrow(), NOISE),
+}
+
+
+def _finite(scenes: Mapping[str, Scene]) -> Row:
+    """Run every classic method on every rig."""
+    faults = []
+    for name, seen in scenes.items():
+        for method in solve.METHODS:
+            found = run(method, seen.stored, seen.measured)
+            if not (np.isfinite(found.volume).all() and found.volume.min() >= 0):
+                faults.append(f"{method}, {name}")
+    return Row(
+        "rigs that say too little: finite volumes, not negative, every classic method",
+        ", ".join(scenes),
+        len(faults),
+        0,
+        "faults",
+        note="; ".join(faults[:5]),
+    )
+
+
+def _better_than_nothing(scenes: Mapping[str, Scene], outcomes: Mapping[str, Outcome]) -> Row:
+    worst, where = worst_of(
+        (name, nrmse(_volume(outcomes[name]), seen.truth)) for name, seen in scenes.items()
+    )
+    return Row(
+        "rigs that say too little: error of the default method",
+        ", ".join(scenes),
+        worst,
+        1.0,
+        "times that of an empty volume",
+        note=where,
+    )
+
+
+def _more_views(
+    views: tuple[int, ...], scenes: Mapping[str, Scene], outcomes: Mapping[str, Outcome]
+) -> Row:
+    errors = [nrmse(_volume(outcomes[f"{n} views"]), scenes[f"{n} views"].truth) for n in views]
+    worst, where = worst_of(
+        (f"from {views[n]} to {views[n + 1]}", errors[n + 1] / errors[n])
+        for n in range(len(views) - 1)
+    )
+    said = ", ".join(f"{n}: {error:.2f}" for n, error in zip(views, errors, strict=True))
+    return Row(
+        "more views, smaller error, default method",
+        f"{views[0]} to {views[-1]} views",
+        worst,
+        1.05,
+        "times the error with fewer",
+        note=f"{where}; relative errors {said}",
+    )
+
+
+def _unseen(scenes: Mapping[str, Scene], outcomes: Mapping[str, Outcome]) -> Iterator[Row]:
+    """Look at the voxels that no ray crosses."""
+    seen, outcome = scenes["partly unseen"], outcomes["partly unseen"]
+    dark = seen.stored.column_sums == 0
+    lit = []
+    for method in solve.METHODS:
+        if method in ("tikhonov", "tv"):  # those follow their neighbours, by design
+            continue
+        volume = run(method, seen.stored, seen.measured).volume.ravel()
+        lit.append((method, float(np.abs(volume[dark]).max())))
+    lit.append(("default", float(np.abs(outcome.volume[outcome.unseen]).max())))
+    worst, where = worst_of(lit)
+    yield Row(
+        "voxels that no ray crosses stay zero",
+        f"{dark.mean():.0%} of the volume",
+        worst,
+        0.0,
+        "largest emission",
+        note=where,
+    )
+    told = outcome.unseen.sum() / outcome.unseen.size
+    quiet = not any("seen by no camera" in warning for warning in outcome.warnings)
+    yield Row(
+        "voxels that no ray crosses are told of",
+        f"{told:.0%} of the volume",
+        float(quiet),
+        0,
+        "faults",
+    )
+
+
+def _twice() -> Row:
+    """Take every camera twice: the same equations, and the same volume."""
+    rig = ring(5)
+    twins = replace(
+        rig,
+        cameras=tuple(
+            replace(camera, name=name)
+            for camera in rig
+            for name in (camera.name, f"{camera.name} again")
+        ),
+    )
+    seen = scene_of(rig, NOISE)
+    system = LinearSystem.from_rig(twins, seen.grid, form="stored")
+    images = [image for image in seen.simulated.images.values() for _ in range(2)]
+    doubled = system.flatten(images)
+    worst, where = worst_of(
+        (
+            method,
+            relative_error(
+                run(method, system.projector, doubled).volume,
+                run(method, seen.stored, seen.measured).volume,
+            ),
+        )
+        for method in solve.METHODS
+        if method not in ORDERED
+    )
+    return Row(
+        "every camera twice at its place, methods that take all rays at once",
+        "5 and 10 cameras",
+        worst,
+        1e-5,
+        "relative to each once",
+        note=where,
+    )
+
+
+def _reconstructed(seen: Scene) -> Outcome:
+    with tempfile.TemporaryDirectory() as folder:
+        return reconstruct(Scan.load(seen.simulated.save(folder)))
+
+
+def _volume(outcome: Outcome) -> NDArray[np.float32]:
+    return outcome.reconstruction.volume
