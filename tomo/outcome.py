@@ -39,7 +39,9 @@ class View:
     mask : (rows, columns) bool, optional
         True where a pixel is usable.
     held_out : bool
-        Whether the reconstruction never saw this view.
+        Whether the reconstruction never saw this view, as was asked for.
+    left_out : bool
+        Whether it never saw this view because the others contradict it.
     """
 
     name: str
@@ -47,6 +49,7 @@ class View:
     reprojected: NDArray
     mask: NDArray | None = None
     held_out: bool = False
+    left_out: bool = False
 
     def __post_init__(self) -> None:
         """Check that the images fit on each other."""
@@ -121,6 +124,8 @@ class Outcome:
         ``rays, segments, voxels, active_voxels``.
     skipping : mapping
         What was left out and why, see `tomo.support.Carving.report`.
+    suspects : mapping, optional
+        See `tomo.suspects.Suspects.report`; None where they were not looked for.
     alignment, refinement, gains : mapping, optional
         See `tomo.alignment.Alignment.report`, `tomo.refine.Refinement.report` and
         `tomo.gains.Gains.report`; None where they were not looked for, or the gains not corrected.
@@ -128,8 +133,8 @@ class Outcome:
         All cameras, those refined and shifted as they were found, at the size that images were
         recorded in; None where that was not asked for, or found nothing.
     seconds : mapping
-        ``load, prepare, trace, solve, total`` and what else took time; ``choose`` is a part of
-        ``solve``.
+        ``load, suspects, prepare, trace, solve, total`` and what else took time; ``choose`` is
+        a part of ``solve``.
     first_use_seconds : float
         Compiling or loading kernels, once a process.
     unseen : (nx, ny, nz) bool, optional
@@ -153,6 +158,7 @@ class Outcome:
     comparisons: tuple[Reconstruction, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     skipping: Mapping[str, Any] = field(default_factory=dict)
+    suspects: Mapping[str, Any] | None = None
     alignment: Mapping[str, Any] | None = None
     refinement: Mapping[str, Any] | None = None
     refined_rig: Rig | None = None
@@ -185,6 +191,7 @@ class Outcome:
             "peak_memory_mb": found.peak_memory / 1e6,
             **self.counts,
             "skipping": dict(self.skipping),
+            "suspects": self.suspects,
             "alignment": self.alignment,
             "refinement": self.refinement,
             "gains": self.gains,
@@ -200,6 +207,7 @@ class Outcome:
                     "relative_residual": view.relative_residual,
                     "gain": view.gain,
                     "held_out": view.held_out,
+                    "left_out": view.left_out,
                 }
                 for view in self.views
             },

@@ -31,6 +31,7 @@ from tomo._request import (
     comparison,
 )
 from tomo._run import Run
+from tomo._sieve import sieve
 from tomo._true_weights import true_effects, true_ratios
 from tomo.gains import Gains, gains_worth_correcting
 from tomo.grid import VoxelGrid
@@ -56,6 +57,7 @@ def reconstruct(
     margin: float | str = AUTO,
     dark_level: float | str = AUTO,
     votes: int | str = AUTO,
+    suspects: bool = True,
     align: bool = True,
     refine_cameras: Sequence[str] | None = None,
     refine_prior: float | None = None,
@@ -103,6 +105,9 @@ def reconstruct(
     votes : int or "auto"
         Views that must find a voxel dark. What is ``auto`` is found from the images, see
         `tomo.support.carve`.
+    suspects : bool
+        Whether to leave out wild pixels, and views that the others contradict, see
+        `tomo.suspects`. A camera held out is judged, never left out.
     align : bool
         Whether to look for shifts of the images, and make them where they clearly help, see
         `tomo.alignment`. A camera held out stays as it is.
@@ -162,11 +167,13 @@ def reconstruct(
         )
     effects = true_effects(scan)
     truth, warnings = read_truth(scan, grid)
-    training = scan.without(*hold_out) if hold_out else scan
-    training_images, training_masks = training.read(frame)
-    judged = scan.only(*hold_out) if hold_out else None
-    held_out_images, held_out_masks = judged.read(frame) if judged else ([], [])
+    images, masks = scan.read(frame)
     loaded = time.perf_counter()
+    sieved = sieve(scan, images, masks, grid, hold_out, suspects=suspects)
+    training, training_images, training_masks = sieved.training, sieved.images, sieved.masks
+    judged, judged_images, judged_masks = sieved.judged, sieved.judged_images, sieved.judged_masks
+    refined = tuple(name for name in refined if name not in sieved.left_out)
+    sifted = time.perf_counter()
 
     first_use = warm_up(tracer) + (warm_up_carving() if skip else 0.0)
     preparing = time.perf_counter()
@@ -206,8 +213,8 @@ def reconstruct(
     if system.form != STORED:
         first_use += warm_up(tracer, system.form)
     how |= {"live": system.projector.live, "midpoints": main.needs_midpoints}
-    judged_system = held_out_system(judged, grid, held_out_masks, how)
-    warnings += [*prepared.warnings, *_warnings_of_views(system, judged_system)]
+    judged_system = held_out_system(judged, grid, judged_masks, how)
+    warnings += [*sieved.warnings, *prepared.warnings, *_warnings_of_views(system, judged_system)]
     traced = time.perf_counter()
 
     measured = system.flatten(training_images)
@@ -243,8 +250,15 @@ def reconstruct(
         learned = summed_up(system, seeing, found, ratios)
     if judged_system is not None:
         judging = as_learned(judged_system, found, same_views=False)
-        judged_views = views_of(judging, found.volume, held_out_images, held_out_masks)
-        views += [replace(view, held_out=True) for view in judged_views]
+        judged_views = views_of(judging, found.volume, judged_images, judged_masks)
+        views += [
+            replace(
+                view,
+                held_out=view.name in hold_out,
+                left_out=view.name in sieved.left_out,
+            )
+            for view in judged_views
+        ]
     order = {name: place for place, name in enumerate(scan.rig.names)}
     no_ray = system.unseen
     n_unseen = int(np.count_nonzero(no_ray))
@@ -263,6 +277,7 @@ def reconstruct(
         "margin": margin,
         "dark_level": dark_level,
         "votes": votes,
+        "suspects": suspects,
         "align": align,
         "refine_cameras": list(refined) or None,
         "refine_prior": refine_prior,
@@ -281,7 +296,7 @@ def reconstruct(
         reconstruction=replace(found, peak_memory=peak_memory()),
         rig=scan.rig,
         views=tuple(sorted(views, key=lambda view: order[view.name])),
-        data_range=data_range(scan, frame, [*training_images, *held_out_images]),
+        data_range=data_range(scan, frame, [*training_images, *judged_images]),
         truth=truth,
         comparisons=tuple(comparisons),
         counts={
@@ -291,12 +306,14 @@ def reconstruct(
             "active_voxels": system.projector.live.size - n_unseen,
         },
         skipping=prepared.report(system.projector.shape[0]),
+        suspects=sieved.suspects.report() if sieved.suspects else None,
         alignment=prepared.alignment.report() if prepared.alignment else None,
         refinement=prepared.refinement.report() if prepared.refinement else None,
         refined_rig=prepared.recorded_rig(scan) if refined else None,
         gains=gains.report() if gains else None,
         seconds={
             "load": loaded - started,
+            "suspects": sifted - loaded,
             "prepare": tracing - preparing,
             "trace": traced - tracing,
             "choose": found.seconds["choose"],

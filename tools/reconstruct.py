@@ -73,6 +73,13 @@ def reconstruct(
     votes: Annotated[
         str, typer.Option(help="Views that must find a voxel dark, or auto.")
     ] = "auto",
+    suspects: Annotated[
+        bool,
+        typer.Option(
+            "--suspects/--keep-suspects",
+            help="Leave out wild pixels, and views that the others contradict.",
+        ),
+    ] = True,
     align: Annotated[
         bool, typer.Option(help="Shift images that clearly lie beside where the rig says.")
     ] = True,
@@ -140,6 +147,7 @@ def reconstruct(
                 margin=_number_or_auto("--margin", margin, float),
                 dark_level=_number_or_auto("--dark-level", dark_level, float),
                 votes=_number_or_auto("--votes", votes, int),
+                suspects=suspects,
                 align=align,
                 refine_cameras=_cameras(refine_cameras, loaded.rig),
                 refine_prior=refine_prior,

@@ -132,13 +132,14 @@ def _view_rows(report: Mapping, results: Results) -> list[dict]:
     """Return one row a view, held-out ones first."""
     held_out, listed = report.get("held_out") or {}, report.get("views") or {}
     rows = []
-    for view in sorted(results.views, key=lambda v: not v.held_out):
+    for view in sorted(results.views, key=lambda v: not (v.held_out or v.left_out)):
         figures = {**listed.get(view.name, {}), **held_out.get(view.name, {})}
         residual = figures.get("relative_residual", view.relative_residual)
         rows.append(
             {
                 "name": view.name,
                 "held_out": view.held_out,
+                "left_out": view.left_out,
                 "relative_residual": f"{residual:.2%}" if math.isfinite(residual) else "dark",
                 "bar": residual if math.isfinite(residual) else 0.0,
                 **{
@@ -171,6 +172,7 @@ def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
     for key, title in (
         ("seconds", "Time (s)"),
         ("quality", "Against the truth"),
+        ("suspects", "Wild pixels and wrong views"),
         ("skipping", "What takes no part"),
         ("alignment", "Where the cameras look"),
         ("gains", "Gains and backgrounds"),

@@ -25,12 +25,12 @@ _MOST_VIEWS = 6
 
 
 def views_to_show(views: Sequence[View], most: int = _MOST_VIEWS) -> list[View]:
-    """Return held-out views first, then others evenly spread over the rig, ``most`` at most."""
-    held_out = [view for view in views if view.held_out][:most]
-    others = [view for view in views if not view.held_out]
-    free = min(most - len(held_out), len(others))
+    """Return views that took no part, then others evenly spread over the rig."""
+    apart = [view for view in views if view.held_out or view.left_out][:most]
+    others = [view for view in views if not (view.held_out or view.left_out)]
+    free = min(most - len(apart), len(others))
     spread = np.round(np.arange(free) * len(others) / max(free, 1)).astype(int)
-    return held_out + [others[i] for i in spread]
+    return apart + [others[i] for i in spread]
 
 
 def draw_views(views: Sequence[View]) -> Figure:
@@ -71,13 +71,14 @@ def draw_views(views: Sequence[View]) -> Figure:
             axes.set_title(words, fontsize=6.5, color=MUTED, pad=2.5)
         images = drawn[0], drawn[2]
         residual = view.relative_residual
+        role = ", held out" if view.held_out else ", left out" if view.left_out else ""
         figure.text(
             x0 / width,
             (top + 0.28) / height,
-            f"{_short(view.name)}{', held out' if view.held_out else ''}: residual {residual:.1%}",
+            f"{_short(view.name)}{role}: residual {residual:.1%}",
             fontsize=8,
-            weight="bold" if view.held_out else "normal",
-            color="#c2500f" if view.held_out else INK,
+            weight="bold" if role else "normal",
+            color="#c2500f" if role else INK,
             parse_math=False,
         )
     words = ("image, % of the view's maximum", "difference, % of the view's maximum")

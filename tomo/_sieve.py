@@ -1,0 +1,91 @@
+"""What takes part once suspect pixels and views are set aside."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tomo.grid import VoxelGrid
+from tomo.scan import Images, Masks, Scan
+from tomo.suspects import Suspects, find_suspects
+
+
+@dataclass(frozen=True, eq=False)
+class Sieved:
+    """A frame's images, those that take part and those that are only judged.
+
+    Attributes
+    ----------
+    training : Scan
+        Of the cameras to reconstruct from.
+    images, masks : list of (height, width)
+        Theirs; wild pixels are 0 and not usable.
+    judged : Scan, optional
+        Of the cameras held out and of those left out as wrong.
+    judged_images, judged_masks : list of (height, width)
+    suspects : Suspects, optional
+        None where nothing was suspected on request.
+    """
+
+    training: Scan
+    images: Images
+    masks: Masks
+    judged: Scan | None
+    judged_images: Images
+    judged_masks: Masks
+    suspects: Suspects | None = None
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """The cameras that are left out as wrong."""
+        return self.suspects.left_out if self.suspects else ()
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should know of it."""
+        return self.suspects.warnings if self.suspects else []
+
+
+def sieve(
+    scan: Scan,
+    images: Images,
+    masks: Masks,
+    grid: VoxelGrid,
+    hold_out: Sequence[str],
+    *,
+    suspects: bool,
+) -> Sieved:
+    """Part a frame's images into those that take part and those that are judged.
+
+    Parameters
+    ----------
+    scan : Scan
+    images, masks : list of (height, width)
+        Of all its cameras.
+    grid : VoxelGrid
+    hold_out : sequence of str
+        Cameras that are judged only.
+    suspects : bool
+        Whether to look for wild pixels and wrong views, see `tomo.suspects`.
+    """
+    everything = dict(zip(scan.rig.names, zip(images, masks, strict=True), strict=True))
+
+    def of(part: Scan | None) -> tuple[Images, Masks]:
+        pairs = [everything[name] for name in part.rig.names] if part else []
+        return [image for image, _ in pairs], [mask for _, mask in pairs]
+
+    training = scan.without(*hold_out) if hold_out else scan
+    judged = scan.only(*hold_out) if hold_out else None
+    if not suspects:
+        return Sieved(training, *of(training), judged, *of(judged))
+    beside = (judged.rig, *of(judged)) if judged else None
+    found = find_suspects(training.rig, *of(training), grid, held_out=beside)
+    for name, mask in zip(training.rig.names, found.masks, strict=True):
+        if found.wild[name] and name not in found.left_out:
+            everything[name] = np.where(mask, everything[name][0], 0), mask
+    if found.left_out:
+        training = training.without(*found.left_out)
+        judged = scan.only(*hold_out, *found.left_out)
+    return Sieved(training, *of(training), judged, *of(judged), found)
