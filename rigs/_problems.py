@@ -13,6 +13,7 @@ import pydantic
 from rigs._text import shortened
 
 _PLAIN = {float: "number", int: "whole number", str: "text"}
+_FEW = 6  # fields that are named
 
 
 def first_problem(
@@ -115,7 +116,10 @@ def _one_in_words(annotation: Any, plural: bool = False) -> str:
     if annotation is str:
         return "text"
     many = "s" if plural else ""
-    word = f"{_PLAIN[annotation]}{many}" if annotation in _PLAIN else f"mapping{many}"
+    word = f"{_PLAIN.get(annotation, 'mapping')}{many}"
+    if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
+        fields = tuple(annotation.model_fields)
+        word += f" with {', '.join(fields)}" if len(fields) <= _FEW and not plural else ""
     if origin in (tuple, list):
         count = f"{len(inner)} " if origin is tuple else ""
         item = _choices(inner[0])[0]

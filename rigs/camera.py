@@ -237,7 +237,9 @@ def look_at(
     upward = numbers(up, (3,), "up")
     distance = np.linalg.norm(forward)
     if not distance > 0:
-        raise ValueError(f"look_at: found the camera's position {position.tolist()}")
+        raise ValueError(
+            f"look_at: found the camera's position {position.tolist()}, expected another point"
+        )
     forward = forward / distance
     length = np.linalg.norm(upward)
     down = -upward / (length if length > 0 else 1.0)

@@ -131,7 +131,7 @@ def _camera(entry: CameraEntry, folder: Path) -> Camera | RayTable:
         return _ray_table(entry, folder)
     try:
         if entry.image_size is None:
-            raise ValueError("image_size: missing")
+            raise ValueError("image_size: missing, expected width and height in pixels")
         distortion = Distortion(entry.distortion.model, tuple(entry.distortion.coefficients))
         optics = entry.optics and Optics(**entry.optics.model_dump())
         K = _intrinsics(entry)

@@ -158,7 +158,7 @@ def test_names_of_numbers_are_taken_as_they_are_written(run_tool, tmp_path, imag
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("- 1", "world.yaml: found list, expected a YAML mapping"),
+        ("- 1", "world.yaml: found a list, expected a YAML mapping"),
         ("cam00: [1, 2]", "world.yaml: cam00: found shape (2,), expected 3 numbers"),
         ("cam00: here", "world.yaml: cam00: found 'here', expected 3 numbers"),
         ("cam00: [1, 2, .nan]", "world.yaml: cam00: found NaN or infinity"),

@@ -212,7 +212,7 @@ def test_one_camera_has_one_set_of_parameters(tmp_path):
     [
         (b"", "empty file"),
         (b"{", "broken JSON at line 1"),
-        (b"[1]", "found list, expected a JSON object"),
+        (b"[1]", "found a list, expected a JSON object"),
         (b"{}", "frames: found None, expected a list"),
         (b'{"frames": []}', "frames: found"),
         (b'{"frames": [3]}', r"frames\[0\]: found 3, expected a mapping"),
