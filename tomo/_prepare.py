@@ -56,14 +56,24 @@ class Prepared:
         return [f"cameras stay as the rig says: {names}: {self.refinement.reason}"]
 
     def _of_alignment(self) -> list[str]:
-        if self.alignment is None or not self.alignment.accepted:
+        found = self.alignment
+        if found is None:
             return []
-        lengths = np.linalg.norm(self.alignment.shifts, axis=1)
+        displacement = found.displacement
+        doubt = (
+            [displacement.warning(self.rig.names)]
+            if displacement is not None and displacement.disagrees
+            else []
+        )
+        if not found.accepted:
+            return doubt
+        lengths = np.linalg.norm(found.shifts, axis=1)
         worst = int(np.argmax(lengths))
         return [
             f"camera {self.rig.names[worst]} looks {lengths[worst]:.1f} pixels beside where the "
-            f"rig says, others less: images were shifted to agree ({self.alignment.reason}); "
-            "calibrate again"
+            f"rig says, others less: images were shifted to agree ({found.reason}); "
+            "calibrate again",
+            *doubt,
         ]
 
     def report(self, pixels_used: int) -> dict[str, Any]:

@@ -15,16 +15,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from rigs import Camera, Rig
 from tomo._coarser import coarsening, coarser_grid, shrunk_image
+from tomo.displacement import Displacement
 from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem, VolumeNotSeenError
+from tomo.registration import register, ways_to_shift
 from tomo.solve._common_start import common_start, log_smears
 from tomo.solve.mlem import mlem
 from tomo.viewed import ViewedOperator
@@ -40,7 +41,6 @@ STEP = 0.8
 GROUPS = 4
 """Up to six views are left out one at a time, more in so many interleaved groups."""
 
-REGISTRATION_STEPS = 6
 WORTH_IT = 0.8
 """Share of the squared error of views left out that shifts must leave at most to be believed."""
 
@@ -62,6 +62,9 @@ class Alignment:
         Whether the shifts are worth making.
     reason : str
         In words.
+    displacement : Displacement, optional
+        How far views lie from where the others predict them, once shifts that were accepted are
+        made; None where nothing could be predicted.
     """
 
     shifts: NDArray[np.float64]
@@ -69,6 +72,7 @@ class Alignment:
     error_after: float
     accepted: bool
     reason: str
+    displacement: Displacement | None = None
 
     def rig(self, rig: Rig) -> Rig:
         """Return the rig with its principal points shifted; as it is if not accepted."""
@@ -84,6 +88,7 @@ class Alignment:
             "error_after": self.error_after,
             "accepted": self.accepted,
             "reason": self.reason,
+            "displacement": self.displacement.report() if self.displacement else None,
         }
 
 
@@ -122,64 +127,88 @@ def align_views(
     coarse_grid = coarser_grid(grid, factor)
     motions = [_motion(camera, grid) for camera in coarse_rig]
 
-    shifts, best, errors = still, still, []
-    for number in range(ROUNDS + 1):
+    shifts, rounds = [still], []
+    for _ in range(ROUNDS + 1):
         try:
-            found, error, expected = _round(_shifted(coarse_rig, shifts), coarse_grid, small)
+            found = _Round.of(_shifted(coarse_rig, shifts[-1]), coarse_grid, small)
         except VolumeNotSeenError:
             return _refused(still, math.nan, math.nan, "the cameras do not see the volume")
-        if not math.isfinite(error):
+        if not math.isfinite(found.error):
             return _refused(still, math.nan, math.nan, "the images are dark")
-        if not errors or error < min(errors):
-            best = shifts
-        errors.append(error)
-        if number == 0 and expected**2 > WORTH_IT * error**2:
-            reason = "views left out lie where they are predicted"
-            return _refused(still, error, expected, reason)
-        shifts = _without_common_motion(shifts + STEP * found, motions)
-    before, after = errors[0], min(errors)
+        rounds.append(found)
+        if found.registered**2 > WORTH_IT * found.error**2 and len(rounds) == 1:
+            break
+        shifts.append(_without_common_motion(shifts[-1] + STEP * found.shifts, motions))
+    errors = [one.error for one in rounds]
+    as_it_is, best = rounds[0], int(np.argmin(errors))
+    before, after = as_it_is.error, errors[best]
     limits = [FARTHEST * min(camera.image_size) for camera in coarse_rig]
-    if after**2 > WORTH_IT * before**2:
-        return _refused(still, before, after, "shifts hardly improve the views left out")
-    if (np.abs(best).max(axis=1) > limits).any():
-        return _refused(still, before, after, "the shifts found are too large to be believed")
-    reason = f"views left out are predicted to {after:.3f} instead of {before:.3f}"
-    return Alignment(best * factor, before, after, True, reason)
+    if len(rounds) == 1:
+        after, reason = as_it_is.registered, "views left out lie where they are predicted"
+    elif after**2 > WORTH_IT * before**2:
+        reason = "shifts hardly improve the views left out"
+    elif (np.abs(shifts[best]).max(axis=1) > limits).any():
+        reason = "the shifts found are too large to be believed"
+    else:
+        reason = f"views left out are predicted to {after:.3f} instead of {before:.3f}"
+        displacement = rounds[best].displacement(small, factor)
+        return Alignment(shifts[best] * factor, before, after, True, reason, displacement)
+    return Alignment(still, before, after, False, reason, as_it_is.displacement(small, factor))
 
 
 def _refused(shifts: NDArray, before: float, after: float, reason: str) -> Alignment:
     return Alignment(shifts, before, after, False, reason)
 
 
-def _round(
-    rig: Rig, grid: VoxelGrid, small: Sequence[tuple[NDArray, NDArray]]
-) -> tuple[NDArray[np.float64], float, float]:
-    """Return every view's shift against the others, and the relative errors left out.
+@dataclass(frozen=True, eq=False)
+class _Round:
+    """What the views left out say of the cameras as they are.
 
-    The errors are of the predictions as they are, and as registration makes them.
+    Attributes
+    ----------
+    shifts : (views, 2) float64
+        Of every view against the others.
+    error, registered : float
+        Relative errors of the predictions as they are, and as registration makes them.
+    predicted : tuple of (rows, columns) float32
     """
-    images = [image for image, _ in small]
-    masks = [mask for _, mask in small]
-    system = LinearSystem.from_rig(rig, grid, masks=masks)
-    measured = system.flatten(images)
-    views = range(len(rig))
-    count = len(rig) if len(rig) <= 6 else GROUPS
-    shifts = np.zeros((len(rig), 2))
-    smears = log_smears(system.projector, measured)
-    raw = registered = light = 0.0
-    for group in range(count):
-        left_out = list(views[group::count])
-        kept = [view for view in views if view not in left_out]
-        volume = _volume(system.projector, measured, kept, smears)
-        seen = system.images(system.projector @ volume)
-        for view in left_out:
-            shifts[view], before, after = _register(seen[view], images[view], masks[view])
-            raw += before
-            registered += after
-            light += float(np.sum(np.square(images[view], dtype=np.float64)[masks[view]]))
-    if light == 0:
-        return shifts, math.nan, math.nan
-    return shifts, math.sqrt(raw / light), math.sqrt(registered / light)
+
+    shifts: NDArray[np.float64]
+    error: float
+    registered: float
+    predicted: tuple[NDArray[np.float32], ...]
+
+    @classmethod
+    def of(cls, rig: Rig, grid: VoxelGrid, small: Sequence[tuple[NDArray, NDArray]]) -> Self:
+        images = [image for image, _ in small]
+        masks = [mask for _, mask in small]
+        system = LinearSystem.from_rig(rig, grid, masks=masks)
+        measured = system.flatten(images)
+        views = range(len(rig))
+        count = len(rig) if len(rig) <= 6 else GROUPS
+        shifts, predicted = np.zeros((len(rig), 2)), {}
+        smears = log_smears(system.projector, measured)
+        raw = registered = light = 0.0
+        for group in range(count):
+            left_out = list(views[group::count])
+            kept = [view for view in views if view not in left_out]
+            volume = _volume(system.projector, measured, kept, smears)
+            seen = system.images(system.projector @ volume)
+            for view in left_out:
+                image, mask, predicted[view] = images[view], masks[view], seen[view]
+                found = register(seen[view], image, mask, ways_to_shift(image.shape))
+                shifts[view] = found.amounts
+                raw += found.before
+                registered += found.after
+                light += float(np.sum(np.square(image, dtype=np.float64)[mask]))
+        every = tuple(predicted[view] for view in views)
+        if light == 0:
+            return cls(shifts, math.nan, math.nan, every)
+        return cls(shifts, math.sqrt(raw / light), math.sqrt(registered / light), every)
+
+    def displacement(self, small: Sequence[tuple[NDArray, NDArray]], factor: int) -> Displacement:
+        images, masks = zip(*small, strict=True)
+        return Displacement.of(self.predicted, images, masks, factor)
 
 
 def _volume(
@@ -193,46 +222,6 @@ def _volume(
         start=common_start(projector, measured, views, smears),
     )
     return projector.live.compress(found.volume)
-
-
-def _register(
-    predicted: NDArray, image: NDArray, mask: NDArray
-) -> tuple[NDArray[np.float64], float, float]:
-    """Return the shift that takes a prediction onto an image, and the squared errors around it.
-
-    Gauss-Newton's method on shift and gain. Both errors are those with the gain that fits best:
-    a brighter or darker camera is not one that looks elsewhere.
-    """
-    image = np.where(mask, image, 0).astype(np.float64)
-    predicted = predicted.astype(np.float64)
-    rows, columns = np.indices(image.shape)
-    shift = np.zeros(2)
-
-    def errors_at(shift: NDArray) -> tuple[float, NDArray, NDArray, float]:
-        at = [rows - shift[1], columns - shift[0]]
-        moved = map_coordinates(predicted, at, order=1, mode="constant") * mask
-        energy = float(np.sum(moved**2))
-        gain = float(np.sum(moved * image)) / energy if energy > 0 else 1.0
-        residual = image - gain * moved
-        return float(np.sum(residual**2)), moved, residual, gain
-
-    before, moved, residual, gain = errors_at(shift)
-    error = before
-    for _ in range(REGISTRATION_STEPS):
-        down, right = np.gradient(moved)
-        columns_of = np.stack([moved, -gain * right, -gain * down])[:, mask]  # (3, pixels)
-        normal = np.sum(columns_of[:, None] * columns_of[None], axis=2)
-        normal += 1e-9 * np.trace(normal) * np.eye(3)
-        if not normal.any():
-            break
-        step = np.linalg.solve(normal, np.sum(columns_of * residual[mask], axis=1))[1:]
-        trial = shift + np.clip(step, -2, 2)
-        found, *state = errors_at(trial)
-        if found >= error:
-            break
-        error, shift = found, trial
-        moved, residual, gain = state
-    return shift, before, error
 
 
 def _motion(camera: Camera, grid: VoxelGrid) -> NDArray[np.float64]:
