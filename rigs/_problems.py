@@ -69,8 +69,7 @@ def _said(problem: Mapping[str, Any], path: list[str | int], model: type) -> str
             return expected
     else:
         expected = _in_words(annotation)
-    value = problem["input"]
-    return f"found {'nothing' if value is None else shortened(value)}, expected {expected}"
+    return f"found {shortened(problem['input'])}, expected {expected}"
 
 
 def _annotation_at(model: Any, path: Sequence[str | int]) -> Any:

@@ -45,8 +45,9 @@ def _one_or_each(expected: str, accepts: Callable[[Any], bool]) -> Any:
         for camera, one in each.items():
             if (camera is None and isinstance(value, dict)) or not accepts(one):
                 where = "" if camera is None else f"camera {dotted([camera])}: "
-                found = "nothing" if one is None else shortened(one)
-                raise ValueError(f"{where}found {found}, expected {expected}, or one per camera")
+                raise ValueError(
+                    f"{where}found {shortened(one)}, expected {expected}, or one per camera"
+                )
         return value
 
     return Annotated[Any, BeforeValidator(check)]

@@ -94,8 +94,8 @@ def as_array(found: object, shape: tuple[int | None, ...], what: str) -> NDArray
         want in (None, have) for want, have in zip(shape, array.shape, strict=True)
     )
     if not fits or not np.isfinite(array).all():
-        wanted = " x ".join("n" if n is None else str(n) for n in shape)
-        raise ValueError(f"{what}: found {shortened(found)}, expected {wanted} finite numbers")
+        wanted = "" if shape == (None,) else " x ".join(map(str, shape)) + " "
+        raise ValueError(f"{what}: found {shortened(found)}, expected {wanted}finite numbers")
     return array
 
 

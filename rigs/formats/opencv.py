@@ -103,10 +103,10 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         if posed and len(posed) < len(entries):
             lost = next(name for name in entries if name not in posed)
             raise ValueError(f"camera {lost}: R: missing, expected it as other cameras have one")
-        if not posed:
-            logger.warning("%s: no poses (R, T) in it: all cameras stand at the origin", path)
         world = f"as in {path.name}" if posed else "none: every camera stands at the origin"
         cameras = [_camera(name, entry, image_size) for name, entry in entries.items()]
+        if not posed:
+            logger.warning("%s: no poses (R, T) in it: all cameras stand at the origin", path)
         return Rig(tuple(cameras), unit, world)
 
 

@@ -138,7 +138,7 @@ def test_half_a_stereo_pair_is_refused(tmp_path):
     ("edit", "message"),
     [
         (("image_width: 640\n", ""), "camera left: image_size: missing"),
-        (("image_height: 480\n", ""), "camera left: image_height: found None, expected"),
+        (("image_height: 480\n", ""), "camera left: image_height: found nothing, expected"),
         (("cols: 1", "cols: 2"), "distortion_coefficients.data: found 5 numbers, expected 5 x 2"),
         (("distortion_coeff", "distorted_coeff"), "distortion_coefficients: missing"),
         (("fisheye_model: 0", "fisheye_model: 1"), "found 5 coefficients, expected 4"),
@@ -185,3 +185,11 @@ def test_broken_files_are_refused_or_read(read_or_refused, tmp_path, cut, end, t
     path.write_text(SAMPLE[:cut] + text + SAMPLE[cut + end :])
     rig = read_or_refused(opencv.load, path)
     assert rig is None or len(rig)
+
+
+def test_what_is_refused_is_not_warned_of_too(tmp_path, caplog):
+    path = tmp_path / "calib.yml"
+    path.write_text("%YAML:1.0\n---\ncamera_matrix: [[1, 0, 0], [0, 1, 0]]\nimage_width: 4\n")
+    with pytest.raises(ValueError, match="camera_matrix"):
+        formats.load(path)
+    assert not caplog.records

@@ -155,7 +155,7 @@ def mirrored():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"transform_matrix": None}, "transform_matrix: found None"),
+        ({"transform_matrix": None}, "transform_matrix: found nothing"),
         ({"transform_matrix": [[1, 2], [3, 4]]}, "transform_matrix: found [[1, 2], [3, 4]]"),
         ({"transform_matrix": mirrored()}, "transform_matrix: mirrored (determinant -1)"),
         ({"transform_matrix": np.diag([2, 2, 2, 1.0]).tolist()}, "transform_matrix: not ortho"),
@@ -213,7 +213,7 @@ def test_one_camera_has_one_set_of_parameters(tmp_path):
         (b"", "empty file"),
         (b"{", "broken JSON at line 1"),
         (b"[1]", "found a list, expected a JSON object"),
-        (b"{}", "frames: found None, expected a list"),
+        (b"{}", "frames: found nothing, expected a list"),
         (b'{"frames": []}', "frames: found"),
         (b'{"frames": [3]}', r"frames\[0\]: found 3, expected a mapping"),
         (b'{"frames": [{"file_path": "a/0.png"}]}', "transform_matrix: missing"),
