@@ -1,0 +1,169 @@
+"""Wild pixels and wrong views: left out, named, and nothing honest with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from _stress.robustness_scene import (
+    FLAMES,
+    OTHER,
+    WRONG,
+    Images,
+    Scene,
+    beside,
+    one_wild_pixel,
+    scene,
+    swapped,
+    wild,
+    wrong_views,
+)
+from _stress.row import Progress, Row, Size, worst_of
+from rigs import Rig
+from tomo.effects import Effects
+from tomo.outcome import Outcome
+from tomo.suspects import find_suspects
+
+WORSE = 1.5
+"""How many times its clean error the default method may have."""
+
+WILD = 0.01
+FALSE_ALARMS = 1e-4
+SHRINK = {True: 0.4, False: 2 / 3}
+
+HONEST: dict[str, Effects | None] = {
+    "as they are": None,
+    "gains 10 %": Effects(gain_spread=0.1),
+    "absorption": Effects(absorption=0.03),
+    "vignetting 40 %": Effects(vignetting=0.4),
+    "defocus": Effects(aperture=150.0, focus_distance=5750.0),
+}
+
+
+def rows(size: Size, progress: Progress) -> Iterator[Row]:
+    """Measure both flames, of seeds that nothing was tuned on."""
+    shrink = SHRINK[size.quick]
+    seeds = [size.seed + 1] if size.quick else [size.seed + 1, size.seed + 2, size.seed + 3]
+    cases = [(flame, seed) for flame in FLAMES for seed in seeds]
+    over = f"both flames, 33 views, {len(seeds)} seed{'s' if len(seeds) > 1 else ''}"
+    found = []
+    for number, (flame, seed) in enumerate(cases):
+        progress(number, len(cases), f"{flame}, seed {seed}")
+        found.append(_Measured.of(scene(flame, seed, shrink), seed, shrink))
+
+    def row(stress: str, kind: str) -> Row:
+        figure, where = worst_of(pair for one in found for pair in one.errors[kind])
+        cosine = max(one.cosines[kind] for one in found)
+        note = f"worst: {where}; cosine distance {cosine:.2f} times its clean one at most"
+        return Row(f"{stress}: NRMSE over the clean one", over, figure, WORSE, "times", note=note)
+
+    def faults(stress: str, kind: str) -> Row:
+        missing = [fault for one in found for fault in one.faults[kind]]
+        return Row(stress, over, len(missing), 0, "faults", note="; ".join(missing))
+
+    yield row("1 % wild pixels", "wild")
+    yield faults("1 % wild pixels: no warning", "wild")
+    yield row("one pixel a thousand times too bright", "pixel")
+    yield row("one wrong view", "view")
+    yield faults("one wrong view: not named, or an honest one named", "view")
+    yield row("two swapped views", "swap")
+    yield faults("two swapped views: not both named, or others", "swap")
+    # The turbulent flame has the finer detail, which alarms are to be feared of.
+    yield from _honest(shrink, cases[-1:] if size.quick else cases[:: len(seeds)], progress)
+
+
+class _Measured:
+    """Errors and faults of one flame."""
+
+    def __init__(self, one: Scene) -> None:
+        self.scene = one
+        self.clean = one.reconstructed(one.images).reconstruction.quality
+        self.errors: dict[str, list[tuple[str, float]]] = {}
+        self.cosines: dict[str, float] = {}
+        self.faults: dict[str, list[str]] = {}
+
+    @classmethod
+    def of(cls, one: Scene, seed: int, shrink: float) -> _Measured:
+        names = one.rig.names
+        measured = cls(one)
+        measured.add("wild", "1 %", wild(one.images, WILD, seed), wild_pixels=True)
+        measured.add("pixel", "one", one_wild_pixel(one.images))
+        for what, images, visible in wrong_views(one, seed, shrink):
+            measured.add("view", what, images, names[WRONG : WRONG + 1] if visible else None)
+        both = (names[WRONG], names[OTHER]) if one.flame != "jet" else None
+        measured.add("swap", "both", swapped(one.images), both)
+        return measured
+
+    def add(
+        self,
+        kind: str,
+        what: str,
+        images: Images,
+        wrong: tuple[str, ...] | None = (),
+        wild_pixels: bool = False,
+    ) -> None:
+        """Reconstruct; ``wrong`` are the views to be named, None where none has to be."""
+        outcome = self.scene.reconstructed(images)
+        quality, where = outcome.reconstruction.quality, f"{self.scene.flame}, {what}"
+        times = quality["nrmse"] / self.clean["nrmse"]
+        cosine = quality["cosine_distance"] / self.clean["cosine_distance"]
+        self.errors.setdefault(kind, []).append((where, times))
+        self.cosines[kind] = max(self.cosines.get(kind, 0.0), cosine)
+        faults = self.faults.setdefault(kind, [])
+        if wild_pixels and not any("contradict their neighbours" in w for w in outcome.warnings):
+            faults.append(f"{where}: no warning")
+        if wrong is not None:
+            faults += [f"{where}: {fault}" for fault in _not_as_named(outcome, wrong)]
+
+
+def _not_as_named(outcome: Outcome, wrong: tuple[str, ...]) -> Iterator[str]:
+    left_out = outcome.suspects["left_out"]
+    for name in wrong:
+        told = any(warning.startswith(f"camera {name}: ") for warning in outcome.warnings)
+        if name not in left_out or not told:
+            yield f"{name} not named"
+    for name in left_out:
+        if name not in wrong:
+            yield f"{name} named"
+
+
+def _honest(shrink: float, cases: list[tuple[str, int]], progress: Progress) -> Iterator[Row]:
+    """Judge images with nothing wrong about them but what every camera has."""
+    alarms, wild_ones, pixels, judged = [], 0, 0, 0
+    for flame, seed in cases:
+        for what, effects in HONEST.items():
+            progress(judged, len(cases) * (len(HONEST) + 4), f"{flame}, {what}")
+            one = scene(flame, seed, shrink, effects)
+            for name, rig, images in _variants(one, what, seed):
+                masks = [np.ones(image.shape, bool) for image in images]
+                found = find_suspects(rig, images, masks, one.grid)
+                alarms += [f"{flame}, {name}: {camera}" for camera in found.left_out]
+                wild_ones += sum(found.wild.values())
+                pixels += sum(found.usable.values())
+                judged += 1
+    over = f"{judged} sets: " + ", ".join([*HONEST, "noise", "3 px beside", "5 and 11 views"])
+    yield Row(
+        "honest images: views left out", over, len(alarms), 0, "faults", note="; ".join(alarms)
+    )
+    yield Row("honest images: pixels left out", over, wild_ones / pixels, FALSE_ALARMS, "of all")
+
+
+def _variants(one: Scene, what: str, seed: int) -> Iterator[tuple[str, Rig, Images]]:
+    yield what, one.rig, one.images
+    if what != "as they are":
+        return
+    random = np.random.default_rng(seed)
+    noise = 0.1 * one.brightest
+    noisy = [
+        (image + noise * random.standard_normal(image.shape)).astype(np.float32)
+        for image in one.images
+    ]
+    yield "noise 10 %", one.rig, noisy
+    shrunk = 3.0 * one.rig[0].image_size[0] / 90  # of the preset's own pixels
+    yield "3 px beside", beside(one.rig, shrunk, seed), one.images
+    for count in (5, 11):
+        kept = range(0, 33, 33 // count)[:count]
+        cameras = tuple(one.rig[view] for view in kept)
+        yield f"{count} views", replace(one.rig, cameras=cameras), [one.images[v] for v in kept]

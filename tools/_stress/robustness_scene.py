@@ -1,0 +1,141 @@
+"""A flame before the 33 cameras of a preset, shrunk, and what may go wrong with its images."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import phantoms
+import rigs
+from rigs import Rig
+from tomo import Scan, VoxelGrid
+from tomo.effects import Effects
+from tomo.outcome import Outcome
+from tomo.reconstruct import reconstruct
+from tomo.scan_file import save_scan
+from tomo.simulate import simulate
+
+PRESET = "paper33_pitch"
+FLAMES = ("jet", "turbulent")
+WRONG, OTHER = 7, 15
+"""Views that something happens to."""
+
+ANOTHER_MOMENT = 100  # added to the seed
+
+Images = list[NDArray[np.float32]]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Images of a known flame.
+
+    Attributes
+    ----------
+    flame : str
+    rig : Rig
+    grid : VoxelGrid
+    images : list of (height, width) float32
+    truth : (nx, ny, nz) float32
+    """
+
+    flame: str
+    rig: Rig
+    grid: VoxelGrid
+    images: Images
+    truth: NDArray[np.float32]
+
+    @property
+    def brightest(self) -> float:
+        """The brightest pixel of all."""
+        return max(float(image.max()) for image in self.images)
+
+    def reconstructed(self, images: Images) -> Outcome:
+        """Return what the default method makes of other images of the same cameras."""
+        with tempfile.TemporaryDirectory() as folder:
+            named = dict(zip(self.rig.names, images, strict=True))
+            path = Path(folder) / "scan"
+            save_scan(path, self.rig, {"moment": named}, grid=self.grid, truth=self.truth)
+            return reconstruct(Scan.load(path), uncertainty=0)
+
+
+@lru_cache(maxsize=16)
+def scene(flame: str, seed: int, shrink: float, effects: Effects | None = None) -> Scene:
+    """Return a flame before the preset's cameras, voxels and pixels ``1 / shrink`` as large."""
+    rig = rigs.preset(PRESET)
+    volume = rig.volume
+    shape = [max(round(n * shrink), 1) for n in volume.shape]
+    half = np.multiply(volume.shape, volume.spacing) / 2
+    center = np.asarray(volume.center)
+    grid = VoxelGrid.from_bounds(shape, center - half, center + half)
+    rig = replace(rig, cameras=tuple(camera.scaled(shrink) for camera in rig))
+    field = phantoms.create(flame, seed=seed, extent=grid.extent)
+    made = simulate(rig, field, grid, supersample=2, refine=2, effects=effects, seed=seed)
+    return Scene(flame, rig, grid, [made.images[name] for name in rig.names], made.truth)
+
+
+def wild(images: Images, share: float, seed: int) -> Images:
+    """Return images with a share of wild pixels: dead, saturated, and anything up to 4 times."""
+    random = np.random.default_rng(seed)
+    brightest = max(float(image.max()) for image in images)
+    found = []
+    for image in images:
+        hit = random.random(image.shape) < share
+        kinds = [np.zeros(image.shape), np.full(image.shape, brightest)]
+        kinds.append(brightest * random.uniform(0, 4, image.shape))
+        strange = np.choose(random.integers(0, 3, image.shape), kinds)
+        found.append(np.where(hit, strange, image).astype(np.float32))
+    return found
+
+
+def one_wild_pixel(images: Images) -> Images:
+    """Return images one pixel of which is a thousand times as bright as the flame."""
+    found = [image.copy() for image in images]
+    height, width = found[WRONG].shape
+    found[WRONG][height // 2, width // 2] = 1e3 * max(float(image.max()) for image in images)
+    return found
+
+
+def wrong_views(one: Scene, seed: int, shrink: float) -> Iterator[tuple[str, Images, bool]]:
+    """Return what a view may show instead, the images, and whether it can be seen to be wrong.
+
+    A jet is nearly the same from all sides and at all moments.
+    """
+    own = one.images[WRONG]
+    beside = FLAMES[1 - FLAMES.index(one.flame)]
+    random = np.random.default_rng(seed)
+    shown: Mapping[str, NDArray] = {
+        "another flame": scene(beside, seed, shrink).images[WRONG],
+        "another moment": scene(one.flame, seed + ANOTHER_MOMENT, shrink).images[WRONG],
+        "black": np.zeros_like(own),
+        "constant": np.full_like(own, one.brightest),
+        "noise": one.brightest * random.random(own.shape),
+        "mirrored": own[:, ::-1],
+        "upside down": own[::-1],
+        "turned by 180 degrees": own[::-1, ::-1],
+        "another camera's image": one.images[OTHER],
+    }
+    round_ones = ("another moment", "mirrored", "another camera's image")
+    for name, image in shown.items():
+        images = list(one.images)
+        images[WRONG] = np.ascontiguousarray(image, np.float32)
+        yield name, images, one.flame != "jet" or name not in round_ones
+
+
+def swapped(images: Images) -> Images:
+    """Return images of which two are with each other's camera."""
+    found = list(images)
+    found[WRONG], found[OTHER] = images[OTHER], images[WRONG]
+    return found
+
+
+def beside(rig: Rig, pixels: float, seed: int) -> Rig:
+    """Return a rig that is wrong about where each camera looks, by up to so many pixels."""
+    random = np.random.default_rng(seed)
+    moved = (camera.shifted(*random.uniform(-pixels, pixels, 2)) for camera in rig)
+    return replace(rig, cameras=tuple(moved))
