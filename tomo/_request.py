@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from tomo.condition import AUTO_REPEATS
 from tomo.methods import AUTO, Method, method_named, method_names
 from tomo.outcome import UNSEEN
 from tomo.refine.search import FEWEST
@@ -25,6 +26,25 @@ def check_numbers(seed: int, time_limit: float | None) -> None:
         raise ValueError(f"seed: found {seed}, expected a whole number from 0 to 2^63 - 1")
     if time_limit is not None and not time_limit > 0:
         raise ValueError(f"time_limit: found {time_limit}, expected seconds above 0")
+
+
+def repeats_of(uncertainty: int | str, method: Method) -> int:
+    """Return how often to repeat the solve with new noise; ``auto``: a few for ``auto`` alone.
+
+    Choosing has cost ``auto`` more than that; another method may run for hours.
+    """
+    if uncertainty == AUTO:
+        return AUTO_REPEATS if method.name == AUTO else 0
+    if isinstance(uncertainty, str) or uncertainty % 1 or uncertainty < 0 or uncertainty == 1:
+        raise ValueError(
+            f"uncertainty: found {uncertainty!r}, expected auto, 0, or 2 repeats or more"
+        )
+    if uncertainty and method.needs_midpoints:
+        raise ValueError(
+            f"uncertainty: found {uncertainty} repeats, expected 0 or auto for method "
+            f"{method.name}: what is learned is not repeated"
+        )
+    return int(uncertainty)
 
 
 def check_unseen(unseen: str) -> None:

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo import metrics
+from tomo.condition import Solve
 from tomo.linear_system import Progress
 from tomo.methods import AUTO, Method
 from tomo.outcome import quality
 from tomo.reconstruction import Reconstruction
-from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
+from tomo.solve.stopping import Choice, choose_by_held_out_views, solve_as_chosen
 from tomo.viewed import ViewedOperator
 
 
@@ -85,3 +86,24 @@ class Run:
                 "total": time.perf_counter() - started,
             },
         )
+
+    def again(self, method: Method, found: Reconstruction) -> Solve | None:
+        """Return ``found``'s solve, with as many iterations, for other images; None if it learns.
+
+        From the pixels that take part, ``(pixels,)``, to the unknowns, ``(unknowns,)``.
+        """
+        if method.needs_midpoints:
+            return None
+        iterations = found.history[-1].index
+
+        def solve(measured: NDArray[np.float32]) -> NDArray[np.float32]:
+            if method.name == AUTO:
+                name, width = found.settings["method"], found.settings["smooth_width"]
+                choice = Choice(name, width, iterations, math.nan)
+                repeated = solve_as_chosen(self.projector, measured, choice)
+            else:
+                arguments = method.arguments(seed=self.seed, iterations=iterations)
+                repeated = method.solver(self.projector, measured, **arguments)
+            return self.projector.live.compress(repeated.volume)
+
+        return solve

@@ -18,6 +18,7 @@ from tomo._sums import dot, norm
 from tomo.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
+    from tomo.condition import Condition
     from tomo.wernet import LearnedWeights
 
 UNSEEN = (ZERO, NOT_A_NUMBER) = ("zero", "nan")
@@ -148,6 +149,8 @@ class Outcome:
         entry of its history; empty without a truth.
     learned : LearnedWeights, optional
         What was learned in place of chord lengths; None: chords.
+    condition : Condition, optional
+        How far the volume is to be trusted, see `tomo.condition`.
     """
 
     reconstruction: Reconstruction
@@ -170,6 +173,7 @@ class Outcome:
     settings: Mapping[str, Any] = field(default_factory=dict)
     cosine_distances: tuple[tuple[float, ...], ...] = ()
     learned: LearnedWeights | None = None
+    condition: Condition | None = None
 
     @property
     def volume(self) -> NDArray[np.float32]:
@@ -196,6 +200,7 @@ class Outcome:
             "refinement": self.refinement,
             "gains": self.gains,
             "learned": self.learned.report() if self.learned else None,
+            "condition": self.condition.report() if self.condition else None,
             "relative_residual": found.relative_residual,
             "stop_reason": found.stop_reason,
             "quality": dict(found.quality),

@@ -29,10 +29,12 @@ from tomo._request import (
     check_numbers,
     check_unseen,
     comparison,
+    repeats_of,
 )
 from tomo._run import Run
 from tomo._sieve import sieve
 from tomo._true_weights import true_effects, true_ratios
+from tomo.condition import assess
 from tomo.gains import Gains, gains_worth_correcting
 from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
@@ -71,6 +73,7 @@ def reconstruct(
     resume: bool = False,
     seed: int = 0,
     time_limit: float | None = None,
+    uncertainty: int | str = AUTO,
     progress: Progress | None = None,
 ) -> Outcome:
     """Reconstruct the emission in every voxel from one frame of a scan.
@@ -139,6 +142,10 @@ def reconstruct(
     time_limit : float, optional
         Seconds after which each solver stops at its current iteration, but not before its
         first; what ``auto`` takes to choose comes on top.
+    uncertainty : int or "auto"
+        How often to repeat the solve with new noise, for the standard deviation of every voxel,
+        and to find the resolution, see `tomo.condition`; 30 tell single voxels. ``auto``: as
+        often as the figures for the whole volume need after method ``auto``, else 0.
     progress : callable, optional
         ``progress(done, total, where)``.
 
@@ -153,6 +160,7 @@ def reconstruct(
     methods = [main, *(other for other, _ in others)]
     check_numbers(seed, time_limit)
     check_unseen(unseen)
+    repeats = repeats_of(uncertainty, main)
     check_device(device, methods)
     check_learning(
         main, {"encoder": encoder, "freeze_encoder": freeze_encoder, "checkpoint": checkpoint}
@@ -242,6 +250,13 @@ def reconstruct(
             warnings.append(f"comparison {other.name}: {error}")
     compared = time.perf_counter()
 
+    again = run.again(main, found)
+    condition = assess(
+        system, measured, found.volume, again, repeats=repeats, seed=seed, progress=progress
+    )
+    warnings += [f"not to be trusted: {doubt}" for doubt in condition.warnings]
+    assessed = time.perf_counter()
+
     seeing = as_learned(system, found, same_views=True)
     views = views_of(seeing, found.volume, training_images, training_masks, gains)
     learned = None
@@ -290,6 +305,7 @@ def reconstruct(
         "freeze_encoder": freeze_encoder,
         "seed": seed,
         "time_limit": time_limit,
+        "uncertainty": uncertainty,
         "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},
     }
     return Outcome(
@@ -319,6 +335,7 @@ def reconstruct(
             "choose": found.seconds["choose"],
             "solve": solved - traced,
             "compare": compared - solved,
+            "condition": assessed - compared,
             "total": time.perf_counter() - started,
         },
         first_use_seconds=first_use,
@@ -327,6 +344,7 @@ def reconstruct(
         settings=settings,
         cosine_distances=tuple(run.cosine_distances),
         learned=learned,
+        condition=condition,
     )
 
 

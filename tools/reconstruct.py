@@ -118,6 +118,13 @@ def reconstruct(
     time_limit: Annotated[
         float | None, typer.Option(help="Seconds for the solver, once auto has chosen.")
     ] = None,
+    uncertainty: Annotated[
+        str,
+        typer.Option(
+            help="Repeats with new noise, for every voxel's standard deviation: 30 map it, 0 is "
+            "none, auto a few for the figures after method auto."
+        ),
+    ] = "auto",
     json: Annotated[bool, typer.Option("--json", help="Print the report on stdout.")] = False,
 ) -> None:
     """Reconstruct the emission in every voxel from the images of calibrated cameras."""
@@ -161,6 +168,7 @@ def reconstruct(
                 resume=resume,
                 seed=seed,
                 time_limit=time_limit,
+                uncertainty=_number_or_auto("--uncertainty", uncertainty, int),
                 progress=progress,
             )
         write_outcome(out, outcome)

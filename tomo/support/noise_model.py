@@ -61,14 +61,19 @@ class NoiseModel:
         return (variance.min(initial=np.inf) / variance).astype(np.float32)
 
 
-def estimate_noise(image: ArrayLike, mask: ArrayLike | None = None) -> NoiseModel:
-    """Estimate the noise of a camera from an image and nothing else.
+def estimate_noise(
+    image: ArrayLike, mask: ArrayLike | None = None, expected: ArrayLike | None = None
+) -> NoiseModel:
+    """Estimate the noise of a camera from an image, and from what is known of it.
 
     Parameters
     ----------
     image : (height, width)
     mask : (height, width) bool, optional
         True where a pixel is usable.
+    expected : (height, width), optional
+        The image without its noise as far as it is known, a volume re-projected say: its fine
+        structure is not taken for noise, and it tells the signal.
 
     Notes
     -----
@@ -95,7 +100,10 @@ def estimate_noise(image: ArrayLike, mask: ArrayLike | None = None) -> NoiseMode
     most = PIXELS_A_LEVEL * MOST_LEVELS
     if len(chosen) > most:  # spread by the golden section: no step falls in with the rows
         chosen = chosen[golden_section(len(chosen)) < most / len(chosen)]
-    level = _sum_of_nine(image).ravel()[chosen] / 9
+    signal = image if expected is None else np.where(usable, expected, 0.0)
+    level = _sum_of_nine(signal).ravel()[chosen] / 9
+    if expected is not None:
+        image = image - signal
     across = image[:, 2:] - 2 * image[:, 1:-1] + image[:, :-2]
     fine = np.abs(across[2:] - 2 * across[1:-1] + across[:-2]).ravel()[chosen] / 6
     parts = int(np.clip(len(level) // PIXELS_A_LEVEL, 1, MOST_LEVELS))

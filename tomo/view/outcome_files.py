@@ -15,7 +15,7 @@ from tomo.reconstruction import Reconstruction
 from tomo.view.report import write_report
 from tomo.view.results import Convergence, Results, draw, write_pictures
 
-PICTURES = ("rig", "slices", "views", "convergence", "difference", "learned")
+PICTURES = ("rig", "slices", "views", "convergence", "difference", "learned", "condition")
 
 RIG_FILE = "refined_rig.yaml"
 """The rig with its refined cameras, where there are any; a scan's own is its ``rig.yaml``."""
@@ -24,24 +24,33 @@ PAGE, FIGURES = "report.html", "report.json"
 
 VOLUME_FILES = ("volume.npz", "volume.vti", "volume.nrrd")
 
+DEVIATION_FILES = ("standard_deviation.npz", "standard_deviation.vti", "standard_deviation.nrrd")
+"""Beside them where the standard deviation of single voxels is known."""
+
 
 def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
     """Write everything about a reconstruction into a folder; return the paths.
 
     Until all is written, the folder keeps what stood there before: see `tomo.io.whole_folder`.
     ``report.json`` comes last: where it stands, the rest is complete and of the same run. Where
-    cameras were refined, ``refined_rig.yaml`` is the rig with them. Pictures and the rig of an
-    earlier outcome that this one does not have are removed.
+    cameras were refined, ``refined_rig.yaml`` is the rig with them; where the standard deviation
+    of single voxels is known, ``standard_deviation.npz``, ``.vti`` and ``.nrrd`` hold it.
+    Pictures, rig and standard deviations of an earlier outcome that this one does not have are
+    removed.
     """
     found, report = outcome.reconstruction, outcome.report()
     names = [*VOLUME_FILES]
-    with whole_folder(
-        folder, last=(PAGE, FIGURES), others=(RIG_FILE, *(f"{name}.png" for name in PICTURES))
-    ) as staging:
+    others = (RIG_FILE, *DEVIATION_FILES, *(f"{name}.png" for name in PICTURES))
+    with whole_folder(folder, last=(PAGE, FIGURES), others=others) as staging:
         for name in VOLUME_FILES:
             path = staging / name
             write_volume(path, outcome.volume, found.grid, outcome.rig.length_unit, allow_nan=True)
         results = results_of(outcome)
+        if results.deviation is not None:
+            for name in DEVIATION_FILES:
+                path = staging / name
+                write_volume(path, results.deviation, found.grid, outcome.rig.length_unit)
+            names += DEVIATION_FILES
         pictures = draw(results)
         names += [path.name for path in write_pictures(staging, pictures)]
         write_report(staging / PAGE, report, results, pictures)
@@ -55,7 +64,7 @@ def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
 
 def results_of(outcome: Outcome) -> Results:
     """Return what the figures show of a whole reconstruction."""
-    found = outcome.reconstruction
+    found, condition = outcome.reconstruction, outcome.condition
     return Results(
         rig=outcome.rig,
         grid=found.grid,
@@ -71,6 +80,7 @@ def results_of(outcome: Outcome) -> Results:
         comparisons=[(other.settings["method"], other.volume) for other in outcome.comparisons],
         method=found.settings["method"],
         learned=outcome.learned,
+        deviation=condition.standard_deviation if condition and condition.mapped else None,
     )
 
 

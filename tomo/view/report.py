@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 
 from tomo.io.atomic import atomic_path
 from tomo.metrics import cosine_distance, nrmse
+from tomo.view.condition_tables import condition_section
 from tomo.view.page import embedded, render
 from tomo.view.results import Picture, Results, draw
 
@@ -18,6 +19,7 @@ _TITLES = {
     "slices": "Reconstructed volume",
     "convergence": "Convergence",
     "difference": "Comparison of volumes",
+    "condition": "Standard deviation of every voxel",
     "learned": "What was learned in place of chord lengths",
 }
 
@@ -64,6 +66,7 @@ def write_report(
         pictures=shown,
         views=_view_rows(report, results),
         comparisons=_comparison_rows(results),
+        condition=condition_section(report.get("condition"), results.rig.length_unit),
         refinement=_refinement(report, results.rig.length_unit),
         details=_details(report),
     )

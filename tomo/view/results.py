@@ -71,6 +71,8 @@ class Results:
         What to call the reconstruction in figures.
     learned : LearnedWeights, optional
         What was learned in place of chord lengths.
+    deviation : (nx, ny, nz), optional
+        The standard deviation of every voxel.
     """
 
     rig: Rig
@@ -82,6 +84,7 @@ class Results:
     comparisons: Sequence[tuple[str, NDArray]] = ()
     method: str = "reconstruction"
     learned: LearnedWeights | None = None
+    deviation: NDArray | None = None
 
     def __post_init__(self) -> None:
         """Take mappings for views and histories too, and check shapes."""
@@ -94,6 +97,8 @@ class Results:
         volumes = [("volume", self.volume), *self.comparisons]
         if self.truth is not None:
             volumes.append(("truth", self.truth))
+        if self.deviation is not None:
+            volumes.append(("deviation", self.deviation))
         for name, volume in volumes:
             if volume.shape != self.grid.shape:
                 raise ValueError(
@@ -119,9 +124,10 @@ class Picture:
 def draw(results: Results) -> tuple[Picture, ...]:
     """Return the figures; those that there is nothing for are left out.
 
-    Rig, slices, views, convergence, difference and learned weights.
+    Rig, slices, views, convergence, difference, learned weights and standard deviations.
     """
     from tomo.view import result_figures
+    from tomo.view.condition_picture import draw_deviations
     from tomo.view.learned_picture import draw_learned
     from tomo.view.rig_picture import draw_rig
     from tomo.view.volume_picture import draw_volume
@@ -191,6 +197,14 @@ def draw(results: Results) -> tuple[Picture, ...]:
             ),
             "Line plots of the learned weight over the chord length against five quantities, and "
             "bars of left-out views' residuals.",
+        ),
+        (
+            results.deviation is not None,
+            "condition",
+            lambda: draw_deviations(results.volume, results.deviation, grid, length_unit=unit),
+            "Planes through the middle of the volume, and of the standard deviation that noise "
+            "leaves in each voxel, each on its own scale.",
+            "Middle planes of the emission and of its standard deviation side by side.",
         ),
     ]
     return tuple(
