@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
 import psutil
+
+LIBRARIES_TAKE, A_THREAD_TAKES = 2_000_000_000, 75_000_000
+"""Bytes of address space, most of it never touched: code, and stacks and heaps of threads."""
 
 _CGROUP = Path("/sys/fs/cgroup")
 
@@ -18,6 +22,25 @@ def available_memory() -> int:
     """
     limits = [psutil.virtual_memory().available, _left_in_container(), _left_of_address_space()]
     return max(min(limit for limit in limits if limit is not None), 0)
+
+
+def check_address_space() -> None:
+    """Raise where ``ulimit -v`` allows less than the libraries take.
+
+    Loaded nevertheless, some crash with no word when they cannot have it.
+
+    Raises
+    ------
+    ValueError
+        Saying how much there is, and how much is needed.
+    """
+    limit = _address_space()
+    needed = LIBRARIES_TAKE + A_THREAD_TAKES * (os.cpu_count() or 1)
+    if limit is not None and limit < needed:
+        raise ValueError(
+            f"memory: found an address space of {limit / 1e9:.1f} GB (ulimit -v), expected at "
+            f"least {needed / 1e9:.1f} GB, which the libraries take before the first voxel"
+        )
 
 
 def peak_memory() -> int:
@@ -42,9 +65,15 @@ def _left_in_container(cgroup: Path = _CGROUP) -> int | None:
 
 def _left_of_address_space() -> int | None:
     """Return what ``ulimit -v`` leaves; None where there is no limit."""
+    limit = _address_space()
+    return None if limit is None else limit - psutil.Process().memory_info().vms
+
+
+def _address_space() -> int | None:
+    """Return the bytes that ``ulimit -v`` allows; None where there is no limit."""
     try:
         import resource
-    except ImportError:
+    except ImportError:  # Windows
         return None
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    return None if limit == resource.RLIM_INFINITY else limit - psutil.Process().memory_info().vms
+    return None if limit == resource.RLIM_INFINITY else limit

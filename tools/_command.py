@@ -40,16 +40,20 @@ def bad_input_in_one_line() -> Iterator[None]:
     """Turn errors about input, memory and files, and being stopped, into one line on stderr.
 
     Exit codes are 2 for input, which is what takes too much memory too, 1 for files that the
-    system refuses to read or write (a full disk), `INTERRUPTED` and `TERMINATED`.
+    system refuses to read or write (a full disk) and for what diverged, `INTERRUPTED` and
+    `TERMINATED`.
     """
+    from tomo._memory import check_address_space
+
     try:
         with _terminated_by_an_exception():
+            check_address_space()
             yield
     except BrokenPipeError:  # who reads stdout has gone: typer's to say
         raise
     except (ValueError, *_ABOUT_A_PATH) as error:
         _end(f"error: {_told(error)}", 2)
-    except OSError as error:
+    except (OSError, FloatingPointError) as error:
         _end(f"error: {_told(error)}", 1)
     except KeyboardInterrupt:
         _end("interrupted", INTERRUPTED)

@@ -31,6 +31,10 @@ first guess."""
 SETTLED = 0.99
 """Training ends when the left-out views' residual falls by less than this factor."""
 
+LARGEST_CORRECTION = 1e3
+"""Weights a million times the chord lengths are no optics; squares of much larger ones are no
+numbers in single precision. An encoder that gives such, or NaN, has diverged."""
+
 JUDGED_EVERY = 2
 PATIENCE = 4
 """Rounds after which what is learnt must be worth it."""
@@ -96,7 +100,7 @@ class Rounds:
         tokens.take(first_guess(self.projector, self.measured, self.chords, self.unit))
 
     def solve_guess(self) -> float:
-        """Solve with the first guess and judge it; return the relative residual."""
+        """Solve with the first guess and judge it; return the relative residual, NaN as in `round`."""
         tokens, features = self.alternation.tokens, self.alternation.features
         self.volume = volume_with(
             self.projector, self.measured, features, tokens, self.chords, self.unit
@@ -118,10 +122,17 @@ class Rounds:
         return self.alternation.features.emission_in_front(self.volume, self.unit)
 
     def _solve(self, front: torch.Tensor, *, judged: bool) -> float:
-        """Solve with the weights as they are learnt by now; return the relative residual."""
+        """Solve with the weights as they are learnt by now; return the relative residual.
+
+        NaN, and nothing solved, where the weights have diverged.
+        """
         alternation = self.alternation
         features, encoder, tokens = alternation.features, alternation.encoder, alternation.tokens
         correction = corrections(encoder, tokens, features, front, alternation.over_parts)
+        if not np.abs(correction).max(initial=0.0) <= LARGEST_CORRECTION:
+            place = f"round {self.done}" if self.done else "the first guess"
+            self.ended = f"diverged in {place}: corrections beyond any optics"
+            return math.nan
         learned = reweighted(self.projector, correction)
         if judged:
             self.choice = self._choose(learned)

@@ -196,7 +196,7 @@ def wernet(
             residual = rounds.solve_guess() if guesses else math.nan
             if saved:
                 saved.save(rounds.state())
-            if guesses and note(1, residual):
+            if not math.isnan(residual) and note(1, residual):
                 rounds.ended = "stopped by the callback after the first guess"
         while not rounds.ended and (rounds.done < last or (freeze_encoder and not rounds.done)):
             residual = rounds.round(train=not freeze_encoder)

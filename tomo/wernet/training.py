@@ -30,7 +30,7 @@ LAYOUTS = ("packed", "padded")
 _START = 0.1
 
 
-class TrainingDivergedError(RuntimeError):
+class TrainingDivergedError(FloatingPointError):
     """The loss was not a finite number before one epoch was done: there is no volume to keep."""
 
 

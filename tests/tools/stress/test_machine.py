@@ -1,0 +1,56 @@
+"""The machine's rows, at the smallest size, and that they can fail."""
+
+import json
+
+import numpy as np
+import pytest
+from _stress import machine_kills, machine_writers
+from _stress.machine_commands import Ended, small_scan
+
+
+@pytest.mark.parametrize("kind", ["vti", "checkpoint"])
+def test_killed_writers_leave_the_last_good_state(tmp_path, kind):
+    row = machine_kills.killed_writer(kind, tmp_path / kind, 3, 0)
+    assert row.holds, row.note
+    assert row.unit == "faults"
+
+
+def test_a_writer_that_writes_in_place_is_found_out(tmp_path):
+    def write(folder, _, version):
+        with (folder / "file").open("w") as file:
+            for _ in range(200):
+                file.write(f"{version}\n" * 1000)
+                file.flush()
+
+    def read(folder):
+        found = {int(line) for line in (folder / "file").read_text().split()}
+        lines = (folder / "file").read_text().count("\n")
+        return found if lines == 200_000 else {-1}
+
+    kind = machine_writers.Kind(write, read)
+    found = machine_writers.kill_at_random(kind, tmp_path, 5, 0)
+    assert found["faults"]
+
+
+def test_every_end_that_is_no_good_end_is_a_fault():
+    line = ("error: something",)
+    assert Ended(0, (), 1.0).fault(0) == ""
+    assert Ended(2, line, 1.0).fault(0, 2) == ""
+    assert "traceback" in Ended(1, ("Traceback (most recent call last):", "x"), 1.0).fault(1)
+    assert Ended(-11, (), 1.0).fault(0, 2) == "exit code -11 without a word"
+    assert Ended(2, (*line, *line), 1.0).fault(2)
+    assert Ended(1, line, 1.0).fault(0, 2)
+
+
+def test_results_of_two_runs_in_one_folder_are_told_apart(run_tool, tmp_path):
+    scan = small_scan(tmp_path / "scan")
+    for name, count in (("one", 1), ("two", 40)):
+        options = ("--method", "sirt", "--iterations", count, "-o", tmp_path / name)
+        assert run_tool("reconstruct", scan, *options).exit_code == 0
+    assert machine_kills.mixed(scan, tmp_path / "one") == ""
+    (tmp_path / "two" / "slices.png").rename(tmp_path / "one" / "slices.png")
+    assert machine_kills.mixed(scan, tmp_path / "one") == "slices.png is of another run"
+    (tmp_path / "two" / "volume.vti").rename(tmp_path / "one" / "volume.vti")
+    assert machine_kills.mixed(scan, tmp_path / "one") == "volume.vti is of another run"
+    report = json.loads((tmp_path / "one" / "report.json").read_text("utf-8"))
+    assert np.isfinite(report["quality"]["cosine_distance"])

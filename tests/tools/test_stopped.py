@@ -1,0 +1,152 @@
+"""Commands that the system stops: one line, an exit code of its own, nothing half-written."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from phantoms import create
+from rigs import ring
+from tomo import VoxelGrid
+from tomo.simulate import simulate
+
+ROOT = Path(__file__).parents[2]
+GRID = VoxelGrid((6, 10, 6), 1.0)
+QUICK = ("--method", "sirt", "--iterations", "2")
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("original") / "scan"
+    rig = ring(4, 60.0, 100.0, image_size=(12, 18), footprint=0.8)
+    simulate(rig, create("blobs", 1, GRID.extent, GRID.center), GRID).save(folder)
+    return folder
+
+
+def _lines(stderr):
+    bars = ("reconstruct ", "simulate ")
+    lines = [line for line in stderr.splitlines() if line.strip()]
+    return [line for line in lines if not line.startswith(bars)]
+
+
+def _limited(limit, value, *arguments):
+    """Run reconstruct with one of the system's limits."""
+    code = (
+        "import os, resource, sys\n"
+        f"resource.setrlimit(resource.RLIMIT_{limit}, ({value}, {value}))\n"
+        "os.execv(sys.executable, [sys.executable, *sys.argv[1:]])"
+    )
+    command = [sys.executable, "-c", code, ROOT / "tools" / "reconstruct.py", *arguments]
+    return subprocess.run(
+        list(map(str, command)),
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+
+
+def test_a_full_disk_is_one_line_that_names_the_file(scan, tmp_path):
+    (tmp_path / "report.json").write_text("{}")
+    done = _limited("FSIZE", 3000, scan, *QUICK, "-o", tmp_path)
+    assert done.returncode == 1
+    assert len(_lines(done.stderr)) == 1, done.stderr
+    assert f"error: {tmp_path}" in done.stderr
+    assert ": File too large" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["report.json"]
+
+
+def test_less_address_space_than_the_libraries_take_is_one_line(scan, tmp_path):
+    done = _limited("AS", 900_000_000, scan, *QUICK, "-o", tmp_path / "out")
+    assert done.returncode == 2
+    (line,) = _lines(done.stderr)
+    assert line.startswith("error: memory: found an address space of 0.9 GB (ulimit -v)")
+
+
+@pytest.mark.parametrize(
+    "lack",
+    [
+        MemoryError("Unable to allocate 8.00 GiB"),
+        RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried 8 bytes"),
+        ImportError("libtorch.so: failed to map segment from shared object"),
+    ],
+    ids=["numpy", "torch", "library"],
+)
+def test_memory_that_runs_out_is_one_line(run_tool, scan, tmp_path, monkeypatch, lack):
+    def fail(*_, **__):
+        raise lack
+
+    monkeypatch.setattr("tomo.reconstruct.reconstruct", fail)
+    done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    (line,) = _lines(done.stderr)
+    assert line.startswith("error: memory: found too little left")
+
+
+def test_other_errors_of_the_program_are_not_hidden(run_tool, scan, tmp_path, monkeypatch):
+    def fail(*_, **__):
+        raise RuntimeError("a defect")
+
+    monkeypatch.setattr("tomo.reconstruct.reconstruct", fail)
+    done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path / "out")
+    assert isinstance(done.exception, RuntimeError)
+
+
+@pytest.mark.parametrize(
+    ("one", "code", "word"),
+    [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")],
+    ids=["ctrl-c", "sigterm"],
+)
+def test_a_stopped_command_leaves_what_was_there(
+    run_tool, scan, tmp_path, monkeypatch, one, code, word
+):
+    (tmp_path / "report.json").write_text("{}")
+
+    def stopped(*_):
+        os.kill(os.getpid(), one)
+        time.sleep(10)  # until Python looks
+
+    monkeypatch.setattr("tomo.view.outcome_files.write_pictures", stopped)
+    before = signal.getsignal(signal.SIGTERM)
+    done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path)
+    assert done.exit_code == code
+    assert _lines(done.stderr) == [word]
+    assert [path.name for path in tmp_path.iterdir()] == ["report.json"]
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_what_a_killed_run_left_is_removed_by_the_next(run_tool, scan, tmp_path):
+    code = (
+        "import os, signal, sys\n"
+        "from tomo.io import atomic_path\n"
+        "with atomic_path(sys.argv[1]) as temporary:\n"
+        "    temporary.write_text('half')\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    subprocess.run([sys.executable, "-c", code, tmp_path / "checkpoint.pt"], cwd=ROOT)
+    assert len(list(tmp_path.iterdir())) == 1
+    done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path)
+    assert done.exit_code == 0
+    assert not [path.name for path in tmp_path.iterdir() if path.name.startswith(".")]
+
+
+def test_training_that_diverges_at_once_is_one_line(run_tool, scan, tmp_path):
+    from tomo.wernet import WeightEncoder, save_encoder
+
+    encoder = WeightEncoder(seed=0)
+    with torch.no_grad():
+        for parameter in encoder.parameters():
+            parameter.fill_(float(np.finfo(np.float32).max))
+    save_encoder(encoder, tmp_path / "encoder.pt")
+    options = ("--method", "wernet-paper", "--encoder", tmp_path / "encoder.pt")
+    done = run_tool("reconstruct", scan, *options, "--iterations", "2", "-o", tmp_path / "out")
+    assert done.exit_code == 1
+    (line,) = _lines(done.stderr)
+    assert line.startswith("error: wernet-paper: epoch 1: loss: found NaN or infinity")
+    assert not (tmp_path / "out").exists()
