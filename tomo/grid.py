@@ -97,9 +97,9 @@ class VoxelGrid:
     def from_origin(cls, shape: ArrayLike, spacing: ArrayLike, origin: ArrayLike) -> VoxelGrid:
         """Return the grid whose voxel (0, 0, 0) is centred at ``origin`` (VTK, ITK, NRRD)."""
         spacing = np.broadcast_to(np.asarray(spacing, np.float64), 3)
-        shape = cls(tuple(shape), tuple(spacing)).shape
+        shape = cls(tuple(shape), tuple(spacing.tolist())).shape
         center = np.asarray(origin, np.float64) + (np.asarray(shape) - 1) / 2 * spacing
-        return cls(shape, tuple(spacing), tuple(center))
+        return cls(shape, tuple(spacing.tolist()), tuple(center))
 
     @property
     def size(self) -> int:

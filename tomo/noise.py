@@ -156,7 +156,13 @@ def _open(images: Images, dtype: np.dtype | None = None):
             dtype or (image.dtype if image.dtype.kind == "f" else np.dtype(np.float32))
             for image in originals
         ]
-        typed = [result.astype(kind) for result, kind in zip(results, kinds, strict=True)]
+        with np.errstate(over="ignore"):  # too large a number is told as infinity below
+            typed = [result.astype(kind) for result, kind in zip(results, kinds, strict=True)]
+        for kind, image in zip(kinds, typed, strict=True):
+            if not np.isfinite(image).all():
+                raise ValueError(
+                    f"noise: found intensities with it that overflow {kind}, expected less noise"
+                )
         return typed[0] if single else typed
 
     return [image.astype(np.float64) for image in originals], finish

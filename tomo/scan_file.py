@@ -141,7 +141,11 @@ def scan_of_images(rig: Rig | str | PathLike, images: str | PathLike, **settings
     frames: dict[str, dict[str, Path]] = {}
     for camera in rig.names:
         if not (folder / camera).is_dir():
-            raise FileNotFoundError(f"{folder}: camera {camera}: found no folder {camera} in it")
+            others = ", ".join(sorted(path.name for path in folder.iterdir() if path.is_dir()))
+            raise FileNotFoundError(
+                f"{folder}: camera {camera}: found no folder {camera} in it, expected one for "
+                f"every camera of the rig; it has {others or 'no folders'}"
+            )
         for image in sorted((folder / camera).iterdir()):
             if image.suffix.lower() not in IMAGE_SUFFIXES or image.name.startswith("."):
                 continue
@@ -152,6 +156,11 @@ def scan_of_images(rig: Rig | str | PathLike, images: str | PathLike, **settings
                     f"the other is {of_frame[camera].name}"
                 )
             of_frame[camera] = image
+        if not any(camera in of_frame for of_frame in frames.values()):
+            raise ValueError(
+                f"{folder / camera}: camera {camera}: found no image, expected files that end in "
+                f"{', '.join(IMAGE_SUFFIXES)}"
+            )
     settings.setdefault("grid", grid_of_rig(rig))
     ordered = tuple(Frame(name, frames[name]) for name in sorted(frames))
     return Scan(rig, ordered, source=folder, **settings)

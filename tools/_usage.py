@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import typer
@@ -38,4 +39,24 @@ def _told(error: Any, given: list[str]) -> str:
         about = (getattr(param, "help", None) or "a value").rstrip(".")
         return f"{name}: missing, expected: {about}"
     parsed, _, _ = error.ctx.command.make_parser(error.ctx).parse_args(list(given))
-    return f"{name}: found {parsed.get(param.name)!r}: {error.message.rstrip('.')}"
+    return f"{name}: found {parsed.get(param.name)!r}, expected {_expected(error.message)}"
+
+
+_SAID = (
+    (r"Input should be a valid integer.*", "a whole number"),
+    (r"Input should be a valid number.*", "a number"),
+    (r"Input should be greater than or equal to (.*)", r"a number from \1"),
+    (r"Input should be less than or equal to (.*)", r"a number up to \1"),
+    (r".* is not a valid int(eger)?", "a whole number"),
+    (r".* is not a valid float", "a number"),
+    (r".* is not in the range (.*)", r"\1"),
+    (r"Input should be ", ""),
+)
+
+
+def _expected(message: str) -> str:
+    """Return what typer says it wants, which its versions put in different words."""
+    message = message.strip().rstrip(".")
+    for pattern, words in _SAID:
+        message = re.sub(f"^{pattern}", words, message)
+    return message

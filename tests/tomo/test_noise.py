@@ -151,3 +151,9 @@ def test_says_what_is_wrong(call, words):
     with pytest.raises(ValueError, match=words) as caught:
         call(np.ones((3, 3)))
     assert "\n" not in str(caught.value)
+
+
+def test_noise_beyond_single_precision_is_refused():
+    image = np.ones((4, 5), np.float32)
+    with pytest.raises(ValueError, match=r"noise: found .* overflow float32, expected less noise"):
+        noise.gaussian(image, 1e300, rng())

@@ -289,6 +289,26 @@ def test_missing_images_and_cameras(folder):
     assert_refused(lambda: Scan.load(folder), "scan.yaml", "frame 'first'", "'cam9'", "left")
 
 
+def test_folders_that_fit_no_camera_are_listed(folder, tmp_path):
+    images = tmp_path / "misspelt"
+    shutil.copytree(folder / "images", images)
+    (images / "left").rename(images / "lefft")
+    assert_refused(
+        lambda: Scan.from_images(RIG, images),
+        "camera left: found no folder left",
+        "it has lefft, right",
+        error=FileNotFoundError,
+    )
+    (images / "lefft").rename(images / "left")
+    for image in (images / "left").iterdir():
+        image.rename(image.with_suffix(".raw"))
+    assert_refused(
+        lambda: Scan.from_images(RIG, images),
+        f"{images / 'left'}: camera left",
+        ".tif, .tiff, .png",
+    )
+
+
 def test_bad_pixels(folder):
     path = folder / "images/left/first.tif"
 

@@ -29,8 +29,16 @@ def test_every_command_refuses_an_unknown_option_in_one_line(run_tool, tool):
     ("tool", "arguments", "words"),
     [
         ("reconstruct", (), "--out: missing, expected: The folder to write"),
-        ("reconstruct", ("-o", "x", "--scale", "0"), "--scale: found '0': "),
-        ("reconstruct", ("-o", "x", "--seed", "abc"), "--seed: found 'abc': "),
+        (
+            "reconstruct",
+            ("-o", "x", "--scale", "0"),
+            "--scale: found '0', expected a number from 1;",
+        ),
+        (
+            "reconstruct",
+            ("-o", "x", "--seed", "abc"),
+            "--seed: found 'abc', expected a whole number;",
+        ),
         ("reconstruct", ("-o", "x", "--seed", "a\nb"), "--seed: found "),
         ("reconstruct", ("-o",), "'-o' requires an argument"),
         ("reconstruct", ("one", "two", "-o", "x"), "extra argument"),

@@ -70,7 +70,7 @@ def read_image(
     if stored.ndim != 2:
         raise ValueError(
             f"{path}: found a colour image of shape {stored.shape}, "
-            f"{stored.shape[-1]} channels, expected a grey one (rows, columns)"
+            f"{min(stored.shape)} channels, expected a grey one (rows, columns)"
         )
     image = _to_float(path, stored, bit_depth)
     if stored.dtype.kind != "f":
@@ -84,7 +84,7 @@ def read_image(
         row, column = np.argwhere(bad)[0].tolist()
         raise ValueError(
             f"{path}: found {bad.sum()} NaN or infinite pixels, the first at row {row}, "
-            f"column {column}, expected finite values or a mask over them"
+            f"column {column}, expected finite single-precision values or a mask over them"
         )
     return image
 

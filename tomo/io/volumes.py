@@ -53,10 +53,15 @@ def read_volume(path: str | os.PathLike, *, allow_nan: bool = False) -> Volume:
     with errors_of_libraries(f"{path}: not a readable volume"):
         data, origin, spacing, length_unit = reader(path)
         if data.ndim != 3 or data.dtype.kind not in "fiub":
-            raise ValueError(f"found {data.dtype} {data.shape}, expected numbers (nx, ny, nz)")
+            raise ValueError(
+                f"data: found {data.dtype} of shape {data.shape}, expected numbers of shape "
+                "(nx, ny, nz)"
+            )
         with np.errstate(over="ignore"):  # too large a number is told as infinity below
             data = np.ascontiguousarray(data, dtype=np.float32)
-        grid = VoxelGrid.from_origin(data.shape, spacing, origin)
+        grid = VoxelGrid.from_origin(
+            data.shape, _three(spacing, "spacing"), _three(origin, "origin")
+        )
         _check_finite(data, allow_nan)
         check_length_unit(length_unit)
     return data, grid, length_unit
@@ -117,11 +122,24 @@ def check_length_unit(length_unit: str) -> None:
         raise ValueError(f"length_unit: found {length_unit!r}, expected one word, like mm")
 
 
+def _three(found: ArrayLike, name: str) -> tuple[float, float, float]:
+    """Return the numbers along x, y, z that a file holds."""
+    array = np.asarray(found)
+    if array.shape != (3,) or array.dtype.kind not in "fiu":
+        raise ValueError(
+            f"{name}: found {array.dtype} of shape {array.shape}, expected three numbers"
+        )
+    return tuple(array.astype(np.float64).tolist())
+
+
 def _check_finite(data: NDArray[np.float32], allow_nan: bool) -> None:
     bad = np.isinf(data) if allow_nan else ~np.isfinite(data)
     if bad.any():
         first = tuple(np.argwhere(bad)[0].tolist())
-        raise ValueError(f"found {bad.sum()} NaN or infinite voxels, the first at {first}")
+        raise ValueError(
+            f"found {bad.sum()} NaN or infinite voxels, the first at {first}, expected finite "
+            "single-precision values"
+        )
 
 
 def _read_npz(path: Path) -> tuple:

@@ -55,7 +55,11 @@ def load_thumbnails(
         found = {camera.name: _file_of(source, camera.name, frame) for camera in rig}
         images = {name: _read(path, rig[name]) for name, path in found.items() if path is not None}
     if not images:
-        raise ValueError(f"{source}: found no image of any camera, expected <camera>/<frame>.*")
+        moment = "<frame>" if frame is None else frame
+        raise ValueError(
+            f"{source}: found no image of any camera, expected <camera>/{moment}.* with a camera "
+            f"of the rig: {', '.join(rig.names)}"
+        )
     small = {name: _shrunk(image, _LONGEST) for name, image in images.items()}
     bright = np.quantile(np.concatenate([image.ravel() for image in small.values()]), 0.999)
     scale = 255 / bright if bright > 0 else 1.0

@@ -171,3 +171,28 @@ def test_bad_arguments_of_write(tmp_path, name, shape, unit, message):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"none\.vti: no such volume file"):
         read_volume(tmp_path / "none.vti")
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        (
+            {"spacing": [1.0, 1.0]},
+            r"spacing: found float64 of shape \(2,\), expected three numbers",
+        ),
+        ({"spacing": "x"}, r"spacing: found <U1 of shape \(\), expected three numbers"),
+        ({"origin": 0.0}, r"origin: found float64 of shape \(\), expected three numbers"),
+        ({"spacing": [-1.0, 1.0, 1.0]}, r"spacing: found \(-1.0, 1.0, 1.0\), expected positive"),
+        (
+            {"data": np.zeros((3, 4))},
+            r"data: found float64 of shape \(3, 4\), expected numbers of",
+        ),
+    ],
+)
+def test_arrays_of_a_wrong_kind_are_named(tmp_path, fields, message):
+    path = tmp_path / "volume.npz"
+    good = {"data": VOLUME, "origin": GRID.origin, "spacing": GRID.spacing, "length_unit": "mm"}
+    np.savez(path, **(good | fields))
+    with pytest.raises(ValueError, match=message) as caught:
+        read_volume(path)
+    assert str(caught.value).startswith(f"{path}: not a readable volume: ")
