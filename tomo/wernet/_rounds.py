@@ -100,7 +100,7 @@ class Rounds:
         tokens.take(first_guess(self.projector, self.measured, self.chords, self.unit))
 
     def solve_guess(self) -> float:
-        """Solve with the first guess and judge it; return the relative residual, NaN as in `round`."""
+        """Solve with the first guess and judge it; return the residual, NaN if it diverged."""
         tokens, features = self.alternation.tokens, self.alternation.features
         self.volume = volume_with(
             self.projector, self.measured, features, tokens, self.chords, self.unit
