@@ -1,6 +1,7 @@
 import importlib.util
 import os
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import hypothesis
@@ -14,19 +15,34 @@ hypothesis.settings.register_profile("project", deadline=None, derandomize=True,
 hypothesis.settings.load_profile("project")
 
 
+@contextmanager
+def one_ray_a_pixel():
+    """Draw scenes without smoothed edges: these take most of a small run's time."""
+    from tomo.view import raycast, still
+
+    def coarse(scene, viewpoint, supersample):
+        return raycast.render(scene, viewpoint, supersample=1)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(still, "render", coarse)
+        yield
+
+
+@pytest.fixture
+def coarse_scenes():
+    """Scenes are drawn with one ray a pixel, see `one_ray_a_pixel`."""
+    with one_ray_a_pixel():
+        yield
+
+
 @pytest.fixture(scope="session")
 def run_tool():
     """Return a function that runs ``tools/NAME.py`` in this process.
 
-    ``run_tool("simulate", "--rig", path)`` returns exit_code, stdout and stderr. Scenes are drawn
-    with one ray a pixel: the smoothing takes most of a small run's time, and has its own tests.
+    ``run_tool("simulate", "--rig", path)`` returns exit_code, stdout and stderr; scenes are drawn
+    with one ray a pixel, see `one_ray_a_pixel`.
     """
-    from tomo.view import raycast, still
-
     sys.path.append(str(ROOT / "tools"))
-
-    def coarse(scene, viewpoint, supersample):
-        return raycast.render(scene, viewpoint, supersample=1)
 
     def run(name, *arguments):
         spec = importlib.util.spec_from_file_location(
@@ -34,8 +50,7 @@ def run_tool():
         )
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(still, "render", coarse)
+        with one_ray_a_pixel():
             return CliRunner().invoke(module.app, [str(a) for a in arguments])
 
     yield run

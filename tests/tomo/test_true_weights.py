@@ -95,6 +95,7 @@ def test_what_was_learned_is_reported_beside_the_truth(outcome):
     assert slope == pytest.approx(-EFFECTS.absorption, rel=0.1)
 
 
+@pytest.mark.usefixtures("coarse_scenes")
 def test_the_picture_stands_beside_the_others_and_goes_with_what_it_shows(outcome, tmp_path):
     write_outcome(tmp_path, outcome)
     assert (tmp_path / "learned.png").read_bytes().startswith(b"\x89PNG")
