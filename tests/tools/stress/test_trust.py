@@ -1,0 +1,75 @@
+"""The stress of the condition report: its rows hold, and would not if its figures were wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from _stress import trust_area
+from _stress.trust_scenes import trust_scene
+
+SMALL = {"shape": (10, 46, 10), "spacing": 1.5, "shrink": 4}
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return trust_scene("jet", 11, "gaussian", 5, **SMALL)
+
+
+@pytest.fixture(scope="module")
+def found(scene):
+    return trust_area.assessed(scene, 12)
+
+
+def rows_of(scene, found):
+    return list(trust_area.deviation_rows(scene, found, 12, anew=True))
+
+
+def test_the_deviations_of_emitting_voxels_hold(scene, found):
+    emitting, everywhere, anew = rows_of(scene, found)
+    assert emitting.holds
+    assert emitting.figure >= everywhere.figure
+    assert anew.figure > 0.5
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_deviations_that_are_wrong_show(scene, found, factor):
+    deviations = replace(found.deviations, values=factor * found.deviations.values)
+    assert not rows_of(scene, replace(found, deviations=deviations))[0].holds
+
+
+def test_noise_that_is_wrong_shows(scene, found):
+    right = trust_area.noise_ratio(scene, found)
+    deviations = replace(found.deviations, noise=2 * found.deviations.noise)
+    assert right == pytest.approx(1, abs=0.15)
+    doubled = trust_area.noise_ratio(scene, replace(found, deviations=deviations))
+    assert doubled == pytest.approx(2 * right)
+
+
+def test_the_resolution_stated_is_measured_and_a_wrong_one_shows(scene, monkeypatch):
+    assert trust_area.resolution_row(scene).holds
+    assess = trust_area.assessed
+
+    def blurred(*arguments):
+        found = assess(*arguments)
+        wide = replace(found.resolution, widths=2 * found.resolution.widths)
+        return replace(found, resolution=wide)
+
+    monkeypatch.setattr(trust_area, "assessed", blurred)
+    assert not trust_area.resolution_row(scene).holds
+
+
+def test_the_warnings_come_where_they_should():
+    clean = trust_scene("jet", 33, "clean", 5, **SMALL)
+    two, fan, all_views = trust_area.warning_rows(clean)
+    assert two.holds
+    assert "few views" in two.note
+    assert fan.holds
+    assert "wide gap" in fan.note
+    assert all_views.holds
+
+
+def test_two_that_agree_are_within_the_factor_both_ways():
+    values, all_voxels = np.array([1.0, 1.0, 1.0, 0.0]), np.ones(4, bool)
+    others = np.array([1.4, 1.6, 0.6, 0.0])
+    assert trust_area.agreeing(values, others, all_voxels) == 0.5
+    assert trust_area.agreeing(others, values, all_voxels) == 0.5
