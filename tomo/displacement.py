@@ -25,7 +25,7 @@ from tomo.registration import register, ways_to_shift_and_zoom
 FEWEST_VIEWS = 4
 """Fewer views predict each other's shapes too poorly."""
 
-TYPICAL, TYPICAL_NOISE = 0.7, 4.0
+TYPICAL, TYPICAL_NOISE = 0.6, 4.0
 """Root mean square over all views, in pixels and in standard deviations, from which on the
 cameras are said to disagree with the images. Without any error of the cameras it stays below 0.5
 pixels up to noise of a tenth of the brightest pixel, and below 4 of those at twice that noise:

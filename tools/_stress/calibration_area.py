@@ -1,0 +1,134 @@
+"""Calibration error: what wrong cameras cost each method, and whether the report says so."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import shift
+
+from _stress.calibration_scene import GRID, KINDS, VIEWS, Flame
+from _stress.row import Chart, Progress, Row, Size
+from tomo._prepare import prepare
+from tomo.reconstruct import reconstruct
+
+METHODS = ("auto", "cgls", "sirt", "mlem", "tv")
+QUICK_METHODS = ("auto", "cgls")
+PIXELS = (0.25, 0.5, 1.0, 2.0, 3.0)
+QUICK_PIXELS = (1.0, 3.0)
+NOISE = 0.1
+APART = 2.0
+"""Two views that are each off by some pixels are off by up to twice as many from each other."""
+
+FROM = 1.0  # pixels from which on the report has to say so
+
+SAYS_SO = ("cameras and images disagree", "pixels beside where the rig says")
+
+
+def rows(size: Size, progress: Progress) -> Iterator[Row]:
+    """Yield the area's rows."""
+    parts = 2 * len(KINDS) + 2
+    with tempfile.TemporaryDirectory() as folder:
+        clean = Flame.simulated(Path(folder, "clean"), seed=size.seed)
+        noisy = Flame.simulated(Path(folder, "noisy"), NOISE, size.seed)
+        methods = QUICK_METHODS if size.quick else METHODS
+        pixels = QUICK_PIXELS if size.quick else PIXELS
+        progress(0, parts, "as the cameras are")
+        least = {method: _error(clean, "pose", 0.0, method) for method in methods}
+        for done, kind in enumerate(KINDS):
+            progress(1 + done, parts, kind)
+            yield from _growth(clean, kind, least, pixels)
+        for done, kind in enumerate(KINDS):
+            progress(1 + len(KINDS) + done, parts, f"{kind}: warnings")
+            for name, flame in (("clean", clean), (f"{NOISE:.0%} noise", noisy)):
+                yield _warned_from(flame, kind, name, (0.5, 1.0, 3.0) if size.quick else PIXELS)
+        progress(parts - 1, parts, "false alarms")
+        yield _false_alarms(Path(folder), 1 if size.quick else 8)
+        yield _single(clean, noisy, 6 if size.quick else 1)
+
+
+def _error(flame: Flame, kind: str, pixels: float, method: str) -> float:
+    found = reconstruct(flame.seen_wrongly(kind, pixels), method=method, uncertainty=0)
+    return found.reconstruction.quality["nrmse"]
+
+
+def moved_truth(flame: Flame, pixels: float) -> float:
+    """Return the error of the truth itself where it lies beside by so many pixels.
+
+    Root mean square over the three axes: with cameras all round, no direction is better known.
+    """
+    truth = flame.truth.astype(np.float64)
+    voxels = pixels * flame.footprint / GRID.spacing[0]
+    errors = [np.linalg.norm(shift(truth, voxels * axis, order=1) - truth) for axis in np.eye(3)]
+    return float(np.sqrt(np.mean(np.square(errors))) / np.linalg.norm(truth))
+
+
+def _growth(
+    flame: Flame, kind: str, least: dict[str, float], pixels: tuple[float, ...]
+) -> Iterator[Row]:
+    errors = {m: [(px, _error(flame, kind, px, m)) for px in pixels] for m in least}
+    chart = Chart(
+        f"{kind}: error by method", "pixels, r.m.s. along the flame", "NRMSE",
+        {**errors, "truth moved as far": [(px, moved_truth(flame, px)) for px in pixels]},
+    )  # fmt: skip
+    for px in (1.0, 3.0):
+        known = {method: dict(found)[px] for method, found in errors.items()}
+        expected = {m: np.hypot(least[m], moved_truth(flame, px)) for m in known}
+        worst = max(known, key=lambda method: known[method] / expected[method])
+        growth = ", ".join(f"{m} {known[m] / least[m]:.1f}" for m in known)
+        yield Row(
+            f"{kind} off by {px:g} px: error against that of the truth moved as far",
+            f"{len(known)} methods", known[worst] / expected[worst], APART,
+            note=f"worst: {worst}; growth over the clean error: {growth}",
+            chart=chart if px == 1 else None,
+        )  # fmt: skip
+
+
+def warnings_of(flame: Flame, kind: str, pixels: float, seed: int = 0) -> list[str]:
+    """Return what the report says of cameras that are off by so many pixels."""
+    scan = flame.seen_wrongly(kind, pixels, seed)
+    images, masks = scan.read()
+    found = prepare(scan.rig, images, masks, GRID, align=True, carving=None)
+    return [line for line in found.warnings if any(words in line for words in SAYS_SO)]
+
+
+def _warned_from(flame: Flame, kind: str, name: str, pixels: tuple[float, ...]) -> Row:
+    """Return from how many pixels on the report says so, and goes on saying so."""
+    silent = [px for px in pixels if not warnings_of(flame, kind, px)]
+    later = [px for px in pixels if px > max(silent, default=0.0)]
+    return Row(
+        f"{kind}: from where on the report says that cameras and images disagree",
+        f"{pixels[0]:g} to 3 px, {name}", min(later, default=np.inf), FROM,
+        "px, r.m.s. along the flame",
+    )  # fmt: skip
+
+
+def _false_alarms(folder: Path, seeds: int) -> Row:
+    alarms, count = [], 0
+    for seed in range(seeds):
+        for noise in (0.0, NOISE):
+            flame = Flame.simulated(folder / f"{seed} {noise}", noise, seed + 1)
+            count += 1
+            alarms += [f"seed {seed}, noise {noise}"] * bool(warnings_of(flame, "pose", 0.0))
+    return Row(
+        "The right rig is doubted", f"{count} scenes, clean and with {NOISE:.0%} noise",
+        len(alarms), 0, "faults", note="; ".join(alarms),
+    )  # fmt: skip
+
+
+def _single(clean: Flame, noisy: Flame, every: int) -> Row:
+    """Let one camera alone look beside by two pixels."""
+    unnamed = []
+    for flame in (clean, noisy):
+        for number in range(0, VIEWS, every):
+            scan = flame.one_beside(number, 2.0)
+            images, masks = scan.read()
+            found = prepare(scan.rig, images, masks, GRID, align=True, carving=None)
+            if not any(f"camera {flame.rig.names[number]} " in line for line in found.warnings):
+                unnamed.append(flame.rig.names[number])
+    return Row(
+        "One camera of 12 looks 2 px beside and is not named", "clean and noisy", len(unnamed), 0,
+        "faults", note=", ".join(unnamed),
+    )  # fmt: skip
