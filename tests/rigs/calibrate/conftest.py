@@ -100,3 +100,23 @@ def simulated_rig():
 def judged_volume():
     """Return `volume_points`."""
     return volume_points
+
+
+@pytest.fixture(scope="session")
+def one_camera():
+    """Return a function: the observations of one camera as a rig of its own."""
+
+    def own(observations, camera=0):
+        mine = observations.where(observations.camera == camera)
+        return Observations(
+            mine.target_points,
+            mine.cameras[camera : camera + 1],
+            mine.image_sizes[camera : camera + 1],
+            mine.frames,
+            mine.camera * 0,
+            mine.frame,
+            mine.point,
+            mine.uv,
+        )
+
+    return own

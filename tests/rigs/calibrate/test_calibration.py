@@ -19,21 +19,6 @@ def arc_case(simulated_rig):
     return truth, observations, calibrate(observations)
 
 
-def one_camera(observations, camera=0):
-    """Return the observations of one camera as a rig of its own."""
-    own = observations.where(observations.camera == camera)
-    return Observations(
-        own.target_points,
-        own.cameras[camera : camera + 1],
-        own.image_sizes[camera : camera + 1],
-        own.frames,
-        own.camera * 0,
-        own.frame,
-        own.point,
-        own.uv,
-    )
-
-
 def test_an_arc_is_found_within_a_hundredth_of_a_pixel(arc_case, judged_volume):
     truth, observations, found = arc_case
     assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.003
@@ -176,7 +161,7 @@ def test_frames_that_show_too_little_are_told_and_not_used(arc_case):
     assert found.verdict.startswith("good")
 
 
-def test_one_camera_gives_its_lens(arc_case):
+def test_one_camera_gives_its_lens(arc_case, one_camera):
     truth, observations, _ = arc_case
     found = calibrate(one_camera(observations, 2))
     assert len(found.rig) == 1
@@ -250,7 +235,7 @@ def test_parallel_targets_do_not_give_a_focal_length(simulated_rig):
         calibrate(flat.observe(0.05, seed=0))
 
 
-def test_an_ambiguous_target_is_refused_for_a_rig_but_not_for_a_lens(arc_case):
+def test_an_ambiguous_target_is_refused_for_a_rig_but_not_for_a_lens(arc_case, one_camera):
     class Symmetric:
         ambiguity = "it looks the same turned by half a turn"
 
@@ -321,44 +306,3 @@ def test_repeated_images_count_once_and_are_told(arc_case):
     assert repeats == ()
     assert frozen[0].startswith("camera cam02: frame copy is the same image as 004 while other")
     assert (found.findings, len(found.used)) == ((), len(observations))
-
-
-# Real images
-
-
-def test_chessboard_pairs(test_data):
-    """13 pairs: at least as good as OpenCV's joint solution, with no corner thrown away."""
-    cv2 = pytest.importorskip("cv2")
-    folder = test_data / "chessboard_stereo"
-    if not folder.is_dir():
-        pytest.skip(f"no images at {folder}")
-    grid = np.mgrid[:6, :9].reshape(2, -1).T
-    points = np.c_[grid[:, ::-1], np.zeros(54)]
-    rows, pixels = [], []
-    for camera, side in enumerate(("left", "right")):
-        for frame, path in enumerate(sorted((folder / side).glob("*.jpg"))):
-            image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-            ok, corners = cv2.findChessboardCorners(image, (9, 6))
-            assert ok
-            end = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
-            corners = cv2.cornerSubPix(image, corners, (11, 11), (-1, -1), end)
-            rows += [(camera, frame, point) for point in range(54)]
-            pixels.append(corners.reshape(-1, 2))
-    camera, frame, point = np.transpose(rows)
-    frames = tuple(f"{number:02d}" for number in range(13))
-    observations = Observations(
-        points, ("left", "right"), ((640, 480),) * 2, frames, camera, frame, point,
-        np.concatenate(pixels),
-    )  # fmt: skip
-
-    def rms(calibration):
-        assert calibration.used.all()
-        return np.sqrt((calibration.residuals**2).sum(axis=1).mean())
-
-    for camera, limit in ((0, 0.409), (1, 0.459)):
-        alone = calibrate(one_camera(observations, camera), distortion="brown5", cull=False)
-        assert rms(alone) <= limit
-    joint = calibrate(observations, distortion="brown5", cull=False)
-    assert rms(joint) <= 0.445
-    baseline = np.linalg.norm(joint.rig["left"].position - joint.rig["right"].position)
-    assert baseline == pytest.approx(3.338, abs=0.01)

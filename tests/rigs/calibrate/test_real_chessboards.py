@@ -4,7 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
-from rigs.calibrate import detections, image_set, observe, parse_target
+from rigs.calibrate import (
+    Observations,
+    calibrate,
+    detections,
+    image_set,
+    observe,
+    parse_target,
+)
 
 
 @pytest.fixture(scope="module")
@@ -44,3 +51,40 @@ def test_a_wrong_number_of_squares_is_told_with_the_right_one(images, size):
     ) as error:
         observe(some, parse_target(f"chessboard:{size}:1.0"))
     assert f"expected chessboard:{size}:1.0" in str(error.value)
+
+
+def test_pairs_are_calibrated_as_well_as_by_opencv(test_data, one_camera):
+    """13 pairs: at least as good as OpenCV's joint solution, with no corner thrown away."""
+    folder = test_data / "chessboard_stereo"
+    if not folder.is_dir():
+        pytest.skip(f"no images at {folder}")
+    grid = np.mgrid[:6, :9].reshape(2, -1).T
+    points = np.c_[grid[:, ::-1], np.zeros(54)]
+    rows, pixels = [], []
+    for camera, side in enumerate(("left", "right")):
+        for frame, path in enumerate(sorted((folder / side).glob("*.jpg"))):
+            image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+            ok, corners = cv2.findChessboardCorners(image, (9, 6))
+            assert ok
+            end = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
+            corners = cv2.cornerSubPix(image, corners, (11, 11), (-1, -1), end)
+            rows += [(camera, frame, point) for point in range(54)]
+            pixels.append(corners.reshape(-1, 2))
+    camera, frame, point = np.transpose(rows)
+    frames = tuple(f"{number:02d}" for number in range(13))
+    observations = Observations(
+        points, ("left", "right"), ((640, 480),) * 2, frames, camera, frame, point,
+        np.concatenate(pixels),
+    )  # fmt: skip
+
+    def rms(calibration):
+        assert calibration.used.all()
+        return np.sqrt((calibration.residuals**2).sum(axis=1).mean())
+
+    for camera, limit in ((0, 0.409), (1, 0.459)):
+        alone = calibrate(one_camera(observations, camera), distortion="brown5", cull=False)
+        assert rms(alone) <= limit
+    joint = calibrate(observations, distortion="brown5", cull=False)
+    assert rms(joint) <= 0.445
+    baseline = np.linalg.norm(joint.rig["left"].position - joint.rig["right"].position)
+    assert baseline == pytest.approx(3.338, abs=0.01)
