@@ -134,7 +134,9 @@ def draw_convergence(history: Sequence[Convergence]) -> Figure:
             axes.set_ylabel(words, fontsize=8)
             axes.set_yscale("log")
             ends = [max(course.seconds) for course in history if len(course.seconds)]
-            if abscissa == "seconds" and max(ends, default=0) > 20 * min(ends, default=0) > 0:
+            drawn = any((line.get_xdata() > 0).any() for line in axes.lines)  # no zero volumes
+            far = max(ends, default=0) > 20 * min(ends, default=0) > 0
+            if abscissa == "seconds" and far and drawn:
                 axes.set_xscale("log")  # a slow method would squeeze the quick ones to a line
     if len(history) > 1:
         handles, labels = panels[0][0].get_legend_handles_labels()

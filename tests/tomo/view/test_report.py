@@ -7,7 +7,7 @@ import pytest
 from rigs import Camera, Rig, look_at
 from tomo.grid import VoxelGrid
 from tomo.view import Convergence, Results, View, draw, write_pictures, write_report
-from tomo.view.result_figures import views_to_show
+from tomo.view.result_figures import draw_convergence, views_to_show
 
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75))
 HOSTILE = "<script>alert(1)<"
@@ -156,3 +156,14 @@ def test_parts_that_do_not_fit_are_told():
         Convergence("sirt", [1, 2], [0.1, 0.2], [0.3])
     with pytest.raises(ValueError, match="results truth: found shape"):
         Results(Rig(()), GRID, np.zeros(GRID.shape), truth=np.zeros((1, 1, 1)))
+
+
+def test_the_convergence_of_dark_images_is_drawn():
+    """One method ends at once, another goes on for long, and no residual is above zero."""
+    figure = draw_convergence(
+        [
+            Convergence("nnls", [0], [0.0], [1e-4]),
+            Convergence("tv", [0, 1], [0.0, 0.0], [0.0, 1.0]),
+        ]
+    )
+    assert len(figure.axes) == 2
