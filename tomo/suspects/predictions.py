@@ -30,6 +30,9 @@ BLUR = 1.0
 """Standard deviation, in large pixels, of the blur before images are compared: the edges of
 single voxels are no part of what is predicted."""
 
+DETAIL = 0.5
+"""Standard deviation of the logarithm of what a rehearsal's volume is multiplied by."""
+
 FEW_VIEWS, MANY_VIEWS = 6, 20
 PARTIES = 5
 """Of many views: so many interleaved parties, an odd number since cameras may alternate."""
@@ -106,10 +109,15 @@ class Predictions:
     def rehearsed(self, views: Sequence[int]) -> Self:
         """Return the same for images that are certainly right: those of a volume.
 
-        The volume is made from ``views``. Which view is harder to predict than others, at the end
-        of an arc say, shows here too.
+        The volume is made from ``views``, with detail of all directions alike added: its own is
+        what those views could see. Which view is harder to predict than others, at the end of an
+        arc or where none looks from the opposite side, shows here too.
         """
         volume = _volume(self.system, self.measured, views, None)
+        live = self.system.projector.live
+        random = np.random.default_rng(0).standard_normal(live.grid.shape)
+        detail = gaussian_filter(random, BLUR)
+        volume = volume * np.exp(DETAIL * live.compress(detail / detail.std()))
         shown = np.asarray(self.system.projector @ volume, np.float32)
         return replace(
             self,

@@ -39,7 +39,7 @@ WRONG_OF_FEW = (4.0, 8.0, 0.12)
 that, and at least so much. Suspects are looked at closely; wrong views are left out. Few views
 predict each other less well."""
 
-FEW_VIEWS = 8
+FEW_VIEWS = 12
 
 TURNED_OVER = 0.45
 """A suspect is wrong too where turning its image over leaves at most this share of what it lacks,
@@ -228,7 +228,10 @@ class _Court:
         """Return the views of which next to nothing is predicted."""
         varies = []
         for view, mask in enumerate(self.seen.masks):
-            spreads = [np.std(p[mask]) if mask.any() else 0.0 for p in self.seen.of_view(view)]
+            spreads = [
+                np.std(p[mask], dtype=np.float64) if mask.any() else 0.0
+                for p in self.seen.of_view(view)
+            ]
             varies.append(float(np.median(spreads)))
         return np.array(varies) < FAINT * np.median(varies)
 

@@ -15,8 +15,9 @@ TYPICAL = 6
 
 SIGMAS = 3.0  # of the noise, times TIMES
 SHARE = 0.015  # of the image's brightest light, likewise
-ROUNDS = 4
-"""A wild pixel hides its neighbours: they are looked at again once it is left out."""
+ROUNDS = 6
+"""A wild pixel makes its neighbours look strange: of those that touch, only the strangest are left
+out, and the others are looked at again without them."""
 
 AROUND = [(y, x) for y in range(-2, 3) for x in range(-2, 3) if (y, x) != (0, 0)]
 SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
@@ -95,6 +96,9 @@ def _confirmed(
     level = np.maximum(typical + far[rows, columns], lifted)
     wild = np.abs(own) > TIMES * level
     found[rows[wild], columns[wild]] = True
+    padded = np.pad(np.where(found, np.abs(deviation), 0), 1)
+    beside = [padded[rows + 1 + y, columns + 1 + x] for y in (-1, 0, 1) for x in (-1, 0, 1)]
+    found[rows, columns] &= np.abs(own) >= np.max(beside, axis=0)
     return found
 
 

@@ -119,7 +119,7 @@ class _Measured:
 
 
 def _not_as_named(outcome: Outcome, wrong: tuple[str, ...]) -> Iterator[str]:
-    left_out = outcome.suspects["left_out"]
+    left_out = [view.name for view in outcome.views if view.left_out]
     for name in wrong:
         told = any(warning.startswith(f"camera {name}: ") for warning in outcome.warnings)
         if name not in left_out or not told:
