@@ -38,7 +38,7 @@ def lens_rows(size: Size) -> Iterator[Row]:
     for model in COUNTS:
         there, lost, seen = [], 0, 0
         for power in POWERS:
-            for _ in range(3 if size.quick else 25):
+            for _ in range(2 if size.quick else 12):
                 lens = random_lens(model, power, random)
                 error, missed, count = _there_and_back(lens, random)
                 there.append((repr(lens), error))

@@ -5,17 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import permutations
+from tempfile import TemporaryDirectory
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 import rigs
-from _stress.geometry_scenes import SHAPE, through
+from _stress.geometry_scenes import SHAPE, thin_grids, through
 from _stress.row import Row, Size, relative_error, worst_of
-from tomo import LinearSystem, Projector
+from rigs import Camera, Distortion
+from rigs.camera import look_at
+from tomo import LinearSystem, Projector, Scan
 from tomo.grid import VoxelGrid
 from tomo.on_the_fly import OnTheFlyProjector
 from tomo.rays import Rays
+from tomo.reconstruct import reconstruct
+from tomo.simulate import simulate
 from tomo.solve import cgls
 from tomo.trace import trace
 
@@ -26,6 +32,8 @@ def motion_rows(size: Size) -> Iterator[Row]:
     yield _same_bits(random)
     yield _turned(random)
     yield _moved(random)
+    yield _threads(random)
+    yield _from_inside()
     yield _limit(size)
 
 
@@ -102,6 +110,63 @@ def _moved(random: np.random.Generator) -> Row:
     return Row(
         "World moved with everything in it", "1e2 to 1e7 voxels", figure, 8.0,
         "roundings of a coordinate, in voxels", note=where,
+    )  # fmt: skip
+
+
+def _threads(random: np.random.Generator) -> Row:
+    """Project through thin grids on any number of threads: the bits have to be the same."""
+    differing, cases = [], list(thin_grids(300, random))
+    most = numba.config.NUMBA_NUM_THREADS
+    counts = sorted({1, 2, most} & set(range(1, most + 1)))
+    before = numba.get_num_threads()
+    for case in cases:
+        x, y = random.random(case.grid.size), random.random(len(case.rays))
+        found = []
+        for count in counts:
+            numba.set_num_threads(count)
+            for A in (
+                Projector(trace(case.rays, case.grid), case.grid),
+                OnTheFlyProjector(case.rays, case.grid),
+            ):
+                found.append((A @ x, A.T @ y))
+        numba.set_num_threads(before)
+        for one, other in zip(found[2:], found[:-2], strict=True):
+            same = all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+            differing += [case.name] * (not same)
+    return Row(
+        "Grids one voxel thin: bits that differ between threads",
+        f"{len(cases)} grids, {', '.join(map(str, counts))} threads", len(differing), 0, "faults",
+        note="; ".join(differing),
+    )  # fmt: skip
+
+
+def _from_inside() -> Row:
+    """Look out from within the grid: what is behind a camera is not proven empty by it."""
+    grid = VoxelGrid((24, 24, 24), 1.0)
+    cameras = []
+    for number in range(10):
+        turn, height = 2 * np.pi * number / 10, 5.5 if number % 2 else -5.5
+        position = np.array([11 * np.cos(turn), height, 11 * np.sin(turn)])
+        lens = Distortion() if number % 3 else Distortion("fisheye", (0.05, 0, 0, 0))
+        R, t = look_at(position, (0, 0, 0))
+        matrix = [[30, 0, 23.5], [0, 30, 23.5], [0, 0, 1]]
+        cameras.append(Camera(f"cam{number:02}", (48, 48), matrix, lens, R, t))
+    rig = rigs.Rig(tuple(cameras))
+
+    def cloud(points: NDArray) -> NDArray:
+        away = np.linalg.norm((points - (1, 2, -1)) / (3, 3.5, 3), axis=1)
+        return np.exp(-2 * away**2) * (away < 2.2)
+
+    made = simulate(rig, cloud, grid, supersample=2, refine=2)
+    with TemporaryDirectory() as folder:
+        scan = Scan.load(made.save(folder))
+        errors = [
+            reconstruct(scan, method="mlem", skip=skip, uncertainty=0)
+            .reconstruction.quality["nrmse"] for skip in (True, False)
+        ]  # fmt: skip
+    return Row(
+        "Cameras inside the grid: error with what is empty left out, over that without",
+        "10 cameras among the voxels", errors[0] / errors[1], 1.1, note=f"NRMSE {errors[0]:.3f}",
     )  # fmt: skip
 
 
