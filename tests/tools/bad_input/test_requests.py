@@ -1,0 +1,191 @@
+"""What is asked for and cannot be: one line, exit code 2, nothing half-written."""
+
+import json
+from pathlib import Path
+
+import psutil
+import pytest
+import torch
+
+CAMERAS = ("cam00", "cam01", "cam02")
+QUICK = ("--method", "sirt", "--iterations", "2")
+BOX = ("--grid", "6x10x6", "--spacing", "1")
+
+
+@pytest.fixture
+def turn_away(scan, edit):
+    """Return a function that lets cameras look past the volume."""
+
+    def turn(*cameras):
+        def change(rig):
+            for camera in rig["cameras"]:
+                if camera["name"] in cameras:
+                    camera["t"] = [1e5, 0.0, 100.0]
+
+        edit(scan / "rig.yaml", change)
+
+    return turn
+
+
+OPTIONS = {
+    "method": (("--method", "foo"), "method: found 'foo', expected one of auto, art,"),
+    "frame": (("--frame", "foo"), "frame: found 'foo', expected one of frame_000"),
+    "tracer": (("--tracer", "foo"), "tracer: found 'foo', expected one of march"),
+    "held-out": (
+        ("--hold-out", "cam99"),
+        "hold_out: found camera 'cam99', expected one of cam00, cam01, cam02",
+    ),
+    "all held out": (
+        [word for name in CAMERAS for word in ("--hold-out", name)],
+        "hold_out: found all 3 cameras, expected at least one left",
+    ),
+    "device of a classic": (
+        ("--method", "sirt", "--device", "cuda"),
+        "expected cpu for method sirt: only wernet and wernet-paper run on others",
+    ),
+    "device of auto": (("--device", "cuda"), "device: found 'cuda', expected cpu"),
+    "unknown device": (
+        ("--method", "wernet-paper", "--device", "foo"),
+        "device: found 'foo', expected one that this PyTorch can use",
+    ),
+    "unknown device of a comparison": (
+        (*QUICK, "--compare", "wernet-paper:1", "--device", "foo"),
+        "device: found 'foo', expected one that this PyTorch can use",
+    ),
+    "encoder of a classic": (
+        ("--method", "sirt", "--encoder", "e.pt"),
+        "encoder: found e.pt, expected none for method sirt: only wernet and wernet-paper learn",
+    ),
+    "encoder of auto": (
+        ("--encoder", "e.pt"),
+        "encoder: found e.pt, expected none for method auto",
+    ),
+    "frozen classic": (
+        ("--method", "sirt", "--freeze-encoder"),
+        "freeze_encoder: found True, expected none for method sirt",
+    ),
+    "frozen without encoder": (
+        ("--method", "wernet", "--freeze-encoder"),
+        "freeze_encoder: found no encoder to freeze, expected",
+    ),
+    "resumed classic": (
+        ("--method", "sirt", "--resume"),
+        "--resume: found it with method sirt, expected wernet",
+    ),
+    "resumed auto": (("--resume",), "--resume: found it with method auto, expected wernet"),
+    "resumed paper": (
+        ("--method", "wernet-paper", "--resume"),
+        "--resume: found it with method wernet-paper, expected wernet",
+    ),
+    "compare unknown": (("--compare", "foo"), "compare: found 'foo', expected one of art"),
+    "compare auto": (("--compare", "auto"), "compare: found 'auto', expected one of art"),
+    "compare no count": (("--compare", "sirt:"), "--compare: found 'sirt:', expected METHOD"),
+    "compare bad count": (("--compare", "sirt:x"), "--compare: found 'sirt:x'"),
+    "compare negative": (("--compare", "sirt:-3"), "--compare: found 'sirt:-3'"),
+    "compare nothing": (("--compare", ""), "--compare: found ''"),
+    "time": (("--time-limit", "nan"), "time_limit: found nan, expected seconds above 0"),
+    "negative time": (("--time-limit", "-1"), "time_limit: found -1"),
+    "seed": (("--seed", str(2**63)), "seed: found 9223372036854775808"),
+    "scale": (("--scale", "13"), "camera cam00: scale: found 13, expected at most 12"),
+    "grid": (("--grid", "3x4"), "--grid: found '3x4'"),
+    "lower": (("--lower", "0,0,0"), "--lower and --upper: expected both"),
+    "order": (("--lower", "1,0,0", "--upper", "0,1,1"), "with upper above lower"),
+    "--rig beside": (("--rig", "rig.yaml"), "SCAN: expected either a scan, or --rig"),
+}
+
+
+@pytest.mark.parametrize("fault", OPTIONS)
+def test_a_wrong_option(refused, scan, tmp_path, fault):
+    options, words = OPTIONS[fault]
+    line = refused("reconstruct", scan, *options, "-o", tmp_path / "out")
+    assert words in line
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="CUDA is here")
+def test_cuda_without_cuda(refused, scan, tmp_path):
+    options = ("--method", "wernet-paper", "--device", "cuda")
+    line = refused("reconstruct", scan, *options, "-o", tmp_path / "out")
+    assert "device: found 'cuda', expected one that this PyTorch can use" in line
+
+
+def test_no_grid_anywhere(refused, scan, tmp_path):
+    given = ("--rig", scan / "rig.yaml", "--images", scan / "images", "-o", tmp_path / "out")
+    line = refused("reconstruct", *given)
+    assert "grid: found none" in line
+    assert "--grid with --spacing" in line
+
+
+def test_a_volume_no_camera_sees(refused, scan, tmp_path):
+    line = refused("reconstruct", scan, "--center", "1000,0,0", "-o", tmp_path / "out")
+    assert f"{scan / 'scan.yaml'}: grid from (997, -5, -3) to (1003, 5, 3) mm" in line
+    assert "no usable pixel of cam00, cam01, cam02 sees it" in line
+    assert "meet near (0, 0, 0)" in line
+
+
+def test_a_volume_that_only_the_held_out_camera_sees(refused, turn_away, scan, tmp_path):
+    turn_away("cam00", "cam02")
+    line = refused("reconstruct", scan, "--hold-out", "cam01", "-o", tmp_path / "out")
+    assert "no usable pixel of cam00, cam02 sees it" in line
+    assert "held out: cam01" in line
+
+
+def test_held_out_cameras_that_see_nothing(refused, turn_away, scan, tmp_path):
+    turn_away("cam01")
+    line = refused("reconstruct", scan, "--hold-out", "cam01", "-o", tmp_path / "out")
+    assert "hold_out: nothing to judge by" in line
+    assert "no usable pixel of cam01 sees it" in line
+
+
+@pytest.mark.parametrize("options", [(), ("--hold-out", "cam01", "--hold-out", "cam02")])
+def test_one_blind_camera_is_a_warning_in_the_report(run_tool, turn_away, scan, tmp_path, options):
+    turn_away("cam01")
+    out = tmp_path / "out"
+    done = run_tool("reconstruct", scan, *QUICK, *options, "-o", out)
+    assert done.exit_code == 0, done.stderr
+    warning = "camera cam01: none of its usable pixels sees the volume"
+    assert done.stderr.count(warning) == 1
+    assert json.loads((out / "report.json").read_text())["warnings"].count(warning) == 1
+
+
+@pytest.mark.parametrize("method", ["auto", "wernet-paper"])
+def test_a_grid_that_would_not_fit(refused, scan, tmp_path, method):
+    fine = ("--grid", "30000x50000x30000", "--spacing", "0.0002", "--method", method)
+    line = refused("reconstruct", scan, *fine, "-o", tmp_path / "out")
+    assert "grid 30000x50000x30000: would take about 2,88" in line  # 64 bytes a voxel: 2880 TB
+    free = psutil.virtual_memory().available / 1e9
+    assert float(line.split("found ")[1].split(" GB")[0]) == pytest.approx(free, rel=0.3)
+    assert "would fit" in line
+
+
+@pytest.mark.parametrize("place", ["out", "file/out"])
+@pytest.mark.parametrize("tool", ["reconstruct", "simulate"])
+def test_an_output_folder_that_is_a_file(refused, scan, tmp_path, tool, place):
+    (tmp_path / Path(place).parts[0]).write_text("mine")
+    arguments = {
+        "reconstruct": (scan,),
+        "simulate": ("--rig", scan / "rig.yaml", "--phantom", "jet", *BOX),
+    }[tool]
+    line = refused(tool, *arguments, "-o", tmp_path / place)
+    assert f"{tmp_path / Path(place).parts[0]}: is a file, expected a folder" in line
+
+
+def test_an_output_picture_below_a_file_or_at_a_folder(refused, scan, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    for tool, given in (("visualize_rig", scan), ("visualize_volume", scan / "truth.npz")):
+        line = refused(tool, given, "-o", tmp_path / "file" / "o.png")
+        assert f"{tmp_path / 'file'}: is a file, expected a folder" in line
+    (tmp_path / "o.png").mkdir()
+    line = refused("visualize_rig", scan, "-o", tmp_path / "o.png")
+    assert "o.png: is a folder, expected a file" in line
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "words"),
+    [
+        ("reconstruct.py", ("{}/scan", "--hold-out", "cam99", "-o", "{}/o"), "'cam99'"),
+        ("reconstruct.py", ("{}/scan", "--center", "1e7,0,0", "-o", "{}/o"), "sees it"),
+        ("visualize_volume.py", ("{}/scan/rig.yaml", "-o", "{}/o.png"), "rig.yaml"),
+    ],
+)
+def test_in_a_process_of_its_own(refused_by_a_process, scan, tmp_path, tool, arguments, words):
+    assert words in refused_by_a_process(tool, *(a.format(tmp_path) for a in arguments))
