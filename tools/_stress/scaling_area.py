@@ -10,13 +10,16 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
+import phantoms
 from _stress.row import Progress, Row, Size, relative_error, worst_of
 from _stress.scaling_parts import alignment_rows, carving_rows, figures_rows, gains_rows
 from _stress.scaling_scene import EXACT, FACTORS, RANGE, Scaled
-from _stress.values_scene import BY_PIXEL, run, scene
+from _stress.values_scene import BY_PIXEL, ring, run, scene
 from tomo import Scan, solve
+from tomo.effects import Effects
 from tomo.outcome import Outcome
 from tomo.reconstruct import reconstruct
+from tomo.simulate import simulate
 from tomo.solve.stopping import choose_by_held_out_views
 from tomo.viewed import ViewedOperator
 
@@ -31,6 +34,7 @@ def rows(size: Size, progress: Progress) -> Iterator[Row]:
     parts = (
         _solvers(plain, others, size.quick),
         _default(plain, others),
+        _learned(others[:: len(others) - 1]),
         carving_rows(plain, others),
         gains_rows(plain, others),
         alignment_rows(plain, others),
@@ -101,13 +105,33 @@ def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
     yield Row("residual of views left out", RANGE, worst, EXACT, "relative", note=where)
 
 
+def _learned(others: Sequence[Scaled]) -> Iterator[Row]:
+    """Let WERNet learn absorption, which six views ask it for."""
+    grid = others[0].original.grid
+    field = phantoms.create("jet", 1, grid.extent, grid.center)
+    seen = simulate(ring(6), field, grid, supersample=2, refine=2, effects=Effects(absorption=0.3))
+    seen = replace(seen, settings={})  # what the light met is known in one unit of length alone
+    expected = _reconstructed(Scaled(seen), method="wernet", iterations=1)
+    figures, changed = [], []
+    for other in others:
+        outcome = _reconstructed(replace(other, original=seen), method="wernet", iterations=1)
+        found = other.unscaled(outcome.reconstruction.volume)
+        figures.append((other.name, relative_error(found, expected.reconstruction.volume)))
+        if (outcome.learned is None) != (expected.learned is None):
+            changed.append(other.name)
+    worst, where = worst_of(figures)
+    note = f"{where}; weights {'kept' if expected.learned else 'not kept'} at scale 1"
+    yield Row("WERNet", RANGE, worst, EXACT, "relative to scale 1", note=note)
+    yield Row("WERNet: whether learned weights are kept", RANGE, len(changed), 0, "changes")
+
+
 def _form(scaled: Scaled, form: str) -> ViewedOperator:
     return scaled.on_the_fly if form == "on_the_fly" else scaled.system.projector
 
 
-def _reconstructed(scaled: Scaled) -> Outcome:
+def _reconstructed(scaled: Scaled, **settings: object) -> Outcome:
     with tempfile.TemporaryDirectory() as folder:
-        return reconstruct(Scan.load(scaled.simulated.save(folder)))
+        return reconstruct(Scan.load(scaled.simulated.save(folder)), **settings)
 
 
 def _choice(outcome: Outcome) -> Mapping[str, object]:

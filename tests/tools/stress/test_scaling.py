@@ -30,6 +30,7 @@ def test_a_scaled_scene_has_the_same_rays_with_other_lengths(plain):
     "part",
     [
         scaling_area._default,
+        lambda plain, others: scaling_area._learned(others),
         scaling_parts.carving_rows,
         scaling_parts.gains_rows,
         scaling_parts.alignment_rows,
