@@ -15,7 +15,7 @@ from tomo._prepare import prepare
 from tomo.reconstruct import reconstruct
 
 METHODS = ("auto", "cgls", "sirt", "mlem", "tv")
-QUICK_METHODS = ("auto", "cgls")
+QUICK_METHODS = ("auto",)
 PIXELS = (0.25, 0.5, 1.0, 2.0, 3.0)
 QUICK_PIXELS = (1.0, 3.0)
 NOISE = 0.1
@@ -43,7 +43,7 @@ def rows(size: Size, progress: Progress) -> Iterator[Row]:
         for done, kind in enumerate(KINDS):
             progress(1 + len(KINDS) + done, parts, f"{kind}: warnings")
             for name, flame in (("clean", clean), (f"{NOISE:.0%} noise", noisy)):
-                yield _warned_from(flame, kind, name, (0.5, 1.0, 3.0) if size.quick else PIXELS)
+                yield _warned_from(flame, kind, name, (0.5, 1.0) if size.quick else PIXELS)
         progress(parts - 1, parts, "false alarms")
         yield _false_alarms(Path(folder), 1 if size.quick else 8)
         yield _single(clean, noisy, 6 if size.quick else 1)
@@ -100,7 +100,7 @@ def _warned_from(flame: Flame, kind: str, name: str, pixels: tuple[float, ...]) 
     later = [px for px in pixels if px > max(silent, default=0.0)]
     return Row(
         f"{kind}: from where on the report says that cameras and images disagree",
-        f"{pixels[0]:g} to 3 px, {name}", min(later, default=np.inf), FROM,
+        f"{pixels[0]:g} to {pixels[-1]:g} px, {name}", min(later, default=np.inf), FROM,
         "px, r.m.s. along the flame",
     )  # fmt: skip
 

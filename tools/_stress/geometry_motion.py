@@ -11,6 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+import phantoms
 import rigs
 from _stress.geometry_scenes import SHAPE, thin_grids, through
 from _stress.row import Row, Size, relative_error, worst_of
@@ -34,6 +35,7 @@ def motion_rows(size: Size) -> Iterator[Row]:
     yield _moved(random)
     yield _threads(random)
     yield _from_inside()
+    yield _whole_way()
     yield _limit(size)
 
 
@@ -167,6 +169,32 @@ def _from_inside() -> Row:
     return Row(
         "Cameras inside the grid: error with what is empty left out, over that without",
         "10 cameras among the voxels", errors[0] / errors[1], 1.1, note=f"NRMSE {errors[0]:.3f}",
+    )  # fmt: skip
+
+
+def _whole_way() -> Row:
+    """Go the whole way from images to report, elsewhere and in other units: the same error."""
+    figures, first = [], None
+    for name, off, unit in (
+        ("at the origin", 0.0, 1.0), ("1e7 voxels off", 1e7, 1.0),
+        ("units of 1e-9", 0.0, 1e-9), ("units of 1e9", 0.0, 1e9),
+    ):  # fmt: skip
+        center = off * 0.5 * unit * np.array([1, -0.6, 0.4])
+        grid = VoxelGrid((16, 24, 16), 0.5 * unit, tuple(center))
+        rig = rigs.ring(
+            7, distance=300 * unit, image_size=(36, 52), footprint=0.3 * unit, pitch_degrees=10
+        ).transformed(np.eye(3), grid.center)
+        field = phantoms.create("jet", seed=1, extent=grid.extent, center=grid.center)
+        made = simulate(rig, field, grid, supersample=2, refine=2)
+        with TemporaryDirectory() as folder:
+            found = reconstruct(Scan.load(made.save(folder)), uncertainty=0)
+        error = found.reconstruction.quality["nrmse"]
+        first = error if first is None else first
+        figures.append((name, abs(error / first - 1)))
+    figure, where = worst_of(figures)
+    return Row(
+        "From images to report by the default method: change of the error",
+        "1e7 voxels off, units of 1e-9 and 1e9", figure, 1e-3, "of the error", note=where,
     )  # fmt: skip
 
 
