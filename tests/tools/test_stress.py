@@ -82,7 +82,7 @@ def test_resumed_run_keeps_what_is_there(area, run_tool, tmp_path):
     assert rows_of(tmp_path)[0]["figure"] == 0.25
     other = run_tool("stress", "--area", "values", "-o", tmp_path, "--resume", "--quick")
     assert other.exit_code == 2
-    assert "--resume: size: found" in other.stderr
+    assert "--resume: quick: found False, expected True" in other.stderr
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"format": "emission-benchmark", "version": 1}'])

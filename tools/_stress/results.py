@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from _results import earlier_run, write_json, write_text
+
 from _stress.page import page
 from _stress.plots import plots
 from _stress.row import Size
-from tomo.io.atomic import atomic_path
 from tomo.view.figures import save_figure
 
 FORMAT, VERSION = "emission-stress", 1
@@ -37,30 +37,16 @@ def load(folder: Path, size: Size) -> dict[str, Any]:
     ValueError
         If it is no stress test's, or was of another size or seed.
     """
-    path = folder / JSON
-    if not path.is_file():
-        return {}
-    try:
-        result = json.loads(path.read_text("utf-8"))
-        known = (result["format"], result["version"]) == (FORMAT, VERSION)
-        found, _ = result["size"], result["areas"]
-    except (ValueError, KeyError, TypeError):
-        known = False
-    if not known:
-        raise ValueError(f"{path}: expected the result of a stress test, {FORMAT} {VERSION}")
-    if found != asdict(size):
-        raise ValueError(f"{path}: --resume: size: found {found}, expected {asdict(size)}")
-    return result
+    wanted = {"size": asdict(size)}
+    return earlier_run(folder / JSON, (FORMAT, VERSION), wanted, done="areas", of="a stress test")
 
 
 def save(folder: Path, result: Mapping[str, Any]) -> None:
     """Write the JSON, the plots and the page of what there is so far."""
-    with atomic_path(folder / JSON) as temporary:
-        temporary.write_text(json.dumps(result, indent=1) + "\n", "utf-8")
+    write_json(folder / JSON, result, indent=1)
     names: dict[str, list[str]] = {}
     for area, figures in plots(result["areas"]).items():
         for name, figure in figures.items():
             save_figure(figure, folder / PLOTS / f"{name}.png")
             names.setdefault(area, []).append(f"{PLOTS}/{name}.png")
-    with atomic_path(folder / PAGE) as temporary:
-        temporary.write_text(page(result, names), "utf-8")
+    write_text(folder / PAGE, page(result, names))
