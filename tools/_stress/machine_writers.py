@@ -15,9 +15,10 @@ import tempfile
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -170,28 +171,29 @@ def _scan() -> Kind:
 
 
 def _outcome() -> Kind:
+    """Pictures are drawn once: the writing of files is what has to be killed."""
     from _stress.machine_commands import small_scan
     from tomo.io import read_volume
+    from tomo.view import outcome_files
 
     def prepare() -> Any:
-        import tempfile
-
         from tomo import Scan
         from tomo.reconstruct import reconstruct
 
         with tempfile.TemporaryDirectory() as folder:
             scan = Scan.load(small_scan(Path(folder)))
-            return reconstruct(scan, method="sirt", iterations=2)
+            outcome = reconstruct(scan, method="sirt", iterations=2)
+        return outcome, outcome_files.draw(outcome_files.results_of(outcome))
 
-    def write(folder: Path, outcome: Any, version: int) -> None:
-        from dataclasses import replace
-
-        from tomo.view.outcome_files import write_outcome
-
+    def write(folder: Path, prepared: Any, version: int) -> None:
+        outcome, pictures = prepared
         found = outcome.reconstruction
         flat = replace(found, volume=np.full(found.grid.shape, version, np.float32))
         told = {**outcome.settings, "seed": version}
-        write_outcome(folder / "out", replace(outcome, reconstruction=flat, settings=told))
+        with patch.object(outcome_files, "draw", lambda _: pictures):
+            outcome_files.write_outcome(
+                folder / "out", replace(outcome, reconstruction=flat, settings=told)
+            )
 
     def read(folder: Path) -> set[int]:
         out = folder / "out"

@@ -1,9 +1,11 @@
 """The default's encoder: given, frozen, trained on, handed back."""
 
 import numpy as np
+import pytest
 import torch
 
 from tomo.effects import Effects
+from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
 from tomo.wernet import CorrectionEncoder, save_encoder, wernet
 
 GAINS = Effects(gain_spread=0.1)
@@ -68,3 +70,23 @@ def test_what_is_returned_does_not_change_with_later_runs(scene):
     wernet(one.projector, one.measured, iterations=2, encoder=found.weights.encoder)
     after = found.weights.encoder.state_dict()
     assert all(torch.equal(before[name], after[name]) for name in before)
+
+
+@pytest.mark.parametrize("value", [1e4, 1e10, np.nan])
+@pytest.mark.parametrize("freeze", [False, True], ids=["trained", "frozen"])
+def test_an_encoder_that_explodes_leaves_the_classic_solve(scene, value, freeze):
+    """It ended in the classic solve's own error, or in a volume of its wild weights."""
+    one = scene(effects=GAINS)
+    encoder = CorrectionEncoder(blocks=1, channels=4)
+    with torch.no_grad():
+        for parameter in encoder.parameters():
+            parameter.fill_(value)
+    found = wernet(
+        one.projector, one.measured, encoder=encoder, freeze_encoder=freeze, iterations=1
+    )
+    choice = choose_by_held_out_views(one.projector, one.measured)
+    classic = solve_as_chosen(one.projector, one.measured, choice)
+    np.testing.assert_array_equal(found.volume, classic.volume)
+    assert found.weights is None
+    assert "diverged in " in found.stop_reason
+    assert all(np.isfinite(entry.relative_residual) for entry in found.history)
