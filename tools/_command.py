@@ -9,7 +9,7 @@ import re
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
@@ -127,6 +127,16 @@ def check_output_folder(folder: Path) -> None:
         remove_leftovers(folder)
 
 
+def check_output_file(path: Path, suffixes: Sequence[str] = ()) -> None:
+    """Raise unless a file of one of the suffixes, if any are named, can be written there."""
+    if suffixes and path.suffix.lower() not in suffixes:
+        expected = suffixes[0] if len(suffixes) == 1 else f"one of {', '.join(suffixes)}"
+        raise ValueError(f"{path}: suffix: found {path.suffix!r}, expected {expected}")
+    if path.is_dir():
+        raise IsADirectoryError(f"{path}: is a folder, expected a file to write")
+    check_output_folder(path.parent)
+
+
 def check_output_volume(folder: Path, rig: Rig, source: object) -> None:
     """Raise unless volumes in the unit of a rig from ``source`` can be written into the folder."""
     from tomo.io.volumes import check_length_unit
@@ -173,7 +183,9 @@ def parse_grid_shape(text: str, option: str = "--grid") -> tuple[int, int, int]:
     """Return the counts of ``30x140x30``."""
     match = re.fullmatch(r"(\d{1,9})x(\d{1,9})x(\d{1,9})", text.strip().lower(), re.ASCII)
     if match is None:
-        raise ValueError(f"{option}: found {text!r}, expected three counts like 30x140x30")
+        raise ValueError(
+            f"{option}: found {text!r}, expected three counts like 30x140x30, below 10^9"
+        )
     return tuple(int(n) for n in match.groups())
 
 

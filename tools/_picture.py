@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from _command import check_output_folder, load_rig_or_preset
+from _command import check_output_file, load_rig_or_preset
 
 if TYPE_CHECKING:
     from rigs import Rig
@@ -17,13 +17,7 @@ SUFFIXES = (".png", ".html", ".glb")
 def check_outputs(paths: Iterable[Path]) -> None:
     """Raise unless every path has a suffix that can be written."""
     for path in paths:
-        if path.suffix.lower() not in SUFFIXES:
-            raise ValueError(
-                f"{path}: suffix: found {path.suffix!r}, expected one of {', '.join(SUFFIXES)}"
-            )
-        if path.is_dir():
-            raise IsADirectoryError(f"{path}: is a folder, expected a file to write")
-        check_output_folder(path.parent)
+        check_output_file(path, SUFFIXES)
 
 
 def load_any_rig(text: str) -> Rig:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from _command import (
     bad_input_in_one_line,
+    check_output_file,
     check_output_folder,
     console,
     load_rig_or_preset,
@@ -98,17 +99,28 @@ def calibrate_rig(
     """
     started = time.perf_counter()
     with bad_input_in_one_line():
-        _check_outputs(out, report)
+        _check_outputs(out, report, cache)
         from _results import write_json
 
         from rigs import save_rig
         from rigs.calibrate import calibrate, detections, image_set, parse_target
+        from rigs.calibrate._asked import check_asked
 
         described = parse_target(target)
         volume = _volume(grid, spacing, center)
         given = load_rig_or_preset(intrinsics) if intrinsics else None
         names = _world(world)
         found = image_set(images, every)
+        check_asked(
+            found,
+            {frame for of_camera in found.values() for frame in of_camera},
+            intrinsics=given,
+            world=names,
+            rescale=rescale,
+            length_unit=length_unit,
+            distortion=model,
+            target=described,
+        )
         with progress_bar("detect") as progress:
             seen = detections(found, described, cache=cache, progress=progress)
         with console.status("calibrate") as status:
@@ -144,13 +156,13 @@ def calibrate_rig(
         print_json({"rig": str(out), "page": str(folder / PAGE), **figures})
 
 
-def _check_outputs(out: Path, report: Path | None) -> None:
+def _check_outputs(out: Path, report: Path | None, cache: Path | None) -> None:
     """Raise unless everything can be written: better now than after the work."""
     if out.suffix.lower() not in (".yaml", ".yml"):
         raise ValueError(f"{out}: suffix: found {out.suffix!r}, expected .yaml")
-    if out.is_dir():
-        raise IsADirectoryError(f"{out}: is a folder, expected a file to write")
-    check_output_folder(out.parent)
+    check_output_file(out)
+    if cache is not None:
+        check_output_file(cache)
     if report is not None:
         check_output_folder(report)
 

@@ -35,6 +35,8 @@ def calibration_study(
     """
     with bad_input_in_one_line():
         check_output_folder(out)
+        if pictures is not None:
+            check_output_folder(pictures)
         from _benchmark.machine import machine
         from _calibration import results, study
         from _calibration.cases import CASES, TINY

@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from _command import bad_input_in_one_line, check_output_folder, print_json
+from _command import bad_input_in_one_line, check_output_file, print_json
 from _usage import OneLineUsage
 
 app = typer.Typer(add_completion=False)
+
+FLAMES = ("jet", "turbulent")
 
 
 @app.command(cls=OneLineUsage)
@@ -26,6 +28,9 @@ def learned_weights(
 ) -> None:
     """Draw what the default WERNet learns of effects it is not told, beside the truth."""
     with bad_input_in_one_line():
+        check_output_file(out, (".png",))
+        if flame not in FLAMES:
+            raise ValueError(f"--flame: found {flame!r}, expected one of {', '.join(FLAMES)}")
         from _benchmark.mismatch_scenes import mismatch_scene
         from _benchmark.sizes import FULL, QUICK
 
@@ -34,7 +39,6 @@ def learned_weights(
         from tomo.view.learned_picture import draw_learned
         from tomo.wernet import LearnedWeights, wernet
 
-        check_output_folder(out.parent)
         scene = mismatch_scene(effect, flame, noise, seed, QUICK if quick else FULL)
         ready = scene.problem(midpoints=True)
         chords = ready.system.projector

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from _command import bad_input_in_one_line, check_output_folder, print_json, progress_bar
+from _command import bad_input_in_one_line, check_output_file, print_json, progress_bar
 from _usage import OneLineUsage
 
 app = typer.Typer(add_completion=False)
@@ -32,7 +32,7 @@ def train_encoders(
         if (out is None) == (judge is None):
             raise ValueError("--out and --judge: expected one of them")
         if out is not None:
-            check_output_folder(out.parent)
+            check_output_file(out)
         from _encoders.training import train_finite_pixels
         from _encoders.transfer import CASES, transfer
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.calibrate._asked import check_asked
 from rigs.calibrate._covariance import labels, refuse_unknown_lenses
 from rigs.calibrate._culling import adjust_and_cull
 from rigs.calibrate._duplicates import without_repeats
 from rigs.calibrate._joint_terms import richer_terms
-from rigs.calibrate._lens_choice import TERMS, Terms
+from rigs.calibrate._lens_choice import Terms
 from rigs.calibrate._projection import Lens
 from rigs.calibrate._scene import Freedom, Scene, Sightings, ordered, predicted
 from rigs.calibrate._shared_views import rig_poses
@@ -23,7 +24,6 @@ from rigs.calibrate.initial import View, check_view, lens_alone, view_with
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality import Quality, measure
 from rigs.camera import Camera
-from rigs.ray_table import RayTable
 from rigs.rig import Rig, Volume
 
 _GIVEN = Terms("given", "none", ())
@@ -139,7 +139,17 @@ def calibrate(
         is ambiguous, or names do not match.
     """
     say = progress or (lambda _: None)
-    _check(observations, intrinsics, distortion, target)
+    _check(observations, intrinsics)
+    check_asked(
+        observations.cameras,
+        observations.frames,
+        intrinsics=intrinsics,
+        world=world,
+        rescale=rescale,
+        length_unit=length_unit,
+        distortion=distortion,
+        target=target,
+    )
     names, frames = observations.cameras, len(observations.frames)
     keep, frozen, repeats = without_repeats(observations)
     order = ordered(observations)
@@ -245,38 +255,19 @@ def _cameras(
     )
 
 
-def _check(
-    observations: Observations, intrinsics: Rig | None, distortion: str, target: object | None
-) -> None:
+def _check(observations: Observations, intrinsics: Rig | None) -> None:
     """Raise if what was asked for cannot be done with what there is."""
     names = observations.cameras
     if not names or not len(observations):
         raise ValueError("observations: found no sightings, expected the target in some images")
-    if distortion != "auto" and distortion not in TERMS:
-        raise ValueError(
-            f"distortion: found {distortion!r}, expected one of auto, {', '.join(TERMS)}"
-        )
-    ambiguity = getattr(target, "ambiguity", None)
-    if ambiguity and len(names) > 1:
-        raise ValueError(
-            f"target: its pose is ambiguous ({ambiguity}), expected one that looks the same from "
-            "one side only, to find where cameras stand"
-        )
     if np.ptp(observations.target_points[:, 2]) > 0:
         raise ValueError("target_points: found points off the plane z = 0, expected a flat target")
     for name, size in zip(names, observations.image_sizes, strict=True):
-        if intrinsics is not None:
-            if name not in intrinsics:
-                raise ValueError(f"intrinsics: camera {name}: not in the rig, expected its lens")
-            if isinstance(intrinsics[name], RayTable):
-                raise ValueError(
-                    f"intrinsics: camera {name}: found a table of rays, expected a lens"
-                )
-            if intrinsics[name].image_size != size:
-                raise ValueError(
-                    f"intrinsics: camera {name}: image_size: found {intrinsics[name].image_size}, "
-                    f"expected {size} as its images"
-                )
+        if intrinsics is not None and name in intrinsics and intrinsics[name].image_size != size:
+            raise ValueError(
+                f"intrinsics: camera {name}: image_size: found {intrinsics[name].image_size}, "
+                f"expected {size} as its images"
+            )
 
 
 def _given(camera: Camera) -> tuple[Lens, Terms]:

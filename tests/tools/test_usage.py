@@ -53,3 +53,43 @@ def test_help_is_still_help(run_tool):
     done = run_tool("reconstruct", "--help")
     assert done.exit_code == 0
     assert "--hold-out" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "words"),
+    [
+        ("train_encoders", ("-o", "{}/folder"), "folder: is a folder, expected a file to write"),
+        ("learned_weights", ("-o", "{}/folder.png"), "folder.png: is a folder"),
+        ("learned_weights", ("-o", "{}/x.foo"), "x.foo: suffix: found '.foo', expected .png"),
+        ("learned_weights", ("-o", "{}/x.png", "--flame", "fire"), "--flame: found 'fire'"),
+        ("calibration_study", ("-o", "{}", "--pictures", "{}/file"), "file: is a file, expected"),
+        *(
+            (
+                "calibrate_rig",
+                ("{}/images", "--target", "chessboard:4x3:1", "-o", "{}/rig.yaml", *options),
+                words,
+            )
+            for options, words in (
+                (("--model", "foo"), "distortion: found 'foo', expected one of auto"),
+                (("--length-unit", ""), "length_unit: found '', expected a unit"),
+                (
+                    ("--world", "c"),
+                    "world: found 'c', expected the name of a camera",
+                ),
+                (("--rescale",), "rescale: found True, expected world to give positions"),
+                (("--intrinsics", "paper11_11deg"), "intrinsics: camera a: not in the rig"),
+                (("--cache", "{}/folder"), "folder: is a folder, expected a file to write"),
+            )
+        ),
+    ],
+)
+def test_what_names_alone_can_tell_comes_before_the_work(
+    run_tool, tmp_path, tool, arguments, words
+):
+    for folder in ("folder", "folder.png", "images/a", "images/b"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "file").write_text("mine")
+    for camera in "ab":  # no images at all: reading them would say so
+        (tmp_path / "images" / camera / "0.png").write_text("no image")
+    line = _the_one_line(run_tool(tool, *(text.format(tmp_path) for text in arguments)))
+    assert words in line
