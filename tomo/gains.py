@@ -314,7 +314,7 @@ def _offset(seen: NDArray[np.float64], expected: NDArray[np.float64]) -> tuple[f
         return 0.0, np.inf
     middle = float(np.median(dark))
     spread = 1.4826 * float(np.median(np.abs(dark - middle)))
-    return middle, 1.2533 * spread / np.sqrt(len(dark)) + np.finfo(np.float32).tiny
+    return middle, 1.2533 * spread / np.sqrt(len(dark)) + np.finfo(np.float64).tiny
 
 
 def _error_of_sum(residual: NDArray[np.float64]) -> float:

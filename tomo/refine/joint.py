@@ -24,6 +24,9 @@ DONE = 1e-5
 STIFFNESS = 1e-3
 """Of the volume against change, as a share of what rays say of a typical voxel."""
 
+FAINTEST = 1e-50
+"""Intensity that no pixel is fainter than, in any unit; its square is one of double precision."""
+
 SMALLEST = 1e-9
 """Share of a view's squared residuals that a weight is at least."""
 
@@ -145,7 +148,7 @@ def weight_of(
             ratios.append(np.sum(np.square(np.bincount(tiles, own * residual))) / information)
     found = float(np.mean(ratios)) if ratios else 0.0
     # above zero, so that the prior decides where a camera sees nothing or all fits exactly
-    return max(found, SMALLEST * dot(residual, residual), np.finfo(np.float32).tiny)
+    return max(found, SMALLEST * dot(residual, residual), FAINTEST**2)
 
 
 def _products(derivatives: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -56,7 +56,7 @@ class NoiseModel:
         worth a thousand others.
         """
         variance = self.variance(image)
-        floor = max(1e-3 * variance.max(initial=0.0), np.finfo(np.float32).tiny)
+        floor = max(1e-3 * variance.max(initial=0.0), np.finfo(np.float64).tiny)
         variance = np.maximum(variance, floor)
         return (variance.min(initial=np.inf) / variance).astype(np.float32)
 

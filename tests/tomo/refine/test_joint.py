@@ -102,3 +102,13 @@ def test_an_improvement_has_to_exceed_chance():
     scattered = random.normal(scale=2.0, size=(4, 50))
     scattered += before.squared_errors.sum() / 40 / scattered.size - scattered.mean()
     assert not before.is_improved_by(Judgement(before.squared_errors - scattered, 100.0))
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e-20, 1e20, 1e30])
+def test_the_weight_is_a_squared_intensity_in_any_unit(scale):
+    random = np.random.default_rng(0)
+    derivatives, residual = random.standard_normal((2, 100)), random.standard_normal(100)
+    tiles = np.arange(100) // 10
+    expected = weight_of(derivatives, residual, tiles)
+    found = weight_of(scale * derivatives, scale * residual, tiles)
+    assert found / scale**2 == pytest.approx(expected, rel=1e-9)

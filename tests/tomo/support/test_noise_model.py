@@ -71,3 +71,10 @@ def test_variance_and_weights():
 def test_a_model_of_no_numbers_is_refused(numbers):
     with pytest.raises(ValueError, match="expected a finite number >= 0"):
         NoiseModel(*numbers)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e-20, 1e20, 1e30])
+def test_weights_do_not_depend_on_the_unit_of_intensity(scale):
+    image = np.array([0.0, 1.0, 10.0, 1e4])
+    scaled = NoiseModel(2.0 * scale, 0.5 * scale).weights(scale * image)
+    np.testing.assert_allclose(scaled, NoiseModel(2.0, 0.5).weights(image), rtol=1e-5)
