@@ -43,7 +43,7 @@ def rows(size: Size, progress: Progress) -> Iterator[Row]:
         scene = trust_scene(flame, views, noise, seed)
         found = assessed(scene, repeats)
         noises.append((scene.name, abs(noise_ratio(scene, found) - 1)))
-        yield from deviation_rows(scene, found, repeats, anew=views == 11 and not size.quick)
+        yield from deviation_rows(scene, found, repeats, anew=(flame, views) == ("turbulent", 11))
     worst, where = worst_of(noises)
     yield Row("noise found in the images", _over(cases), worst, 0.15, "off the truth", note=where)
     progress(len(cases), len(cases) + 2, "resolution")
