@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from numbers import Real
 
 from tomo.condition import AUTO_REPEATS
 from tomo.methods import AUTO, Method, method_named, method_names
@@ -45,6 +46,13 @@ def repeats_of(uncertainty: int | str, method: Method) -> int:
             f"{method.name}: what is learned is not repeated"
         )
     return int(uncertainty)
+
+
+def check_dark_level(dark_level: float | str) -> None:
+    """Refuse an intensity that no pixel can be compared with."""
+    is_number = isinstance(dark_level, Real) and math.isfinite(dark_level)
+    if dark_level != AUTO and not (is_number and dark_level >= 0):
+        raise ValueError(f"dark_level: found {dark_level!r}, expected auto or a number >= 0")
 
 
 def check_unseen(unseen: str) -> None:

@@ -23,6 +23,7 @@ from tomo._memory import peak_memory
 from tomo._prepare import prepare
 from tomo._request import (
     cameras_to_refine,
+    check_dark_level,
     check_device,
     check_hold_out,
     check_learning,
@@ -160,6 +161,7 @@ def reconstruct(
     methods = [main, *(other for other, _ in others)]
     check_numbers(seed, time_limit)
     check_unseen(unseen)
+    check_dark_level(dark_level)
     repeats = repeats_of(uncertainty, main)
     check_device(device, methods)
     check_learning(

@@ -123,7 +123,7 @@ def wernet(
     if iterations < 0 or iterations != int(iterations):
         raise ValueError(f"iterations: found {iterations}, expected a whole number >= 0")
     if freeze_encoder and encoder is None:
-        raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder=")
+        raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder beside it")
     measured = check_measured(projector, measured)
     place = usable_device(device)
     tells_views = np.count_nonzero(np.diff(projector.view_ptr)) > FEW_VIEWS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickletools
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +18,14 @@ from tomo.wernet.encoder import WeightEncoder
 _FORMAT, _VERSION = "wernet-encoder", 2
 _KINDS = {"weights": WeightEncoder, "correction": CorrectionEncoder}
 """The paper's encoder, which gives weights, and the default one, which corrects chord lengths."""
+
+_TENSOR_PARTS = (
+    "torch._utils _rebuild_tensor_v2",
+    "torch FloatStorage",
+    "torch ByteStorage",
+    "collections OrderedDict",
+)
+"""What a file of tensors of ours names: their numbers, and the state of a generator."""
 
 SHIPPED = Path(__file__).parent / "encoders"
 
@@ -115,16 +124,29 @@ def load_tensors(path: Path, expected: str) -> object:
     """
     try:
         with zipfile.ZipFile(path) as archive:  # what torch.save writes; older files are not read
-            size = sum(item.file_size for item in archive.infolist())
-        check_unpacked(size, path.stat().st_size)
+            members = archive.infolist()
+            size = sum(item.file_size for item in members)
+            check_unpacked(size, path.stat().st_size)
+            for item in members:
+                if item.filename.endswith("data.pkl"):
+                    _check_names(archive.read(item))
         content = torch.load(path, map_location="cpu", weights_only=True)
         _check_tensors(content)
     except Exception as error:  # torch raises half a dozen kinds for a file it cannot read
         raise ValueError(
-            f"{path}: found a file that cannot be read ({type(error).__name__}), "
-            f"expected {expected}"
+            f"{path}: found a file that cannot be read as one, expected {expected}"
         ) from error
     return content
+
+
+def _check_names(pickled: bytes) -> None:
+    """Raise if a pickle names more than tensors are made of.
+
+    Torch itself calls no other code, but it makes a bytearray of any length.
+    """
+    for operation, argument, _ in pickletools.genops(pickled):
+        if "GLOBAL" in operation.name and argument not in _TENSOR_PARTS:
+            raise ValueError(f"found {argument}, expected tensors and plain values")
 
 
 def _check_tensors(content: object) -> None:

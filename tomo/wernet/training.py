@@ -169,7 +169,7 @@ def wernet_paper(
         if not 0 <= settings[name] < np.inf:
             raise ValueError(f"{name}: found {settings[name]}, expected a number >= 0")
     if freeze_encoder and encoder is None:
-        raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder=")
+        raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder beside it")
     if layout not in LAYOUTS:
         raise ValueError(f"layout: found {layout!r}, expected one of {', '.join(LAYOUTS)}")
     grid = projector.grid

@@ -87,6 +87,8 @@ OPTIONS = {
     "negative time": (("--time-limit", "-1"), "time_limit: found -1"),
     "seed": (("--seed", str(2**63)), "seed: found 9223372036854775808"),
     "scale": (("--scale", "13"), "camera cam00: scale: found 13, expected at most 12"),
+    "dark level": (("--dark-level", "-1"), "dark_level: found -1.0, expected auto or a number"),
+    "endless dark level": (("--dark-level", "inf"), "dark_level: found inf"),
     "grid": (("--grid", "3x4"), "--grid: found '3x4'"),
     "lower": (("--lower", "0,0,0"), "--lower and --upper: expected both"),
     "order": (("--lower", "1,0,0", "--upper", "0,1,1"), "with upper above lower"),
