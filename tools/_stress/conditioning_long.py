@@ -31,7 +31,7 @@ def long_rows(quick: bool) -> Iterator[Row]:
     """Yield the rows of long runs."""
     seen = small_scene()
     count = QUICK if quick else ITERATIONS
-    over = f"{count} iterations, noise alone, a wild pixel"
+    over = f"{count} iterations, {', '.join(_images(seen, quick))}"
     faults, grown, apart, lost = [], [], [], []
     for what, measured in _images(seen, quick).items():
         for method in solve.METHODS:
