@@ -80,6 +80,16 @@ def _header(content: bytes) -> tuple[int, int, int]:
 
 
 def _png(content: bytes) -> tuple[int, int, int]:
+    """Read the first chunk, once all of them are known to lie inside the file.
+
+    OpenCV asks for the memory that a chunk's length claims, and fills it.
+    """
+    at, name = len(_PNG), b""
+    while name != b"IEND":
+        length, name = struct.unpack_from(">I4s", content, at)
+        at += 12 + length
+        if at > len(content):
+            raise ValueError(f"found a chunk of {length} bytes, expected no more than there are")
     width, height, bits, kind = struct.unpack_from(">2I2B", content, 16)
     return width, height, max(bits // 8, 1) * _SAMPLES.get(kind, 4)
 

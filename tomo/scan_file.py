@@ -108,6 +108,8 @@ def _inside(scan_file: Path, text: str, field: str) -> Path:
     try:
         leaves = leaves or not (folder / text).resolve().is_relative_to(folder.resolve())
         (folder / text).exists()  # a name that no file system can hold raises here
+        if len(text.splitlines()) > 1:
+            raise ValueError
     except (OSError, ValueError, RuntimeError):
         raise ValueError(
             f"{scan_file}: {field}: found {reprlib.repr(text)}, expected a path"
