@@ -74,7 +74,7 @@ def _header(content: bytes) -> tuple[int, int, int]:
         found = re.match(rb"P[1-6]\s(?:\s|#[^\n]*\n)*+(\d{1,9})\s++(\d{1,9})\s", content)
         if found:
             return int(found[1]), int(found[2]), 6
-    except (struct.error, IndexError, StopIteration):
+    except (struct.error, IndexError, OverflowError):
         raise ValueError("found no size in its header, damaged or truncated") from None
     raise ValueError("damaged, empty or of another format")
 

@@ -28,6 +28,8 @@ def _whole(value: object) -> int:
     """Return a whole number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value // 1:
         raise ValueError("a whole number")
+    if abs(value) >= 2**63:
+        raise ValueError("a whole number of 64 bits")
     return int(value)
 
 

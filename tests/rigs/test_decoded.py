@@ -49,6 +49,7 @@ def test_a_lossy_webp_and_an_image_with_a_comment():
         (file(".jpg")[:-2], "no end mark"),
         (file(".bmp")[:20], "no size in its header"),
         (file(".tif")[:9], "no size in its header"),
+        (b"II+\0\x08\0\0\0" + b"\xff" * 60, "no size in its header"),
         (
             png((b"IHDR", struct.pack(">2I5B", 40000, 40000, 8, 0, 0, 0, 0))),
             "unpack to 3200000000",
