@@ -102,7 +102,7 @@ def circle_positions(
     distances = _per_camera(distance, count, "ring distance")
     pitch = np.deg2rad(_per_camera(pitch_degrees, count, "ring pitch_degrees"))
     if not (distances > 0).all():
-        raise ValueError("ring distance: expected positive lengths")
+        raise ValueError(f"ring distance: found {distance}, expected positive lengths")
     if not (np.abs(pitch) < np.pi / 2 - 1e-6).all():
         raise ValueError("ring pitch_degrees: expected angles between -90 and 90")
     angle = np.deg2rad(start_degrees + step_degrees * np.arange(count))
@@ -128,6 +128,8 @@ def look_inward(
     some_lens = focal_length is not None or pixel_pitch is not None
     if by_lens == (footprint is not None) or (some_lens and footprint is not None):
         raise ValueError("ring lens: expected focal_length and pixel_pitch, or footprint alone")
+    if footprint is not None and not footprint > 0:
+        raise ValueError(f"ring footprint: found {footprint}, expected a positive length")
     positions = np.asarray(positions, np.float64)
     cameras = []
     for index, position in enumerate(positions):

@@ -20,6 +20,14 @@ FINEST = 1e-4
 """Of a voxel, that coordinates in the world have to tell apart."""
 
 
+def _floats(found: ArrayLike) -> NDArray[np.float64]:
+    """Return an array of what are numbers, else NaN."""
+    try:
+        return np.asarray(found, dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.asarray(np.nan)
+
+
 @dataclass(frozen=True)
 class VoxelGrid:
     """A box of ``shape`` voxels; arrays on it are ``volume[ix, iy, iz]`` in C order.
@@ -54,16 +62,19 @@ class VoxelGrid:
 
     def __post_init__(self) -> None:
         """Normalise to plain tuples, so that grids compare, hash and print as values."""
-        shape = tuple(int(n) for n in self.shape)
+        try:
+            shape = tuple(int(n) for n in self.shape)
+        except (TypeError, ValueError, OverflowError):
+            shape = ()
         if len(shape) != 3 or min(shape) < 1 or shape != tuple(self.shape):
             raise ValueError(f"grid shape: found {self.shape}, expected three whole numbers >= 1")
-        spacing = np.asarray(self.spacing, dtype=np.float64)
+        spacing = _floats(self.spacing)
         if spacing.shape not in ((), (3,)):
             raise ValueError(f"grid spacing: found {self.spacing}, expected one or three lengths")
         spacing = tuple(np.broadcast_to(spacing, 3).tolist())
         if not all(math.isfinite(s) and s > 0 for s in spacing):
             raise ValueError(f"grid spacing: found {self.spacing}, expected positive lengths")
-        center = np.asarray(self.center, dtype=np.float64)
+        center = _floats(self.center)
         if center.shape != (3,) or not np.isfinite(center).all():
             raise ValueError(f"grid center: found {self.center}, expected three finite numbers")
         if not all(SHORTEST <= s <= LONGEST for s in spacing):

@@ -152,7 +152,24 @@ class LinearSystem:
         return silent.reshape(live.grid.shape)
 
     def flatten(self, images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
-        """Return the pixels that take part, view after view: ``(pixels,)``."""
+        """Return the pixels that take part, view after view: ``(pixels,)``.
+
+        Raises
+        ------
+        ValueError
+            Unless there is one image a camera, each of its camera's size.
+        """
+        if len(images) != len(self.rig):
+            raise ValueError(
+                f"images: found {len(images)}, expected one for each of {len(self.rig)} cameras"
+            )
+        for camera, image in zip(self.rig, images, strict=True):
+            width, height = camera.image_size
+            if np.shape(image) != (height, width):
+                raise ValueError(
+                    f"images: camera {camera.name}: found shape {np.shape(image)}, expected "
+                    f"{(height, width)}"
+                )
         return np.concatenate(
             [image.ravel()[kept] for image, kept in zip(images, self.pixels, strict=True)]
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
+from numbers import Integral
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -136,7 +137,7 @@ def simulate(
     ValueError
         If an argument is out of range, or no camera sees the grid.
     """
-    _check(supersample, noise, photons, read_noise, bits)
+    _check(supersample, noise, photons, read_noise, bits, seed)
     effects = Effects() if effects is None else effects
     fine_grid = grid.refined(refine)
     _check_memory(fine_grid)
@@ -225,11 +226,18 @@ def _check_memory(fine_grid: VoxelGrid) -> None:
 
 
 def _check(
-    supersample: int, noise: float, photons: float | None, read_noise: float, bits: int | None
+    supersample: int,
+    noise: float,
+    photons: float | None,
+    read_noise: float,
+    bits: int | None,
+    seed: int,
 ) -> None:
     """Check what would otherwise only fail after all the tracing."""
     if supersample < 1 or supersample != int(supersample):
         raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
+    if not isinstance(seed, Integral) or seed < 0:
+        raise ValueError(f"seed: found {seed!r}, expected a whole number >= 0")
     if not (math.isfinite(noise) and noise >= 0):
         raise ValueError(f"noise: found {noise}, expected a fraction >= 0")
     if photons is not None and not (math.isfinite(photons) and photons > 0):

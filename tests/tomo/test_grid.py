@@ -168,3 +168,11 @@ def test_averaging_keeps_single_precision_and_sums_in_double():
 def test_bad_input_is_named(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@pytest.mark.parametrize("arguments", [("abc", 1.0), (6, 1.0), ((2, 2, 2), "a")])
+def test_what_are_no_numbers_is_told_as_found(arguments):
+    with pytest.raises(ValueError, match=r"^grid (shape|spacing): found .*, expected"):
+        VoxelGrid(*arguments)
+    with pytest.raises(ValueError, match=r"^grid center: found x, expected three"):
+        VoxelGrid((2, 2, 2), 1.0, "x")

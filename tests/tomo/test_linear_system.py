@@ -128,7 +128,7 @@ def test_progress_names_every_camera():
 
 
 def test_images_of_other_numbers_are_refused(system):
-    with pytest.raises(ValueError, match="argument"):
+    with pytest.raises(ValueError, match="images: found 2, expected one for each of 3 cameras"):
         system.flatten([np.zeros((20, 24), np.float32)] * 2)
 
 
@@ -141,3 +141,12 @@ def test_on_the_fly_is_the_same_system():
         assert np.array_equal(mine, theirs)
     x = np.random.default_rng(0).random(GRID.size)
     assert flying.projector @ x == pytest.approx(stored.projector @ x, rel=1e-5)
+
+
+def test_images_of_another_shape_are_not_flattened():
+    grid = VoxelGrid((4, 6, 4), 1.0)
+    rig = ring(3, 60.0, 100.0, image_size=(8, 12), footprint=0.8)
+    system = LinearSystem.from_rig(rig, grid)
+    images = [np.zeros((12, 8), np.float32)] * 3
+    with pytest.raises(ValueError, match=r"camera cam01: found shape \(8, 12\), expected \(12, 8"):
+        system.flatten([images[0], images[1].T, images[2]])

@@ -142,6 +142,7 @@ def test_a_saved_scan_gives_back_images_and_truth(tmp_path, bits):
     ("settings", "message"),
     [
         ({"noise": -1}, "noise: found -1"),
+        ({"seed": -1}, "seed: found -1"),
         ({"photons": 0}, "photons: found 0"),
         ({"read_noise": 1}, "read_noise: found no photons"),
         ({"bits": 17}, "bits: found 17"),
