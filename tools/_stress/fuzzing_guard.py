@@ -127,6 +127,7 @@ class Guard:
     def warm(self, read: Callable[[Path], object], path: Path) -> None:
         """Read a file for what reading it imports; nothing is judged."""
         self._timed(read, path, LIMIT)
+        self._floor = 0  # what was imported stays
 
     def _timed(
         self, read: Callable[[Path], object], path: Path, limit: float
