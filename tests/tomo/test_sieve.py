@@ -84,3 +84,16 @@ def test_nothing_is_suspected_of_honest_images(made, run):
     assert not any("agrees" in warning for warning in outcome.warnings)
     again = run(dict(made.images), suspects=False)
     assert np.array_equal(outcome.volume, again.volume)
+
+
+def test_the_command_keeps_suspects_on_request(made, run_tool, tmp_path):
+    images = dict(made.images)
+    images["cam03"] = np.ascontiguousarray(images["cam03"][::-1])
+    save_scan(tmp_path / "s", made.rig, {"f": images}, grid=GRID)
+    arguments = ["reconstruct", tmp_path / "s", "-o", tmp_path / "out", "--method", "sirt"]
+    found = run_tool(*arguments, "--iterations", 2)
+    assert found.exit_code == 0
+    assert "camera cam03: its image agrees" in found.stderr
+    kept = run_tool(*arguments, "--iterations", 2, "--keep-suspects")
+    assert kept.exit_code == 0
+    assert "cam03: its image" not in kept.stderr

@@ -72,7 +72,12 @@ class Suspects:
         ]
 
     def report(self) -> dict[str, Any]:
-        """Return what a report says of them: plain numbers and words."""
+        """Return what a report says of them: plain numbers and words.
+
+        ``left_out`` lists the cameras left out; ``wild_pixels`` counts those of each camera;
+        ``views`` has for each camera judged its ``agreement`` with what the others predict,
+        whether it is ``wrong``, and what it ``looks`` like instead, if anything fits.
+        """
         return {
             "left_out": list(self.left_out),
             "wild_pixels": dict(self.wild),
