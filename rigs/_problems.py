@@ -13,6 +13,7 @@ import pydantic
 from rigs._text import shortened
 
 _PLAIN = {float: "number", int: "whole number", str: "text"}
+_TOLD_FIRST = {"literal_error": 0, "extra_forbidden": 1}
 _FEW = 6  # fields that are named
 
 
@@ -21,10 +22,11 @@ def first_problem(
 ) -> tuple[list[str | int], str]:
     """Return where in ``data`` the first problem is, and what was found and expected there.
 
-    Of several problems the most specific one is told: unknown fields before missing ones.
+    Of several problems the most specific one is told: another format or version before unknown
+    fields before missing ones.
     """
     problems = error.errors(include_url=False)
-    problem = min(problems, key=lambda found: found["type"] != "extra_forbidden")
+    problem = min(problems, key=lambda found: _TOLD_FIRST.get(found["type"], len(_TOLD_FIRST)))
     path = _path(problem["loc"], data, is_missing=problem["type"] == "missing")
     return path, _said(problem, path, model)
 

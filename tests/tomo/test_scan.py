@@ -373,6 +373,7 @@ def test_links_that_leave_the_folder(folder, tmp_path):
     [
         (lambda c: c.update(format="emission-rig"), ["format", "'emission-rig'", "emission-scan"]),
         (lambda c: c.update(version=2), ["version", "found 2", "expected 1"]),
+        (lambda c: c.update(format="emission-rig", cameras=[]), ["format: found 'emission-rig'"]),
         (lambda c: c.pop("frames"), ["frames: missing, expected a list of mappings"]),
         (lambda c: c.update(frames=[]), ["frames: found none, expected at least one"]),
         (lambda c: c["frames"].append(copy.deepcopy(c["frames"][0])), ["'first'", "twice"]),
