@@ -59,11 +59,9 @@ def killed_writer(kind: str, folder: Path, times: int, seed: int) -> Row:
         found = json.loads(done.stdout)
     note = told(found["faults"])
     if not note:
-        note = f"{found['left']} left a temporary file, removed by the next; " + (
-            f"{found['between']} a folder that says it is not complete"
-            if kind in ("scan", "outcome")
-            else f"{found['new']} were done"
-        )
+        note = f"{found['left']} left a temporary file, removed by the next; {found['new']} done"
+        if found["between"]:
+            note += f"; {found['between']} while files were moved, which the folder says"
     return Row(f"kill -9 while writing: {kind}", f"{times} times, at random",
                len(found["faults"]), 0, "faults", note=note)  # fmt: skip
 
