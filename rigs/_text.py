@@ -178,7 +178,10 @@ def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
                     raise ValueError(f"{path}: broken YAML at line {line}: a key is no plain text")
                 if key.value in keys:
                     name = " ".join(key.value.split())[:60]
-                    raise ValueError(f"{path}: {name}: found twice in one mapping")
+                    raise ValueError(
+                        f"{path}: {name}: found twice in one mapping, again at line "
+                        f"{key.start_mark.line + 1}"
+                    )
                 keys.add(key.value)
                 key.tag = "tag:yaml.org,2002:str"
                 waiting.append(value)

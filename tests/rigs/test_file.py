@@ -203,7 +203,11 @@ def test_a_missing_file_is_named():
         ("shape: [4, 5, 6]", "shape: [4, 5, 0]", "volume.shape"),
         ("volume:", "volumes:", "volumes: unknown field, did you mean volume?"),
         ("cameras:", "cameras: []\nother:", "other: unknown field"),
-        ("version: 1", "version: 1\nversion: 1", "version: found twice in one mapping"),
+        (
+            "version: 1",
+            "version: 1\nversion: 1",
+            "version: found twice in one mapping, again at line 3",
+        ),
         (
             "version: 1",
             "version: 1\nconvention: opengl",
