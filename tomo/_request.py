@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from numbers import Real
 
 from tomo.condition import AUTO_REPEATS
+from tomo.grid import VoxelGrid
 from tomo.methods import AUTO, Method, method_named, method_names
 from tomo.outcome import UNSEEN
 from tomo.refine.search import FEWEST
@@ -59,6 +60,15 @@ def check_unseen(unseen: str) -> None:
     """Refuse anything but the names of `tomo.outcome.UNSEEN`."""
     if unseen not in UNSEEN:
         raise ValueError(f"unseen: found {unseen!r}, expected one of {', '.join(UNSEEN)}")
+
+
+def check_grid(grid: VoxelGrid | None, scan: Scan) -> None:
+    """Refuse to reconstruct without a grid."""
+    if grid is None:
+        raise ValueError(
+            f"{scan.source}: grid: found none in the scan or its rig, expected one: "
+            "--grid with --spacing, or with --lower and --upper"
+        )
 
 
 def check_device(device: str, methods: Sequence[Method]) -> None:

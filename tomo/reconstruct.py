@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
@@ -19,12 +18,14 @@ from tomo._judging import (
     summed_up,
     views_of,
 )
+from tomo._laps import Laps
 from tomo._memory import peak_memory
 from tomo._prepare import prepare
 from tomo._request import (
     cameras_to_refine,
     check_dark_level,
     check_device,
+    check_grid,
     check_hold_out,
     check_learning,
     check_numbers,
@@ -40,7 +41,7 @@ from tomo.gains import Gains, gains_worth_correcting
 from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
 from tomo.methods import AUTO, method_named
-from tomo.outcome import ZERO, Outcome
+from tomo.outcome import ZERO, Outcome, View
 from tomo.scan import Scan
 from tomo.support import STORED
 
@@ -155,7 +156,7 @@ def reconstruct(
     ValueError
         One line that names what is wrong with the input.
     """
-    started = time.perf_counter()
+    laps = Laps()
     main = method_named(method)
     others = [(comparison(name), count) for name, count in compare]
     methods = [main, *(other for other, _ in others)]
@@ -169,29 +170,22 @@ def reconstruct(
     )
     check_hold_out(hold_out, scan)
     refined = cameras_to_refine(refine_cameras, refine_prior, hold_out, scan)
-    grid = grid if grid is not None else scan.grid
-    if grid is None:
-        raise ValueError(
-            f"{scan.source}: grid: found none in the scan or its rig, expected one: "
-            "--grid with --spacing, or with --lower and --upper"
-        )
+    grid = scan.grid if grid is None else grid
+    check_grid(grid, scan)
     effects = true_effects(scan)
     truth, warnings = read_truth(scan, grid)
     images, masks = scan.read(frame)
-    loaded = time.perf_counter()
+    laps.end("load")
     sieved = sieve(scan, images, masks, grid, hold_out, suspects=suspects)
-    training, training_images, training_masks = sieved.training, sieved.images, sieved.masks
-    judged, judged_images, judged_masks = sieved.judged, sieved.judged_images, sieved.judged_masks
     refined = tuple(name for name in refined if name not in sieved.left_out)
-    sifted = time.perf_counter()
+    laps.end("suspects")
 
     first_use = warm_up(tracer) + (warm_up_carving() if skip else 0.0)
-    preparing = time.perf_counter()
-    midpoints = any(one.needs_midpoints for one in methods)
+    laps.skip()
     prepared = prepare(
-        training.rig,
-        training_images,
-        training_masks,
+        sieved.training.rig,
+        sieved.images,
+        sieved.masks,
         grid,
         align=align,
         carving={"margin": margin, "threshold": dark_level, "votes": votes} if skip else None,
@@ -199,7 +193,7 @@ def reconstruct(
         if refined
         else None,
     )
-    tracing = time.perf_counter()
+    laps.end("prepare")
     how: dict[str, Any] = {
         "tracer": tracer,
         "supersample": supersample,
@@ -213,7 +207,7 @@ def reconstruct(
             masks=prepared.masks,
             live=prepared.live,
             skip=skip,
-            midpoints=midpoints,
+            midpoints=any(one.needs_midpoints for one in methods),
             needs_matrix=any(one.needs_matrix for one in methods),
             **how,
         )
@@ -223,11 +217,11 @@ def reconstruct(
     if system.form != STORED:
         first_use += warm_up(tracer, system.form)
     how |= {"live": system.projector.live, "midpoints": main.needs_midpoints}
-    judged_system = held_out_system(judged, grid, judged_masks, how)
+    judged_system = held_out_system(sieved.judged, grid, sieved.judged_masks, how)
     warnings += [*sieved.warnings, *prepared.warnings, *_warnings_of_views(system, judged_system)]
-    traced = time.perf_counter()
+    laps.end("trace")
 
-    measured = system.flatten(training_images)
+    measured = system.flatten(sieved.images)
     if not (measured > 0).any():
         warnings.append("no usable pixel that sees the volume is above 0: the volume is empty")
     gains = gains_worth_correcting(system.projector, measured, fit_gain)
@@ -243,40 +237,34 @@ def reconstruct(
     }
     run = Run(system.projector, measured, truth, learning, seed, time_limit, progress)
     found = run.solve(main, iterations)
-    solved = time.perf_counter()
+    laps.end("solve")
     comparisons = []
     for other, count in others:
         try:
             comparisons.append(run.solve(other, count))
         except (ValueError, RuntimeError) as error:  # the reconstruction itself stands
             warnings.append(f"comparison {other.name}: {error}")
-    compared = time.perf_counter()
-
+    laps.end("compare")
     again = run.again(main, found)
     condition = assess(
         system, measured, found.volume, again, repeats=repeats, seed=seed, progress=progress
     )
     warnings += [f"not to be trusted: {doubt}" for doubt in condition.warnings]
-    assessed = time.perf_counter()
+    laps.end("condition")
 
     seeing = as_learned(system, found, same_views=True)
-    views = views_of(seeing, found.volume, training_images, training_masks, gains)
+    views = views_of(seeing, found.volume, sieved.images, sieved.masks, gains)
+    if judged_system is not None:
+        judging = as_learned(judged_system, found, same_views=False)
+        views += _judged(
+            views_of(judging, found.volume, sieved.judged_images, sieved.judged_masks),
+            hold_out,
+            sieved.left_out,
+        )
     learned = None
     if found.weights is not None:
         ratios = true_ratios(system, effects, truth, gains) if supersample == 1 else None
         learned = summed_up(system, seeing, found, ratios)
-    if judged_system is not None:
-        judging = as_learned(judged_system, found, same_views=False)
-        judged_views = views_of(judging, found.volume, judged_images, judged_masks)
-        views += [
-            replace(
-                view,
-                held_out=view.name in hold_out,
-                left_out=view.name in sieved.left_out,
-            )
-            for view in judged_views
-        ]
-    order = {name: place for place, name in enumerate(scan.rig.names)}
     no_ray = system.unseen
     n_unseen = int(np.count_nonzero(no_ray))
     if n_unseen:
@@ -313,8 +301,8 @@ def reconstruct(
     return Outcome(
         reconstruction=replace(found, peak_memory=peak_memory()),
         rig=scan.rig,
-        views=tuple(sorted(views, key=lambda view: order[view.name])),
-        data_range=data_range(scan, frame, [*training_images, *judged_images]),
+        views=tuple(sorted(views, key=lambda view: scan.rig.names.index(view.name))),
+        data_range=data_range(scan, frame, [*sieved.images, *sieved.judged_images]),
         truth=truth,
         comparisons=tuple(comparisons),
         counts={
@@ -329,17 +317,7 @@ def reconstruct(
         refinement=prepared.refinement.report() if prepared.refinement else None,
         refined_rig=prepared.recorded_rig(scan) if refined else None,
         gains=gains.report() if gains else None,
-        seconds={
-            "load": loaded - started,
-            "suspects": sifted - loaded,
-            "prepare": tracing - preparing,
-            "trace": traced - tracing,
-            "choose": found.seconds["choose"],
-            "solve": solved - traced,
-            "compare": compared - solved,
-            "condition": assessed - compared,
-            "total": time.perf_counter() - started,
-        },
+        seconds={**laps.seconds, "choose": found.seconds["choose"], "total": laps.total},
         first_use_seconds=first_use,
         unseen=no_ray,
         warnings=tuple(warnings),
@@ -365,4 +343,11 @@ def _warning_of_gains(gains: Gains, asked: bool | None) -> list[str]:
     return [
         f"the cameras' gains differ by {gains.disagreement:.1%}, or their backgrounds: both were "
         "fitted and corrected"
+    ]
+
+
+def _judged(views: Sequence[View], hold_out: Sequence[str], left_out: Sequence[str]) -> list[View]:
+    return [
+        replace(view, held_out=view.name in hold_out, left_out=view.name in left_out)
+        for view in views
     ]

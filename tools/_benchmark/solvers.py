@@ -214,5 +214,6 @@ def _default(seen: Scene) -> Run:
 
 
 def seconds_of(outcome: Any) -> float:
-    """Return the seconds of a reconstruction since its images were in memory."""
-    return outcome.seconds["total"] - outcome.seconds["load"] - outcome.seconds["compare"]
+    """Return the seconds from images in memory to the volume, without what is judged after."""
+    others = sum(outcome.seconds[key] for key in ("load", "compare", "condition"))
+    return outcome.seconds["total"] - others
