@@ -176,12 +176,12 @@ def reconstruct(
     truth, warnings = read_truth(scan, grid)
     images, masks = scan.read(frame)
     laps.end("load")
+    first_use = warm_up(tracer) + (warm_up_carving() if skip else 0.0)
+    laps.skip()
+
     sieved = sieve(scan, images, masks, grid, hold_out, suspects=suspects)
     refined = tuple(name for name in refined if name not in sieved.left_out)
     laps.end("suspects")
-
-    first_use = warm_up(tracer) + (warm_up_carving() if skip else 0.0)
-    laps.skip()
     prepared = prepare(
         sieved.training.rig,
         sieved.images,
