@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -13,6 +15,9 @@ TIMES = 3.0
 TYPICAL = 6
 """The so-manieth largest deviation of the 24 pixels around speaks for all of them."""
 
+ALONG = 0.4
+"""Share of its deviation by which it must miss the nearest of the four lines' predictions too."""
+
 SIGMAS = 3.0  # of the noise, times TIMES
 SHARE = 0.015  # of the image's brightest light, likewise
 ROUNDS = 6
@@ -20,8 +25,11 @@ ROUNDS = 6
 out, and the others are looked at again without them."""
 
 AROUND = [(y, x) for y in range(-2, 3) for x in range(-2, 3) if (y, x) != (0, 0)]
+RING = [(y, x) for y, x in AROUND if max(abs(y), abs(x)) == 2]
+TOUCHING = [step for step in AROUND if step not in RING]
 SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
 PAIRS = ((0, 1), (1, 0), (1, 1), (1, -1))
+OPPOSITE = [(-y, -x) for y, x in PAIRS]
 
 
 def wild_pixels(image: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.bool_]:
@@ -40,8 +48,10 @@ def wild_pixels(image: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.b
     neighbour. On a smooth image the deviation from it is the curvature, which the pixels around
     share. A pixel is wild when it deviates three times as much as the sixth largest of the 24
     around it, three standard deviations of the noise, one photon and 1.5 % of the image's
-    brightest light together. Lenses spread real light: where three of the four pixels beside a
-    pixel are lifted as well, by a third of its deviation, the spot is real.
+    brightest light together, and lies beyond what each of the lines predicts: creases, as where
+    a box seen on edge begins, go straight on along one of them. Lenses spread real light: where
+    three of the four pixels beside a pixel are lifted as well, by a third of its deviation, the
+    spot is real.
     """
     image = np.asarray(image, np.float32)
     usable = np.isfinite(image)
@@ -83,23 +93,32 @@ def _confirmed(
     rows, columns = np.nonzero(asked & (np.abs(deviation) > TIMES * far))
     if not len(rows):
         return found
-    padded = np.pad(spread, 2, mode="reflect")
-    around = np.stack([padded[rows + 2 + y, columns + 2 + x] for y, x in AROUND])
-    typical = np.partition(around, -TYPICAL, axis=0)[-TYPICAL]  # (candidates,)
-    own = deviation[rows, columns]
+    typical = np.partition(_beside(spread, rows, columns, AROUND), -TYPICAL, axis=0)[-TYPICAL]
+    own = deviation[rows, columns]  # (candidates,)
     sign = np.sign(own)
-    padded = np.pad(filled, 2, mode="reflect")
-    near = np.stack([padded[rows + 2 + y, columns + 2 + x] for y, x in SIDES]) * sign
-    ring = [(y, x) for y, x in AROUND if max(abs(y), abs(x)) == 2]
-    ground = np.stack([padded[rows + 2 + y, columns + 2 + x] for y, x in ring]) * sign
+    near = sign * _beside(filled, rows, columns, SIDES)
+    ground = sign * _beside(filled, rows, columns, RING)
     lifted = np.sort(near, axis=0)[1] - np.median(ground, axis=0)
     level = np.maximum(typical + far[rows, columns], lifted)
-    wild = np.abs(own) > TIMES * level
+    ends = (_beside(filled, rows, columns, side) for side in (PAIRS, OPPOSITE))
+    lines = sign * sum(ends) / 2  # (4, candidates)
+    beyond = sign * filled[rows, columns] - lines.max(axis=0)
+    wild = (np.abs(own) > TIMES * level) & (beyond > ALONG * np.abs(own))
     found[rows[wild], columns[wild]] = True
-    padded = np.pad(np.where(found, np.abs(deviation), 0), 1)
-    beside = [padded[rows + 1 + y, columns + 1 + x] for y in (-1, 0, 1) for x in (-1, 0, 1)]
-    found[rows, columns] &= np.abs(own) >= np.max(beside, axis=0)
+    stranger = _beside(np.where(found, np.abs(deviation), 0), rows, columns, TOUCHING)
+    found[rows, columns] &= np.abs(own) >= stranger.max(axis=0)
     return found
+
+
+def _beside(
+    image: NDArray[np.float32],
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    steps: Sequence[tuple[int, int]],
+) -> NDArray[np.float32]:
+    """Return what lies so many rows and columns from each candidate: ``(steps, candidates)``."""
+    padded = np.pad(image, 2, mode="reflect")
+    return np.stack([padded[rows + 2 + y, columns + 2 + x] for y, x in steps])
 
 
 def _middle_of_pairs(image: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -49,6 +49,18 @@ def test_edges_lines_and_corners_are_real():
     assert not wild_pixels(corner).any()
 
 
+@pytest.mark.parametrize("degrees", [0, 3, 20, 22.5, 45, 80, 90])
+@pytest.mark.parametrize("off", [0.0, 0.3, 0.5])
+def test_creases_are_real(degrees, off):
+    """A box seen on edge: nothing, then light in proportion to the depth behind the edge."""
+    angle = np.radians(degrees)
+    across = np.cos(angle) * (COLUMNS - 25 - off) + np.sin(angle) * (ROWS - 30)
+    depth = np.clip(across, 0, 8).astype(np.float32)
+    assert not wild_pixels(depth).any()
+    assert not wild_pixels(8 - depth).any()
+    assert not wild_pixels(np.where(ROWS < 40, depth, 0)).any()
+
+
 def test_a_slope_that_leaves_the_image_is_real():
     assert not wild_pixels(ROWS.astype(np.float32)).any()
     assert not wild_pixels(spot(12.0, row=0.0, column=0.0)).any()
