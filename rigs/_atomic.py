@@ -9,7 +9,7 @@ import secrets
 import shutil
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 _PARTIAL = re.compile(r"\..*\.partial-([0-9a-f]{8})-(\d+)-[0-9a-f]{8}(\.[^.]*)?", re.DOTALL)
@@ -42,7 +42,7 @@ def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(partial_name(path.stem[:100], path.suffix))
+    temporary = path.with_name(partial_name(path.stem[:40], path.suffix))
     try:
         yield temporary
         os.replace(temporary, path)
@@ -64,7 +64,8 @@ def partial_name(stem: str, suffix: str = "") -> str:
 def remove_leftovers(folder: str | os.PathLike) -> list[Path]:
     """Remove what writers of this machine that were killed left half-written in ``folder``.
 
-    Files of processes that still run, of other machines and of other names are left alone.
+    Files of processes that still run, of other machines and of other names are left alone, and so
+    is what may not be removed.
 
     Returns
     -------
@@ -72,7 +73,11 @@ def remove_leftovers(folder: str | os.PathLike) -> list[Path]:
         What was removed.
     """
     removed = []
-    for entry in os.scandir(folder):
+    try:
+        entries = list(os.scandir(folder))
+    except PermissionError:  # a folder to drop files into
+        return removed
+    for entry in entries:
         found = _PARTIAL.fullmatch(entry.name)
         if found is None or found[1] != _machine() or _runs(int(found[2])):
             continue
@@ -80,8 +85,10 @@ def remove_leftovers(folder: str | os.PathLike) -> list[Path]:
         if entry.is_dir(follow_symlinks=False):
             shutil.rmtree(path, ignore_errors=True)
         else:
-            path.unlink(missing_ok=True)
-        removed.append(path)
+            with suppress(OSError):  # another user's, in a folder that all may write to
+                path.unlink()
+        if not os.path.lexists(path):
+            removed.append(path)
     return removed
 
 

@@ -14,7 +14,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-FREE = 64 << 20  # bytes that any file may unpack to
+FREE = 128 << 20  # bytes that any file may unpack to; masks pack to almost nothing
 RATIO = 32  # times its size that a larger one may; measured fields pack to a tenth at the least
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # what NumPy writes
 

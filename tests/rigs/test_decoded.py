@@ -81,3 +81,9 @@ def test_a_chunk_longer_than_the_file_is_refused():
     for length in (0xFF000000, len(data), 2**31):
         with pytest.raises(ValueError, match=f"found a chunk of {length} bytes"):
             decoded(data[:at] + struct.pack(">I", length) + data[at + 4 :])
+
+
+def test_a_mask_of_60_megapixels_is_read_though_it_packs_to_nothing():
+    data = file(".png", np.full((6336, 9504), 255, np.uint8))
+    assert len(data) < 100_000
+    assert decoded(data).shape == (6336, 9504)

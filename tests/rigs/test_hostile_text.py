@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from rigs import formats, load_rig
+from rigs import _text, formats, load_rig
 
 BLANKS = 60_000
 
@@ -16,19 +16,30 @@ BLANKS = 60_000
         ("[" * 60_000, "nested too deeply"),  # overflowed the stack of C
         ("a: " + "[" * 60_000, "nested too deeply"),
         ("? " * 30_000, "nested too deeply"),
-        ("a: [" + "1," * 300_000 + "1]", "found more than 250000 values"),
+        ("a: [" + "1," * 1100 + "1]", "found more than 1000 values"),
         ("!!int ", "broken YAML"),  # IndexError
         ("a: !!float", "broken YAML"),
         ("a: &a [1]\nb: *a", "found a YAML alias to line 1"),
         ("a: *b", "found a YAML alias to line 1"),
     ],
 )
-def test_yaml_is_weighed_before_it_is_built(tmp_path, text, message):
+def test_yaml_is_weighed_before_it_is_built(tmp_path, monkeypatch, text, message):
+    monkeypatch.setattr(_text, "_MAX_VALUES", 1000)
     path = tmp_path / "rig.yaml"
     path.write_text(text)
     with pytest.raises(ValueError, match=message) as caught:
         load_rig(path)
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_the_images_of_a_long_run_are_not_too_many():
+    """A second at 12 kHz by eight cameras."""
+    names = [f"cam{camera:02d}" for camera in range(8)]
+    frames = "".join(
+        f"- {{name: {k}, images: {{{', '.join(f'{name}: {name}/{k}.tif' for name in names)}}}}}\n"
+        for k in range(12_000)
+    )
+    assert len(_text.yaml_mapping(f"frames:\n{frames}", "scan.yaml")["frames"]) == 12_000
 
 
 def test_a_number_of_voxels_beyond_64_bits_is_refused(tmp_path):

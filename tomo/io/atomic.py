@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from collections.abc import Iterator, Sequence
@@ -63,7 +64,17 @@ def _move(staging: Path, folder: Path, last: Sequence[str], others: Sequence[str
         (folder / name).unlink(missing_ok=True)
     for name in sorted(files, key=lambda name: order.get(name, 0)):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        os.replace(staging / name, folder / name)
+        _replace(staging / name, folder / name)
+
+
+def _replace(source: Path, target: Path) -> None:
+    try:
+        os.replace(source, target)
+    except OSError as error:
+        if error.errno != errno.EXDEV:
+            raise
+        with atomic_path(target) as temporary:  # a folder inside is a link to another disk
+            shutil.copyfile(source, temporary)
 
 
 @contextmanager

@@ -158,7 +158,7 @@ def _decode_tiff(content: bytes) -> NDArray:
             raise ValueError(f"found {len(content)} bytes, expected {max(ends)}: truncated")
         if page.compression in _LEFT_TO_OPENCV:
             return decoded(content)
-        check_unpacked(page.nbytes, len(content))
+        check_unpacked(max(page.nbytes, 2 * page.size), len(content))
         _check_strips(page, content)
         return page.asarray()
 
@@ -180,7 +180,11 @@ def _check_strips(page: tifffile.TiffPage, content: bytes) -> None:
         )
     if page.compression not in _DEFLATE:
         return
-    most = page.nbytes + (page.nbytes if page.is_tiled else 0) + (1 << 20)  # tiles overhang
+    width, length = page.imagewidth, page.imagelength
+    overhang = (width + page.tilewidth) * (length + page.tilelength)  # of tiles; strips have none
+    most = page.nbytes * overhang // (width * length)
+    check_unpacked(most, len(content))
+    most += 1 << 20
     for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         strip = zlib.decompressobj()
         most -= len(strip.decompress(content[offset : offset + count], max(most, 0) + 1))

@@ -21,6 +21,8 @@ from tomo.io.atomic import atomic_path
 
 Volume = tuple[NDArray[np.float32], VoxelGrid, str]
 
+_HEADERS = 1 << 12  # bytes of a file written here that are no values, at the most
+
 
 def read_volume(path: str | os.PathLike, *, allow_nan: bool = False) -> Volume:
     """Read a volume.
@@ -112,7 +114,8 @@ def write_volume(
         raise ValueError(f"{path}: {error}") from None
     with atomic_path(path) as temporary:
         writer(temporary, data, grid, length_unit)
-        if data.nbytes > most_unpacked(temporary.stat().st_size):  # no reader would take it
+        values = temporary.stat().st_size - _HEADERS
+        if data.nbytes + _HEADERS > most_unpacked(values):  # no reader would take it
             writer(temporary, data, grid, length_unit, is_packed=False)
 
 

@@ -149,3 +149,53 @@ def test_of_two_writers_at_the_same_time_one_is_there_whole(tmp_path):
     assert [writer.wait() for writer in writers] == [0, 0]
     assert len({path.read_text() for path in tmp_path.iterdir()}) == 1
     assert len(list(tmp_path.iterdir())) == 5
+
+
+def test_names_of_many_bytes_have_temporary_ones_too(tmp_path):
+    target = tmp_path / ("炎" * 80 + ".npz")  # 244 bytes of the 255 that most systems take
+    with atomic_path(target) as temporary:
+        temporary.write_text("flame")
+    assert target.read_text() == "flame"
+
+
+def test_leftovers_that_may_not_be_removed_are_nobody_s_error(tmp_path, monkeypatch):
+    """In a folder that all may write to they are another user's."""
+    _killed_while_writing(tmp_path, 1)
+
+    def refuse(self, missing_ok=False):
+        raise PermissionError(errno.EPERM, "Operation not permitted", str(self))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", refuse)
+        (removed,) = remove_leftovers(tmp_path)
+    assert "files" in removed.name
+    assert len(list(tmp_path.iterdir())) == 1
+
+    def hidden(folder):
+        raise PermissionError(errno.EACCES, "Permission denied", str(folder))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "scandir", hidden)
+        assert remove_leftovers(tmp_path) == []
+
+
+def test_a_folder_inside_may_be_a_link_to_another_disk(tmp_path, monkeypatch):
+    replace = os.replace
+
+    def on_two_disks(source, target):
+        if "elsewhere" in str(Path(target).parent.resolve()) and "files" in str(source):
+            raise OSError(errno.EXDEV, "Invalid cross-device link", str(source), None, str(target))
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", on_two_disks)
+    (tmp_path / "elsewhere").mkdir()
+    folder = tmp_path / "scan"
+    folder.mkdir()
+    (folder / "images").symlink_to(tmp_path / "elsewhere")
+    with whole_folder(folder, last=["scan.yaml"]) as staging:
+        (staging / "images").mkdir()
+        (staging / "images" / "0.tif").write_text("image")
+        (staging / "scan.yaml").write_text("scan")
+    assert (tmp_path / "elsewhere" / "0.tif").read_text() == "image"
+    assert sorted(path.name for path in folder.iterdir()) == ["images", "scan.yaml"]
+    assert [path.name for path in (tmp_path / "elsewhere").iterdir()] == ["0.tif"]

@@ -117,3 +117,20 @@ def test_missing_and_unknown_files_are_named(tmp_path):
         read_image(tmp_path / "none.tif")
     with pytest.raises(ValueError, match=r"a\.txt: found suffix '\.txt'"):
         read_image(tmp_path / "a.txt")
+
+
+def test_tiles_may_be_larger_than_the_image(tmp_path):
+    image = np.random.default_rng(0).integers(0, 4095, (300, 400), dtype=np.uint16)
+    for tile in ((256, 256), (1024, 1024)):
+        tifffile.imwrite(tmp_path / "a.tif", image, tile=tile, compression="zlib")
+        np.testing.assert_allclose(read_image(tmp_path / "a.tif"), image / 65535, rtol=1e-6)
+
+
+def test_a_strip_that_unpacks_to_more_than_the_image_is_refused(tmp_path):
+    path = tmp_path / "a.tif"
+    zeros = np.zeros((2048, 1024), np.uint8)
+    tifffile.imwrite(path, zeros, compression="zlib", rowsperstrip=2048)
+    with tifffile.TiffFile(path, mode="r+b") as file:
+        file.pages[0].tags["ImageLength"].overwrite(8)
+    with pytest.raises(ValueError, match="found strips of more than 8192 bytes"):
+        read_image(path)
