@@ -25,6 +25,7 @@ class Sieved:
     judged : Scan, optional
         Of the cameras held out and of those left out as wrong.
     judged_images, judged_masks : list of (height, width)
+        Theirs; wild pixels of cameras held out are 0 and not usable.
     suspects : Suspects, optional
         None where nothing was suspected on request.
     """
@@ -82,7 +83,7 @@ def sieve(
         return Sieved(training, *of(training), judged, *of(judged))
     beside = (judged.rig, *of(judged)) if judged else None
     found = find_suspects(training.rig, *of(training), grid, held_out=beside)
-    for name, mask in zip(training.rig.names, found.masks, strict=True):
+    for name, mask in zip(found.wild, found.masks, strict=True):
         if found.wild[name] and name not in found.left_out:
             everything[name] = np.where(mask, everything[name][0], 0), mask
     if found.left_out:

@@ -23,14 +23,13 @@ from tomo._memory import peak_memory
 from tomo._prepare import prepare
 from tomo._request import (
     cameras_to_refine,
-    check_dark_level,
     check_device,
     check_grid,
     check_hold_out,
     check_learning,
     check_numbers,
     check_unseen,
-    comparison,
+    comparisons,
     repeats_of,
 )
 from tomo._run import Run
@@ -158,17 +157,18 @@ def reconstruct(
     """
     laps = Laps()
     main = method_named(method)
-    others = [(comparison(name), count) for name, count in compare]
+    others = comparisons(compare)
     methods = [main, *(other for other, _ in others)]
     check_numbers(seed, time_limit)
     check_unseen(unseen)
-    check_dark_level(dark_level)
     repeats = repeats_of(uncertainty, main)
     check_device(device, methods)
     check_learning(
         main, {"encoder": encoder, "freeze_encoder": freeze_encoder, "checkpoint": checkpoint}
     )
     check_hold_out(hold_out, scan)
+    views = len(scan.rig) - len(set(hold_out))
+    check_carving(skip=skip, margin=margin, dark_level=dark_level, votes=votes, views=views)
     refined = cameras_to_refine(refine_cameras, refine_prior, hold_out, scan)
     grid = scan.grid if grid is None else grid
     check_grid(grid, scan)
@@ -302,7 +302,7 @@ def reconstruct(
         reconstruction=replace(found, peak_memory=peak_memory()),
         rig=scan.rig,
         views=tuple(sorted(views, key=lambda view: scan.rig.names.index(view.name))),
-        data_range=data_range(scan, frame, [*sieved.images, *sieved.judged_images]),
+        data_range=data_range(scan, frame, [v.measured for v in views if not v.left_out]),
         truth=truth,
         comparisons=tuple(comparisons),
         counts={

@@ -77,6 +77,27 @@ def test_wild_pixels_are_left_out_and_told(made, run):
     assert any("contradict their neighbours" in warning for warning in outcome.warnings)
 
 
+def test_a_view_held_out_is_judged_without_its_wild_pixels(made, run):
+    image = made.images["cam03"]
+    wild = np.random.default_rng(0).random(image.shape) < 0.01
+    images = {**made.images, "cam03": np.where(wild, 30 * image.max(), image).astype(np.float32)}
+    clean, found = (
+        run(dict(one), hold_out=["cam03"]).report()["held_out"]["cam03"]
+        for one in (made.images, images)
+    )
+    assert found["psnr"] == pytest.approx(clean["psnr"], abs=0.5)
+    assert found["cosine"] == pytest.approx(clean["cosine"], abs=1e-3)
+
+
+def test_a_view_left_out_does_not_set_the_range_that_others_are_judged_by(made, run):
+    images = {**made.images, "cam03": 30 * np.ascontiguousarray(made.images["cam03"][::-1])}
+    held_out = [
+        run(dict(one), hold_out=["cam07"]).report()["held_out"]["cam07"]["psnr"]
+        for one in (images, {**images, "cam03": images["cam03"] / 30})
+    ]
+    assert held_out[0] == pytest.approx(held_out[1], abs=1e-6)
+
+
 def test_nothing_is_suspected_of_honest_images(made, run):
     outcome = run(dict(made.images))
     assert outcome.suspects["left_out"] == []

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._sums import dot, norm
+
 FEWEST_PIXELS = 50
 """Fewer in common say nothing."""
 
@@ -48,8 +50,8 @@ def _correlation(
     shown = shown.astype(np.float64)
     expected -= expected.mean()
     shown -= shown.mean()
-    size = math.sqrt(float(expected @ expected)) * math.sqrt(float(shown @ shown))
-    return float(expected @ shown) / size if size > 0 else 0.0
+    size = norm(expected) * norm(shown)
+    return dot(expected, shown) / size if size > 0 else 0.0
 
 
 def _overlaps(shape: tuple[int, int], reach: int) -> Iterator[tuple[tuple, tuple]]:

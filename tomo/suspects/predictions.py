@@ -117,7 +117,8 @@ class Predictions:
         live = self.system.projector.live
         random = np.random.default_rng(0).standard_normal(live.grid.shape)
         detail = gaussian_filter(random, BLUR)
-        volume = volume * np.exp(DETAIL * live.compress(detail / detail.std()))
+        detail /= detail.std() or 1.0  # of a single voxel
+        volume = volume * np.exp(DETAIL * live.compress(detail))
         shown = np.asarray(self.system.projector @ volume, np.float32)
         return replace(
             self,

@@ -26,7 +26,7 @@ class Suspects:
     Attributes
     ----------
     masks : tuple of (height, width) bool
-        Of the cameras to reconstruct from: True where a pixel is usable and not wild.
+        Of all cameras, those held out last: True where a pixel is usable and not wild.
     wild : mapping
         Camera to its number of wild pixels.
     usable : mapping
@@ -100,22 +100,21 @@ def find_suspects(
     rig, images, masks, grid
         Of the cameras to reconstruct from; see `tomo.alignment.align_views`.
     held_out : (Rig, images, masks), optional
-        Cameras that are judged, and whose images nothing else depends on.
+        Cameras that are judged, without their wild pixels; nothing else depends on their images.
     """
-    wild = [wild_pixels(i, m) for i, m in zip(images, masks, strict=True)]
-    clean = tuple(m & ~w for m, w in zip(masks, wild, strict=True))
     beside = held_out or (Rig(()), [], [])
     cameras = Rig((*rig, *beside[0]), length_unit=rig.length_unit)
+    images, masks = [*images, *beside[1]], [*masks, *beside[2]]
+    wild = [wild_pixels(i, m) for i, m in zip(images, masks, strict=True)]
+    clean = tuple(m & ~w for m, w in zip(masks, wild, strict=True))
     try:
-        views = judge_views(
-            cameras, [*images, *beside[1]], [*clean, *beside[2]], grid, trusted=len(rig)
-        )
+        views = judge_views(cameras, images, clean, grid, trusted=len(rig))
     except VolumeNotSeenError:  # told, in better words, by whoever needs the volume
         views = ()
     return Suspects(
         clean,
-        {name: int(w.sum()) for name, w in zip(rig.names, wild, strict=True)},
-        {name: int(np.count_nonzero(m)) for name, m in zip(rig.names, masks, strict=True)},
+        {name: int(np.count_nonzero(w)) for name, w in zip(cameras.names, wild, strict=True)},
+        {name: int(np.count_nonzero(m)) for name, m in zip(cameras.names, masks, strict=True)},
         views,
         tuple(beside[0].names),
     )

@@ -9,7 +9,7 @@ flame, or one that was turned over, lowers it in one view alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -134,27 +134,45 @@ def judge_views(
 _LIKE = "looks like camera {}'s"
 
 
+@dataclass(frozen=True)
+class _Reading:
+    """What else an image may be: what then lacks of its agreement, in words, and whose it is."""
+
+    lack: float
+    words: str
+    other: int | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class _Court:
+    """Judges views by what their agreement lacks of 1, one number a view: ``lack``.
+
+    Attributes
+    ----------
+    names : tuple of str
+    seen : Predictions
+    trusted : int
+        The first so many views judge; the others are judged only.
+    """
+
     names: tuple[str, ...]
     seen: Predictions
     trusted: int
 
     def verdicts(self) -> tuple[ViewVerdict, ...]:
-        views = range(len(self.names))
+        """Return what is said of each view."""
         lack = self.lacks()
-        suspects = [v for v in views if self._stands_out(lack, v, SUSPECT)]
+        suspects = [v for v in range(len(self.names)) if self._stands_out(lack, v, SUSPECT)]
         wrong: dict[int, str] = {}
         if suspects:
             harder = self._harder(suspects)
             lack = lack / harder
             for view in suspects:
-                lack[view] = self._own_lack(view) / harder[view]
+                lack[view] = self._least_lack(view) / harder[view]
             wrong = self._found_wrong(lack, harder, suspects)
         if sum(view < self.trusted for view in wrong) > MOST_WRONG * self.trusted:
             wrong = {}
-        good = [1 - lack[v] for v in views[: self.trusted] if v not in wrong]
-        others = (float(np.nanmin(good)), float(np.nanmax(good)))
+        others = self._range_of_agreement(lack, wrong)
         return tuple(
             ViewVerdict(name, float(1 - lack[v]), others, v in wrong, wrong.get(v, ""))
             for v, name in enumerate(self.names)
@@ -163,37 +181,60 @@ class _Court:
     def _found_wrong(
         self, lack: NDArray[np.float64], harder: NDArray[np.float64], suspects: Sequence[int]
     ) -> dict[int, str]:
-        """Return the wrong ones among suspects, and what they were exchanged for, in words."""
+        """Return the wrong ones among suspects, and what they look like instead, in words."""
         wrong: dict[int, str] = {}
         limits = WRONG if self.trusted > FEW_VIEWS else WRONG_OF_FEW
         for view in suspects:
             if view in wrong or not self._stands_out(lack, view, SUSPECT):
                 continue
-            found, words, other = self._best_reading(view)
+            best = self._best_reading(view)
             read = lack.copy()
-            read[view] = found / harder[view]
+            read[view] = best.lack / harder[view]
             fits = read[view] < EXCHANGED * lack[view]
             fits &= not self._stands_out(read, view, SUSPECT)
-            if other is None and fits and read[view] < TURNED_OVER * lack[view]:
-                wrong[view] = words
-            elif other is not None and fits and self._exchanged(view, other, found):
-                wrong[view], wrong[other] = words, _LIKE.format(self.names[view])
+            turned_over = best.other is None and read[view] < TURNED_OVER * lack[view]
+            exchanged = best.other is not None and fits and self._exchanged(view, best)
+            if exchanged:
+                wrong[best.other] = _LIKE.format(self.names[view])
+            if exchanged or (fits and turned_over):
+                wrong[view] = best.words
             elif self._stands_out(lack, view, limits):
-                wrong[view] = words if fits else ""
+                wrong[view] = best.words if fits else ""
         return wrong
 
-    def _exchanged(self, view: int, other: int, found: float) -> bool:
-        """Return whether each of two images is like the other camera's."""
-        own, there = self._own_lack(other), self.lack(other, view, self._far(other))
-        together = found + there < EXCHANGED * (self._own_lack(view) + own)
+    def _exchanged(self, view: int, reading: _Reading) -> bool:
+        """Return whether a view and the one that it reads as are like each other's image."""
+        other = reading.other
+        own = self._least_lack(other)
+        there = self.lack(self.seen.images[other], view, self._far(other))
+        together = reading.lack + there < EXCHANGED * (self._least_lack(view) + own)
         return together and there < own
 
+    def lack(self, image: NDArray, of: int, reach: int) -> float:
+        """Return 1 less the best agreement of an image with what is predicted of a view."""
+        mask = self.seen.masks[of]
+        found = [agreement(p, image, mask, reach) for p in self.seen.of_view(of)]
+        found = [one for one in found if not math.isnan(one)]
+        return 1 - max(found) if found else math.nan
+
     def lacks(self) -> NDArray[np.float64]:
-        """Return what every view's agreement lacks of 1, ``(views,)``; NaN where nothing shows."""
+        """Return every view's, ``(views,)``; NaN where nothing shows."""
         reach = math.ceil(SLIP / self.seen.factor)
-        lack = np.array([self.lack(view, view, reach) for view in range(len(self.names))])
+        images = self.seen.images
+        lack = np.array([self.lack(image, view, reach) for view, image in enumerate(images)])
         lack[self._silent()] = np.nan
         return lack
+
+    def _least_lack(self, view: int) -> float:
+        """Return what is lacking however the camera is shifted and turned a little."""
+        image, reach = self.seen.images[view], self._far(view)
+        tilted = [rotate(image, tilt, reshape=False, order=1, mode="nearest") for tilt in TILTS]
+        return min(self.lack(one, view, reach) for one in (image, *tilted))
+
+    def _far(self, view: int) -> int:
+        """Return the shifts, in large pixels, that a suspect is allowed."""
+        far = math.ceil(FAR_SLIP * min(self.seen.images[view].shape))
+        return max(math.ceil(SLIP / self.seen.factor), min(far, FARTHEST))
 
     def _harder(self, suspects: Sequence[int]) -> NDArray[np.float64]:
         """Return by how much each view is harder to predict than the others, at least 1."""
@@ -205,24 +246,6 @@ class _Court:
         if not typical > 0:
             return np.ones(len(self.names))
         return np.maximum(np.nan_to_num(rehearsal / typical, nan=1.0), 1.0)
-
-    def lack(self, view: int, of: int, reach: int, image: NDArray | None = None) -> float:
-        """Return 1 less the agreement of a view's image with predictions of a view."""
-        image = self.seen.images[view] if image is None else image
-        mask = self.seen.masks[of]
-        found = [agreement(p, image, mask, reach) for p in self.seen.of_view(of)]
-        found = [one for one in found if not math.isnan(one)]
-        return 1 - max(found) if found else math.nan
-
-    def _own_lack(self, view: int) -> float:
-        """Return what is lacking however the camera is shifted and turned a little."""
-        image, reach = self.seen.images[view], self._far(view)
-        turned = [rotate(image, tilt, reshape=False, order=1, mode="nearest") for tilt in TILTS]
-        return min(self.lack(view, view, reach, one) for one in (image, *turned))
-
-    def _far(self, view: int) -> int:
-        far = math.ceil(FAR_SLIP * min(self.seen.images[view].shape))
-        return max(math.ceil(SLIP / self.seen.factor), min(far, FARTHEST))
 
     def _silent(self) -> NDArray[np.bool_]:
         """Return the views of which next to nothing is predicted."""
@@ -247,8 +270,16 @@ class _Court:
         times, deviations, least = limits
         return bool(lack[view] > max(times * middle, middle + deviations * spread, least))
 
-    def _best_reading(self, view: int) -> tuple[float, str, int | None]:
-        """Return what is lacking if the image was turned over, or is another camera's."""
+    def _range_of_agreement(
+        self, lack: NDArray[np.float64], wrong: Mapping[int, str]
+    ) -> tuple[float, float]:
+        """Return the lowest and highest agreement of trusted views that are not wrong."""
+        found = [1 - lack[v] for v in range(self.trusted) if v not in wrong]
+        found = [one for one in found if not math.isnan(one)]
+        return (float(min(found)), float(max(found))) if found else (math.nan, math.nan)
+
+    def _best_reading(self, view: int) -> _Reading:
+        """Return what fits best: that the image was turned over, or is another camera's."""
         image, reach = self.seen.images[view], self._far(view)
         turned = {
             "looks mirrored left to right": image[:, ::-1],
@@ -258,12 +289,12 @@ class _Court:
         if image.shape[0] == image.shape[1]:
             turned["looks turned by 90 degrees"] = np.rot90(image)
             turned["looks turned by 270 degrees"] = np.rot90(image, 3)
-        readings = [(self.lack(view, view, reach, i), w, None) for w, i in turned.items()]
-        simplest = min(readings, key=lambda reading: reading[0])
+        readings = [_Reading(self.lack(one, view, reach), w) for w, one in turned.items()]
+        simplest = min(readings, key=lambda reading: reading.lack)
         for other, name in enumerate(self.names):
             if other != view and self.seen.images[other].shape == image.shape:
-                found = self.lack(view, other, reach)
+                found = self.lack(image, other, reach)
                 if not math.isnan(found):
-                    readings.append((found, _LIKE.format(name), other))
-        best = min(readings, key=lambda reading: reading[0])
-        return simplest if simplest[0] <= SIMPLER * best[0] else best
+                    readings.append(_Reading(found, _LIKE.format(name), other))
+        best = min(readings, key=lambda reading: reading.lack)
+        return simplest if simplest.lack <= SIMPLER * best.lack else best

@@ -132,6 +132,16 @@ def test_few_views_and_dark_ones_are_not_judged():
     assert judge_views(case.rig, dark, [np.isfinite(i) for i in dark], GRID) == ()
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("shape", [(1, 1, 1), (4, 4, 4)])
+def test_so_few_pixels_that_nothing_can_be_said_are_no_reason(shape):
+    rig = rigs.ring(7, distance=300.0, image_size=(6, 6), footprint=0.5)
+    images = [np.random.default_rng(n).random((6, 6), np.float32) for n in range(7)]
+    masks = [np.isfinite(image) for image in images]
+    found = judge_views(rig, images, masks, VoxelGrid(shape, 1.0))
+    assert not any(view.wrong for view in found)
+
+
 def test_a_camera_that_sees_nothing_of_it_is_not_judged():
     case = seen(12)
     away = case.rig[3].transformed(np.diag([1.0, 1.0, 1.0]), [0.0, 500.0, 0.0])
@@ -159,6 +169,18 @@ def test_a_view_held_out_is_judged_and_judges_nobody():
     assert [view.name for view in found.views if view.wrong] == [case.rig.names[11]]
     assert found.warnings[0].startswith(f"camera {case.rig.names[11]}: ")
     assert "held out" in found.warnings[0]
+
+
+def test_wild_pixels_are_no_reason_to_doubt_a_view_held_out():
+    case = seen(12)
+    images, masks = list(case.images), [np.isfinite(image) for image in case.images]
+    wild = np.random.default_rng(0).random(images[11].shape) < 0.01
+    images[11] = np.where(wild, 30 * images[11].max(), images[11]).astype(np.float32)
+    training = replace(case.rig, cameras=case.rig.cameras[:11])
+    beside = (replace(case.rig, cameras=case.rig.cameras[11:]), images[11:], masks[11:])
+    found = find_suspects(training, images[:11], masks[:11], GRID, held_out=beside)
+    assert not any(view.wrong for view in found.views)
+    assert found.wild[case.rig.names[11]] > 0.9 * np.count_nonzero(wild)
 
 
 def test_the_same_bits_again(case):
