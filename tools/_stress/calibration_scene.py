@@ -12,12 +12,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-import phantoms
 import rigs
+from _stress.values_scene import simulated_by
 from rigs import Camera, Distortion, Rig
 from tomo import Scan
 from tomo.grid import VoxelGrid
-from tomo.simulate import simulate
 
 GRID = VoxelGrid((20, 40, 20), 0.5)
 VIEWS = 12
@@ -94,8 +93,8 @@ class Flame:
             VIEWS, distance=300.0, image_size=(56, 88), footprint=cls.footprint,
             pitch_degrees=10.0,
         )  # fmt: skip
-        field = phantoms.create("turbulent", seed=seed, extent=GRID.extent)
-        made = simulate(rig, field, GRID, supersample=3, refine=2, noise=noise, seed=seed)
+        flame = ("turbulent", seed)
+        made = simulated_by(rig, GRID, flame, supersample=3, noise=noise, seed=seed)
         return cls(Scan.load(made.save(folder)), rig, made.truth)
 
     def seen_wrongly(self, kind: str, pixels: float, seed: int = 0) -> Scan:

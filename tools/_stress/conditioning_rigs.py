@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
@@ -10,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from _stress.row import Row, relative_error, worst_of
-from _stress.values_scene import SHAPE, SPACING, Scene, ring, run, scene_of
+from _stress.values_scene import SHAPE, SPACING, Scene, reconstructed, ring, run, scene_of
 from rigs import Rig
-from tomo import LinearSystem, Scan, VoxelGrid, solve
+from tomo import LinearSystem, VoxelGrid, solve
 from tomo.metrics import nrmse
 from tomo.outcome import Outcome
-from tomo.reconstruct import reconstruct
 
 VIEWS = (1, 2, 3, 5, 9, 17, 33)
 FAN = 30.0  # degrees
@@ -30,7 +28,7 @@ def rig_rows(quick: bool) -> Iterator[Row]:
     scenes = {f"{count} views": scene_of(ring(count), NOISE) for count in views}
     scenes |= {name: make() for name, make in _WEAK.items()}
     yield _finite(scenes)
-    outcomes = {name: _reconstructed(seen) for name, seen in scenes.items()}
+    outcomes = {name: reconstructed(seen.simulated) for name, seen in scenes.items()}
     yield _better_than_nothing(scenes, outcomes)
     yield _more_views(views, scenes, outcomes)
     yield from _unseen(scenes, outcomes)
@@ -173,11 +171,6 @@ def _twice() -> Row:
         "relative to each once",
         note=where,
     )
-
-
-def _reconstructed(seen: Scene) -> Outcome:
-    with tempfile.TemporaryDirectory() as folder:
-        return reconstruct(Scan.load(seen.simulated.save(folder)))
 
 
 def _volume(outcome: Outcome) -> NDArray[np.float32]:

@@ -6,20 +6,16 @@ what it was.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-import phantoms
 from _stress.row import Progress, Row, Size, relative_error, worst_of
 from _stress.scaling_parts import alignment_rows, carving_rows, figures_rows, gains_rows
 from _stress.scaling_scene import EXACT, FACTORS, RANGE, Scaled
-from _stress.values_scene import BY_PIXEL, ring, run, scene
-from tomo import Scan, solve
+from _stress.values_scene import BY_PIXEL, reconstructed, ring, run, scene, simulated_by
+from tomo import solve
 from tomo.effects import Effects
 from tomo.outcome import Outcome
-from tomo.reconstruct import reconstruct
-from tomo.simulate import simulate
 from tomo.solve.stopping import choose_by_held_out_views
 from tomo.viewed import ViewedOperator
 
@@ -65,11 +61,11 @@ def _solvers(plain: Scaled, others: Sequence[Scaled], quick: bool) -> Iterator[R
 
 
 def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
-    expected = _reconstructed(plain)
+    expected = reconstructed(plain.simulated)
     chosen = _choice(expected)
     figures, changed = [], []
     for other in others:
-        outcome = _reconstructed(other)
+        outcome = reconstructed(other.simulated)
         found = other.unscaled(outcome.reconstruction.volume)
         error = relative_error(found, expected.reconstruction.volume)
         figures.append((other.name, error))
@@ -107,14 +103,13 @@ def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
 
 def _learned(others: Sequence[Scaled]) -> Iterator[Row]:
     """Let WERNet learn absorption, which six views ask it for."""
-    grid = others[0].original.grid
-    field = phantoms.create("jet", 1, grid.extent, grid.center)
-    seen = simulate(ring(6), field, grid, supersample=2, refine=2, effects=Effects(absorption=0.3))
+    seen = simulated_by(ring(6), effects=Effects(absorption=0.3))
     seen = replace(seen, settings={})  # what the light met is known in one unit of length alone
-    expected = _reconstructed(Scaled(seen), method="wernet", iterations=1)
+    expected = reconstructed(seen, method="wernet", iterations=1)
     figures, changed = [], []
     for other in others:
-        outcome = _reconstructed(replace(other, original=seen), method="wernet", iterations=1)
+        scaled = replace(other, original=seen).simulated
+        outcome = reconstructed(scaled, method="wernet", iterations=1)
         found = other.unscaled(outcome.reconstruction.volume)
         figures.append((other.name, relative_error(found, expected.reconstruction.volume)))
         if (outcome.learned is None) != (expected.learned is None):
@@ -127,11 +122,6 @@ def _learned(others: Sequence[Scaled]) -> Iterator[Row]:
 
 def _form(scaled: Scaled, form: str) -> ViewedOperator:
     return scaled.on_the_fly if form == "on_the_fly" else scaled.system.projector
-
-
-def _reconstructed(scaled: Scaled, **settings: object) -> Outcome:
-    with tempfile.TemporaryDirectory() as folder:
-        return reconstruct(Scan.load(scaled.simulated.save(folder)), **settings)
 
 
 def _choice(outcome: Outcome) -> Mapping[str, object]:

@@ -14,12 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-import phantoms
 from _stress.row import Progress, Row, Size, relative_error, worst_of
-from _stress.values_scene import SHAPE, SPACING, ring
-from tomo import VoxelGrid
+from _stress.values_scene import ring, simulated_by
 from tomo.effects import Effects
-from tomo.simulate import simulate
 
 POOLS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 CHILD = Path(__file__).with_name("threads_child.py")
@@ -156,14 +153,8 @@ def _as_the_last(made: Sequence[Made]) -> Made:
 
 
 def _scan(folder: Path, cameras: int, effects: Effects) -> None:
-    grid = VoxelGrid(SHAPE, SPACING)
-    field = phantoms.create("jet", 1, grid.extent, grid.center)
     noise = 0.0 if effects.any else 0.02
-    rig = ring(cameras)
-    simulated = simulate(
-        rig, field, grid, supersample=2, refine=2, noise=noise, effects=effects, seed=1
-    )
-    simulated.save(folder)
+    simulated_by(ring(cameras), noise=noise, effects=effects, seed=1).save(folder)
 
 
 def _listed(made: Sequence[Made]) -> str:

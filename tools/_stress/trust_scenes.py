@@ -11,7 +11,7 @@ from _benchmark.problems import Problem, problem
 from _benchmark.scenes import flame_rig
 from numpy.typing import NDArray
 
-import phantoms
+from _stress.values_scene import simulated_by
 from rigs import Rig
 from tomo import VoxelGrid
 from tomo import noise as noises
@@ -147,9 +147,8 @@ def with_noise(
 def _clean(
     flame: str, views: int, seed: int, shape: tuple[int, int, int], spacing: float, shrink: int
 ) -> SimulatedScan:
-    grid = VoxelGrid(shape, spacing)
-    field = phantoms.create(flame, seed, grid.extent, grid.center)
-    return simulate(flame_rig(views, shrink), field, grid, refine=2, supersample=3)
+    rig, grid = flame_rig(views, shrink), VoxelGrid(shape, spacing)
+    return simulated_by(rig, grid, (flame, seed), supersample=3)
 
 
 def _by_default(

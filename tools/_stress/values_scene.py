@@ -1,11 +1,10 @@
-"""The small scene that the areas of numbers share: a jet in view of a ring of cameras."""
+"""The small scene that most areas share: a jet in view of a ring of cameras, and its way back."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import tempfile
+from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,8 @@ import rigs
 from rigs import Rig
 from tomo import LinearSystem, Scan, VoxelGrid, solve
 from tomo.on_the_fly import OnTheFlyProjector
+from tomo.outcome import Outcome
+from tomo.reconstruct import reconstruct
 from tomo.reconstruction import Reconstruction
 from tomo.simulate import SimulatedScan, simulate
 from tomo.viewed import ViewedOperator
@@ -86,9 +87,8 @@ def scene(noise: float = 0.0, cameras: int = 9) -> Scene:
 
 def scene_of(rig: Rig, noise: float = 0.0, grid: VoxelGrid | None = None) -> Scene:
     """Return what a rig sees of the jet; the projectors have one ray a pixel."""
-    grid = VoxelGrid(SHAPE, SPACING) if grid is None else grid
-    field = phantoms.create("jet", 1, grid.extent, grid.center)
-    simulated = simulate(rig, field, grid, supersample=2, refine=2, noise=noise)
+    simulated = simulated_by(rig, grid, noise=noise)
+    grid = simulated.grid
     system = LinearSystem.from_rig(rig, grid, form="stored")
     measured = system.flatten(list(simulated.images.values()))
     on_the_fly = OnTheFlyProjector.from_cameras(tuple(rig), system.pixels, grid)
@@ -106,12 +106,23 @@ def run(
     return getattr(solve, method)(projector, measured, iterations=iterations, **settings)
 
 
-def scaled_scan(simulated: SimulatedScan, factor: float, folder: Path) -> Scan:
-    """Return the scan of files with all intensities times ``factor``, the truth too."""
-    images = {
-        name: (np.float64(factor) * image).astype(np.float32)
-        for name, image in simulated.images.items()
-    }
-    truth = (np.float64(factor) * simulated.truth).astype(np.float32)
-    scaled = replace(simulated, images=MappingProxyType(images), truth=truth)
-    return Scan.load(scaled.save(folder))
+def simulated_by(
+    rig: Rig,
+    grid: VoxelGrid | None = None,
+    flame: tuple[str, int] = ("jet", 1),
+    **settings: object,
+) -> SimulatedScan:
+    """Return what a rig sees of a flame, given by its name and seed.
+
+    Through voxels half as wide and with 2 x 2 rays a pixel, unless the settings of `simulate` say
+    otherwise.
+    """
+    grid = VoxelGrid(SHAPE, SPACING) if grid is None else grid
+    field = phantoms.create(*flame, grid.extent, grid.center)
+    return simulate(rig, field, grid, **{"supersample": 2, "refine": 2} | settings)
+
+
+def reconstructed(simulated: SimulatedScan, **settings: object) -> Outcome:
+    """Return what becomes of simulated images: by the default method, through files."""
+    with tempfile.TemporaryDirectory() as folder:
+        return reconstruct(Scan.load(simulated.save(folder)), **settings)
