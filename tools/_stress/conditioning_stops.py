@@ -50,7 +50,8 @@ def _methods() -> Row:
         worst,
         3.0,
         "times the lowest error of the run",
-        note=f"{where}; {'; '.join(said)}",
+        note=f"{where}; no fixed number suits every noise: the default method's stop is the next "
+        f"row's; {'; '.join(said)}",
         chart=Chart(title, "iterations", "relative error", curves),
     )
 

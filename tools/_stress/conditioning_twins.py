@@ -13,6 +13,7 @@ from _stress.row import Row, relative_error, worst_of
 from _stress.values_scene import run
 from tomo.solve._gradient import Gradient
 from tomo.solve.mlem import sensitivity
+from tomo.solve.sart import spread_order
 
 ITERATIONS = 20
 SETTLED = 2_000
@@ -71,6 +72,17 @@ def _sirt(matrix: Dense, measured: Dense, count: int) -> Dense:
     x = np.zeros(matrix.shape[1])
     for _ in range(count):
         x = np.maximum(x + per_column * (matrix.T @ (per_row * (measured - matrix @ x))), 0)
+    return x
+
+
+def _sart(matrix: Dense, measured: Dense, count: int) -> Dense:
+    ptr = small_scene().stored.view_ptr
+    x = np.zeros(matrix.shape[1])
+    for view in spread_order(len(ptr) - 1) * count:
+        own = slice(ptr[view], ptr[view + 1])
+        block = matrix[own]
+        per_row, per_column = _reciprocal(block.sum(1)), _reciprocal(block.sum(0))
+        x = np.maximum(x + per_column * (block.T @ (per_row * (measured[own] - block @ x))), 0)
     return x
 
 
@@ -149,6 +161,7 @@ _TWINS: Mapping[str, Callable[[Dense, Dense, int], Dense]] = {
     "cgls": _cgls,
     "mart": _mart,
     "mlem": _mlem,
+    "sart": _sart,
     "sirt": _sirt,
     "smart": _smart,
 }

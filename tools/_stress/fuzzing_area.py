@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from _stress.fuzzing_guard import LIMIT, MEMORY
-from _stress.fuzzing_readers import NAMES, OFTEN
+from _stress.fuzzing_readers import MOST_RAYS, NAMES, OFTEN
 from _stress.row import Progress, Row, Size
 
 FULL, QUICK = 6000, 100  # inputs a reader
@@ -63,7 +63,8 @@ def rows(size: Size, progress: Progress) -> Iterator[Row]:
     largest = max(every, key=lambda report: report["memory"])
     yield Row(
         "Most memory beyond four times the file",
-        over,
+        f"{over}; tables of rays of at most {MOST_RAYS} pixels: they take memory by the camera's "
+        "pixels, whatever the file's size, and 2^24 is the most outside this test",
         largest["memory"] / _MEGABYTE,
         MEMORY / _MEGABYTE,
         "MB",

@@ -14,6 +14,9 @@ from _stress import fuzzing_seeds as seeds
 from _stress.fuzzing_containers import change_png, change_zip
 from _stress.fuzzing_mutations import BINARY, TEXT, TREE, Mutation
 
+MOST_RAYS = 1 << 14
+"""Pixels of the largest table of rays that a reader makes here; `rigs` allows 2^24."""
+
 
 @dataclass(frozen=True)
 class Reader:
@@ -58,7 +61,7 @@ def _rigs(folder: Path) -> list[Reader]:
     from rigs.ray_file import load_ray_table, save_ray_table
 
     # tables of rays take as much as the camera has pixels, which is no matter of the file's size
-    _image_size.MOST_RAYS = 1 << 14
+    _image_size.MOST_RAYS = MOST_RAYS
     rig = seeds.rig("brown", "none")
     one = seeds.rig("none")
     table = RayTable.of(one[0])

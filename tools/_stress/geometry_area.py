@@ -15,7 +15,7 @@ from _stress import geometry_scenes as scenes
 from _stress.geometry_large import large_rows
 from _stress.geometry_lenses import lens_rows
 from _stress.geometry_motion import motion_rows
-from _stress.geometry_scenes import Case, roundings_apart
+from _stress.geometry_scenes import TILTED, Case, roundings_apart
 from _stress.row import Progress, Row, Size, worst_of
 from tomo import Projector, dot_test
 from tomo.on_the_fly import OnTheFlyProjector
@@ -65,13 +65,18 @@ def _tracer_rows(name: str, over: str, cases: list[Case]) -> Iterator[Row]:
         "roundings of the farthest coordinate", note=where,
     )  # fmt: skip
     figure, where = worst(_Measured.voxels)
+    if any(TILTED in case.name for case in cases):
+        where += "; without rays hardly tilted from an edge: rounding says on which side they run"
     yield Row(
         f"{name}: tracers and projectors against the float64 twin", over, figure, ROUNDINGS,
         "roundings of the farthest coordinate, in voxels", note=where,
     )  # fmt: skip
     for kind, bound in ((np.float64, 1e-12), (np.float32, 1e-6)):
         figure, where = worst(lambda one, kind=kind: one.dot_tests(kind))
-        yield Row(f"{name}: dot test in {kind.__name__}", over, figure, bound, note=where)
+        yield Row(
+            f"{name}: back-projection against the transpose, {kind.__name__}", over, figure, bound,
+            "relative", note=where,
+        )  # fmt: skip
 
 
 class _Measured:
@@ -96,7 +101,7 @@ class _Measured:
 
         Rays hardly tilted from a face change sides where rounding makes them: they are left out.
         """
-        if "hardly tilted" in self.case.name:
+        if TILTED in self.case.name:
             return
         # what a position's rounding moves a crossing by, along the ray and in its own length
         reference = self.stored["reference"]

@@ -15,6 +15,9 @@ EPS = float(np.finfo(np.float64).eps)
 
 SHAPE = (20, 14, 17)
 
+TILTED = "hardly tilted"
+"""In the name of cases whose rays change sides where rounding makes them."""
+
 STEEPEST = 0.05  # least share of a ray's direction along any axis where voxels are compared
 
 
@@ -121,7 +124,7 @@ def special_rays(n: int, random: np.random.Generator) -> Iterator[Case]:
             ("from corner to corner", corner, corner_to_corner),
             ("with subnormal parts", inside, subnormal),
             ("along edges with subnormal parts", corner, subnormal),
-            ("hardly tilted from edges", corner, tilted),
+            (f"{TILTED} from edges", corner, tilted),
         ):
             unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
             back = random.choice([0.0, 16.0, 2.0**20], (n, 1))

@@ -16,8 +16,9 @@ def rows(size: Size, progress: Progress) -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         scan = small_scan(folder / "scan")
-        progress(0, 1, "threads")
-        yield from machine_limits.threads(scan, folder, size)
+        if not size.quick:  # the area of threads has them too
+            progress(0, 1, "threads")
+            yield from machine_limits.threads(scan, folder)
         progress(0, 1, "memory")
         yield from machine_limits.memory(scan, folder, size)
         progress(0, 1, "disk")

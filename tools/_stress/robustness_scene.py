@@ -11,20 +11,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-import phantoms
 import rigs
+from _stress.values_scene import simulated_by
 from rigs import Rig
 from tomo import Scan, VoxelGrid
 from tomo.effects import Effects
 from tomo.outcome import Outcome
 from tomo.reconstruct import reconstruct
 from tomo.scan_file import save_scan
-from tomo.simulate import simulate
 
 PRESET = "paper33_pitch"
 FLAMES = ("jet", "turbulent")
 WRONG, OTHER = 7, 15
 """Views that something happens to."""
+
+ALIKE = ("another moment", "mirrored", "another camera's image")
+"""What shows hardly another image of a jet, which is nearly the same from all sides."""
 
 ANOTHER_MOMENT = 100  # added to the seed
 
@@ -74,8 +76,7 @@ def scene(flame: str, seed: int, shrink: float, effects: Effects | None = None) 
     center = np.asarray(volume.center)
     grid = VoxelGrid.from_bounds(shape, center - half, center + half)
     rig = replace(rig, cameras=tuple(camera.scaled(shrink) for camera in rig))
-    field = phantoms.create(flame, seed=seed, extent=grid.extent)
-    made = simulate(rig, field, grid, supersample=2, refine=2, effects=effects, seed=seed)
+    made = simulated_by(rig, grid, (flame, seed), effects=effects, seed=seed)
     return Scene(flame, rig, grid, [made.images[name] for name in rig.names], made.truth)
 
 
@@ -102,10 +103,7 @@ def one_wild_pixel(images: Images) -> Images:
 
 
 def wrong_views(one: Scene, seed: int, shrink: float) -> Iterator[tuple[str, Images, bool]]:
-    """Return what a view may show instead, the images, and whether it can be seen to be wrong.
-
-    A jet is nearly the same from all sides and at all moments.
-    """
+    """Return what a view may show instead, the images, and whether it can be seen to be wrong."""
     own = one.images[WRONG]
     beside = FLAMES[1 - FLAMES.index(one.flame)]
     random = np.random.default_rng(seed)
@@ -120,11 +118,10 @@ def wrong_views(one: Scene, seed: int, shrink: float) -> Iterator[tuple[str, Ima
         "turned by 180 degrees": own[::-1, ::-1],
         "another camera's image": one.images[OTHER],
     }
-    round_ones = ("another moment", "mirrored", "another camera's image")
     for name, image in shown.items():
         images = list(one.images)
         images[WRONG] = np.ascontiguousarray(image, np.float32)
-        yield name, images, one.flame != "jet" or name not in round_ones
+        yield name, images, one.flame != "jet" or name not in ALIKE
 
 
 def swapped(images: Images) -> Images:

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from _stress.row import Row, Size
-from _stress.wernet_scene import Run, Scene, filled, run
+from _stress.wernet_scene import Run, Scene, filled, run, scene
 
 EPOCHS = 3
 
@@ -29,12 +29,14 @@ def paper_rows(seen: Scene, size: Size) -> Iterator[Row]:
     ])  # fmt: skip
     pixels = len(seen.measured)
     batches = (pixels,) if size.quick else (1, 10, 1000, pixels)
-    yield _row("batches", f"{batches[0]} to {pixels} rays a sample, 1 and 32 samples a batch", [
+    sizes = ", ".join(map(str, batches))
+    yield _row("batches", f"{sizes} rays a sample, 1 and 32 samples, 32 rays or more", [
         solve(f"{rays} x {count}", rays_per_sample=rays, samples_per_batch=count, iterations=1)
         for rays, count in product(batches, (1, 32)) if rays * count >= 32
     ])  # fmt: skip
     values = (1e30, np.nan) if size.quick else (30.0, 1e3, 1e10, 1e30, np.inf, np.nan)
-    yield _row("encoders that explode", f"all weights {values[0]:g} to NaN", [
+    exploding = f"all weights {', '.join(f'{value:g}' for value in values)}"
+    yield _row("encoders that explode", exploding, [
         solve(f"weights {value:g}", encoder=filled(WeightEncoder(), value)) for value in values
     ])  # fmt: skip
     brightness = (0.0, 1e30) if size.quick else (0.0, 1e-30, 1e-6, 1e6, 1e30)
@@ -42,6 +44,12 @@ def paper_rows(seen: Scene, size: Size) -> Iterator[Row]:
         solve(f"x {factor:g}", (seen.measured.astype(np.float64) * factor).astype(np.float32))
         for factor in brightness
     ])  # fmt: skip
+    kept = scene(empty_rays=True)
+    share = np.mean(kept.projector.row_sums == 0)
+    empty = run(
+        "empty rays", lambda: wernet_paper(kept.projector, kept.measured, iterations=EPOCHS)
+    )
+    yield _row("rays that cross no voxel", f"{share:.0%} of the rays", [empty])
     runs = [solve(f"seed {seed}", seed=seed) for seed in range(2 if size.quick else 6)]
     errors = [seen.error(one.found.volume) for one in runs if one.found is not None]
     spread = f"error {np.mean(errors):.2f}, spread over seeds {np.std(errors):.2g}"

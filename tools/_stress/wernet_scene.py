@@ -58,10 +58,11 @@ class Scene:
         return math.sqrt(1 - min(cosine_similarity(volume, self.truth), 1.0) ** 2)
 
 
-def scene(views: int = VIEWS, edge: float = 0.5, gain_spread: float = GAIN_SPREAD) -> Scene:
+def scene(views: int = VIEWS, edge: float = 0.5, empty_rays: bool = False) -> Scene:
     """Return images of a few blobs, whose cameras' gains nobody wrote down.
 
-    ``edge`` is a voxel's in the rig's unit: the same scene in any unit.
+    ``edge`` is a voxel's in the rig's unit: the same scene in any unit. ``empty_rays`` keeps the
+    pixels that see no voxel.
     """
     from phantoms import create
     from rigs import ring
@@ -73,8 +74,8 @@ def scene(views: int = VIEWS, edge: float = 0.5, gain_spread: float = GAIN_SPREA
     pixel, distance = 0.6 * edge, 200.0 * edge
     rig = ring(views, distance=distance, image_size=(24, 20), footprint=pixel, pitch_degrees=20)
     field = create("blobs", 3, grid.extent, grid.center)
-    scan = simulate(rig, field, grid, effects=Effects(gain_spread=gain_spread), seed=3)
-    system = LinearSystem.from_rig(rig, grid, midpoints=True)
+    scan = simulate(rig, field, grid, effects=Effects(gain_spread=GAIN_SPREAD), seed=3)
+    system = LinearSystem.from_rig(rig, grid, midpoints=True, skip=not empty_rays)
     measured = system.flatten([scan.images[name] for name in rig.names])
     return Scene(system.projector, measured, scan.truth)
 

@@ -2,18 +2,31 @@
 
 import json
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from _stress import machine_kills, machine_writers
 from _stress.machine_commands import Ended, small_scan
+from _stress.machine_kinds import KINDS, Kind
 
 
-@pytest.mark.parametrize("kind", ["vti", "checkpoint"])
+@pytest.mark.parametrize("kind", ["vti", "checkpoint", "figures"])
 def test_killed_writers_leave_the_last_good_state(tmp_path, kind):
     row = machine_kills.killed_writer(kind, tmp_path / kind, 3, 0)
     assert row.holds, row.note
     assert row.unit == "faults"
+
+
+@pytest.mark.parametrize("name", ["ray table", "page", "meshes", "figures"])
+def test_half_a_file_is_no_version(tmp_path, name):
+    kind = KINDS[name]()
+    kind.write(tmp_path, kind.prepare(), 7)
+    assert kind.read(tmp_path) == {7}
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with suppress(ValueError):
+        assert kind.read(tmp_path) in (set(), {-1})
 
 
 def test_a_writer_that_writes_in_place_is_found_out(tmp_path):
@@ -28,7 +41,7 @@ def test_a_writer_that_writes_in_place_is_found_out(tmp_path):
         found = (folder / "file").read_text().split()
         return {int(line) for line in found} if len(found) == 50 else {-1}
 
-    kind = machine_writers.Kind(write, read)
+    kind = Kind(write, read)
     found = machine_writers.kill_at_random(kind, tmp_path, 5, 0)
     assert found["faults"]
 

@@ -31,6 +31,12 @@ def test_images_that_say_nothing_leave_the_classic_solve(seen, classic):
     assert all(row.holds for row in rows), [row.note for row in rows]
 
 
+def test_rays_that_cross_no_voxel_do_no_harm(seen, classic):
+    (row,) = wernet_area._empty(seen, classic, QUICK)
+    assert row.holds, row.note
+    assert not row.over.startswith("0%")
+
+
 def test_pixels_that_are_no_numbers_are_refused(seen, classic):
     (row,) = wernet_area._refused(seen, classic, QUICK)
     assert row.holds, row.note
