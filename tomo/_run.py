@@ -53,8 +53,8 @@ class Run:
 
         def watch(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
             if self.truth is not None:
-                seen = self.projector.live.expand(volume)
-                distances.append(metrics.cosine_distance(seen, self.truth.ravel()))
+                shown = self.projector.live.expand(self._seen(volume))
+                distances.append(metrics.cosine_distance(shown, self.truth.ravel()))
             if self.progress:
                 self.progress(index, total, name)
             return index > 0 and time.perf_counter() - solving > self.time_limit
@@ -76,10 +76,13 @@ class Run:
             found = method.solver(self.projector, self.measured, callback=watch, **arguments)
             extra = {}
         self.cosine_distances.append(tuple(distances))
+        live = self.projector.live
+        volume = live.expand(self._seen(live.compress(found.volume))).reshape(found.volume.shape)
         return replace(
             found,
+            volume=volume,
             settings={**found.settings, **extra},
-            quality=quality(found.volume, self.truth),
+            quality=quality(volume, self.truth),
             seconds={
                 **found.seconds,
                 "choose": solving - started,
@@ -104,6 +107,14 @@ class Run:
             else:
                 arguments = method.arguments(seed=self.seed, iterations=iterations)
                 repeated = method.solver(self.projector, measured, **arguments)
-            return self.projector.live.compress(repeated.volume)
+            return self._seen(self.projector.live.compress(repeated.volume))
 
         return solve
+
+    def _seen(self, volume: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return unknowns ``(unknowns,)``, zero where no ray says anything.
+
+        Smooth bases and penalties carry their neighbours' light into such voxels: not seen by the
+        cameras reconstructed from, it would be seen by those held out.
+        """
+        return np.where(self.projector.column_sums > 0, volume, np.float32(0))

@@ -177,13 +177,11 @@ class Outcome:
 
     @property
     def volume(self) -> NDArray[np.float32]:
-        """The volume; NaN where no ray says anything if that was asked for, else zero there."""
+        """The volume; where no ray says anything, NaN if that was asked for."""
         volume = self.reconstruction.volume
-        if self.unseen is None:
+        if self.unseen is None or self.settings.get("unseen") != NOT_A_NUMBER:
             return volume
-        # Smooth bases and penalties carry their neighbours' light into voxels that no ray crosses.
-        fill = np.nan if self.settings.get("unseen") == NOT_A_NUMBER else 0
-        return np.where(self.unseen, np.float32(fill), volume)
+        return np.where(self.unseen, np.float32(np.nan), volume)
 
     def report(self) -> dict[str, Any]:
         """Return the contents of ``report.json``: plain numbers, strings, lists and mappings."""
