@@ -125,8 +125,10 @@ def save(rig: Rig, path: Path) -> None:
         if any(c.isspace() for c in camera.name):
             raise ValueError(f"camera {camera.name}: name: found a blank, which COLMAP lacks")
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in texts.items():
-        write_text(folder / name, text)
+    # Files of two models would be read as one without a word: until all are there, none is read.
+    (folder / "cameras.txt").unlink(missing_ok=True)
+    for name in sorted(texts, key="cameras.txt".__eq__):
+        write_text(folder / name, texts[name])
 
 
 def pose_text(R: np.ndarray, t: np.ndarray) -> str:

@@ -89,6 +89,25 @@ def test_rigs_come_back(make_rig, assert_same_views, tmp_path):
     assert_same_views(formats.load(tmp_path / "model"), moved, names)
 
 
+@pytest.mark.parametrize("written", range(4))
+def test_half_a_model_over_another_is_not_read(make_rig, tmp_path, monkeypatch, written):
+    colmap.save(make_rig("none"), tmp_path)
+    assert len(colmap.load(tmp_path)) > 0
+    files, write_text = [], colmap.write_text
+
+    def stopped(path, text):
+        if len(files) == written:
+            raise KeyboardInterrupt
+        files.append(path)
+        write_text(path, text)
+
+    monkeypatch.setattr(colmap, "write_text", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        colmap.save(make_rig("brown"), tmp_path)
+    with pytest.raises(FileNotFoundError, match="cameras.txt"):
+        colmap.load(tmp_path)
+
+
 def test_a_moving_rig_is_read_from_rigs_txt(tmp_path):
     cameras = ["1 PINHOLE 640 480 800 800 320 240", "2 PINHOLE 640 480 700 700 320 240"]
     images = [
