@@ -94,18 +94,36 @@ def _versions_of(rig: Rig) -> set[int]:
     return {round(float(np.linalg.norm(camera.position))) - 100 for camera in rig}
 
 
-def _ray_table() -> Kind:
-    import cv2  # noqa: F401  before there are forks
+def _model() -> Kind:
+    """Write a model of COLMAP: several files, whose cameras' lenses tell the version too."""
+    import yaml  # noqa: F401  before there are forks
 
+    from rigs.formats import colmap
+
+    def write(folder: Path, _: None, version: int) -> None:
+        colmap.save(_rig_of(24, version), folder)
+
+    def read(folder: Path) -> set[int]:
+        if not (folder / "cameras.txt").exists():
+            return set()
+        rig = colmap.load(folder)
+        lenses = {round(0.5 * camera.camera_matrix[0, 0]) - 100 for camera in rig}
+        return lenses | _versions_of(rig)
+
+    return Kind(write, read, tells=True)
+
+
+def _ray_table() -> Kind:
     from rigs import RayTable
     from rigs.ray_file import load_ray_table, save_ray_table
 
+    looking = np.broadcast_to([0.0, 0.0, 1.0], (480, 640, 3))
+
     def write(folder: Path, _: None, version: int) -> None:
-        save_ray_table(RayTable.of(_rig_of(1, version)[0]), folder / "rays.npz")
+        save_ray_table(RayTable("camera", [version, 0, 0], looking), folder / "rays.npz")
 
     def read(folder: Path) -> set[int]:
-        table = load_ray_table("camera", "rays.npz", folder)
-        return {round(float(np.linalg.norm(table.own_origins.reshape(-1, 3)[0]))) - 100}
+        return _versions(load_ray_table("camera", "rays.npz", folder).own_origins[..., 0])
 
     return Kind(write, read)
 
@@ -284,6 +302,7 @@ KINDS: dict[str, Callable[[], Kind]] = {
     "tif": lambda: _images(".tif"),
     "png": lambda: _images(".png"),
     "rig": _rig,
+    "COLMAP model": _model,
     "ray table": _ray_table,
     "page": _page,
     "meshes": _meshes,
@@ -294,4 +313,4 @@ KINDS: dict[str, Callable[[], Kind]] = {
     "scan": _scan,
     "outcome": _outcome,
 }
-"""Called in the process that writes; text of foreign formats is written as ``rig`` is."""
+"""Called in the process that writes; foreign formats of one file are written as ``rig`` is."""

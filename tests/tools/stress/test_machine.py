@@ -1,14 +1,14 @@
 """The machine's rows, at the smallest size, and that they can fail."""
 
-import json
 import time
 from contextlib import suppress
 
-import numpy as np
 import pytest
 from _stress import machine_kills, machine_writers
 from _stress.machine_commands import Ended, small_scan
 from _stress.machine_kinds import KINDS, Kind
+
+from tomo.io import read_volume, write_volume
 
 
 @pytest.mark.parametrize("kind", ["vti", "checkpoint", "figures"])
@@ -57,14 +57,13 @@ def test_every_end_that_is_no_good_end_is_a_fault():
 
 
 def test_results_of_two_runs_in_one_folder_are_told_apart(run_tool, tmp_path):
-    scan = small_scan(tmp_path / "scan")
-    for name, count in (("one", 1), ("two", 40)):
-        options = ("--method", "sirt", "--iterations", count, "-o", tmp_path / name)
-        assert run_tool("reconstruct", scan, *options).exit_code == 0
-    assert machine_kills.mixed(scan, tmp_path / "one") == ""
-    (tmp_path / "two" / "slices.png").rename(tmp_path / "one" / "slices.png")
-    assert machine_kills.mixed(scan, tmp_path / "one") == "slices.png is of another run"
-    (tmp_path / "two" / "volume.vti").rename(tmp_path / "one" / "volume.vti")
-    assert machine_kills.mixed(scan, tmp_path / "one") == "volume.vti is of another run"
-    report = json.loads((tmp_path / "one" / "report.json").read_text("utf-8"))
-    assert np.isfinite(report["quality"]["cosine_distance"])
+    scan, out = small_scan(tmp_path / "scan"), tmp_path / "out"
+    options = ("--method", "sirt", "--iterations", 1, "-o", out)
+    assert run_tool("reconstruct", scan, *options).exit_code == 0
+    assert machine_kills.mixed(scan, out) == ""
+    slices = out / "slices.png"
+    slices.write_bytes(slices.read_bytes()[:-1])
+    assert machine_kills.mixed(scan, out) == "slices.png is of another run"
+    volume, grid, unit = read_volume(out / "volume.vti")
+    write_volume(out / "volume.vti", volume[::-1], grid, unit)
+    assert machine_kills.mixed(scan, out) == "volume.vti is of another run"
