@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from numbers import Real
+from numbers import Integral, Real
 
 from tomo.condition import AUTO_REPEATS
 from tomo.grid import VoxelGrid
@@ -14,12 +14,21 @@ from tomo.refine.search import FEWEST
 from tomo.scan import Scan
 
 
-def comparison(name: str) -> Method:
-    """Return the method ``name`` to run beside another; ``auto`` is none."""
+def compared_with(asked: Sequence[tuple[str, int | None]]) -> list[tuple[Method, int | None]]:
+    """Return the methods to run beside another, and their iterations; ``auto`` is none."""
     known = [one for one in method_names() if one != AUTO]
-    if name not in known:
-        raise ValueError(f"compare: found {name!r}, expected one of {', '.join(known)}")
-    return method_named(name)
+    found = []
+    for one in asked:
+        if isinstance(one, str) or len(one) != 2:
+            raise ValueError(
+                f"compare: found {one!r}, expected method and iterations, like ('sirt', 100), "
+                "or None for its own"
+            )
+        name, iterations = one
+        if name not in known:
+            raise ValueError(f"compare: found {name!r}, expected one of {', '.join(known)}")
+        found.append((method_named(name), iterations))
+    return found
 
 
 def check_numbers(seed: int, time_limit: float | None) -> None:
@@ -49,8 +58,22 @@ def repeats_of(uncertainty: int | str, method: Method) -> int:
     return int(uncertainty)
 
 
-def check_dark_level(dark_level: float | str) -> None:
-    """Refuse an intensity that no pixel can be compared with."""
+def check_carving(
+    *, skip: bool, margin: float | str, dark_level: float | str, votes: int | str, views: int
+) -> None:
+    """Refuse what nothing can be carved by, and to say how to carve where nothing is carved."""
+    if not skip:
+        for name, value in (("margin", margin), ("dark_level", dark_level), ("votes", votes)):
+            if value != AUTO:
+                raise ValueError(
+                    f"{name}: found {value} with nothing to leave out (skip is False), "
+                    "expected auto"
+                )
+    if votes != AUTO and not (isinstance(votes, Integral) and 1 <= votes <= views):
+        raise ValueError(
+            f"votes: found {votes!r}, expected auto or a whole number from 1 to {views}, the "
+            "cameras to reconstruct from"
+        )
     is_number = isinstance(dark_level, Real) and math.isfinite(dark_level)
     if dark_level != AUTO and not (is_number and dark_level >= 0):
         raise ValueError(f"dark_level: found {dark_level!r}, expected auto or a number >= 0")

@@ -26,6 +26,12 @@ def _some(frames: list) -> list:
     return frames
 
 
+def _above_zero(number: float) -> float:
+    if not number > 0:
+        raise ValueError(f"found {number:g}, expected a number above 0")
+    return number
+
+
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
@@ -99,7 +105,7 @@ class _Effects(_Strict):
     aperture: Number = 0.0
     focus_distance: Number | None = None
     aperture_rays: Whole = 32
-    gains: dict[str, Number] = {}
+    gains: dict[str, Annotated[Number, AfterValidator(_above_zero)]] = {}
 
 
 class ScanFile(_Strict):

@@ -23,13 +23,14 @@ from tomo._memory import peak_memory
 from tomo._prepare import prepare
 from tomo._request import (
     cameras_to_refine,
+    check_carving,
     check_device,
     check_grid,
     check_hold_out,
     check_learning,
     check_numbers,
     check_unseen,
-    comparisons,
+    compared_with,
     repeats_of,
 )
 from tomo._run import Run
@@ -157,7 +158,7 @@ def reconstruct(
     """
     laps = Laps()
     main = method_named(method)
-    others = comparisons(compare)
+    others = compared_with(compare)
     methods = [main, *(other for other, _ in others)]
     check_numbers(seed, time_limit)
     check_unseen(unseen)
@@ -167,8 +168,13 @@ def reconstruct(
         main, {"encoder": encoder, "freeze_encoder": freeze_encoder, "checkpoint": checkpoint}
     )
     check_hold_out(hold_out, scan)
-    views = len(scan.rig) - len(set(hold_out))
-    check_carving(skip=skip, margin=margin, dark_level=dark_level, votes=votes, views=views)
+    check_carving(
+        skip=skip,
+        margin=margin,
+        dark_level=dark_level,
+        votes=votes,
+        views=len(scan.rig) - len(set(hold_out)),
+    )
     refined = cameras_to_refine(refine_cameras, refine_prior, hold_out, scan)
     grid = scan.grid if grid is None else grid
     check_grid(grid, scan)

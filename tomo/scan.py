@@ -6,6 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -274,6 +275,7 @@ class Scan:
         usable = self._ones(camera, bool) if mask is None else mask != 0
         bits = self.corrections.of("bit_depth", camera)
         raw = self._image(frame.images[camera], camera, bits, usable)
+        self._check_scale(frame.images[camera], camera)
         saturation = self.corrections.of("saturation", camera)
         if saturation is not None:
             usable = usable & (raw < saturation)
@@ -287,6 +289,18 @@ class Scan:
             image = image * gain
         image = np.where(usable, image, 0).astype(np.float32)
         return _area_means(image, self.shrink), _all_of_area(usable, self.shrink)
+
+    def _check_scale(self, path: Path, camera: str) -> None:
+        """Refuse corrections in a camera's counts: they would never, or always, be reached."""
+        from tomo.io import is_integer_image
+
+        for name in ("dark", "saturation"):
+            value = self.corrections.of(name, camera)
+            if isinstance(value, Real) and value > 1 and is_integer_image(path):
+                raise ValueError(
+                    f"{self._where}corrections.{name}: camera {camera}: found {value:g}, expected "
+                    f"at most 1, the full scale of integers like those in {path}"
+                )
 
     def _correction(self, name: str, camera: str) -> NDArray | np.float32 | None:
         value = self.corrections.of(name, camera)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -54,7 +55,8 @@ def bad_input_in_one_line() -> Iterator[None]:
     except (ValueError, *_ABOUT_A_PATH) as error:
         _end(f"error: {_told(error)}", 2)
     except (OSError, FloatingPointError) as error:
-        _end(f"error: {_told(error)}", 1)
+        is_input = getattr(error, "errno", None) == errno.ENAMETOOLONG
+        _end(f"error: {_told(error)}", 2 if is_input else 1)
     except KeyboardInterrupt:
         _end("interrupted", INTERRUPTED)
     except _Terminated:
@@ -250,11 +252,18 @@ def parse_grid(
 
 
 def load_rig_or_preset(text: str) -> Rig:
-    """Return the rig of a file in any format that `rigs.formats` reads, or a preset by name."""
+    """Return the rig of a preset, a scan's folder, or a file or folder of any known format."""
     from rigs import formats, preset, preset_names
 
     if text in preset_names():
         return preset(text)
+    if (Path(text) / "scan.yaml").is_file():
+        from tomo import Scan
+
+        return Scan.load(text).rig
+    for name in ("transforms.json", "rig.yaml"):
+        if (Path(text) / name).is_file():
+            return formats.load(Path(text) / name)
     if not Path(text).exists():
         known = ", ".join(preset_names())
         raise FileNotFoundError(f"{text}: no such rig file, and no preset; presets are {known}")

@@ -8,8 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from _command import bad_input_in_one_line, console, finite_or_none, parse_grid, print_json
-from _picture import check_outputs, load_any_rig
+from _command import (
+    bad_input_in_one_line,
+    console,
+    finite_or_none,
+    load_rig_or_preset,
+    parse_grid,
+    print_json,
+)
+from _picture import check_outputs
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -57,6 +64,10 @@ def check_rig(
     with bad_input_in_one_line():
         out = out or []
         check_outputs(out)
+        if images is not None and not any(path.suffix.lower() == ".html" for path in out):
+            raise ValueError(
+                f"--images: found {images} without a page, expected an .html among --out"
+            )
         if not (math.isfinite(pixel_accuracy) and pixel_accuracy > 0):
             raise ValueError(
                 f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
@@ -64,7 +75,7 @@ def check_rig(
         from tomo.grid import grid_of_rig
         from tomo.view.rig_page import check_on_grid
 
-        loaded = load_any_rig(rig)
+        loaded = load_rig_or_preset(rig)
         if not len(loaded):
             raise ValueError(f"{rig}: cameras: found none, expected at least one")
         voxels = parse_grid(grid, spacing, center, lower, upper, default=grid_of_rig(loaded))

@@ -24,7 +24,9 @@ _VOLUME_FILES = (".npz", ".vti", ".nrrd")
 
 @app.command(cls=OneLineUsage)
 def simulate(
-    rig: Annotated[str, typer.Option(help="A rig.yaml, or the name of a preset.")],
+    rig: Annotated[
+        str, typer.Option(help="A rig.yaml, a preset's name, a scan, or another format's file.")
+    ],
     phantom: Annotated[str, typer.Option(help="A phantom's name, or a volume file.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The scan folder to write.")],
     grid: Annotated[

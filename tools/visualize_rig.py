@@ -7,8 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from _command import bad_input_in_one_line, console, finite_or_none, parse_grid, print_json
-from _picture import check_outputs, load_any_rig
+from _command import (
+    bad_input_in_one_line,
+    console,
+    finite_or_none,
+    load_rig_or_preset,
+    parse_grid,
+    print_json,
+)
+from _picture import check_outputs
 
 if TYPE_CHECKING:
     from rigs import Rig
@@ -110,7 +117,7 @@ def visualize_rig(
 
 def _load(text: str) -> Rig:
     """Return a rig with at least one camera."""
-    loaded = load_any_rig(text)
+    loaded = load_rig_or_preset(text)
     if not len(loaded):
         raise ValueError(f"{text}: cameras: found none, expected at least one to draw")
     return loaded

@@ -346,6 +346,11 @@ def test_more_rays_a_pixel(folder):
     assert found.reconstruction.quality["total_ratio"] == pytest.approx(1, abs=0.02)
 
 
+def test_a_comparison_without_its_iterations_is_told(folder):
+    with pytest.raises(ValueError, match="compare: found 'sirt', expected method and iterations"):
+        reconstruct(Scan.load(folder), compare=["sirt"])
+
+
 def test_comparisons_stand_beside_and_change_nothing(folder):
     compare = [("wernet-paper", 1), ("mlem", 3), ("sart", 2)]
     scan = Scan.load(folder).scaled(2)

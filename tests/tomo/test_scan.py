@@ -170,6 +170,20 @@ def test_masks_come_from_mask_saturation_and_dead_flat(folder):
     np.testing.assert_array_equal(image[~usable], 0)
 
 
+@pytest.mark.parametrize("name", ["saturation", "dark"])
+def test_counts_of_a_camera_are_no_correction_of_integers(folder, name):
+    """Integers are read as shares of full scale: no pixel would be saturated, or none dark."""
+    edit(folder, lambda content: content.update(corrections={name: {"left": 400}}))
+    Scan.load(folder).images("first")
+    write_image(folder / "images/left/first.tif", np.full((5, 7), 4095, np.uint16))
+    assert_refused(
+        Scan.load(folder).images,
+        f"scan.yaml: corrections.{name}: camera left: found 400",
+        "expected at most 1, the full scale of integers like those in",
+        "first.tif",
+    )
+
+
 def test_bit_depth_reaches_the_images(folder):
     write_image(folder / "images/left/first.tif", np.full((5, 7), 4095, np.uint16))
     edit(folder, lambda content: content.update(corrections={"bit_depth": {"left": 12}}))

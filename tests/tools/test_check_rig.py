@@ -111,6 +111,7 @@ def test_a_preset_and_a_grid_of_ones_own(run_tool):
         (("RIG", "--pixel-accuracy", "0"), "--pixel-accuracy: found 0"),
         (("RIG", "-o", "x.pdf"), "expected one of .png, .html, .glb"),
         (("RIG", "--images", "nowhere", "-o", "OUT.html"), "nowhere: no such folder"),
+        (("RIG", "--images", "nowhere"), "--images: found nowhere without a page, expected an .h"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(run_tool, rig_file, tmp_path, arguments, words):

@@ -39,6 +39,18 @@ def test_a_scan_is_written_and_described(run_tool, rig, tmp_path):
     np.testing.assert_allclose(truth.max(), field(GRID.centers()).max(), rtol=0.5)
 
 
+def test_a_rig_may_be_a_scan_s(run_tool, rig, tmp_path):
+    scan = tmp_path / "scan"
+    arguments = ("--phantom", "jet", *BOX)
+    assert run_tool("simulate", "--rig", rig, *arguments, "-o", scan).exit_code == 0
+    (scan / "rig.yaml").rename(scan / "cameras.yaml")
+    text = (scan / "scan.yaml").read_text().replace("rig: rig.yaml", "rig: cameras.yaml")
+    (scan / "scan.yaml").write_text(text)
+    done = run_tool("simulate", "--rig", scan, *arguments, "-o", tmp_path / "again", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["cameras"] == ["front"]
+
+
 def test_the_seed_reaches_phantom_and_noise(run_tool, rig, tmp_path):
     images = {}
     for name, seed in [("a", 1), ("b", 1), ("c", 2)]:

@@ -109,6 +109,10 @@ SCAN_FAULTS = {
         lambda d: d.update(rig="/rig.yaml"),
         "rig: found '/rig.yaml', expected a path",
     ),
+    "negative gain": (
+        lambda d: d.update(effects={"gains": {"cam01": -1.0}}),
+        "effects.gains.cam01: found -1, expected a number above 0",
+    ),
     "truth outside": (lambda d: d.update(truth="../t.npz"), "truth: found '../t.npz'"),
 }
 

@@ -89,6 +89,16 @@ OPTIONS = {
     "scale": (("--scale", "13"), "camera cam00: scale: found 13, expected at most 12"),
     "dark level": (("--dark-level", "-1"), "dark_level: found -1.0, expected auto or a number"),
     "endless dark level": (("--dark-level", "inf"), "dark_level: found inf"),
+    "more votes than views": (
+        ("--hold-out", "cam00", "--votes", "3"),
+        "votes: found 3, expected auto or a whole number from 1 to 2, the cameras to reconstruct",
+    ),
+    "no votes": (("--votes", "0"), "votes: found 0, expected auto or a whole number from 1 to 3"),
+    "votes on nothing": (
+        ("--no-skip", "--votes", "2"),
+        "votes: found 2 with nothing to leave out",
+    ),
+    "margin of nothing": (("--no-skip", "--margin", "3"), "margin: found 3.0 with nothing to"),
     "grid": (("--grid", "3x4"), "--grid: found '3x4'"),
     "lower": (("--lower", "0,0,0"), "--lower and --upper: expected both"),
     "order": (("--lower", "1,0,0", "--upper", "0,1,1"), "with upper above lower"),
@@ -179,6 +189,13 @@ def test_an_output_picture_below_a_file_or_at_a_folder(refused, scan, tmp_path):
     (tmp_path / "o.png").mkdir()
     line = refused("visualize_rig", scan, "-o", tmp_path / "o.png")
     assert "o.png: is a folder, expected a file" in line
+
+
+@pytest.mark.parametrize("tool", ["reconstruct", "check_rig"])
+def test_an_output_name_that_no_file_system_holds(refused, scan, tmp_path, tool):
+    name = "o" * 300 + (".html" if tool == "check_rig" else "")
+    line = refused(tool, scan, "-o", tmp_path / name)
+    assert f"{tmp_path / name}: File name too long" in line
 
 
 @pytest.mark.parametrize(
