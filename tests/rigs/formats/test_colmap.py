@@ -104,7 +104,7 @@ def test_half_a_model_over_another_is_not_read(make_rig, tmp_path, monkeypatch, 
     monkeypatch.setattr(colmap, "write_text", stopped)
     with pytest.raises(KeyboardInterrupt):
         colmap.save(make_rig("brown"), tmp_path)
-    with pytest.raises(FileNotFoundError, match="cameras.txt"):
+    with pytest.raises(FileNotFoundError, match=r"cameras\.txt"):
         colmap.load(tmp_path)
 
 
