@@ -239,5 +239,6 @@ def _gauss_newton(
         right[i] = dot(row, residual)
         for j, other in enumerate(rows):
             normal[i, j] = dot(row, other)
-    ridge = float(np.mean(residual**2)) / PRIOR**2
-    return np.linalg.solve(normal + max(ridge, 1e-30) * np.eye(n + views), right)
+    least = 1e-30 * float(normal.diagonal().max()) or 1.0  # dark views leave rows of nothing
+    ridge = max(float(np.mean(residual**2)) / PRIOR**2, least)
+    return np.linalg.solve(normal + ridge * np.eye(n + views), right)

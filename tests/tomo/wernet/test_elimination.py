@@ -83,3 +83,23 @@ def test_one_step_solves_the_normal_equations_in_sums_that_no_thread_changes():
     normal[2:, 2:] = np.diag(power + ridge)
     right[2:] = np.bincount(view, level * residual, 3)
     np.testing.assert_array_equal(found, np.linalg.solve(normal, right))
+
+
+@pytest.mark.parametrize("factor", [2.0**-80, 2.0**80])
+def test_a_step_knows_no_smallest_intensity(factor):
+    random = np.random.default_rng(4)
+    row, level, residual = random.random((3, 60))
+    view, tokens = np.repeat(np.arange(5), 12), ViewTokens(5, 1)
+    step = _gauss_newton([row], level, view, 1e-3 * residual, tokens)
+    scaled = _gauss_newton([factor * row], factor * level, view, factor * 1e-3 * residual, tokens)
+    np.testing.assert_array_equal(scaled, step)
+
+
+def test_dark_views_leave_their_levels_as_they_are():
+    view, tokens, dark = np.repeat(np.arange(3), 4), ViewTokens(3, 1), np.zeros(12)
+    assert not _gauss_newton([dark], dark, view, dark, tokens).any()
+    level = np.where(view == 1, 0.0, 1.0)
+    step = _gauss_newton([dark], level, view, 0.1 * level, tokens)
+    assert step[2] == 0
+    ridge = np.mean((0.1 * level) ** 2) / PRIOR**2
+    np.testing.assert_allclose(step[[1, 3]], 0.4 / (4 + ridge))
