@@ -35,7 +35,7 @@ def check_address_space() -> None:
         Saying how much there is, and how much is needed.
     """
     limit = _address_space()
-    needed = LIBRARIES_TAKE + A_THREAD_TAKES * (os.cpu_count() or 1)
+    needed = LIBRARIES_TAKE + A_THREAD_TAKES * _cores()
     if limit is not None and limit < needed:
         raise ValueError(
             f"memory: found an address space of {limit / 1e9:.1f} GB (ulimit -v), expected at "
@@ -58,15 +58,33 @@ def _left_in_container(cgroup: Path = _CGROUP) -> int | None:
     try:
         limit = (cgroup / "memory.max").read_text("ascii").strip()
         used = int((cgroup / "memory.current").read_text("ascii"))
+        used -= _given_back_on_demand(cgroup)
         return None if limit == "max" else int(limit) - used
     except (OSError, ValueError):
         return None
+
+
+def _given_back_on_demand(cgroup: Path) -> int:
+    """Return the bytes of files that a control group keeps in memory while nobody needs it."""
+    try:
+        lines = (cgroup / "memory.stat").read_text("ascii").splitlines()
+        return next(int(line.split()[1]) for line in lines if line.startswith("inactive_file "))
+    except (OSError, StopIteration):
+        return 0
 
 
 def _left_of_address_space() -> int | None:
     """Return what ``ulimit -v`` leaves; None where there is no limit."""
     limit = _address_space()
     return None if limit is None else limit - psutil.Process().memory_info().vms
+
+
+def _cores() -> int:
+    """Return the cores that this process may use, and so the threads that libraries start."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on Linux
+        return os.cpu_count() or 1
 
 
 def _address_space() -> int | None:

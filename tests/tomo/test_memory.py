@@ -1,7 +1,9 @@
+import os
 import subprocess
 import sys
 
 import psutil
+import pytest
 
 from tomo import _memory
 
@@ -15,6 +17,9 @@ def test_a_container_s_limit_counts(tmp_path):
     (tmp_path / "memory.current").write_text("300\n")
     (tmp_path / "memory.max").write_text("1000\n")
     assert _memory._left_in_container(tmp_path) == 700
+    # files that were read are kept in memory until it is needed
+    (tmp_path / "memory.stat").write_text("anon 100\nactive_file 20\ninactive_file 180\n")
+    assert _memory._left_in_container(tmp_path) == 880
     (tmp_path / "memory.max").write_text("max\n")
     assert _memory._left_in_container(tmp_path) is None
 
@@ -29,6 +34,18 @@ def test_a_limit_of_the_address_space_counts():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert 0 < int(found.stdout) < 8 << 30
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="Linux only")
+def test_cores_of_others_ask_for_no_address_space():
+    code = (
+        "import os; from tomo import _memory;"
+        "os.cpu_count = lambda: 1000;"
+        "_memory._address_space = lambda: 4 << 30;"
+        "os.sched_setaffinity(0, {min(os.sched_getaffinity(0))});"
+        "_memory.check_address_space()"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_peak_is_at_least_what_is_resident():
