@@ -93,7 +93,12 @@ def remove_leftovers(folder: str | os.PathLike) -> list[Path]:
 
 
 def _machine() -> str:
-    return f"{zlib.crc32(platform.node().encode()):08x}"
+    """Return a word for the machine, or the container on it, whose processes have our numbers."""
+    try:
+        numbers = os.readlink("/proc/self/ns/pid")
+    except OSError:  # not on Linux
+        numbers = ""
+    return f"{zlib.crc32(f'{platform.node()} {numbers}'.encode()):08x}"
 
 
 def _runs(process: int) -> bool:

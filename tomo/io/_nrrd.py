@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -101,9 +102,9 @@ def _values(header: dict[str, Any], content: bytes, count: int) -> NDArray:
         raise ValueError(f"line skip, byte skip: found {lines}, {skip}, expected 0 or more")
     if encoding in _TEXT:
         return _counted(np.fromstring(content[max(skip, 0) :], np.float64, sep=" "), count)
-    code = np.dtype(_NUMBERS[header["type"]])
+    code = np.dtype(_known(header, "type", _NUMBERS))
     if code.itemsize > 1:
-        code = code.newbyteorder(_ORDERS[header.get("endian", "")])
+        code = code.newbyteorder(_known(header, "endian", _ORDERS))
     size = count * code.itemsize
     if encoding in _RAW:
         content = content[-size:] if skip == -1 else content[skip : skip + size]
@@ -112,6 +113,14 @@ def _values(header: dict[str, Any], content: bytes, count: int) -> NDArray:
     else:
         raise ValueError(f"encoding: found {encoding!r}, expected raw, gzip, bzip2 or ascii")
     return _counted(np.frombuffer(content, code, count=len(content) // code.itemsize), count)
+
+
+def _known(header: Mapping[str, Any], field: str, meanings: Mapping[str, str]) -> str:
+    """Return what the word in a field means."""
+    word = header.get(field)
+    if word not in meanings:
+        raise ValueError(f"{field}: found {word!r}, expected one of {', '.join(meanings)}")
+    return meanings[word]
 
 
 def _counted(values: NDArray, count: int) -> NDArray:

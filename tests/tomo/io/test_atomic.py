@@ -199,3 +199,15 @@ def test_a_folder_inside_may_be_a_link_to_another_disk(tmp_path, monkeypatch):
     assert (tmp_path / "elsewhere" / "0.tif").read_text() == "image"
     assert sorted(path.name for path in folder.iterdir()) == ["images", "scan.yaml"]
     assert [path.name for path in (tmp_path / "elsewhere").iterdir()] == ["0.tif"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/ns/pid").exists(), reason="Linux only")
+def test_writers_in_a_container_with_the_machine_s_name_are_left_alone(tmp_path, monkeypatch):
+    """Their numbers are not ours: to us, one that runs is a process that there is none of."""
+    _killed_while_writing(tmp_path, 1)
+    there = sorted(tmp_path.iterdir())
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "readlink", lambda *_: "pid:[1]")
+        assert remove_leftovers(tmp_path) == []
+    assert sorted(tmp_path.iterdir()) == there
+    assert sorted(remove_leftovers(tmp_path)) == there

@@ -215,3 +215,18 @@ def test_what_is_written_is_never_too_densely_packed_to_be_read(
     monkeypatch.setattr(_unpacked, "FREE", free + more)
     write_volume(path, sparse, grid)
     np.testing.assert_array_equal(read_volume(path)[0], sparse)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ("type: float", "endian: found None, expected one of little, big"),
+        ("type: block", "type: found 'block', expected one of signed char"),
+    ],
+)
+def test_an_nrrd_whose_numbers_are_not_told_says_so(tmp_path, fields, words):
+    path = tmp_path / "v.nrrd"
+    head = f"NRRD0004\n{fields}\ndimension: 3\nsizes: 1 1 1\nencoding: raw\n\n"
+    path.write_bytes(head.encode() + bytes(4))
+    with pytest.raises(ValueError, match=words):
+        read_volume(path)
