@@ -211,3 +211,17 @@ def test_writers_in_a_container_with_the_machine_s_name_are_left_alone(tmp_path,
         assert remove_leftovers(tmp_path) == []
     assert sorted(tmp_path.iterdir()) == there
     assert sorted(remove_leftovers(tmp_path)) == there
+
+
+def test_a_folder_that_may_be_written_and_not_read(tmp_path, monkeypatch):
+    def opened(path, flags, *rest, **more):
+        if Path(path) == tmp_path:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return open_before(path, flags, *rest, **more)
+
+    open_before = os.open
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "open", opened)
+        with whole_folder(tmp_path, last=["report"]) as staging:
+            (staging / "report").write_text("whole")
+    assert (tmp_path / "report").read_text() == "whole"
