@@ -86,12 +86,12 @@ def deviation_rows(scene: TrustScene, found: Condition, repeats: int, anew: bool
     few = "" if repeats >= REPEATS else f"{repeats} repeats scatter by a fifth; "
     for what, voxels in (("voxels that emit", emitting), ("all voxels not carved", everywhere)):
         limit = agreeing(other, reference, voxels)
-        note = f"{few}{repeats} other noisy sets agree with these for {limit:.0%}"
+        note = f"{few}two times {repeats} noisy sets agree with each other for {limit:.0%}"
         share = agreeing(values, reference, voxels)
         if share < bound and voxels is everywhere:
             note += (
-                ": voxels of no emission are above zero in few sets, and so few do not tell how "
-                "far; what presses them to zero is known only up to the noise of the one set"
+                "; the rest are voxels without emission: held at zero in most sets, they spread "
+                "in few, and how firmly they are held hangs on the noise of the one set there is"
             )
         yield Row(
             f"standard deviations within {WITHIN}, {what}",

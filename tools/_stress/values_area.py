@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from _stress.scaling_scene import Scaled
 from _stress.values_pixels import pixel_rows
 from _stress.values_scene import Scene, reconstructed, run, scene
 from tomo.metrics import nrmse
+from tomo.simulate import SimulatedScan
 from tomo.viewed import ViewedOperator
 
 FACTORS = (1e-30, 1e-12, 3.7e-7, 3.7e6, 1e12, 1e30)
@@ -107,16 +110,7 @@ def _uneven(seen: Scene, cases: Cases) -> Iterator[Row]:
 
 def _degenerate(seen: Scene, cases: Cases) -> Iterator[Row]:
     """Show images without a flame: what comes out is finite, and zero where nothing is lit."""
-    pixels = len(seen.measured)
-    images: Mapping[str, NDArray] = {
-        "zero": np.zeros(pixels),
-        "constant": np.full(pixels, 3.0),
-        "negative": -1 - seen.measured,
-        "partly negative": seen.measured - 0.2 * seen.measured.max(),
-        "alternating 1e12 and 1": np.where(np.arange(pixels) % 2, 1e12, 1.0),
-        "alternating 1e30 and -1e30": np.where(np.arange(pixels) % 2, 1e30, -1e30),
-        "white noise": np.random.default_rng(0).standard_normal(pixels),
-    }
+    images = _without_flame(seen.measured)
     faults, lit = [], []
     for name, method, projector in cases:
         for what, pixel in images.items():
@@ -144,16 +138,21 @@ def _degenerate(seen: Scene, cases: Cases) -> Iterator[Row]:
         "zero and negative images: brightest voxel", "every classic method, CGLS at zero alone",
         worst, 0.0, "largest emission", note=where,
     )  # fmt: skip
-    bright = np.full(pixels, 3e38)
-    loud = [case for case in cases if not _finite_or_refused(*case[1:], bright)]
+    bright = np.full(len(seen.measured), 3e38)
+    loud = [
+        (name, method)
+        for name, method, projector in cases
+        if not _finite_or_refused(lambda m=method, p=projector: run(m, p, bright).volume)
+    ]
     yield Row(
         "the brightest pixels of single precision: a finite volume or a refusal",
         "3e38",
         len(loud),
         0,
         "faults",
-        note="; ".join(name for name, *_ in loud),
+        note="; ".join(name for name, _ in loud),
     )
+    yield _degenerate_files(seen.simulated)
 
 
 def _single(seen: Scene, cases: Cases) -> Iterator[Row]:
@@ -177,14 +176,46 @@ def _single(seen: Scene, cases: Cases) -> Iterator[Row]:
         yield Row(f"one bright voxel: {what}", "1e6 among zeros", worst, bound, unit, note=where)
 
 
-def _finite_or_refused(method: str, projector: ViewedOperator, pixels: NDArray) -> bool:
-    """Return whether a method gives a finite volume, or refuses in one line."""
+def _degenerate_files(simulated: SimulatedScan) -> Row:
+    """Give the default method images without a flame."""
+    changed = {name: _without_flame(image) for name, image in simulated.images.items()}
+    kinds = tuple(next(iter(changed.values())))
+    faults = []
+    for kind in kinds:
+        images = {name: of[kind].astype(np.float32) for name, of in changed.items()}
+        scan = replace(simulated, images=MappingProxyType(images))
+        if not _finite_or_refused(lambda s=scan: reconstructed(s).reconstruction.volume):
+            faults.append(kind)
+    return Row(
+        "images that show no flame, default method through files: a finite volume, not negative, "
+        "or a refusal",
+        ", ".join(kinds), len(faults), 0, "faults", note="; ".join(faults),
+    )  # fmt: skip
+
+
+def _without_flame(pixels: NDArray) -> Mapping[str, NDArray]:
+    """Return what may stand where a flame was measured: arrays like ``pixels``."""
+    odd = np.arange(pixels.size).reshape(pixels.shape) % 2
+    return {
+        "zero": np.zeros(pixels.shape),
+        "constant": np.full(pixels.shape, 3.0),
+        "negative": -1 - pixels,
+        "partly negative": pixels - 0.2 * pixels.max(),
+        "alternating 1e12 and 1": np.where(odd, 1e12, 1.0),
+        "alternating 1e30 and -1e30": np.where(odd, 1e30, -1e30),
+        "white noise": np.random.default_rng(0).standard_normal(pixels.shape),
+    }
+
+
+def _finite_or_refused(solve: Callable[[], NDArray]) -> bool:
+    """Return whether a volume is finite and not negative, or is refused in one line."""
 
     def infinite() -> None:
-        if np.isfinite(run(method, projector, pixels).volume).all():
+        volume = solve()
+        if np.isfinite(volume).all() and volume.min() >= 0:
             raise ValueError("finite")
 
-    return not faults_of_refusing([(method, infinite)])
+    return not faults_of_refusing([("", infinite)])
 
 
 def _range(factors: Sequence[float]) -> str:

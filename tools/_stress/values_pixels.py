@@ -180,7 +180,7 @@ def _through_files(simulated: SimulatedScan, folder: Path) -> Iterator[Row]:
             "times the clean error",
             note="" if level > 0.5 else CORE,
         )
-    warned = any("unseen" in warning for warning in told.warnings)
+    warned = any("seen by no camera" in warning for warning in told.warnings)
     yield Row(
         "a core that is saturated in every view is warned of",
         f"above {level:.0%} of the brightest",

@@ -30,7 +30,7 @@ def test_rows_of_intensities_hold(seen, quick):
         *values_area._degenerate(seen, quick),
         *values_area._single(seen, quick),
     ]
-    assert len(found) == 7
+    assert len(found) == 8
     assert all(row.holds for row in found)
 
 
