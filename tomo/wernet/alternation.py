@@ -57,6 +57,10 @@ class Alternation:
     ) -> None:
         self.features, self.encoder, self.tokens = features, encoder, tokens
         self.rounds, self.over_parts = rounds, over_parts
+        # Squares in single precision know no 1e30 nor 1e-30; powers of two change no digit.
+        size = float(np.sqrt(np.mean(np.square(measured, dtype=np.float64)))) or 1.0
+        self.exponent = math.frexp(size)[1]
+        measured = np.ldexp(measured, -self.exponent)
         self.measured = torch.from_numpy(measured).to(features.length.device)
         self.power = float(np.mean(np.square(measured, dtype=np.float64))) or 1.0
         self.parameters = [*encoder.parameters(), tokens.trend]
@@ -78,7 +82,8 @@ class Alternation:
             The emission in front of each segment.
         """
         set_rate(self.optimiser, min(number / self.rounds, 1.0))
-        values = torch.from_numpy(np.ascontiguousarray(volume)).to(self.measured.device)
+        volume = np.ldexp(np.ascontiguousarray(volume), -self.exponent)
+        values = torch.from_numpy(volume).to(self.measured.device)
         fixed = FixedVoxels(self.features, front, values, self.measured, self.power, PENALTY)
         order = torch.randperm(len(self.crossing), generator=self.generator)
         steps = self.crossing[order[: STEPS * RAYS_A_STEP]].split(RAYS_A_STEP)
