@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from _stress.machine_kinds import KINDS, Kind
+from _stress.machine_kind import Kind
+from _stress.machine_kinds import KINDS
 
 
 def kill_at_random(kind: Kind, folder: Path, times: int, seed: int) -> dict[str, Any]:

@@ -6,7 +6,8 @@ from contextlib import suppress
 import pytest
 from _stress import machine_kills, machine_writers
 from _stress.machine_commands import Ended, small_scan
-from _stress.machine_kinds import KINDS, Kind
+from _stress.machine_kind import Kind
+from _stress.machine_kinds import KINDS
 
 from tomo.io import read_volume, write_volume
 
