@@ -59,13 +59,12 @@ def start(
     limits: Mapping[str, int] | None = None,
 ) -> subprocess.Popen[bytes]:
     """Start ``tools/TOOL.py``; ``limits`` are the system's, like ``{"AS": bytes}``."""
-    prefix: list[str] = []
-    if limits:  # set by a process between: code between fork and exec may hang beside threads
-        code = "import os, resource, sys\n" + "".join(
-            f"resource.setrlimit(resource.RLIMIT_{name}, ({value}, {value}))\n"
-            for name, value in limits.items()
-        )
-        prefix = [sys.executable, "-c", code + "os.execv(sys.argv[1], sys.argv[1:])"]
+    # Set by a process between: code between fork and exec may hang beside threads. Ctrl-C counts
+    # even where the stress test runs in the background, which passes on to ignore it.
+    code = "import os, resource, signal, sys\nsignal.signal(signal.SIGINT, signal.SIG_DFL)\n"
+    for name, value in (limits or {}).items():
+        code += f"resource.setrlimit(resource.RLIMIT_{name}, ({value}, {value}))\n"
+    prefix = [sys.executable, "-c", code + "os.execv(sys.argv[1], sys.argv[1:])"]
     command = [*prefix, sys.executable, str(TOOLS / f"{tool}.py"), *map(str, arguments)]
     return subprocess.Popen(
         command,
