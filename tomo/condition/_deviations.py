@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.condition._noise import Solve, noise_of_images, smoothed
+from tomo.condition._noise import Solve, generator, noise_of_images, smoothed
 from tomo.linear_system import LinearSystem, Progress
 
 KEPT = 0.7
@@ -59,7 +59,7 @@ def standard_deviations(
     repeats : int
         At least 2.
     seed : int
-        Of the noise; repeat ``k`` draws from the generator of ``(seed, k)``.
+        Of the noise; every repeat has a generator of its own.
     progress : callable, optional
 
     Notes
@@ -69,7 +69,7 @@ def standard_deviations(
     noise is put on the re-projected images plus the residual blurred by `KEPT` pixels: what the
     volume cannot explain presses voxels against zero and has to stay, the noise that the images
     already have must not count twice. What no repeat can show is not in it: what smoothing and
-    missing views leave out, and the choice of the method.
+    missing views leave out, the choice of the method, and noise that neighbouring pixels share.
     """
     noise = noise_of_images(system, measured, seen, solve, seed)
     base = seen + smoothed(system, measured - seen, KEPT)
@@ -78,7 +78,7 @@ def standard_deviations(
     for number in range(repeats):
         if progress:
             progress(number, repeats, "standard deviations")
-        random = np.random.default_rng((seed, number))
+        random = generator(seed, 1 + number)
         images = (base + noise * random.standard_normal(len(noise))).astype(np.float32)
         volume = solve(images)
         step = volume - mean

@@ -52,16 +52,25 @@ def noise_of_images(
     made of its residual in the same way is too small by the same factor. Where voxels are so much
     coarser than pixels that the re-projection's steps are finer structure than the images have,
     the images alone say less, and are believed.
+
+    The noise of one pixel is taken to be independent of its neighbours'. Where images were
+    resampled or smoothed it is not, and too little is found: two thirds of it after a blur of half
+    a pixel, a quarter after one of 0.7, a tenth after one of a pixel.
     """
     noise = _fine_structure(system, measured, seen, seen)
     if solve is not None and noise.any():
-        random = np.random.default_rng(seed)
+        random = generator(seed, 0)
         images = (seen + noise * random.standard_normal(len(noise))).astype(np.float32)
         again = (system.projector @ solve(images)).astype(np.float32)
         remains = norm(_fine_structure(system, images, again, again)) / norm(noise)
         noise = noise / min(remains, 1.0) if remains > 1 - MOST_FITTED else None
     alone = _fine_structure(system, measured, None, seen)
     return alone if noise is None or norm(alone) < CLEARLY * norm(noise) else noise
+
+
+def generator(seed: int, number: int) -> np.random.Generator:
+    """Return one of many generators; none repeats what ``default_rng(seed)`` gave a simulation."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
 
 
 def _fine_structure(

@@ -127,6 +127,24 @@ def test_the_same_seed_gives_the_same_bits(system, images):
     assert one.standard_deviation.tobytes() != other.standard_deviation.tobytes()
 
 
+def test_no_noise_is_drawn_twice(system, images):
+    """Not for the trial and the first repeat, nor as a simulation of the same seed drew it."""
+    measured = system.flatten(noises.gaussian(images, 0.05, np.random.default_rng(5)))
+    solving, asked = solver(system, 4), []
+
+    def watched(pixels):
+        asked.append(pixels.astype(np.float64))
+        return solving(pixels)
+
+    seen = system.projector @ solving(measured)
+    standard_deviations(system, measured, seen, watched, repeats=2, seed=5)
+    drawn = [np.random.default_rng(5).standard_normal(len(seen))]
+    drawn += [pixels - seen for pixels in asked]
+    correlation = np.corrcoef(drawn) - np.eye(4)
+    correlation[2, 3] = correlation[3, 2] = 0  # both have what is left of the residual
+    assert np.abs(correlation).max() < 0.1
+
+
 def test_views_and_gaps_of_two_and_of_many_views():
     two = system_of(2)
     found = seeing(two, np.ones(GRID.size, np.float32))
