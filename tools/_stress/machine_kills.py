@@ -69,7 +69,8 @@ def training(scan: Path, folder: Path, size: Size, progress: Progress) -> Iterat
     """Kill training and resume it, again and again: the end has to be the same, bit for bit."""
     times = 1 if size.quick else FULL
     out, random = folder / "training", np.random.default_rng(size.seed)
-    arguments = (scan, "--method", "wernet", "--iterations", 4, "-o", out)
+    rounds = 2 if size.quick else 4
+    arguments = (scan, "--method", "wernet", "--iterations", rounds, "-o", out)
     whole = run("reconstruct", *arguments)
     if whole.code:
         yield Row("kill -9 in training", "", np.nan, 0, "faults", note=whole.fault(0))
@@ -111,6 +112,7 @@ def training(scan: Path, folder: Path, size: Size, progress: Progress) -> Iterat
 def signals(scan: Path, folder: Path, size: Size, progress: Progress) -> Iterator[Row]:
     """Interrupt and terminate commands at random moments."""
     times, random = 1 if size.quick else 8, np.random.default_rng(size.seed + 1)
+    latest = 0.4 if size.quick else 0.8  # the only one has to come before the end
     arguments = ("reconstruct", scan, "--method", "auto", "-o")
     whole = run(*arguments, folder / "signals")
     kinds = (("Ctrl-C", signal.SIGINT, 130), ("SIGTERM", signal.SIGTERM, 143))
@@ -123,7 +125,7 @@ def signals(scan: Path, folder: Path, size: Size, progress: Progress) -> Iterato
             before = {path.name: path.read_bytes() for path in out.iterdir()}
             began = time.perf_counter()
             process = start(*arguments, out)
-            time.sleep(whole.seconds * random.uniform(0.1, 0.8))
+            time.sleep(whole.seconds * random.uniform(0.1, latest))
             process.send_signal(one)
             end = wait(process, began)
             fault = end.fault(0, code) or ", ".join(partial_files(out))
