@@ -42,6 +42,7 @@ FLOORS = [
         "tomo.alignment",
         "tomo.displacement",
         "tomo.registration",
+        "tomo._gains",
         "tomo.gains",
         "tomo.reconstruction",
         "tomo.solve",
