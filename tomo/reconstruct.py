@@ -143,7 +143,7 @@ def reconstruct(
         Of everything random.
     time_limit : float, optional
         Seconds after which each solver stops at its current iteration, but not before its
-        first; what ``auto`` takes to choose comes on top.
+        first; what ``auto`` takes to choose, and the repeats of ``uncertainty``, come on top.
     uncertainty : int or "auto"
         How often to repeat the solve with new noise, for the standard deviation of every voxel,
         and to find the resolution, see `tomo.condition`; 30 tell single voxels. ``auto``: as
