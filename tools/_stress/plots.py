@@ -19,6 +19,7 @@ OVERALL = ""
 
 _WITHIN, _BEYOND = "#12826a", "#b3261e"
 _MOST_DECADES = 8.0
+_MOST_DOTS = 40
 
 
 def plots(areas: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Figure]]:
@@ -64,8 +65,8 @@ def _margins(areas: Mapping[str, Mapping[str, Any]]) -> Figure:
     axes.set_yticks(range(len(names)), [AREAS[name] for name in reversed(names)])
     axes.set_ylim(-0.6, len(names) - 0.4)
     axes.set_xlabel(
-        "powers of ten within the bound (left of the line: beyond it); counts of faults, whose "
-        "bound is 0, are not shown",
+        "powers of ten within the bound, 8 for more (left of the line: beyond it); counts of "
+        "faults, whose bound is 0, are not shown",
         fontsize=7.5,
         color=MUTED,
     )
@@ -75,17 +76,19 @@ def _margins(areas: Mapping[str, Mapping[str, Any]]) -> Figure:
 
 
 def _curves(chart: Mapping[str, Any]) -> Figure:
-    figure = new_figure(6.4, 4.0)
+    figure = new_figure(7.4, 4.0)
     axes = figure.subplots()
     look = looks_of(list(chart["curves"]))
     for name, points in chart["curves"].items():
         drawn = _above_zero(points)
-        draw_line(axes, [x for x, _ in drawn], [y for _, y in drawn], plain(name), look[name])
+        x, y = [point[0] for point in drawn], [point[1] for point in drawn]
+        dots = 3 if len(drawn) <= _MOST_DOTS else 0
+        draw_line(axes, x, y, plain(name), look[name], marker_size=dots)
     log_log(axes)
     axes.set_title(plain(chart["title"]), fontsize=9, color=INK)
     axes.set_xlabel(plain(chart["x"]), fontsize=8)
     axes.set_ylabel(plain(chart["y"]), fontsize=8)
-    axes.legend(fontsize=7.5, frameon=False)
+    axes.legend(fontsize=7.5, frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     figure.tight_layout()
     return figure
 
