@@ -9,9 +9,14 @@ from numpy.typing import NDArray
 
 from tomo.condition._noise import Solve, generator, noise_of_images, smoothed
 from tomo.linear_system import LinearSystem, Progress
+from tomo.live_voxels import LiveVoxels
 
 KEPT = 0.7
 """Pixels, the standard deviation of the blur by which noise is taken out of the residual."""
+
+NEIGHBOURS = 0.5
+"""Voxels, the standard deviation of the blur by which neighbours share what the repeats found: few
+repeats scatter, the noise's share of neighbouring voxels differs little."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +75,8 @@ def standard_deviations(
     volume cannot explain presses voxels against zero and has to stay, the noise that the images
     already have must not count twice. What no repeat can show is not in it: what smoothing and
     missing views leave out, the choice of the method, and noise that neighbouring pixels share.
+    The square roots of the voxels' deviations are blurred by `NEIGHBOURS`: those next to zero
+    differ by powers of ten, and their mean would be the largest one's.
     """
     noise = noise_of_images(system, measured, seen, solve, seed)
     base = seen + smoothed(system, measured - seen, KEPT)
@@ -86,5 +93,16 @@ def standard_deviations(
         squares += step * (volume - mean)
     if progress:
         progress(repeats, repeats, "standard deviations")
-    values = np.sqrt(squares / (repeats - 1))
+    values = _shared(np.sqrt(squares / (repeats - 1)), system.projector.live)
     return Deviations(values.astype(np.float32), repeats, noise)
+
+
+def _shared(values: NDArray[np.float64], live: LiveVoxels) -> NDArray[np.float64]:
+    """Return deviations (unknowns,) of which each has taken up some of its neighbours'."""
+    from scipy.ndimage import gaussian_filter
+
+    def blurred(unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        volume = live.expand(unknowns).reshape(live.grid.shape)
+        return live.compress(gaussian_filter(volume, NEIGHBOURS, mode="constant"))
+
+    return (blurred(np.sqrt(values)) / blurred(np.ones_like(values))) ** 2
