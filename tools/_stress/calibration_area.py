@@ -122,10 +122,9 @@ def _false_alarms(folder: Path, seeds: int) -> Row:
             flame = Flame.simulated(folder / f"{seed} {noise}", noise, seed + 1)
             count += 1
             alarms += [f"seed {seed}, noise {noise}"] * bool(warnings_of(flame, "pose", 0.0))
-    return Row(
-        "The right rig is doubted", f"{count} scenes, clean and with {NOISE:.0%} noise",
-        len(alarms), 0, "faults", note="; ".join(alarms),
-    )  # fmt: skip
+    return Row.of_faults(
+        "The right rig is doubted", f"{count} scenes, clean and with {NOISE:.0%} noise", alarms
+    )
 
 
 def _single(clean: Flame, noisy: Flame, every: int) -> Row:
@@ -138,7 +137,6 @@ def _single(clean: Flame, noisy: Flame, every: int) -> Row:
             found = prepare(scan.rig, images, masks, GRID, align=True, carving=None)
             if not any(f"camera {flame.rig.names[number]} " in line for line in found.warnings):
                 unnamed.append(flame.rig.names[number])
-    return Row(
-        "One camera of 12 looks 2 px beside and is not named", "clean and noisy", len(unnamed), 0,
-        "faults", note=", ".join(unnamed),
-    )  # fmt: skip
+    return Row.of_faults(
+        "One camera of 12 looks 2 px beside and is not named", "clean and noisy", unnamed
+    )

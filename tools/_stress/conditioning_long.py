@@ -45,10 +45,9 @@ def long_rows(quick: bool) -> Iterator[Row]:
             apart.append((name, abs(_residual(seen, measured, found) - found.relative_residual)))
             if method == "mlem":
                 lost.append((name, _lost_light(seen, measured, found)))
-    yield Row(
-        "long runs, every classic method: finite volumes, not negative", over,
-        len(faults), 0, "faults", note="; ".join(faults[:5]),
-    )  # fmt: skip
+    yield Row.of_faults(
+        "long runs, every classic method: finite volumes, not negative", over, faults
+    )
     worst, where = worst_of(grown)
     yield Row(
         "long runs, every classic method: residual at the end", over, worst, 1.001,

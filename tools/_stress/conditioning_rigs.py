@@ -63,13 +63,10 @@ def _finite(scenes: Mapping[str, Scene]) -> Row:
             found = run(method, seen.stored, seen.measured)
             if not (np.isfinite(found.volume).all() and found.volume.min() >= 0):
                 faults.append(f"{method}, {name}")
-    return Row(
+    return Row.of_faults(
         "rigs that say too little: finite volumes, not negative, every classic method",
         ", ".join(scenes),
-        len(faults),
-        0,
-        "faults",
-        note="; ".join(faults[:5]),
+        faults,
     )
 
 

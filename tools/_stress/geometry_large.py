@@ -175,11 +175,11 @@ def _refused() -> Row:
         ("an infinite direction", partial(Rays.from_lines, [0, 0, 0], [1, np.inf, 0])),
     ]
     faults = faults_of_refusing(calls)
-    return Row(
+    return Row.of_faults(
         "Grids beyond any memory, and rays that are none, are refused",
         "3000^3 to 1e27 voxels in every form, voxels of 5e-324 and 1e308",
-        len(faults), 0, "faults", note="; ".join(faults),
-    )  # fmt: skip
+        faults,
+    )
 
 
 def _untouched(count: int, dtype: DTypeLike) -> NDArray:

@@ -142,11 +142,11 @@ def _threads(random: np.random.Generator) -> Row:
         for one, other in zip(found[2:], found[:-2], strict=True):
             same = all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
             differing += [case.name] * (not same)
-    return Row(
+    return Row.of_faults(
         "Grids one voxel thin: bits that differ between threads",
-        f"{len(cases)} grids, {', '.join(map(str, counts))} threads", len(differing), 0, "faults",
-        note="; ".join(differing),
-    )  # fmt: skip
+        f"{len(cases)} grids, {', '.join(map(str, counts))} threads",
+        differing,
+    )
 
 
 def _from_inside() -> Row:

@@ -163,9 +163,7 @@ def _honest(shrink: float, cases: list[tuple[str, int]], progress: Progress) -> 
                 pixels += sum(found.usable.values())
                 judged += 1
     over = f"{judged} sets: " + ", ".join([*HONEST, "noise", "3 px beside", "5 and 11 views"])
-    yield Row(
-        "honest images: views left out", over, len(alarms), 0, "faults", note="; ".join(alarms)
-    )
+    yield Row.of_faults("honest images: views left out", over, alarms)
     yield Row("honest images: pixels left out", over, wild_ones / pixels, FALSE_ALARMS, "of all")
 
 

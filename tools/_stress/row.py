@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,6 +77,11 @@ class Row:
     at_least: bool = False
     note: str = ""
     chart: Chart | None = None
+
+    @classmethod
+    def of_faults(cls, stress: str, over: str, faults: Sequence[str]) -> Self:
+        """Return the row that counts what must not happen; the note names the first five."""
+        return cls(stress, over, len(faults), 0, "faults", note="; ".join(faults[:5]))
 
     @property
     def holds(self) -> bool:

@@ -125,13 +125,8 @@ def _degenerate(seen: Scene, cases: Cases) -> Iterator[Row]:
             mirrored = run(method, projector, seen.measured, nonnegative=False).volume
             if not np.array_equal(free, -mirrored):
                 faults.append(f"{name}, mirrored")
-    yield Row(
-        "images that show no flame, every classic method",
-        ", ".join(images),
-        len(faults),
-        0,
-        "faults",
-        note="; ".join(faults[:5]),
+    yield Row.of_faults(
+        "images that show no flame, every classic method", ", ".join(images), faults
     )
     worst, where = worst_of(lit)
     yield Row(
@@ -186,11 +181,12 @@ def _degenerate_files(simulated: SimulatedScan) -> Row:
         scan = replace(simulated, images=MappingProxyType(images))
         if not _finite_or_refused(lambda s=scan: reconstructed(s).reconstruction.volume):
             faults.append(kind)
-    return Row(
+    return Row.of_faults(
         "images that show no flame, default method through files: a finite volume, not negative, "
         "or a refusal",
-        ", ".join(kinds), len(faults), 0, "faults", note="; ".join(faults),
-    )  # fmt: skip
+        ", ".join(kinds),
+        faults,
+    )
 
 
 def _without_flame(pixels: NDArray) -> Mapping[str, NDArray]:

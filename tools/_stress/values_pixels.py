@@ -55,13 +55,10 @@ def _refused(seen: Scene) -> Iterator[Row]:
         for name, method, projector in seen.cases()
         for what, value in WILD.items()
     )
-    yield Row(
+    yield Row.of_faults(
         "one NaN or infinite pixel in an array is refused, every classic method",
         ", ".join(WILD),
-        len(faults),
-        0,
-        "faults",
-        note="; ".join(faults),
+        faults,
     )
     images = list(seen.simulated.images.values())
     masks = [np.ones(image.shape, bool) for image in images]
@@ -127,16 +124,11 @@ def _through_files(simulated: SimulatedScan, folder: Path) -> Iterator[Row]:
         return change
 
     scans = {what: scan_of(what, wild(value)) for what, value in UNDER_A_MASK.items()}
-    refused = faults_of_refusing(
+    faults = faults_of_refusing(
         (what, lambda what=what: reconstruct(scans[what])) for what in WILD
     )
-    yield Row(
-        "one NaN or infinite pixel in a file without a mask is refused",
-        ", ".join(WILD),
-        len(refused),
-        0,
-        "faults",
-        note="; ".join(refused),
+    yield Row.of_faults(
+        "one NaN or infinite pixel in a file without a mask is refused", ", ".join(WILD), faults
     )
     usable = np.ones(next(iter(simulated.images.values())).shape, np.uint8)
     usable[PLACE] = 0

@@ -192,5 +192,4 @@ def _refused(seen: Scene, _: np.ndarray, __: Size) -> Iterator[Row]:
         measured[7] = value
         calls.append((f"{value}", _solve(Scene(seen.projector, measured, seen.truth))))
     faults = faults_of_refusing(calls)
-    yield Row("wernet: a pixel that is no number", "NaN, +inf, -inf", len(faults), 0, "faults",
-              note="; ".join(faults))  # fmt: skip
+    yield Row.of_faults("wernet: a pixel that is no number", "NaN, +inf, -inf", faults)
