@@ -17,6 +17,7 @@ FLOORS = [
     {"rigs"},
     {
         "tomo.grid",
+        "tomo._by_name",
         "tomo._compile",
         "tomo._groups",
         "tomo._memory",

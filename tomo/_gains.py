@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._by_name import by_name
 from tomo.viewed import ViewedOperator
 
 SIGNIFICANT = 3.0
@@ -91,12 +93,12 @@ class Gains:
         large = np.abs(self.offset[known]) > NOTEWORTHY * self.scale
         return bool((far & large).any())
 
-    def report(self) -> dict[str, Any]:
-        """Return what a report says of the gains: plain numbers."""
+    def report(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return what a report says of the gains: plain numbers; ``names`` are the cameras'."""
         return {
-            "gain": self.gain.tolist(),
-            "offset": self.offset.tolist(),
-            "gain_error": [float(e) if np.isfinite(e) else None for e in self.gain_error],
+            "gain": by_name(names, self.gain),
+            "offset": by_name(names, self.offset),
+            "gain_error": by_name(names, self.gain_error),
             "disagreement": self.disagreement,
         }
 

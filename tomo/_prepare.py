@@ -80,16 +80,18 @@ class Prepared:
         """Return what was left out, and why, for the report."""
         recorded = sum(math.prod(camera.image_size) for camera in self.rig)
         counts = {"pixels_recorded": recorded, "pixels_used": pixels_used}
-        return counts if self.carving is None else {**counts, **self.carving.report()}
+        return (
+            counts if self.carving is None else {**counts, **self.carving.report(self.rig.names)}
+        )
 
     def recorded_rig(self, scan: Scan) -> Rig | None:
         """Return the scan's rig as recorded, its cameras as they were found; None if as given."""
-        found = {
-            "refined_from_images": self.refinement,
-            "shifted_from_images": self.alignment,
-        }
-        accepted = {name: one.report() for name, one in found.items() if one and one.accepted}
-        if not accepted:
+        found = {}
+        if self.refinement and self.refinement.accepted:
+            found["refined_from_images"] = self.refinement.report()
+        if self.alignment and self.alignment.accepted:
+            found["shifted_from_images"] = self.alignment.report(self.rig.names)
+        if not found:
             return None
         cameras = []
         for camera in scan.rig:
@@ -98,7 +100,7 @@ class Prepared:
                 size = scan.recorded_sizes[camera.name]
                 own = replace(own.scaled(scan.shrink), image_size=size)
             cameras.append(own)
-        known = {**(scan.rig.calibration or {}), **accepted}
+        known = {**(scan.rig.calibration or {}), **found}
         return replace(scan.rig, cameras=tuple(cameras), calibration=known)
 
 

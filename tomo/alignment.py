@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Camera, Rig
+from tomo._by_name import by_name
 from tomo._coarser import coarsening, coarser_grid, shrunk_image
 from tomo.displacement import Displacement
 from tomo.grid import VoxelGrid
@@ -81,15 +82,15 @@ class Alignment:
             return rig
         return _shifted(rig, self.shifts)
 
-    def report(self) -> dict[str, Any]:
-        """Return what a report says of the alignment: plain numbers and words."""
+    def report(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return what a report says of it: plain numbers and words; ``names`` are the cameras'."""
         return {
-            "shifts": self.shifts.tolist(),
+            "shifts": by_name(names, self.shifts),
             "error_before": self.error_before,
             "error_after": self.error_after,
             "accepted": self.accepted,
             "reason": self.reason,
-            "displacement": self.displacement.report() if self.displacement else None,
+            "displacement": self.displacement.report(names) if self.displacement else None,
         }
 
 

@@ -20,6 +20,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._by_name import by_name
 from tomo.registration import register, ways_to_shift_and_zoom
 
 FEWEST_VIEWS = 4
@@ -110,11 +111,11 @@ class Displacement:
             f"average {self.typical:.1f}: calibrate again, or refine the cameras from the images"
         )
 
-    def report(self) -> dict[str, Any]:
-        """Return what a report says of it: plain numbers."""
+    def report(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return what a report says of it: plain numbers; ``names`` are the cameras'."""
         return {
-            "pixels": self.pixels.tolist(),
-            "noise": self.noise.tolist(),
+            "pixels": by_name(names, self.pixels),
+            "noise": by_name(names, self.noise),
             "typical": self.typical,
             "disagrees": self.disagrees,
         }

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from phantoms import Field, sample
 from tomo import noise as noises
+from tomo._by_name import by_name
 from tomo._memory import available_memory
 from tomo.effects import Effects
 from tomo.grid import VoxelGrid
@@ -178,7 +179,7 @@ def simulate(
         "tracer": tracer,
     }
     if effects.gain_spread > 0:
-        settings["gains"] = dict(zip(rig.names, gains.tolist(), strict=True))
+        settings["gains"] = by_name(rig.names, gains)
     recorded = list(images.values())
     random = np.random.default_rng(seed)
     if photons is not None:

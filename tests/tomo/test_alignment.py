@@ -41,6 +41,9 @@ def test_wrong_principal_points_are_found_but_for_a_motion_of_the_volume(case):
     found = align_views(wrong, case.images, case.grid)
     assert found.accepted
     assert found.error_after < found.error_before
+    told = found.report(wrong.names)
+    assert told["shifts"] == dict(zip(wrong.names, found.shifts.tolist(), strict=True))
+    assert list(told["displacement"]["pixels"]) == list(wrong.names)
     # Three motions of the world shift the images as well: compare what is left of them.
     left = shifts - found.shifts
     motions = np.concatenate(

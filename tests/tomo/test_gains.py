@@ -1,5 +1,6 @@
 """Gains and offsets: found where there are some, and none found where there are none."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -70,6 +71,19 @@ def test_like_cameras_are_left_alone(case, noise):
     found = estimate_gains(case.projector, images)
     assert not found.views_disagree
     assert (np.abs(found.gain - 1) < 4 * found.gain_error).all()
+
+
+def test_a_report_names_the_cameras_and_does_with_views_that_say_nothing(case):
+    names = [f"cam{number}" for number in range(VIEWS)]
+    seen = _seen(case, np.where(np.arange(VIEWS) == 3, 0, case.gain))
+    found = fit_gains(case.projector, seen, case.truth)
+    told = found.report(names)
+    assert told["gain"] == dict(zip(names, found.gain.tolist(), strict=True))
+    assert told["gain"]["cam3"] == 1
+    assert math.isinf(told["gain_error"]["cam3"])
+    assert list(told["offset"]) == names
+    with pytest.raises(ValueError, match="argument 2 is longer"):
+        found.report(names[1:])
 
 
 def test_noise_hides_no_large_gains(case):

@@ -71,8 +71,8 @@ class Carving:
     noise: tuple[NoiseModel, ...]
     reason: str
 
-    def report(self) -> dict[str, Any]:
-        """Return what a report says of the carving: plain numbers and words."""
+    def report(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return what a report says of it: plain numbers and words; ``names`` are the cameras'."""
         return {
             "live_voxels": self.live.size,
             "voxels": self.live.grid.size,
@@ -82,7 +82,10 @@ class Carving:
             "smoothing": self.smoothing,
             "votes": self.votes,
             "unexplained": self.unexplained,
-            "noise": [{"read": one.read, "gain": one.gain} for one in self.noise],
+            "noise": {
+                name: {"read": one.read, "gain": one.gain}
+                for name, one in zip(names, self.noise, strict=True)
+            },
             "reason": self.reason,
         }
 

@@ -24,8 +24,8 @@ _TITLES = {
 }
 
 
-LONGEST_DETAIL = 600
-"""Characters; what is longer, one value a camera, is left to report.json."""
+LONGEST_DETAIL = 1200
+"""Characters; what is longer, values of dozens of cameras, is left to report.json."""
 
 
 def write_report(

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._by_name import by_name
 from tomo.projector import Projector
 from tomo.wernet.ray_features import NAMES, RayFeatures
 from tomo.wernet.ray_weights import RayWeights
@@ -184,11 +185,11 @@ class LearnedWeights:
             "mean": self.mean,
             "spread": self.spread,
             "held_out_residual": dict(self.held_out_residual),
-            "cameras": dict(zip(self.cameras, self.by_camera.tolist(), strict=True)),
+            "cameras": by_name(self.cameras, self.by_camera),
             "profiles": {profile.quantity: profile.report() for profile in self.profiles},
         }
         if self.true_by_camera is not None:
-            true = dict(zip(self.cameras, self.true_by_camera.tolist(), strict=True))
+            true = by_name(self.cameras, self.true_by_camera)
             report |= {"true_cameras": true, "explained": self.explained}
         return report
 

@@ -224,9 +224,10 @@ def test_the_report_is_plain():
 
     rig = rig_of(3)
     found = carve(tuple(rig), images_of(rig, ball()), None, GRID)
-    report = json.loads(json.dumps(found.report()))
+    report = json.loads(json.dumps(found.report(rig.names)))
     assert report["live_voxels"] == found.live.size
     assert report["voxels"] == GRID.size
+    assert list(report["noise"]) == list(rig.names)
     assert "of the voxels are dark in 1 or more of 3 views" in report["reason"]
 
 
