@@ -205,7 +205,7 @@ def wernet_paper(
         for epoch in range(1, iterations + 1):
             batches = epoch_batches(len(samples), samples_per_batch, rays_per_sample, generator)
             take = samples.packed if layout == "packed" else samples.padded
-            residual = _train_epoch(
+            residual = train_epoch(
                 model, samples, take, batches, optimiser, nonnegative, over_parts
             )
             if not np.isfinite(residual):
@@ -232,7 +232,7 @@ def wernet_paper(
     )
 
 
-def _train_epoch(
+def train_epoch(
     model: WERNet,
     samples: RaySamples,
     take: Callable[[torch.Tensor], PackedBatch | SampleBatch],

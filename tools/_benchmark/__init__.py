@@ -1,3 +1,3 @@
 """The studies of ``tools/benchmark.py``: each measures one thing and returns plain rows."""
 
-PARTS = ("projectors", "solvers", "skipping", "scaling", "startup", "mismatch")
+PARTS = ("projectors", "solvers", "skipping", "scaling", "startup", "mismatch", "training")

@@ -167,6 +167,17 @@ def _mismatch(rows: Sequence) -> Iterator[Claim]:
         yield Claim(what, row["wernet_of_classic"], wanted, at_least=False)
 
 
+def _training(rows: Sequence) -> Iterator[Claim]:
+    for row in rows:
+        where = f"WERNet's training, jet, {row['variant']}"
+        if row["layout"] == "packed" and row["skip"]:
+            what = f"{where}: time of an epoch padded and unskipped over packed and skipped"
+            yield Claim(what, row["times_faster"], 8)
+        if row["gradient_difference"] is not None:
+            what = f"{where}: gradients packed from those padded, relative"
+            yield Claim(what, row["gradient_difference"], 1e-5, at_least=False, unit="")
+
+
 def _startup(rows: Sequence) -> Iterator[Claim]:
     if any("empty" in row for row in rows if row["what"] == "kernels"):
         yield Claim("first use of every kernel", first_use(rows, "empty"), 20, False, "s")
@@ -187,4 +198,5 @@ _JUDGES: tuple[tuple[tuple[str, ...], Callable[..., Iterator[Claim]]], ...] = (
     (("solvers_mean",), _default),
     (("startup",), _startup),
     (("mismatch_mean",), _mismatch),
+    (("training",), _training),
 )

@@ -79,6 +79,18 @@ ABOUT: Mapping[str, tuple[str, str]] = {
         "images allow; WERNet stops by itself. Means over the seeds; seconds since the images "
         "were in memory.",
     ),
+    "training": (
+        "Time of an epoch",
+        "WERNet as its paper has it (`wernet-paper`), on the jet seen by 33 views. Padded is the "
+        "paper's form: every ray as long as the longest of its step, and torch's convolutions. A "
+        "form is timed in some steps of about 3200 rays, the same ones for each but for those "
+        "skipped, in turn after one round that is not counted; medians, with Adam's steps and "
+        "the making of the batches. An epoch is that times all its rays over those timed. "
+        "Gradients are compared in the first of the steps: the largest difference of any "
+        "parameter's entries, over the largest of that parameter's. Double precision says that "
+        "both forms are one function; in single, as trained, each form sums in an order of its "
+        "own.",
+    ),
 }
 
 _GROWTH: list[Column] = [
@@ -182,6 +194,20 @@ COLUMNS: Mapping[str, list[Column]] = {
         ("s", number("wernet_seconds", 2)),
         ("informed / classic", number("informed_of_classic", 2)),
         ("WERNet / classic", number("wernet_of_classic", 2)),
+    ],
+    "training": [
+        ("encoder", words("variant")),
+        ("form", words("layout")),
+        ("skip", words("skip")),
+        ("rays", number("rays")),
+        ("segments (million)", number("segments", 3, 1e-6)),
+        ("steps timed", number("steps")),
+        ("rays timed", number("timed_rays")),
+        ("s", number("seconds")),
+        ("s an epoch", number("epoch_seconds")),
+        ("times faster", number("times_faster")),
+        ("gradients from the padded, double", number("gradient_difference", 2)),
+        ("single", number("gradient_rounding", 2)),
     ],
     "memory_target": [
         *_GROWTH[1:-1],

@@ -46,6 +46,12 @@ def _mismatch(sizes: Sizes, data: Path | None, progress: Progress) -> tuple[Rows
     return mismatch(sizes, progress), []
 
 
+def _training(sizes: Sizes, data: Path | None, progress: Progress) -> tuple[Rows, list[str]]:
+    from _benchmark.training import training  # torch, which the parts before should not meet
+
+    return {"training": training(sizes, progress)}, []
+
+
 PARTS: Mapping[str, Part] = {
     "projectors": _projectors,
     "solvers": _solvers,
@@ -53,4 +59,5 @@ PARTS: Mapping[str, Part] = {
     "scaling": _scaling,
     "startup": _startup,
     "mismatch": _mismatch,
+    "training": _training,
 }

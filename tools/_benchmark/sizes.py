@@ -33,6 +33,8 @@ class Sizes:
         Which effects that study has, of `_benchmark.mismatch_scenes.EFFECTS`.
     mismatch_seeds : tuple of int
         Of its flames, gains and noise.
+    training_steps : int
+        Steps of WERNet's training that are timed, of 3200 rays each before any is skipped.
     edges, stored_edges : tuple of int
         Voxels along the grid's edge as time and memory grow; those for a stored matrix.
     views : tuple of int
@@ -60,6 +62,7 @@ class Sizes:
     mismatch_shrink: int
     mismatch_effects: tuple[str, ...]
     mismatch_seeds: tuple[int, ...]
+    training_steps: int
     edges: tuple[int, ...]
     stored_edges: tuple[int, ...]
     views: tuple[int, ...]
@@ -94,6 +97,7 @@ FULL = Sizes(
         "all",
     ),
     mismatch_seeds=(1, 2, 3, 4, 5),
+    training_steps=5,
     edges=(32, 64, 96, 128, 192, 256, 384),
     stored_edges=(32, 64, 96, 128, 192),
     views=(4, 8, 16, 32, 64),
@@ -118,6 +122,7 @@ QUICK = Sizes(
     mismatch_shrink=2,
     mismatch_effects=("gains + absorption",),
     mismatch_seeds=(1,),
+    training_steps=1,
     edges=(32, 64, 96),
     stored_edges=(32, 64, 96),
     views=(4, 8, 16),
@@ -142,6 +147,7 @@ TINY = Sizes(
     mismatch_shrink=10,
     mismatch_effects=("gains", "all"),
     mismatch_seeds=(1,),
+    training_steps=1,
     edges=(8, 12),
     stored_edges=(8,),
     views=(4,),

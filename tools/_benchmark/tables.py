@@ -21,6 +21,7 @@ TITLES = {
     "scaling": "Growth",
     "startup": "Start-up and first use",
     "mismatch": "Physics that solvers are not told",
+    "training": "Training WERNet",
 }
 
 
