@@ -17,10 +17,12 @@ FLOORS = [
     {"rigs"},
     {
         "tomo.grid",
+        "tomo._bricks",
         "tomo._by_name",
         "tomo._compile",
         "tomo._groups",
         "tomo._memory",
+        "tomo._row_sum",
         "tomo._sums",
         "tomo.metrics",
         "tomo.noise",

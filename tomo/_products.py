@@ -16,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compile import compiled
+from tomo._row_sum import CHAINS, LANES, row_sum
 
 MOST_PARTS = 16
 ENTRIES_A_PRIVATE_VOXEL = 2  # to clear and add a voxel of a part costs about as much as an entry
+_AT_ONCE = CHAINS * LANES
 _ADDED_AT_ONCE = 2048  # voxels: what a thread adds stays in its cache
 
 
@@ -26,22 +28,14 @@ _ADDED_AT_ONCE = 2048  # voxels: what a thread adds stays in its cache
 def gather(starts, stops, voxel, length, volume, images):
     """Write to ``images`` (P,) the product of the matrix with ``volume`` (n,).
 
-    Rows are summed in double precision, in four lanes.
+    Rows are summed in double precision, in lanes.
     """
     for row in numba.prange(len(images)):
-        one, two, three, four = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
-        s, stop = np.uint64(starts[row]), np.uint64(stops[row])
-        sum0, sum1, sum2, sum3 = 0.0, 0.0, 0.0, 0.0
-        for _ in range((stop - s) // four):
-            sum0 += np.float64(length[s] * volume[voxel[s]])
-            sum1 += np.float64(length[s + one] * volume[voxel[s + one]])
-            sum2 += np.float64(length[s + two] * volume[voxel[s + two]])
-            sum3 += np.float64(length[s + three] * volume[voxel[s + three]])
-            s += four
-        while s < stop:
-            sum0 += np.float64(length[s] * volume[voxel[s]])
-            s += one
-        images[row] = (sum0 + sum1) + (sum2 + sum3)
+        start, stop = np.int64(starts[row]), np.int64(stops[row])
+        total = row_sum(volume, voxel, length, start, stop - start)
+        for s in range(np.uint64(stop - (stop - start) % _AT_ONCE), np.uint64(stop)):
+            total += np.float64(length[s] * volume[voxel[s]])
+        images[row] = total
 
 
 @compiled(parallel=True)

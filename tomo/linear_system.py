@@ -128,7 +128,9 @@ class LinearSystem:
             progress(len(rig), len(rig), "")
         if form == STORED:
             view_ptr = np.cumsum([0] + [part.n_pixels for part in parts])
-            projector = Projector(Segments.concatenate(parts), grid, view_ptr, live)
+            segments = Segments.concatenate(parts)
+            parts.clear()
+            projector = Projector(segments, grid, view_ptr, live)
         else:
             projector = OnTheFlyProjector.from_sources(parts, grid, live)
         if projector.n_crossings == 0:

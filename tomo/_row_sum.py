@@ -1,0 +1,85 @@
+"""The sum along a row of a stored matrix, several entries at a time.
+
+A compiler does not see that values which stand anywhere in a volume can be multiplied together,
+so the loop is written in LLVM's own terms. Read::
+
+    row_sum:  sum over k of  float64(length[start + k] * volume[voxel[start + k]])
+
+for the first ``count - count % 8`` entries from ``start`` on. Places are not checked.
+"""
+
+from __future__ import annotations
+
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+ir = cgutils.ir  # llvmlite's, as numba uses it
+
+LANES = 4  # doubles in a vector
+CHAINS = 2  # vectors summed beside each other: an addition takes longer than a load
+
+_WIDE, _LANE = ir.IntType(64), ir.IntType(32)
+_REAL = ir.VectorType(ir.DoubleType(), LANES)
+
+
+def _several(builder, array, at):
+    """Return the entries ``array[at : at + LANES]``; they stand anywhere."""
+    one = array.data.type.pointee
+    pointer = builder.bitcast(
+        builder.gep(array.data, [at]), ir.VectorType(one, LANES).as_pointer()
+    )
+    found = builder.load(pointer)
+    found.align = 4 if one in (ir.FloatType(), ir.IntType(32)) else 8
+    return found
+
+
+def _picked(builder, array, places):
+    """Return ``array[places]``; the places are not negative."""
+    found = ir.Constant(ir.VectorType(array.data.type.pointee, LANES), ir.Undefined)
+    for lane in map(_LANE, range(LANES)):
+        place = builder.extract_element(places, lane)
+        place = builder.zext(place, _WIDE) if place.type.width < 64 else place
+        value = builder.load(builder.gep(array.data, [place]))
+        found = builder.insert_element(found, value, lane)
+    return found
+
+
+def _product(builder, lengths, values):
+    """Return the products in double precision, rounded before as their factors are."""
+    if lengths.type == values.type:
+        found = builder.fmul(lengths, values)
+        return found if found.type == _REAL else builder.fpext(found, _REAL)
+    return builder.fmul(
+        *(x if x.type == _REAL else builder.fpext(x, _REAL) for x in (lengths, values))
+    )
+
+
+@intrinsic
+def row_sum(typing_context, volume, voxel, length, start, count):
+    """Sum the whole eights of a row's entries in double precision; the order is fixed."""
+
+    def generate(context, builder, signature, args):
+        volume, voxel, length = (
+            context.make_array(kind)(context, builder, value)
+            for kind, value in zip(signature.args[:3], args[:3], strict=True)
+        )
+        zero = ir.Constant(_REAL, [0.0] * LANES)
+        totals = [cgutils.alloca_once_value(builder, zero) for _ in range(CHAINS)]
+        step = _WIDE(LANES * CHAINS)
+        with cgutils.for_range(builder, builder.sdiv(args[4], step)) as loop:
+            first = builder.add(args[3], builder.mul(loop.index, step))
+            for chain, total in enumerate(totals):
+                at = builder.add(first, _WIDE(chain * LANES))
+                values = _picked(builder, volume, _several(builder, voxel, at))
+                term = _product(builder, _several(builder, length, at), values)
+                builder.store(builder.fadd(builder.load(total), term), total)
+        together = builder.load(totals[0])
+        for total in totals[1:]:
+            together = builder.fadd(together, builder.load(total))
+        sums = [builder.extract_element(together, _LANE(lane)) for lane in range(LANES)]
+        while len(sums) > 1:
+            pairs = zip(sums[::2], sums[1::2], strict=True)
+            sums = [builder.fadd(one, other) for one, other in pairs]
+        return sums[0]
+
+    return types.float64(volume, voxel, length, types.int64, types.int64), generate
