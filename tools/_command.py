@@ -7,9 +7,7 @@ import json
 import math
 import os
 import re
-import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import rich.console
 import typer
+from _entry import was_asked_to_stop
 
 if TYPE_CHECKING:
     from rigs import Rig
@@ -32,36 +31,27 @@ _ABOUT_A_PATH = (
     PermissionError,
 )
 
-INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM
-"""Exit codes, as shells give them."""
-
 
 @contextmanager
 def bad_input_in_one_line() -> Iterator[None]:
-    """Turn errors about input, memory and files, and being stopped, into one line on stderr.
+    """Turn errors about input, memory and files into one line on stderr.
 
-    Exit codes are 2 for input, which is what takes too much memory too, 1 for files that the
-    system refuses to read or write (a full disk) and for what diverged, `INTERRUPTED` and
-    `TERMINATED`.
+    Exit codes are 2 for input, which is what takes too much memory too, and 1 for files that the
+    system refuses to read or write (a full disk) and for what diverged.
     """
     from tomo._memory import check_address_space
 
     try:
-        with _terminated_by_an_exception():
-            check_address_space()
-            yield
-    except BrokenPipeError:  # who reads stdout has gone: typer's to say
-        raise
-    except (ValueError, *_ABOUT_A_PATH) as error:
-        _end(f"error: {_told(error)}", 2)
-    except (OSError, FloatingPointError) as error:
-        is_input = getattr(error, "errno", None) == errno.ENAMETOOLONG
-        _end(f"error: {_told(error)}", 2 if is_input else 1)
-    except KeyboardInterrupt:
-        _end("interrupted", INTERRUPTED)
-    except _Terminated:
-        _end("terminated", TERMINATED)
-    except (MemoryError, RuntimeError, ImportError) as error:
+        check_address_space()
+        yield
+    except Exception as error:
+        if was_asked_to_stop() or isinstance(error, BrokenPipeError):
+            raise  # for `run` and for typer to say
+        if isinstance(error, (ValueError, *_ABOUT_A_PATH)):
+            _end(f"error: {_told(error)}", 2)
+        if isinstance(error, (OSError, FloatingPointError)):
+            is_input = getattr(error, "errno", None) == errno.ENAMETOOLONG
+            _end(f"error: {_told(error)}", 2 if is_input else 1)
         if not _for_want_of_memory(error):
             raise
         _end(
@@ -87,28 +77,9 @@ def _told(error: Exception) -> str:
 def _for_want_of_memory(error: BaseException) -> bool:
     """Tell whether it is memory that lacked: libraries say so in words of their own."""
     words = ("allocate memory", "out of memory", "failed to map segment", "start new thread")
-    return isinstance(error, MemoryError) or any(word in str(error).lower() for word in words)
-
-
-class _Terminated(BaseException):
-    """The system asked the process to end."""
-
-
-@contextmanager
-def _terminated_by_an_exception() -> Iterator[None]:
-    """Have SIGTERM raise in the main thread, so that what is half-written is removed."""
-
-    def stop(*_: object) -> NoReturn:
-        raise _Terminated
-
-    if threading.current_thread() is not threading.main_thread():
-        yield  # handlers are the main thread's alone
-        return
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    if not isinstance(error, (RuntimeError, ImportError)):
+        return isinstance(error, MemoryError)
+    return any(word in str(error).lower() for word in words)
 
 
 def check_output_folder(folder: Path) -> None:

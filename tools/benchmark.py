@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 import time
 from pathlib import Path
 from typing import Annotated
@@ -99,7 +104,3 @@ def _known(names: list[str] | None, option: str) -> list[str]:
         if name not in PARTS:
             raise ValueError(f"{option}: found {name!r}, expected one of {', '.join(PARTS)}")
     return list(dict.fromkeys(names or ()))
-
-
-if __name__ == "__main__":
-    app()

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 import math
 import time
 from pathlib import Path
@@ -256,7 +261,3 @@ def _figures(calibration: Calibration) -> dict[str, Any]:
         ],
     }
     return plain(figures, digits=6)
-
-
-if __name__ == "__main__":
-    app()

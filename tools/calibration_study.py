@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 import os
 import tempfile
 from pathlib import Path
@@ -72,7 +77,3 @@ def calibration_study(
 
 def _say(line: str) -> None:
     console.print(line, markup=False, highlight=False)
-
-
-if __name__ == "__main__":
-    app()

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -267,7 +272,3 @@ def _median(values: object) -> float:
     import numpy as np
 
     return float(np.median(values)) if len(values) else math.nan
-
-
-if __name__ == "__main__":
-    app()

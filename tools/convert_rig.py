@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 import re
 from pathlib import Path
 from typing import Annotated
@@ -91,7 +96,3 @@ def _parse_size(text: str | None) -> tuple[int, int] | None:
     if match is None:
         raise ValueError(f"--image-size: found {text!r}, expected pixels like 640x480")
     return int(match[1]), int(match[2])
-
-
-if __name__ == "__main__":
-    app()

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 from pathlib import Path
 from typing import Annotated
 
@@ -61,7 +66,3 @@ def learned_weights(
         figures["cosine_distance"] = cosine_distance(found.volume, scene.truth)
         figures["seconds"] = found.seconds["solve"]
         print_json(figures)
-
-
-if __name__ == "__main__":
-    app()

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 import time
 from pathlib import Path
 from typing import Annotated
@@ -84,7 +89,3 @@ def paper(
     )
     if json:
         print_json({"page": str(out / results.PAGE), "claims": written["claims"]})
-
-
-if __name__ == "__main__":
-    app()

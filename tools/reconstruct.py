@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -252,7 +257,3 @@ def _figures(figures: dict) -> str:
 def _number(value: float | None) -> str:
     """Return a figure of the report, where None stands for what is no finite number."""
     return "undefined" if value is None else f"{value:.4g}"
-
-
-if __name__ == "__main__":
-    app()

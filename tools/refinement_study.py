@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 import os
 from pathlib import Path
 from typing import Annotated
@@ -54,7 +59,3 @@ def refinement_study(
 
 def _say(line: str) -> None:
     console.print(line, markup=False, highlight=False)
-
-
-if __name__ == "__main__":
-    app()

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 import time
 from pathlib import Path
 from typing import Annotated
@@ -147,7 +152,3 @@ def _field(phantom: str, volume: tuple | None, voxels: object, seed: int) -> obj
     if volume is not None:
         return SampledField(*volume)
     return create(phantom, seed, voxels.extent, voxels.center)
-
-
-if __name__ == "__main__":
-    app()

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 import time
 from pathlib import Path
 from typing import Annotated
@@ -75,7 +80,3 @@ def stress(
 
 def _say(line: str) -> None:
     console.print(line, markup=False, highlight=False, soft_wrap=True)
-
-
-if __name__ == "__main__":
-    app()

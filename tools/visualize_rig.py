@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -249,7 +254,3 @@ def _plain(difference: RigDifference) -> dict:
             for camera in difference.cameras
         },
     }
-
-
-if __name__ == "__main__":
-    app()

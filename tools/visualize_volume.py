@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
+
 from pathlib import Path
 from typing import Annotated
 
@@ -58,7 +63,3 @@ def visualize_volume(
                 },
             }
         )
-
-
-if __name__ == "__main__":
-    app()

@@ -1,10 +1,8 @@
-"""Commands that the system stops: one line, an exit code of its own, nothing half-written."""
+"""Commands that lack disk or memory or were killed: one line, nothing half-written."""
 
 import os
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -96,34 +94,6 @@ def test_other_errors_of_the_program_are_not_hidden(run_tool, scan, tmp_path, mo
     monkeypatch.setattr("tomo.reconstruct.reconstruct", fail)
     done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path / "out")
     assert isinstance(done.exception, RuntimeError)
-
-
-@pytest.mark.parametrize(
-    ("one", "code", "word"),
-    [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")],
-    ids=["ctrl-c", "sigterm"],
-)
-def test_a_stopped_command_leaves_what_was_there(
-    run_tool, scan, tmp_path, monkeypatch, one, code, word
-):
-    (tmp_path / "report.json").write_text("{}")
-
-    def stopped(*_):
-        os.kill(os.getpid(), one)
-        time.sleep(10)  # until Python looks
-
-    monkeypatch.setattr("tomo.view.outcome_files.write_pictures", stopped)
-    before = signal.getsignal(signal.SIGTERM)
-    # who starts the tests in the background has them, and what they start, ignore Ctrl-C
-    ctrl_c = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path)
-    finally:
-        signal.signal(signal.SIGINT, ctrl_c)
-    assert done.exit_code == code
-    assert _lines(done.stderr) == [word]
-    assert [path.name for path in tmp_path.iterdir()] == ["report.json"]
-    assert signal.getsignal(signal.SIGTERM) is before
 
 
 def test_what_a_killed_run_left_is_removed_by_the_next(run_tool, scan, tmp_path):

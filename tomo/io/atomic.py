@@ -6,6 +6,7 @@ import errno
 import os
 import shutil
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -46,8 +47,9 @@ def whole_folder(
     try:
         staging.mkdir()
         yield staging
-        with _alone(folder):
-            _move(staging, folder, last, others)
+        # In a thread, which Ctrl-C in the middle waits for: either result is whole, never half
+        with _alone(folder), ThreadPoolExecutor(1) as mover:
+            mover.submit(_move, staging, folder, last, others).result()
     except (OSError, ValueError) as error:
         _say_instead(error, staging, folder)
         raise
@@ -65,6 +67,7 @@ def _move(staging: Path, folder: Path, last: Sequence[str], others: Sequence[str
     for name in sorted(files, key=lambda name: order.get(name, 0)):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         _replace(staging / name, folder / name)
+    shutil.rmtree(staging, ignore_errors=True)
 
 
 def _replace(source: Path, target: Path) -> None:

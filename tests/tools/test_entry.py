@@ -1,0 +1,281 @@
+"""Ctrl-C and SIGTERM at every moment of a command's life: one line, or a result that is whole."""
+
+import ast
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from rigs import ring, save_rig
+
+ROOT = Path(__file__).parents[2]
+TOOLS = ROOT / "tools"
+COMMANDS = sorted(path for path in TOOLS.glob("*.py") if "typer.Typer" in path.read_text("utf-8"))
+
+ENTRY = """
+if __name__ == "__main__":
+    from _entry import run
+
+    run(__file__)
+import os, sys, time
+stop = lambda: os.kill(os.getpid(), {number})
+"""
+
+SIGNALS = pytest.mark.parametrize(
+    ("number", "code", "line"),
+    [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")],
+    ids=["ctrl-c", "sigterm"],
+)
+
+
+@pytest.fixture(autouse=True)
+def ctrl_c_counts():
+    """Have what the tests start hear Ctrl-C: who starts them in the background has it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def _python(*arguments, hooks=None, **variables):
+    """Run Python; ``hooks`` is a folder with what it runs first, as ``sitecustomize``."""
+    paths = [path for path in (hooks, TOOLS, ROOT) if path]
+    done = subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, paths))} | variables,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    return done.returncode, [line for line in lines if not line.startswith("simulate ")]
+
+
+@pytest.fixture
+def command(tmp_path):
+    """Return a function that runs a command whose module is the text given."""
+
+    def run(text, number):
+        path = tmp_path / "a_command.py"
+        path.write_text(ENTRY.format(number=int(number)) + textwrap.dedent(text))
+        return _python(path)
+
+    return run
+
+
+@pytest.mark.parametrize("path", COMMANDS, ids=lambda path: path.stem)
+def test_every_command_listens_before_it_imports(path):
+    docstring, future, entry, *_ = ast.parse(path.read_text("utf-8")).body
+    assert isinstance(docstring, ast.Expr)
+    assert future.module == "__future__"
+    assert ast.unparse(entry) == (
+        "if __name__ == '__main__':\n    from _entry import run\n    run(__file__)"
+    )
+
+
+MOMENTS = {
+    "importing": "stop()\ntime.sleep(30)",
+    "importing, as a library's failure": """
+        try:
+            stop()
+        except BaseException:
+            raise ImportError("a library failed to import") from None
+        """,
+    "working": "def app(): stop(), time.sleep(30)",
+    "in a callback, which cannot raise": """
+        class Finalized:
+            def __del__(self):
+                stop()
+
+        def app():
+            Finalized()
+            time.sleep(30)
+        """,
+    "where errors are swallowed": """
+        def app():
+            try:
+                stop()
+            except BaseException:
+                pass
+            time.sleep(30)
+        """,
+    "where errors are printed, and made others": """
+        def app():
+            from _command import bad_input_in_one_line
+
+            with bad_input_in_one_line():
+                try:
+                    stop()
+                except BaseException:
+                    sys.excepthook(*sys.exc_info())
+                raise ValueError("a module failed to import")
+        """,
+    "beside threads that work on": """
+        def app():
+            from concurrent.futures import ThreadPoolExecutor
+
+            ThreadPoolExecutor(1).submit(time.sleep, 30)
+            stop()
+        """,
+    "as it ends": """
+        def app():
+            try:
+                sys.exit()
+            finally:
+                stop()
+        """,
+}
+
+
+@SIGNALS
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_a_stop_is_one_line(command, moment, number, code, line):
+    assert command(MOMENTS[moment], number) == (code, [line])
+
+
+@SIGNALS
+def test_what_is_half_written_is_removed_however_often_one_stops(
+    command, tmp_path, number, code, line
+):
+    text = f"""
+        def app():
+            try:
+                stop()
+            finally:
+                for _ in range(3):
+                    stop()
+                    time.sleep(0.3)
+                open({str(tmp_path / "removed")!r}, "w").close()
+        """
+    assert command(text, number) == (code, [line])
+    assert (tmp_path / "removed").exists()
+
+
+ENDINGS = {
+    "at exit": "atexit.register(stop)",
+    "when modules are cleared": """
+        class Last:
+            def __init__(self, stop):
+                self.stop = stop
+
+            def __del__(self):
+                self.stop()
+
+        sys.last_of_all = Last(lambda kill=os.kill, me=os.getpid(): kill(me, {number}))
+        """,
+}
+
+
+@SIGNALS
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("result", [0, 1])
+def test_what_is_done_is_done(command, ending, result, number, code, line):
+    text = f"import atexit\n{textwrap.dedent(ENDINGS[ending])}\napp = lambda: sys.exit({result})"
+    assert command(text.replace("{number}", str(int(number))), number) == (result, [])
+
+
+def test_in_the_background_ctrl_c_stays_ignored(command):
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    assert command("def app(): stop(), sys.exit(5)", signal.SIGINT) == (5, [])
+    assert command("def app(): stop(), sys.exit(5)", signal.SIGTERM) == (143, ["terminated"])
+
+
+def test_a_defect_is_still_a_traceback(command):
+    code, lines = command("def app(): 1 / 0", signal.SIGINT)
+    assert code == 1
+    assert lines[-1] == "ZeroDivisionError: division by zero"
+
+
+CALLS = """
+import atexit, os, sys
+
+count, moment, heard = 0, int(os.environ["MOMENT"]), False
+
+
+def call(frame, event, argument):
+    global count, heard
+    if event == "call":
+        heard = heard or frame.f_code.co_name == "hear"
+        count += heard
+        if count == moment:
+            os.kill(os.getpid(), int(os.environ["SIGNAL"]))
+
+
+atexit.register(lambda: open(os.environ["COUNT"], "w").write(str(count)))
+sys.setprofile(call)
+"""
+
+
+def test_a_command_stops_at_any_of_its_calls(tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(CALLS)
+    rig, out = tmp_path / "rig.yaml", tmp_path / "out" / "opencv.yaml"
+    save_rig(ring(2, 60.0, image_size=(8, 6), footprint=0.8), rig)
+
+    def run(moment, number):
+        asked = {"MOMENT": str(moment), "SIGNAL": str(int(number)), "COUNT": f"{tmp_path}/count"}
+        return _python(TOOLS / "convert_rig.py", rig, out, hooks=tmp_path, **asked)
+
+    done, _ = run(-1, 0)
+    assert done == 0
+    whole, calls = out.read_bytes(), int((tmp_path / "count").read_text())
+    assert calls > 10_000
+    stopped = 0
+    for share in (0.0005, 0.03, 0.3, 0.7, 0.95, 0.998):
+        out.unlink(missing_ok=True)
+        number = signal.SIGTERM if stopped % 2 else signal.SIGINT
+        code, lines = run(max(2, round(share * calls)), number)
+        if code:
+            assert (code, lines) in [(130, ["interrupted"]), (143, ["terminated"])]
+            stopped += 1
+        left = [path.read_bytes() for path in out.parent.glob("*")]
+        assert left == [whole] or (code and not left)
+    assert stopped >= 4
+
+
+MOVES = """
+import os
+
+replace, left = os.replace, [int(os.environ["MOVES"])]
+
+
+def stop(source, target, **options):
+    replace(source, target, **options)
+    left[0] -= ".partial-" not in str(target)
+    if left[0] == 0:
+        os.kill(os.getpid(), int(os.environ["SIGNAL"]))
+
+
+os.replace = stop
+"""
+
+
+def test_a_stop_while_results_are_moved_leaves_a_whole_one(tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(MOVES)
+    rig, out = tmp_path / "rig.yaml", tmp_path / "scan"
+    save_rig(ring(2, 60.0, image_size=(8, 6), footprint=0.8), rig)
+    options = ("--rig", rig, "--phantom", "blobs", "--grid", "6x10x6", "--spacing", 1, "-o", out)
+
+    def run(seed, moves, number):
+        asked = {"MOVES": str(moves), "SIGNAL": str(int(number))}
+        code, lines = _python(
+            TOOLS / "simulate.py", *options, "--seed", seed, hooks=tmp_path, **asked
+        )
+        files = [path for path in out.rglob("*") if path.is_file()]
+        return code, lines, {path.relative_to(out): path.read_bytes() for path in files}
+
+    _, _, other = run(1, 0, 0)
+    code, lines, whole = run(2, 0, 0)
+    assert (code, lines) == (0, [])
+    assert whole.keys() == other.keys()
+    assert whole != other
+    for seed, moves, number, expected in (
+        (1, 1, signal.SIGINT, other),
+        (2, len(whole), signal.SIGTERM, whole),
+    ):
+        code, lines, found = run(seed, moves, number)
+        assert (code, lines) in [(0, []), (130, ["interrupted"]), (143, ["terminated"])]
+        assert found == expected
