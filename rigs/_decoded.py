@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from rigs._unpacked import check_unpacked
 
 _SAMPLES = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}  # of a PNG's kinds of colour; palettes become colours
+_WHOLE = {1: "B", 3: "H", 4: "I", 6: "b", 8: "h", 9: "i"}  # a TIFF's kinds of whole numbers
+_WHOLE_IN_BIG = _WHOLE | {16: "Q", 17: "q"}
+_MOST_TAGS = 4096
 _PNG, _JPEG, _WEBP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"RIFF"
 
 
@@ -71,7 +74,7 @@ def _header(content: bytes) -> tuple[int, int, int]:
             return abs(width), abs(height), 4
         if content.startswith(_WEBP) and content[8:12] == b"WEBP":
             return _webp(content)
-        found = re.match(rb"P[1-6]\s(?:\s|#[^\n]*\n)*+(\d{1,9})\s++(\d{1,9})\s", content)
+        found = re.match(rb"P[1-6]\s(?:\s|#[^\r\n]*[\r\n])*+(\d{1,9})\s++(\d{1,9})\s", content)
         if found:
             return int(found[1]), int(found[2]), 6
     except (struct.error, IndexError, OverflowError):
@@ -100,7 +103,11 @@ def _jpeg(content: bytes) -> tuple[int, int, int]:
     while True:
         while content[at] != 0xFF or content[at + 1] in (0x00, 0xFF):
             at += 1
-        marker, (length,) = content[at + 1], struct.unpack_from(">H", content, at + 2)
+        marker = content[at + 1]
+        if marker == 0x01 or 0xD0 <= marker <= 0xD7:  # these have no length
+            at += 2
+            continue
+        (length,) = struct.unpack_from(">H", content, at + 2)
         if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
             height, width = struct.unpack_from(">2H", content, at + 5)
             return width, height, 4
@@ -115,14 +122,18 @@ def _tiff(content: bytes) -> tuple[int, int, int]:
     (at,) = struct.unpack_from(f"{order}{'Q' if is_big else 'I'}", content, 8 if is_big else 4)
     (count,) = struct.unpack_from(f"{order}{'Q' if is_big else 'H'}", content, at)
     at += 8 if is_big else 2
-    step, value_at = (20, 12) if is_big else (12, 8)
+    step, value_at, codes = (20, 12, _WHOLE_IN_BIG) if is_big else (12, 8, _WHOLE)
+    if count > _MOST_TAGS:
+        raise IndexError
     tags = {}
-    for entry in range(at, at + step * min(count, 4096), step):
+    for entry in range(at, at + step * count, step):
         tag, kind = struct.unpack_from(f"{order}2H", content, entry)
         if tag in (256, 257, 258, 277):
-            code = {1: "B", 3: "H", 4: "I", 16: "Q"}.get(kind, "I")
-            (tags[tag],) = struct.unpack_from(f"{order}{code}", content, entry + value_at)
-    if not {256, 257} <= tags.keys():
+            # of a tag that stands there twice, libraries differ in which one they take
+            if tag in tags or kind not in codes:
+                raise IndexError
+            (tags[tag],) = struct.unpack_from(f"{order}{codes[kind]}", content, entry + value_at)
+    if not {256, 257} <= tags.keys() or min(tags.values()) < 0:
         raise IndexError
     # bits of several samples stand elsewhere: no sample has more than eight bytes
     samples = tags.get(277, 1)

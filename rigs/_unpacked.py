@@ -42,6 +42,8 @@ def check_unpacked(count: int, stored: int) -> None:
     ValueError
         Naming both.
     """
+    if count < 0:
+        raise ValueError(f"found {count} bytes to unpack to, expected 0 or more: damaged")
     most = most_unpacked(stored)
     if count > most:
         raise ValueError(
@@ -56,7 +58,7 @@ def inflated(data: bytes, count: int) -> bytes:
     Raises
     ------
     ValueError
-        If it holds more or less.
+        If it holds more or less, or is truncated.
     """
     return _taken(zlib.decompressobj(zlib.MAX_WBITS | 32), data, count)
 
@@ -72,6 +74,8 @@ def _taken(stream: object, data: bytes, count: int) -> bytes:
     if len(found) != count:
         more = "more" if len(found) > count else len(found)
         raise ValueError(f"found {more} bytes of values, expected {count}")
+    if not stream.eof:
+        raise ValueError(f"found no end of the {count} bytes of values, truncated")
     return found
 
 

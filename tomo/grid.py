@@ -110,7 +110,7 @@ class VoxelGrid:
         spacing = np.broadcast_to(np.asarray(spacing, np.float64), 3)
         shape = cls(tuple(shape), tuple(spacing.tolist())).shape
         center = np.asarray(origin, np.float64) + (np.asarray(shape) - 1) / 2 * spacing
-        return cls(shape, tuple(spacing.tolist()), tuple(center))
+        return cls(shape, tuple(spacing.tolist()), tuple(center.tolist()))
 
     @property
     def size(self) -> int:

@@ -74,6 +74,66 @@ def test_a_jpeg_of_a_size_that_it_cannot_have_is_refused():
         decoded(data[:at] + struct.pack(">2H", 32000, 32000) + data[at + 4 :])
 
 
+def claims(width, height):
+    """Return a JPEG frame header."""
+    return b"\xff\xc0" + struct.pack(">HB2HB", 11, 8, height, width, 1) + b"\1\x11\0"
+
+
+@pytest.mark.parametrize("marker", [0x01, 0xD0, 0xD7])
+def test_a_jpeg_marker_without_a_length_does_not_hide_the_frame_header(marker):
+    """Decoders go straight on behind it, and would decode the first header, not the second."""
+    large = claims(20_000, 20_000)
+    (skipped,) = struct.unpack_from(">H", large)
+    data = b"\xff\xd8\xff" + bytes([marker]) + large
+    data = data.ljust(4 + skipped, b"\0") + claims(8, 8) + b"\xff\xd9"
+    assert size_of(data) == (20_000, 20_000)
+    with pytest.raises(ValueError, match="unpack to 1600000000"):
+        decoded(data)
+
+
+def tagged(*tags, order="<", big=False):
+    """Return the start of a TIFF with tags of ``(number, kind, value)``."""
+    head, count, entry = ("HHHQ", "Q", "HHQ8s") if big else ("HI", "H", "HHI4s")
+    start = (43, 8, 0, 16) if big else (42, 8)
+    data = (b"II" if order == "<" else b"MM") + struct.pack(order + head, *start)
+    data += struct.pack(order + count, len(tags))
+    codes = {1: "B", 3: "H", 4: "I", 9: "i", 16: "Q", 17: "q"}
+    for number, kind, value in tags:
+        packed = struct.pack(order + codes.get(kind, "I"), value)
+        data += struct.pack(order + entry, number, kind, 1, packed)
+    return data + bytes(8)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_tiff_s_size_in_any_kind_of_whole_number(order):
+    for kind in (3, 4, 9):
+        assert size_of(tagged((256, kind, 40), (257, kind, 30), order=order)) == (40, 30)
+    for kind in (3, 4, 16, 17):
+        tags = (256, kind, 40), (257, kind, 30)
+        assert size_of(tagged(*tags, order=order, big=True)) == (40, 30)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        tagged((256, 4, 40_000), (256, 4, 8), (257, 4, 8)),  # which of them holds?
+        tagged((256, 4, 8), (257, 4, 40_000), (257, 4, 8)),
+        tagged((256, 12, 8), (257, 4, 8)),  # a floating-point width
+        tagged((256, 4, 8), (257, 16, 8)),  # too large to stand in its place
+        tagged((256, 9, -8), (257, 9, -8)),
+        tagged(*[(1, 4, 0)] * 4096, (256, 4, 8), (257, 4, 8)),
+    ],
+)
+def test_a_tiff_whose_size_is_not_plain_is_refused(data):
+    with pytest.raises(ValueError, match="found no size in its header"):
+        size_of(data)
+
+
+def test_a_comment_ends_where_decoders_say_it_does():
+    data = b"P5\n#x\r30000 30000\n8 8 255\n" + bytes(64)
+    assert size_of(data) == (30000, 30000)
+
+
 def test_a_chunk_longer_than_the_file_is_refused():
     """OpenCV asks for that much memory, and takes seconds to fill it."""
     data = file(".png")

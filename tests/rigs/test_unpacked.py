@@ -1,6 +1,7 @@
 """Archives and packed streams that claim more than they hold."""
 
 import bz2
+import gzip
 import io
 import zipfile
 import zlib
@@ -100,6 +101,23 @@ def test_streams_give_what_is_expected_and_no_more(pack, unpack):
             unpack(pack(data), count)
     with pytest.raises(ValueError, match="unpack to"):
         unpack(pack(data), 10**10)
+
+
+@pytest.mark.parametrize(("pack", "unpack"), [(zlib.compress, inflated), (bz2.compress, unzipped)])
+@pytest.mark.parametrize("count", [-1, -2, -(10**9)])
+def test_fewer_bytes_than_none_are_refused_before_anything_is_unpacked(pack, unpack, count):
+    """Such a limit is no limit to the libraries."""
+    with pytest.raises(ValueError, match=f"found {count} bytes to unpack to"):
+        unpack(pack(bytes(1000)), count)
+
+
+@pytest.mark.parametrize("lost", [1, 4, 8])
+@pytest.mark.parametrize("pack", [zlib.compress, gzip.compress])
+def test_a_stream_without_its_end_is_refused_though_all_values_are_there(pack, lost):
+    """The end tells whether the values are right."""
+    data = bytes(range(256)) * 10
+    with pytest.raises(ValueError, match=r"truncated|bytes of values, expected"):
+        inflated(pack(data)[:-lost], len(data))
 
 
 def test_measured_fields_are_far_from_the_limit():

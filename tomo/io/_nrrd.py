@@ -61,8 +61,11 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
     import nrrd
 
     content = path.read_bytes()
+    if not content:
+        raise ValueError("the file is empty")
     file = io.BytesIO(content[:_HEADER])
-    header = nrrd.read_header(file)
+    with np.errstate(invalid="ignore"):  # whole numbers too large are refused below
+        header = nrrd.read_header(file)
     if "data file" in header or "datafile" in header:
         raise ValueError("the values are in another file, expected them in this one")
     for field in ("type", "dimension", "sizes", "encoding"):
@@ -70,7 +73,7 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
             raise ValueError(f"{field}: missing in the header")
     sizes = [int(n) for n in header["sizes"]]
     if len(sizes) != 3 or header["dimension"] != 3 or min(sizes) < 1:
-        raise ValueError(f"sizes: found {sizes}, expected three whole numbers >= 1")
+        raise ValueError(f"sizes: found {sizes[:4]}, expected three whole numbers >= 1")
     data = _values(header, content[file.tell() :], math.prod(sizes))
     data = data.reshape(sizes, order="F")  # data[ix, iy, iz]: x is the fastest axis on disk
     if "space directions" in header:

@@ -11,6 +11,7 @@ import base64
 import itertools
 import re
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -24,6 +25,9 @@ _NUMBERS = {
     "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",
     "Int64": "i8", "UInt64": "u8", "Float32": "f4", "Float64": "f8",
 }  # fmt: skip
+_SIZES = {"UInt32": "u4", "UInt64": "u8"}  # what may stand before the values
+_ORDERS = {"LittleEndian": "<", "BigEndian": ">"}
+_MOST_ELEMENTS = 10_000
 _OPENING = re.compile(rb"<AppendedData[^>]*+>\s*+_")
 
 
@@ -73,13 +77,13 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
     image, piece = root.find("ImageData"), root.find("ImageData/Piece")
     if root.get("type") != "ImageData" or image is None or piece is None:
         raise ValueError("expected VTK XML of type ImageData with one piece")
-    direction = np.array(image.get("Direction", "1 0 0 0 1 0 0 0 1").split(), float)
+    direction = _numbers(image, "Direction", 9, "1 0 0 0 1 0 0 0 1")
     if not np.array_equal(direction, np.eye(3).ravel()):
         raise ValueError("found turned axes (Direction), expected axes along x, y and z")
 
-    first, last = np.array(piece.get("Extent", "").split(), int).reshape(3, 2).T
-    spacing = np.array(image.get("Spacing", "1 1 1").split(), np.float64)
-    origin = np.array(image.get("Origin", "0 0 0").split(), np.float64) + first * spacing
+    first, last = _numbers(piece, "Extent", 6, "", np.int64).reshape(3, 2).T
+    spacing = _numbers(image, "Spacing", 3, "1 1 1")
+    origin = _numbers(image, "Origin", 3, "0 0 0") + first * spacing
     shape = last - first + 1
     array = piece.find("PointData/DataArray")
     if array is None:
@@ -99,21 +103,65 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
 
 
 class _PlainTree(ElementTree.TreeBuilder):
-    """Refuses document types, in which a few lines stand for any amount of text."""
+    """Refuses document types, in which a few lines stand for any amount of text, and the like.
+
+    An element of three bytes takes a hundred times that.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._elements = 0
+
+    def start(self, tag: str, attributes: dict[str, str]) -> ElementTree.Element:
+        self._elements += 1
+        if self._elements > _MOST_ELEMENTS:
+            raise ValueError(f"found more than {_MOST_ELEMENTS} elements, expected one volume")
+        return super().start(tag, attributes)
 
     def doctype(self, *_: object) -> None:
         raise ValueError("found a document type, expected plain VTK XML")
 
 
+def _numbers(
+    element: ElementTree.Element, name: str, count: int, default: str, dtype: type = np.float64
+) -> NDArray:
+    """Return the numbers of an attribute."""
+    text = element.get(name, default)
+    try:
+        numbers = np.array(text.split(), dtype)
+    except (ValueError, OverflowError):
+        numbers = np.zeros(0)
+    if numbers.shape != (count,):
+        kind = "whole numbers" if dtype is np.int64 else "numbers"
+        raise ValueError(f"{name}: found {text[:60]!r}, expected {count} {kind}")
+    return numbers
+
+
+def _known(
+    element: ElementTree.Element, name: str, meanings: Mapping[str, str], default: str = ""
+) -> str:
+    """Return what the word of an attribute means."""
+    word = element.get(name, default)
+    if word not in meanings:
+        raise ValueError(f"{name}: found {word[:60]!r}, expected one of {', '.join(meanings)}")
+    return meanings[word]
+
+
 def _values(root: ElementTree.Element, array: ElementTree.Element, appended: bytes) -> NDArray:
-    order = {"LittleEndian": "<", "BigEndian": ">"}[root.get("byte_order", sys.byteorder)]
-    dtype = np.dtype(order + _NUMBERS[array.get("type", "")])
-    header = np.dtype(order + _NUMBERS[root.get("header_type", "UInt32")])
+    own = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
+    order = _known(root, "byte_order", _ORDERS, own)
+    dtype = np.dtype(order + _known(array, "type", _NUMBERS))
+    header = np.dtype(order + _known(root, "header_type", _SIZES, "UInt32"))
     if array.get("format") == "ascii":
         return np.fromstring(array.text or "", np.float64, sep=" ")
     if array.get("format") == "appended":
-        encoded = appended[int(array.get("offset", "0")) :]
-        is_raw = root.find("AppendedData").get("encoding") == "raw"
+        (offset,) = _numbers(array, "offset", 1, "0", np.int64)
+        element = root.find("AppendedData")
+        if element is None or not 0 <= offset < len(appended):
+            raise ValueError(
+                f"offset: found {offset}, expected one inside the {len(appended)} bytes appended"
+            )
+        encoded, is_raw = appended[offset:], element.get("encoding") == "raw"
     else:
         encoded, is_raw = (array.text or "").strip().encode(), False
     compressor = root.get("compressor")

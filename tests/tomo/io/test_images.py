@@ -90,7 +90,7 @@ def test_a_truncated_file_is_one_line_naming_it(tmp_path, name, keep):
 @pytest.mark.parametrize(
     ("name", "stored", "message"),
     [
-        ("pages.tif", np.zeros((3, 4, 5), np.float32), "found 3 pages, expected one"),
+        ("pages.tif", np.zeros((3, 4, 5), np.float32), "found more than one page"),
         ("signed.tif", np.zeros((4, 5), np.int16), "found int16 pixels"),
     ],
 )
