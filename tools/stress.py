@@ -66,7 +66,7 @@ def stress(
             "rows": rows,
         }
         result["areas"] = {key: done[key] for key in AREAS if key in done}
-        results.save(out, result)
+        results.save(out, result, name)
         missed = sum(not row["holds"] for row in rows)
         _say(f"{name}: {len(rows)} rows, {missed} do not hold; {done[name]['seconds']:.0f} s")
     rows = [row for record in result["areas"].values() for row in record["rows"]]

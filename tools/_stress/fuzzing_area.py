@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import json
 import os
-import queue
 import selectors
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from _stress.fuzzing_guard import LIMIT, MEMORY
-from _stress.fuzzing_readers import MOST_RAYS, NAMES, OFTEN
+from _stress.fuzzing_readers import MOST_RAYS, NAMES, OFTEN, in_groups
 from _stress.row import Progress, Row, Size
 
-FULL, QUICK = 6000, 100  # inputs a reader
+FULL, QUICK = 6000, 60  # inputs a reader
 _ALL = 200_000  # inputs that a full run has to have tried
 _SILENCE = 120.0  # seconds after which a process hangs where no signal reaches it
 _MEGABYTE = 1 << 20
@@ -31,16 +31,16 @@ def rows(size: Size, progress: Progress) -> Iterator[Row]:
         report = reports[name]
         yield Row(
             f"Reader of {name}",
-            f"{report['inputs']} inputs, {report['lines']} lines of code reached",
+            f"{report['inputs']} inputs, {report['statements']} statements reached",
             sum(report["faults"].values()),
             0,
             "faults",
             note=_told(report["faults"]),
         )
     every = list(reports.values())
-    inputs, lines = (sum(report[key] for report in every) for key in ("inputs", "lines"))
+    inputs, reached = (sum(report[key] for report in every) for key in ("inputs", "statements"))
     least = len(NAMES) * QUICK if size.quick else _ALL
-    over = f"{len(NAMES)} readers, {lines} lines of code reached"
+    over = f"{len(NAMES)} readers, {reached} statements reached"
     yield Row("Inputs in all", over, inputs, least, "inputs", at_least=True)
     over = f"{inputs} inputs"
     for stress, words in (
@@ -92,25 +92,24 @@ def run(
     keep : Path, optional
         A folder for the inputs that gave a fault.
     """
-    waiting: queue.SimpleQueue[str] = queue.SimpleQueue()
-    for name in sorted(names, key=lambda name: name not in OFTEN):  # long ones first
-        waiting.put(name)
+    waiting = deque(in_groups(names))
     reports: dict[str, dict[str, Any]] = {}
 
-    def work() -> None:
+    def work(following: Callable[[], str]) -> None:
         with tempfile.TemporaryDirectory() as scratch:
             child = _Child(Path(scratch), keep)
             while True:
                 try:
-                    name = waiting.get_nowait()
-                except queue.Empty:
+                    name = following()
+                except IndexError:
                     child.end()
                     return
                 reports[name] = child.fuzz(name, inputs * (1 + (name in OFTEN)), seed)
                 progress(len(reports), len(names), name)
 
     with ThreadPoolExecutor(2) as pool:
-        for future in [pool.submit(work) for _ in range(2)]:
+        # from both ends: what a group of readers imports and writes is needed once, mostly
+        for future in [pool.submit(work, end) for end in (waiting.popleft, waiting.pop)]:
             future.result()
     return reports
 
@@ -125,13 +124,13 @@ class _Child:
 
     def fuzz(self, name: str, inputs: int, seed: int) -> dict[str, Any]:
         """Return the report of a reader, of several processes where some crash."""
-        report = {"reader": name, "inputs": 0, "lines": 0, "slowest": 0.0, "memory": 0}
+        report = {"reader": name, "inputs": 0, "statements": 0, "slowest": 0.0, "memory": 0}
         report["faults"] = {}
         while report["inputs"] < inputs:
             left = inputs - report["inputs"]
             last, crash = self._ask({"reader": name, "inputs": left, "seed": seed})
             report["inputs"] += last.get("inputs", 0) + bool(crash)
-            for key in ("lines", "slowest", "memory"):
+            for key in ("statements", "slowest", "memory"):
                 report[key] = max(report[key], last.get(key, 0))
             for what, count in {**last.get("faults", {}), **({crash: 1} if crash else {})}.items():
                 report["faults"][what] = report["faults"].get(what, 0) + count

@@ -15,12 +15,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from random import Random
 
-from _stress.fuzzing_guard import Coverage, Guard
+from _stress.fuzzing_guard import Guard
 from _stress.fuzzing_mutations import mutated
 from _stress.fuzzing_readers import Reader, reader_of
 
 _ROOM = 4 << 30  # bytes of address space beyond what the process has: bombs stop there
-_KEPT, _LONG = 2000, 1 << 14  # inputs that reached new lines, and bytes of those not kept
+_KEPT, _LONG = 2000, 1 << 14  # inputs that reached new statements, and bytes of those not kept
 
 
 @dataclass
@@ -30,8 +30,8 @@ class Report:
     Attributes
     ----------
     reader : str
-    inputs, lines : int
-        Run, and lines of the project reached.
+    inputs, statements : int
+        Run, and of the project reached.
     slowest : float
         Seconds.
     memory : int
@@ -43,7 +43,7 @@ class Report:
 
     reader: str
     inputs: int = 0
-    lines: int = 0
+    statements: int = 0
     slowest: float = 0.0
     memory: int = 0
     faults: dict[str, int] = field(default_factory=dict)
@@ -68,7 +68,7 @@ def fuzz(
     path.parent.mkdir(parents=True, exist_ok=True)
     for name in reader.links:
         path.with_name(name).symlink_to(path.name)
-    guard.coverage, said = Coverage(), time.monotonic()
+    said = time.monotonic()
     corpus = list(reader.seeds)
 
     def run(data: bytes) -> bool:
@@ -84,11 +84,12 @@ def fuzz(
                 name = f"{reader.name.replace(' ', '_')}-{len(report.faults)}"
                 (keep / f"{name}-{path.name}").write_bytes(data)
                 (keep / f"{name}.txt").write_text(what)
-        return watched.new_lines > 0
+        return watched.new_statements > 0
 
     for data in reader.seeds:  # what they import is not what they do
         path.write_bytes(data)
         guard.warm(reader.read, path)
+    guard.coverage.forget()
     for data in reader.seeds:
         run(data)
     while report.inputs < inputs:
@@ -98,9 +99,9 @@ def fuzz(
         if run(data) and len(corpus) < _KEPT and len(data) < _LONG:
             corpus.append(data)
         if time.monotonic() - said > 1:
-            report.lines, said = guard.coverage.lines, time.monotonic()
+            report.statements, said = guard.coverage.statements, time.monotonic()
             report.say()
-    report.lines = guard.coverage.lines
+    report.statements = guard.coverage.statements
     return report
 
 
@@ -113,12 +114,13 @@ def main() -> None:
     cv2.setNumThreads(0)
     keep = Path(sys.argv[1]) if len(sys.argv) > 1 else None
     guard = Guard()
+    guard.coverage.install()
     shared = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     with tempfile.TemporaryDirectory(prefix="fuzzing-", dir=shared) as scratch:
         os.chdir(scratch)
         for number, line in enumerate(sys.stdin):
             job = json.loads(line)
-            reader = reader_of(job["reader"], Path(scratch) / f"seeds{number}")
+            reader = reader_of(job["reader"], Path(scratch) / "seeds")
             _bound_memory()
             random.seed(0)
             folder = Path(scratch) / f"inputs{number}"

@@ -9,17 +9,18 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import CodeType, FrameType
+from types import FrameType
 from typing import Any
+
+from _stress.fuzzing_coverage import PACKAGES, Coverage
 
 LIMIT = 2.0  # seconds of CPU time that a reader may take
 MEMORY = 200 << 20  # bytes beyond four times the file that it may take
-_TRACED = 3.0  # times as long, at least, a reading takes while its lines are followed
 _TICK = 0.05  # seconds between signals once the limit is reached
-_ROOTS = tuple(f"{Path(__file__).parents[2] / name}{os.sep}" for name in ("rigs", "tomo"))
+_ROOTS = tuple(f"{Path(__file__).parents[2] / name}{os.sep}" for name in PACKAGES)
 _WRITES = {"os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.symlink"}
 _WRITES |= {"os.truncate", "os.chmod", "os.chown", "os.utime", "os.setxattr", "shutil.rmtree"}
 _CODE = {"os.system", "os.exec", "os.posix_spawn", "os.fork", "os.forkpty", "subprocess.Popen"}
@@ -42,8 +43,8 @@ class Watched:
     ----------
     fault : str
         What must not be; empty where all is well.
-    new_lines : int
-        Lines of the project that were reached for the first time.
+    new_statements : int
+        Of the project, reached for the first time.
     seconds : float
         Of CPU time.
     memory : int
@@ -51,49 +52,9 @@ class Watched:
     """
 
     fault: str
-    new_lines: int
+    new_statements: int
     seconds: float
     memory: int
-
-
-class Coverage:
-    """Which lines of the project's packages have been run."""
-
-    def __init__(self) -> None:
-        self.lines = 0
-        self._tracers: dict[CodeType, Callable | None] = {}
-
-    @contextlib.contextmanager
-    def on(self) -> Iterator[None]:
-        """Follow the lines that are run meanwhile."""
-        sys.settrace(self._enter)
-        try:
-            yield
-        finally:
-            sys.settrace(None)
-
-    def _enter(self, frame: FrameType, event: str, _: object) -> Callable | None:
-        code = frame.f_code
-        try:
-            return self._tracers[code]
-        except KeyError:
-            inside = code.co_filename.startswith(_ROOTS)
-            self._tracers[code] = tracer = self._tracer(code) if inside else None
-            return tracer
-
-    def _tracer(self, code: CodeType) -> Callable:
-        """Return what counts the lines of a function until all were reached."""
-        left = {line for _, _, line in code.co_lines() if line is not None}
-
-        def trace(frame: FrameType, event: str, _: object) -> Callable:
-            if event == "line" and frame.f_lineno in left:
-                left.discard(frame.f_lineno)
-                self.lines += 1
-                if not left:
-                    self._tracers[code] = None
-            return trace
-
-        return trace
 
 
 class Guard:
@@ -106,37 +67,32 @@ class Guard:
         signal.signal(signal.SIGPROF, self._too_long)
 
     def watch(self, read: Callable[[Path], object], path: Path, size: int) -> Watched:
-        """Read a file of ``size`` bytes, following the lines that are run."""
-        lines = self.coverage.lines
+        """Read a file of ``size`` bytes."""
+        before = self.coverage.statements
         if not self._floor:
             self._floor = _forget_peak()
-        with self.coverage.on():
-            fault, seconds = self._timed(read, path, LIMIT * _TRACED)
-        if seconds > LIMIT / _TRACED:  # following lines takes time too: judge it without
-            fault, seconds = self._timed(read, path, LIMIT)
-            if not fault and seconds > LIMIT:  # in C code that no signal interrupts
-                fault = f"TooLong: {seconds:.1f} s"
+        fault, seconds = self._timed(read, path)
+        if not fault and seconds > LIMIT:  # in C code that no signal interrupts
+            fault = f"TooLong: {seconds:.1f} s"
         memory = _peak() - self._floor
         if memory > MEMORY // 4:
             self._floor = _forget_peak()
         memory = max(memory - 4 * size, 0)
         if not fault and memory > MEMORY:
             fault = f"{memory >> 20} MB beyond four times the file"
-        return Watched(fault, self.coverage.lines - lines, seconds, memory)
+        return Watched(fault, self.coverage.statements - before, seconds, memory)
 
     def warm(self, read: Callable[[Path], object], path: Path) -> None:
         """Read a file for what reading it imports; nothing is judged."""
-        self._timed(read, path, LIMIT)
+        self._timed(read, path)
         self._floor = 0  # what was imported stays
 
-    def _timed(
-        self, read: Callable[[Path], object], path: Path, limit: float
-    ) -> tuple[str, float]:
+    def _timed(self, read: Callable[[Path], object], path: Path) -> tuple[str, float]:
         self._heard = ""
         began = time.process_time()
         try:
-            self._until = began + limit
-            signal.setitimer(signal.ITIMER_PROF, limit, _TICK)
+            self._until = began + LIMIT
+            signal.setitimer(signal.ITIMER_PROF, LIMIT, _TICK)
             self._armed = True
             try:
                 fault = _fault_of(read, path)

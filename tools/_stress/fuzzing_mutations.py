@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import json
 import math
 import re
@@ -164,7 +165,7 @@ def change_lines(data: bytes, rng: Random, corpus: Sequence[bytes]) -> bytes:
 
 def change_tree(data: bytes, rng: Random, corpus: Sequence[bytes]) -> bytes:
     """Change one value of a JSON or YAML file: replaced, dropped, doubled, wrapped, renamed."""
-    tree = _parsed(data)
+    tree = json.loads(_as_json(data))
     if not isinstance(tree, (dict, list)):
         return replace_word(data, rng, corpus)
     for _ in range(rng.choice((1, 1, 2, 3))):
@@ -209,22 +210,24 @@ def _backward(match: re.Match) -> int:
     return -match.start()
 
 
-def _parsed(data: bytes) -> Any:
-    """Return the plain data of a small JSON or YAML file; None where it is neither."""
+@functools.lru_cache(maxsize=256)
+def _as_json(data: bytes) -> str:
+    """Return a small JSON or YAML file as JSON; ``null`` where it is neither.
+
+    Most inputs are made of one that was changed before.
+    """
     import yaml
 
     if len(data) > 20000 or any(data.count(c) > 2000 for c in b"[{"):
-        return None
+        return "null"
     try:
-        return json.loads(data)
+        return json.dumps(json.loads(data))
     except (ValueError, RecursionError):
         pass
     try:
-        tree = yaml.load(data, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-        json.dumps(tree)
+        return json.dumps(yaml.load(data, getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
     except Exception:  # what is broken is changed as text
-        return None
-    return tree
+        return "null"
 
 
 def _places(tree: Any) -> Any:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -48,10 +49,27 @@ class Reader:
 
 
 def reader_of(name: str, folder: Path) -> Reader:
-    """Return a reader by its name; ``folder`` is made for the files that the writers write."""
-    folder.mkdir()
-    made = next(make for make, names in _MADE_BY.items() if name in names)
-    return next(reader for reader in made(folder) if reader.name == name)
+    """Return a reader by its name; ``folder`` is for the files that the writers write."""
+    make = next(make for make, names in _MADE_BY.items() if name in names)
+    return next(reader for reader in _made(make, folder) if reader.name == name)
+
+
+@functools.cache
+def _made(make: Callable[[Path], list[Reader]], folder: Path) -> list[Reader]:
+    """Make readers that share their files, once."""
+    own = folder / make.__name__.strip("_")
+    own.mkdir(parents=True)
+    return make(own)
+
+
+def in_groups(names: Iterable[str]) -> list[str]:
+    """Return readers with those beside each other that are made together, long ones first."""
+    groups = list(_MADE_BY.values())
+
+    def place(name: str) -> tuple[int, bool]:
+        return next(n for n, group in enumerate(groups) if name in group), name not in OFTEN
+
+    return sorted(names, key=place)
 
 
 def _rigs(folder: Path) -> list[Reader]:

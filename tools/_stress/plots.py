@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from _benchmark.plot_axes import draw_line, log_log, looks_of
@@ -22,16 +23,17 @@ _MOST_DECADES = 8.0
 _MOST_DOTS = 40
 
 
-def plots(areas: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Figure]]:
-    """Return, for each area that has some, its figures by name; the overall one first."""
-    found: dict[str, dict[str, Figure]] = {}
+def plots(areas: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Callable[[], Figure]]]:
+    """Return, for each area that has some, what draws its figures, by name; the overall first."""
+    found: dict[str, dict[str, Callable[[], Figure]]] = {}
     if areas:
-        found[OVERALL] = {"margins": _margins(areas)}
+        found[OVERALL] = {"margins": partial(_margins, areas)}
     for area, record in areas.items():
         charts = [row["chart"] for row in record["rows"] if row["chart"]]
         if charts:
             found[area] = {
-                f"{area}_{number}": _curves(chart) for number, chart in enumerate(charts, 1)
+                f"{area}_{number}": partial(_curves, chart)
+                for number, chart in enumerate(charts, 1)
             }
     return found
 

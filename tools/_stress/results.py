@@ -10,7 +10,7 @@ from typing import Any
 from _results import earlier_run, write_json, write_text
 
 from _stress.page import page
-from _stress.plots import plots
+from _stress.plots import OVERALL, plots
 from _stress.row import Size
 from tomo.view.figures import save_figure
 
@@ -41,12 +41,17 @@ def load(folder: Path, size: Size) -> dict[str, Any]:
     return earlier_run(folder / JSON, (FORMAT, VERSION), wanted, done="areas", of="a stress test")
 
 
-def save(folder: Path, result: Mapping[str, Any]) -> None:
-    """Write the JSON, the plots and the page of what there is so far."""
+def save(folder: Path, result: Mapping[str, Any], area: str) -> None:
+    """Write the JSON, the plots and the page of what there is so far; ``area`` is new.
+
+    The curves of other areas are drawn where they are not there yet.
+    """
     write_json(folder / JSON, result, indent=1)
     names: dict[str, list[str]] = {}
-    for area, figures in plots(result["areas"]).items():
-        for name, figure in figures.items():
-            save_figure(figure, folder / PLOTS / f"{name}.png")
-            names.setdefault(area, []).append(f"{PLOTS}/{name}.png")
+    for whose, drawings in plots(result["areas"]).items():
+        for name, draw in drawings.items():
+            path = folder / PLOTS / f"{name}.png"
+            if whose in (area, OVERALL) or not path.exists():
+                save_figure(draw(), path)
+            names.setdefault(whose, []).append(f"{PLOTS}/{path.name}")
     write_text(folder / PAGE, page(result, names))

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,24 +44,22 @@ class Made:
 
 def rows(size: Size, progress: Progress) -> Iterator[Row]:
     """Yield the rows of the area."""
-    counts = (1, 2, 4, 2) if size.quick else (1, 2, 4, 8, 2)
+    counts = (1, 4, 4) if size.quick else (1, 2, 4, 8, 2)
     learned = (1, 2, 2) if size.quick else (1, 2, 4, 2)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        total = len(counts) + len(learned)
-        _scan(folder / "classic", 9 if size.quick else 21, Effects())
+    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool:
+        classic, wernet = Path(name, "classic"), Path(name, "learned")
+        _scan(classic, 9 if size.quick else 21, Effects())
+        _scan(wernet, 6, Effects(absorption=0.3))
+        # what a process does alone, importing most of all, leaves the other cores to the next
+        jobs = [pool.submit(made_by, threads, classic) for threads in counts]
+        jobs += [pool.submit(made_by, threads, wernet, "wernet") for threads in learned]
         made = []
-        for number, threads in enumerate(counts):
-            progress(number, total, f"{threads} threads")
-            made.append(made_by(threads, folder / "classic"))
-        yield from classic_rows(made)
-        _scan(folder / "learned", 6, Effects(absorption=0.3))
-        made = []
-        for number, threads in enumerate(learned, len(counts)):
-            progress(number, total, f"WERNet, {threads} threads")
-            made.append(made_by(threads, folder / "learned", "wernet"))
-        yield from learned_rows(made)
-        progress(total, total, "")
+        for number, job in enumerate(jobs):
+            progress(number, len(jobs), "processes")
+            made.append(job.result())
+        yield from classic_rows(made[: len(counts)])
+        yield from learned_rows(made[len(counts) :])
+        progress(len(jobs), len(jobs), "")
 
 
 def made_by(threads: int, scan: Path, *what: str) -> Made:
@@ -73,15 +72,16 @@ def made_by(threads: int, scan: Path, *what: str) -> Made:
     """
     environment = os.environ | dict.fromkeys(POOLS, str(threads))
     environment.pop("NUMBA_THREADING_LAYER", None)
-    volume = scan.with_name(f"{scan.name}.npy")
-    command = [sys.executable, str(CHILD), str(scan), str(volume), *what]
-    done = subprocess.run(
-        command, env=environment, capture_output=True, text=True, timeout=LONGEST, check=False
-    )
-    if done.returncode != 0:
-        last = (done.stderr.strip().splitlines() or ["it said nothing"])[-1]
-        raise RuntimeError(f"{threads} threads: {last}")
-    return Made(threads, json.loads(done.stdout), np.load(volume, allow_pickle=False))
+    with tempfile.TemporaryDirectory() as folder:
+        volume = Path(folder, "volume.npy")
+        command = [sys.executable, str(CHILD), str(scan), str(volume), *what]
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=LONGEST, check=False
+        )
+        if done.returncode != 0:
+            last = (done.stderr.strip().splitlines() or ["it said nothing"])[-1]
+            raise RuntimeError(f"{threads} threads: {last}")
+        return Made(threads, json.loads(done.stdout), np.load(volume, allow_pickle=False))
 
 
 def classic_rows(made: Sequence[Made]) -> Iterator[Row]:

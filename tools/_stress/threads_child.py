@@ -55,7 +55,7 @@ def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
 
     scan = Scan.load(folder)
     images, masks = scan.read()
-    yield "default method", reconstruct(scan).reconstruction.volume
+    yield "default method", reconstruct(scan, uncertainty=0).reconstruction.volume
     seen = scene_of(ring(len(scan.rig)), noise=0.02)
     yield "simulated images", np.stack(list(seen.simulated.images.values()))
     for form, projector in (("stored", seen.stored), ("on the fly", seen.on_the_fly)):

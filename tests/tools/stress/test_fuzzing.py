@@ -1,5 +1,6 @@
 """The fuzzing itself: it sees every kind of fault, and repeats bit by bit."""
 
+import importlib
 import io
 import json
 import subprocess
@@ -10,7 +11,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from _stress import fuzzing_area
+from _stress import fuzzing_area, fuzzing_coverage
 from _stress.fuzzing_child import Report
 from _stress.fuzzing_containers import change_png, change_zip, zip_bomb
 from _stress.fuzzing_mutations import BINARY, LARGEST, TEXT, TREE, mutated
@@ -114,6 +115,68 @@ def test_a_bomb_is_an_archive_that_unpacks_to_much():
     assert len(bomb) < (3 << 20) / 500
 
 
+NOTED = '''"""A module."""
+
+from __future__ import annotations
+
+
+def compiled():
+    return lambda function: function
+
+
+@compiled()
+def kernel(n):
+    return n
+
+
+class Named:
+    """With a docstring."""
+
+    def __init__(self, n):
+        """With another."""
+        self.n = n
+
+
+def kind(n):
+    try:
+        if n > 0:
+            return Named(n)
+        elif n == 0:
+            return None
+    finally:
+        kernel(n)
+    match n:
+        case -1:
+            raise ValueError("one line")
+    return n
+'''
+
+
+def test_statements_are_counted_as_they_are_reached(tmp_path, monkeypatch):
+    (tmp_path / "noted.py").write_text(NOTED, "utf-8")
+    coverage = fuzzing_coverage.Coverage()
+    monkeypatch.setattr(fuzzing_coverage, "PACKAGES", ("noted",))
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "meta_path", [coverage, *sys.meta_path])
+    noted = importlib.import_module("noted")
+    monkeypatch.delitem(sys.modules, "noted")
+    assert coverage.statements == 6  # five definitions, and what `compiled` returns
+    coverage.forget()
+    counts = []
+    for n in (0, 0, 1, -2):
+        noted.kind(n)
+        counts.append(coverage.statements)
+    assert counts == [5, 5, 7, 9]
+    with pytest.raises(ValueError, match="one line") as error:
+        noted.kind(-1)
+    assert coverage.statements == 10
+    line = error.traceback[-1].lineno
+    assert NOTED.splitlines()[line].strip().startswith("raise")
+    assert "__reached__" not in noted.kernel.__code__.co_names
+    assert noted.Named.__doc__ == "With a docstring."
+    assert not list(tmp_path.glob("**/*.pyc"))
+
+
 def test_readers_have_nothing_to_hide():
     names = ("Middlebury", "volume .vti")
     reports = fuzzing_area.run(names, 40)
@@ -122,9 +185,11 @@ def test_readers_have_nothing_to_hide():
         report = reports[name]
         assert report["faults"] == {}
         assert report["inputs"] == 40 * (1 + (name in OFTEN))
-        assert report["lines"] > 30
+        assert report["statements"] > 30
     again = fuzzing_area.run(names, 40)
-    assert [again[name]["lines"] for name in names] == [reports[name]["lines"] for name in names]
+    assert [again[name]["statements"] for name in names] == [
+        reports[name]["statements"] for name in names
+    ]
 
 
 def test_a_process_that_ends_is_a_fault_and_another_goes_on(monkeypatch):
@@ -147,7 +212,13 @@ def test_rows_count_faults_by_kind(monkeypatch):
     faults |= {"TooLong: x": 5, "300 MB beyond four times the file": 6}
 
     def run(names, inputs, seed, progress):
-        clean = {"inputs": inputs, "lines": 1, "slowest": 1.0, "memory": 5 << 20, "faults": {}}
+        clean = {
+            "inputs": inputs,
+            "statements": 1,
+            "slowest": 1.0,
+            "memory": 5 << 20,
+            "faults": {},
+        }
         reports = {name: {"reader": name, **clean} for name in names}
         reports["MyPTV"] |= {"faults": faults, "slowest": 3.0, "memory": 300 << 20}
         return reports
