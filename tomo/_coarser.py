@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +16,47 @@ from tomo.grid import VoxelGrid
 COARSEST = 24
 """Voxels along the grid's longest edge, and pixels along an image's shortest, left by
 default."""
+
+
+@dataclass(frozen=True, eq=False)
+class Coarser:
+    """Cameras, their images and a grid, with larger pixels and voxels.
+
+    Attributes
+    ----------
+    rig : Rig
+    images : tuple of (rows, columns) float32
+    masks : tuple of (rows, columns) bool
+        True where any pixel was usable.
+    grid : VoxelGrid
+    factor : int
+        How many pixels a large pixel is wide.
+    """
+
+    rig: Rig
+    images: tuple[NDArray[np.float32], ...]
+    masks: tuple[NDArray[np.bool_], ...]
+    grid: VoxelGrid
+    factor: int
+
+    @classmethod
+    def of(
+        cls,
+        rig: Rig,
+        images: Sequence[NDArray],
+        masks: Sequence[NDArray[np.bool_]],
+        grid: VoxelGrid,
+        factor: int,
+    ) -> Self:
+        """Return what becomes of images ``(height, width)`` and the rest, see `coarsening`."""
+        pairs = [_shrunk(i, m, factor) for i, m in zip(images, masks, strict=True)]
+        return cls(
+            replace(rig, cameras=tuple(camera.shrunk(factor) for camera in rig)),
+            tuple(image for image, _ in pairs),
+            tuple(mask for _, mask in pairs),
+            _coarser_grid(grid, factor),
+            factor,
+        )
 
 
 def coarsening(rig: Rig, grid: VoxelGrid, crossings: int, coarsest: int = COARSEST) -> int:
@@ -27,13 +71,13 @@ def coarsening(rig: Rig, grid: VoxelGrid, crossings: int, coarsest: int = COARSE
     return max(min(wanted, most), 1)
 
 
-def coarser_grid(grid: VoxelGrid, factor: int) -> VoxelGrid:
+def _coarser_grid(grid: VoxelGrid, factor: int) -> VoxelGrid:
     """Return the grid of the same box with voxels about ``factor`` times as large."""
     shape = [max(round(n / factor), 1) for n in grid.shape]
     return VoxelGrid.from_bounds(shape, grid.lower, grid.upper)
 
 
-def shrunk_image(
+def _shrunk(
     image: NDArray, mask: NDArray, factor: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return area means of the usable pixels, and where there are any."""

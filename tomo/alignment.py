@@ -22,14 +22,13 @@ from numpy.typing import NDArray
 
 from rigs import Camera, Rig
 from tomo._by_name import by_name
-from tomo._coarser import coarsening, coarser_grid, shrunk_image
+from tomo._coarser import Coarser, coarsening
 from tomo.displacement import Displacement
 from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem, VolumeNotSeenError
 from tomo.registration import register, ways_to_shift
-from tomo.solve._common_start import common_start, log_smears
-from tomo.solve.mlem import mlem
-from tomo.viewed import ViewedOperator
+from tomo.solve._common_start import log_smears
+from tomo.solve._quick_volume import quick_volume
 
 CROSSINGS = 2_000_000
 """About the size of the coarser system that the shifts are found on."""
@@ -123,16 +122,13 @@ def align_views(
     still = np.zeros((len(rig), 2))
     if len(rig) < 3:
         return _refused(still, math.nan, math.nan, "too few views to leave any out")
-    factor = coarsening(rig, grid, CROSSINGS)
-    small = [shrunk_image(image, mask, factor) for image, mask in zip(images, masks, strict=True)]
-    coarse_rig = replace(rig, cameras=tuple(camera.shrunk(factor) for camera in rig))
-    coarse_grid = coarser_grid(grid, factor)
-    motions = [_motion(camera, grid) for camera in coarse_rig]
+    coarse = Coarser.of(rig, images, masks, grid, coarsening(rig, grid, CROSSINGS))
+    motions = [_motion(camera, grid) for camera in coarse.rig]
 
     shifts, rounds = [still], []
     for _ in range(ROUNDS + 1):
         try:
-            found = _Round.of(_shifted(coarse_rig, shifts[-1]), coarse_grid, small)
+            found = _Round.of(coarse, shifts[-1])
         except VolumeNotSeenError:
             return _refused(still, math.nan, math.nan, "the cameras do not see the volume")
         if not math.isfinite(found.error):
@@ -144,7 +140,7 @@ def align_views(
     errors = [one.error for one in rounds]
     as_it_is, best = rounds[0], int(np.argmin(errors))
     before, after = as_it_is.error, errors[best]
-    limits = [FARTHEST * min(camera.image_size) for camera in coarse_rig]
+    limits = [FARTHEST * min(camera.image_size) for camera in coarse.rig]
     if len(rounds) == 1:
         after, reason = as_it_is.registered, "views left out lie where they are predicted"
     elif after**2 > WORTH_IT * before**2:
@@ -153,9 +149,9 @@ def align_views(
         reason = "the shifts found are too large to be believed"
     else:
         reason = f"views left out are predicted to {after:.3f} instead of {before:.3f}"
-        displacement = rounds[best].displacement(small, factor)
-        return Alignment(shifts[best] * factor, before, after, True, reason, displacement)
-    return Alignment(still, before, after, False, reason, as_it_is.displacement(small, factor))
+        displacement = rounds[best].displacement(coarse)
+        return Alignment(shifts[best] * coarse.factor, before, after, True, reason, displacement)
+    return Alignment(still, before, after, False, reason, as_it_is.displacement(coarse))
 
 
 def _refused(shifts: NDArray, before: float, after: float, reason: str) -> Alignment:
@@ -181,49 +177,36 @@ class _Round:
     predicted: tuple[NDArray[np.float32], ...]
 
     @classmethod
-    def of(cls, rig: Rig, grid: VoxelGrid, small: Sequence[tuple[NDArray, NDArray]]) -> Self:
-        images = [image for image, _ in small]
-        masks = [mask for _, mask in small]
-        system = LinearSystem.from_rig(rig, grid, masks=masks)
+    def of(cls, coarse: Coarser, shifts: NDArray[np.float64]) -> Self:
+        rig, images, masks = _shifted(coarse.rig, shifts), coarse.images, coarse.masks
+        system = LinearSystem.from_rig(rig, coarse.grid, masks=masks)
         measured = system.flatten(images)
         views = range(len(rig))
         count = len(rig) if len(rig) <= 6 else GROUPS
-        shifts, predicted = np.zeros((len(rig), 2)), {}
+        further, predicted = np.zeros((len(rig), 2)), {}
         smears = log_smears(system.projector, measured)
         raw = registered = light = 0.0
         for group in range(count):
             left_out = list(views[group::count])
             kept = [view for view in views if view not in left_out]
-            volume = _volume(system.projector, measured, kept, smears)
+            volume = quick_volume(
+                system.projector, measured, kept, iterations=ITERATIONS, smears=smears
+            )
             seen = system.images(system.projector @ volume)
             for view in left_out:
                 image, mask, predicted[view] = images[view], masks[view], seen[view]
                 found = register(seen[view], image, mask, ways_to_shift(image.shape))
-                shifts[view] = found.amounts
+                further[view] = found.amounts
                 raw += found.before
                 registered += found.after
                 light += float(np.sum(np.square(image, dtype=np.float64)[mask]))
         every = tuple(predicted[view] for view in views)
         if light == 0:
-            return cls(shifts, math.nan, math.nan, every)
-        return cls(shifts, math.sqrt(raw / light), math.sqrt(registered / light), every)
+            return cls(further, math.nan, math.nan, every)
+        return cls(further, math.sqrt(raw / light), math.sqrt(registered / light), every)
 
-    def displacement(self, small: Sequence[tuple[NDArray, NDArray]], factor: int) -> Displacement:
-        images, masks = zip(*small, strict=True)
-        return Displacement.of(self.predicted, images, masks, factor)
-
-
-def _volume(
-    projector: ViewedOperator, measured: NDArray, views: Sequence[int], smears: NDArray
-) -> NDArray[np.float32]:
-    """Return a few iterations of MLEM from some of the views."""
-    found = mlem(
-        projector.subset(views),
-        measured[projector.pixels_of(views)],
-        iterations=ITERATIONS,
-        start=common_start(projector, measured, views, smears),
-    )
-    return projector.live.compress(found.volume)
+    def displacement(self, coarse: Coarser) -> Displacement:
+        return Displacement.of(self.predicted, coarse.images, coarse.masks, coarse.factor)
 
 
 def _motion(camera: Camera, grid: VoxelGrid) -> NDArray[np.float64]:

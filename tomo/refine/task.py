@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Rig, box_points
-from tomo._coarser import coarser_grid, shrunk_image
+from tomo._coarser import Coarser
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.refine.held_out import Judgement, held_out_tiles
@@ -56,16 +56,14 @@ class Task:
 
     def level(self, factor: int) -> Level:
         """Return images and grid ``factor`` times as coarse."""
-        pairs = [shrunk_image(i, m, factor) for i, m in zip(self.images, self.masks, strict=True)]
-        rig = replace(self.rig, cameras=tuple(camera.shrunk(factor) for camera in self.rig))
-        grid = coarser_grid(self.grid, factor)
-        images, masks = [image for image, _ in pairs], [mask for _, mask in pairs]
+        coarse = Coarser.of(self.rig, self.images, self.masks, self.grid, factor)
+        rig, images, masks = coarse.rig, coarse.images, coarse.masks
         held = held_out_tiles([image.shape for image in images])
         trains = [mask & ~own for mask, own in zip(masks, held, strict=True)]
-        live = LiveVoxels(grid)
+        live = LiveVoxels(coarse.grid)
         if self.skip:
-            live = carve(tuple(rig), images, trains, grid).live
-        return Level(rig, images, masks, trains, grid, live, self.chosen, self.lengths)
+            live = carve(tuple(rig), images, trains, coarse.grid).live
+        return Level(rig, images, masks, trains, coarse.grid, live, self.chosen, self.lengths)
 
     def size(self, step: NDArray[np.float64]) -> float:
         """Return how far a step moves the volume's image, in pixels, RMS over the cameras."""

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from rigs import Rig
-from tomo._coarser import coarsening, coarser_grid, shrunk_image
+from tomo._coarser import Coarser, coarsening
 from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem
-from tomo.solve._common_start import common_start, log_smears
-from tomo.solve.mlem import mlem
+from tomo.solve._common_start import log_smears
+from tomo.solve._quick_volume import quick_volume
 
 CROSSINGS = 250_000
 """About the size of the coarser system."""
@@ -88,16 +88,13 @@ class Predictions:
             If no usable pixel sees the grid.
         """
         factor = coarsening(rig, grid, CROSSINGS, COARSEST)
-        small = [shrunk_image(i, m, factor) for i, m in zip(images, masks, strict=True)]
-        coarse = replace(rig, cameras=tuple(camera.shrunk(factor) for camera in rig))
-        system = LinearSystem.from_rig(
-            coarse, coarser_grid(grid, factor), masks=[mask for _, mask in small]
-        )
-        measured = system.flatten([image for image, _ in small])
+        coarse = Coarser.of(rig, images, masks, grid, factor)
+        system = LinearSystem.from_rig(coarse.rig, coarse.grid, masks=coarse.masks)
+        measured = system.flatten(coarse.images)
         seeing = system.images(np.ones(len(measured), np.float32))
         parties = parties_of(trusted)
         return cls(
-            tuple(gaussian_filter(image, BLUR) for image, _ in small),
+            tuple(gaussian_filter(image, BLUR) for image in coarse.images),
             tuple(image > 0 for image in seeing),
             tuple(parties),
             _predicted(system, measured, parties),
@@ -113,7 +110,7 @@ class Predictions:
         what those views could see. Which view is harder to predict than others, at the end of an
         arc or where none looks from the opposite side, shows here too.
         """
-        volume = _volume(self.system, self.measured, views, None)
+        volume = quick_volume(self.system.projector, self.measured, views, iterations=ITERATIONS)
         live = self.system.projector.live
         random = np.random.default_rng(0).standard_normal(live.grid.shape)
         detail = gaussian_filter(random, BLUR)
@@ -143,26 +140,12 @@ def _predicted(
     smears = log_smears(system.projector, measured)
     predicted = []
     for party in parties:
-        volume = _volume(system, measured, party, smears)
+        volume = quick_volume(
+            system.projector, measured, party, iterations=ITERATIONS, smears=smears
+        )
         seen = system.images(system.projector @ volume)
         predicted.append(tuple(gaussian_filter(image, BLUR) for image in seen))
     return tuple(predicted)
-
-
-def _volume(
-    system: LinearSystem,
-    measured: NDArray[np.float32],
-    views: Sequence[int],
-    smears: NDArray[np.float64] | None,
-) -> NDArray[np.float32]:
-    """Return a few iterations of MLEM from some of the views."""
-    found = mlem(
-        system.projector.subset(views),
-        measured[system.projector.pixels_of(views)],
-        iterations=ITERATIONS,
-        start=common_start(system.projector, measured, views, smears),
-    )
-    return system.projector.live.compress(found.volume)
 
 
 def parties_of(views: int) -> list[tuple[int, ...]]:
