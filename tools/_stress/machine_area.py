@@ -25,6 +25,8 @@ def rows(size: Size, progress: Progress) -> Iterator[Row]:
         yield from machine_limits.disk(scan, folder, size)
         yield from machine_limits.read_only(scan, folder)
         yield from machine_kills.writers(folder, size, progress)
-        yield from machine_kills.training(scan, folder, size, progress)
-        yield from machine_kills.signals(scan, folder, size, progress)
-        yield from machine_kills.two_runs(scan, folder, size)
+        yield machine_kills.training(scan, folder, size, progress)
+        progress(0, 1, "two runs")
+        row, seconds = machine_kills.two_runs(scan, folder, size)
+        yield row
+        yield from machine_kills.signals(scan, folder / "two-0", seconds, size, progress)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,16 +79,34 @@ def start(
 
 
 def wait(process: subprocess.Popen[bytes], began: float) -> Ended:
-    """Wait for the end; a command that hangs is killed."""
+    """Wait for the end; a command that hangs is killed, and none outlives who waits for it."""
     try:
         _, told = process.communicate(timeout=LONGEST)
     except subprocess.TimeoutExpired:
         process.kill()
         _, told = process.communicate()
+    except BaseException:
+        process.kill()
+        raise
     bars = ("reconstruct ", "simulate ", "detect ")
     lines = [line for line in told.decode(errors="replace").splitlines() if line.strip()]
     shown = tuple(line for line in lines if not line.startswith(bars))
     return Ended(process.returncode, shown, time.perf_counter() - began)
+
+
+def wait_until_heard(process: subprocess.Popen[bytes]) -> None:
+    """Wait until a command listens to SIGTERM, which it does before it imports anything.
+
+    What Python needs to start, where the signals are its own to deal with, is over then.
+    """
+    status = Path(f"/proc/{process.pid}/status")
+    if not status.exists():  # not Linux
+        time.sleep(0.5)
+    while status.exists() and process.poll() is None:
+        caught = re.search(r"^SigCgt:\s*(\w+)", status.read_text(), re.MULTILINE)
+        if int(caught[1], 16) >> (signal.SIGTERM - 1) & 1:
+            return
+        time.sleep(0.002)
 
 
 def run(tool: str, *arguments: object, **options: Any) -> Ended:
@@ -118,8 +138,3 @@ def volume_in(folder: Path) -> NDArray[np.float32]:
 def partial_files(folder: Path) -> list[str]:
     """Return the names of what is half-written in ``folder`` and below."""
     return [path.name for path in folder.rglob(".*") if ".partial-" in path.name]
-
-
-def told(faults: Iterable[str]) -> str:
-    """Return the first few faults as a note."""
-    return "; ".join(list(dict.fromkeys(filter(None, faults)))[:3])

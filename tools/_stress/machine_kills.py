@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,12 +22,12 @@ from _stress.machine_commands import (
     partial_files,
     run,
     start,
-    told,
     volume_in,
     wait,
+    wait_until_heard,
 )
 from _stress.machine_kinds import KINDS
-from _stress.row import Progress, Row, Size
+from _stress.row import Progress, Row, Size, told
 
 FULL = 20
 """Times that each writer, and training, is killed in a full run."""
@@ -43,117 +44,137 @@ def writers(folder: Path, size: Size, progress: Progress) -> Iterator[Row]:
 def killed_writer(kind: str, folder: Path, times: int, seed: int) -> Row:
     """Kill the writer of one kind of file so many times."""
     folder.mkdir(parents=True)
-    command = [sys.executable, "-m", "_stress.machine_writers", kind, folder, times, seed]
+    found = _found_by("machine_writers", kind, folder, times, seed)
+    note = f"{found['left']} left a temporary file, removed by the next; {found['new']} done"
+    if found["between"]:
+        note += f"; {found['between']} while files were moved, which the folder says"
+    over = f"{times} times, at random"
+    return Row.of_faults(f"kill -9 while writing: {kind}", over, found["faults"], note)
+
+
+def training(scan: Path, folder: Path, size: Size, progress: Progress) -> Row:
+    """Kill training, and resume it: the end has to be the same, bit for bit.
+
+    In a full run the command goes on at last from where the library was killed.
+    """
+    times, rounds = (2, 2) if size.quick else (FULL, 4)
+    folder = folder / "training"
+    folder.mkdir()
+    progress(0, times, "kill -9: training")
+    found = _found_by("machine_training", scan, folder, times, rounds, size.seed)
+    faults = found["faults"]
+    if not size.quick:
+        left = folder / "left"
+        options = ("--method", "wernet", "--iterations", rounds, "--resume", "-o", left)
+        fault = run("reconstruct", scan, *options).fault(0)
+        if not fault and not np.array_equal(volume_in(left), np.load(folder / "whole/volume.npy")):
+            fault = "the command ends elsewhere"
+        faults += [f for f in (fault, *partial_files(left)) if f]
+        if not found["went_on"]:
+            faults.append("none was killed late enough to go on from a checkpoint")
+    return Row.of_faults(
+        "kill -9 in training with wernet, then --resume",
+        f"{times} times, at random",
+        faults,
+        f"{found['went_on']} went on from a checkpoint; each end the same bits",
+    )
+
+
+def _found_by(module: str, *arguments: object) -> dict[str, Any]:
+    """Return what a module that forks says of what it killed."""
+    paths = f"{ROOT}{os.pathsep}{ROOT / 'tools'}"
     done = subprocess.run(
-        [str(part) for part in command],
+        [sys.executable, "-m", f"_stress.{module}", *map(str, arguments)],
         cwd=ROOT / "tools",
-        env=_with_project(),
+        env=os.environ | {"PYTHONPATH": paths},
         capture_output=True,
         text=True,
         timeout=600,
     )
     if done.returncode:
-        found = {"faults": [(done.stderr.strip().splitlines() or ["no word"])[-1][:100]]}
-    else:
-        found = json.loads(done.stdout)
-    note = told(found["faults"])
-    if not note:
-        note = f"{found['left']} left a temporary file, removed by the next; {found['new']} done"
-        if found["between"]:
-            note += f"; {found['between']} while files were moved, which the folder says"
-    return Row(f"kill -9 while writing: {kind}", f"{times} times, at random",
-               len(found["faults"]), 0, "faults", note=note)  # fmt: skip
+        said = (done.stderr.strip().splitlines() or ["no word"])[-1][:100]
+        return {"faults": [said], "left": 0, "new": 0, "between": 0, "went_on": 0}
+    return json.loads(done.stdout)
 
 
-def training(scan: Path, folder: Path, size: Size, progress: Progress) -> Iterator[Row]:
-    """Kill training and resume it, again and again: the end has to be the same, bit for bit."""
-    times = 1 if size.quick else FULL
-    out, random = folder / "training", np.random.default_rng(size.seed)
-    rounds = 2 if size.quick else 4
-    arguments = (scan, "--method", "wernet", "--iterations", rounds, "-o", out)
-    whole = run("reconstruct", *arguments)
-    if whole.code:
-        yield Row("kill -9 in training", "", np.nan, 0, "faults", note=whole.fault(0))
-        return
-    expected, faults, killed, went_on = volume_in(out), [], 0, 0
-    shutil.rmtree(out)
-    while True:
-        progress(killed, times, "kill -9: training")
-        began = time.perf_counter()
-        went_on += (out / "checkpoint.pt").exists()
-        process = start("reconstruct", *arguments, "--resume")
-        if killed < times:
-            try:
-                process.wait(whole.seconds * random.uniform(0.3, 1.0))
-            except subprocess.TimeoutExpired:
-                process.kill()
-        end = wait(process, began)
-        if end.code == -signal.SIGKILL:
-            killed += 1
-            continue
-        same = end.code == 0 and np.array_equal(volume_in(out), expected)
-        left = ", ".join(partial_files(out) if out.exists() else ())
-        faults += [f for f in (end.fault(0) or left or ("" if same else "another end"),) if f]
-        shutil.rmtree(out, ignore_errors=True)
-        if killed >= times or len(faults) >= times:
-            break
-    if times >= FULL and not went_on:
-        faults.append("none was killed late enough to go on from a checkpoint")
-    yield Row(
-        "kill -9 in training with wernet, then --resume",
-        f"{killed} times, at random",
-        len(faults),
-        0,
-        "faults",
-        note=told(faults) or f"{went_on} went on from a checkpoint; each end the same bits",
-    )
+def signals(
+    scan: Path, earlier: Path, seconds: float, size: Size, progress: Progress
+) -> Iterator[Row]:
+    """Interrupt and terminate commands from their first import to their end.
 
-
-def signals(scan: Path, folder: Path, size: Size, progress: Progress) -> Iterator[Row]:
-    """Interrupt and terminate commands at random moments."""
-    times, random = 1 if size.quick else 8, np.random.default_rng(size.seed + 1)
-    latest = 0.4 if size.quick else 0.8  # the only one has to come before the end
-    arguments = ("reconstruct", scan, "--method", "auto", "-o")
-    whole = run(*arguments, folder / "signals")
-    kinds = (("Ctrl-C", signal.SIGINT, 130), ("SIGTERM", signal.SIGTERM, 143))
-    for name, one, code in kinds[:1] if size.quick else kinds:
+    Parameters
+    ----------
+    scan, earlier : Path
+        What is reconstructed, and the earlier result that stands in the folder.
+    seconds : float
+        How long such a command takes.
+    """
+    times, latest = (1, 0.3) if size.quick else (8, 1.1)  # the only one comes before the end
+    random = np.random.default_rng(size.seed + 1)
+    for name, one, code in (("Ctrl-C", signal.SIGINT, 130), ("SIGTERM", signal.SIGTERM, 143)):
         faults, stopped = [], 0
         for number in range(times):
             progress(number, times, name)
-            out = folder / f"{one}-{number}"
-            shutil.copytree(folder / "signals", out)
-            before = {path.name: path.read_bytes() for path in out.iterdir()}
-            began = time.perf_counter()
-            process = start(*arguments, out)
-            time.sleep(whole.seconds * random.uniform(0.1, latest))
-            process.send_signal(one)
-            end = wait(process, began)
-            fault = end.fault(0, code) or ", ".join(partial_files(out))
-            if end.code == code:
-                stopped += 1
-                after = {path.name: path.read_bytes() for path in out.iterdir()}
-                fault = fault or ("" if after == before else "the earlier result is changed")
+            moment = seconds * latest * (number + random.uniform(0.0, 1.0)) / times
+            out = earlier.with_name(f"{one}-{number}")
+            fault, is_stopped = stopped_run(scan, earlier, out, one, code, moment)
             faults += [fault] if fault else []
-            shutil.rmtree(out)
-        if times > 1 and not stopped:
+            stopped += is_stopped
+        if not stopped:
             faults.append("none was stopped")
-        yield Row(f"{name} at random moments", f"{times} times", len(faults), 0, "faults",
-                  note=told(faults) or f"{stopped} stopped, the others were done")  # fmt: skip
+        over = f"{times} times, from its first import to its end"
+        yield Row.of_faults(f"{name} at random moments", over, faults,
+                            f"{stopped} stopped, the others were done")  # fmt: skip
 
 
-def two_runs(scan: Path, folder: Path, size: Size) -> Iterator[Row]:
-    """Run two reconstructions into one folder at the same time."""
-    times, faults = 1 if size.quick else 5, []
+def stopped_run(
+    scan: Path, earlier: Path, out: Path, one: signal.Signals, code: int, moment: float
+) -> tuple[str, bool]:
+    """Send a signal to a reconstruction so many seconds after its first import.
+
+    Returns
+    -------
+    fault : str
+        Empty where it was done, or where one line and the exit code say that it was stopped and
+        ``out`` holds the earlier result as it was, or the new one, whole.
+    stopped : bool
+    """
+    shutil.copytree(earlier, out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    began = time.perf_counter()
+    process = start("reconstruct", scan, "--method", "sirt", "--iterations", 2, "-o", out)
+    wait_until_heard(process)
+    time.sleep(moment)
+    process.send_signal(one)
+    end = wait(process, began)
+    fault = end.fault(0, code) or told(partial_files(out))
+    if not fault and {path.name: path.read_bytes() for path in out.iterdir()} != before:
+        fault = mixed(scan, out)
+    shutil.rmtree(out)
+    return fault, end.code == code
+
+
+def two_runs(scan: Path, folder: Path, size: Size) -> tuple[Row, float]:
+    """Run two reconstructions into one folder at the same time, ``folder / "two-0"`` first.
+
+    Returns
+    -------
+    row : Row
+    seconds : float
+        The shortest that two took.
+    """
+    times, faults, seconds = 1 if size.quick else 4, [], math.inf
     for number in range(times):
         out = folder / f"two-{number}"
         began = time.perf_counter()
         options = [("--method", "sirt", "--iterations", n, "--seed", n) for n in (1, 40)]
         both = [start("reconstruct", scan, *option, "-o", out) for option in options]
         ends = [wait(process, began) for process in both]
-        fault = told([end.fault(0) for end in ends]) or ", ".join(partial_files(out))
+        fault = told([end.fault(0) for end in ends]) or told(partial_files(out))
         faults += [f for f in (fault or mixed(scan, out),) if f]
-    yield Row("two runs into one folder at the same time", f"{times} times", len(faults), 0,
-              "faults", note=told(faults))  # fmt: skip
+        seconds = min(seconds, max(end.seconds for end in ends))
+    row = Row.of_faults("two runs into one folder at the same time", f"{times} times", faults)
+    return row, seconds
 
 
 def mixed(scan: Path, out: Path) -> str:
@@ -161,6 +182,8 @@ def mixed(scan: Path, out: Path) -> str:
     from tomo.io import read_volume
     from tomo.metrics import cosine_distance
 
+    if not (out / "report.json").exists():
+        return "report.json is missing"
     distance = json.loads((out / "report.json").read_text("utf-8"))["quality"]["cosine_distance"]
     truth = read_volume(scan / "truth.npz")[0]
     page = (out / "report.html").read_text("utf-8")
@@ -172,7 +195,3 @@ def mixed(scan: Path, out: Path) -> str:
         if base64.b64encode(picture.read_bytes()).decode() not in page:
             return f"{picture.name} is of another run"
     return ""
-
-
-def _with_project() -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tools'}"}

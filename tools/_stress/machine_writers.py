@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from _stress.machine_commands import partial_files
 from _stress.machine_kind import Kind
 from _stress.machine_kinds import KINDS
 
@@ -53,24 +54,20 @@ def kill_at_random(kind: Kind, folder: Path, times: int, seed: int) -> dict[str,
         between += not found and good > 0
         new += version in found
         good = max(found, default=0)
-        left += bool(_partial(folder))
+        left += bool(partial_files(folder))
     remove_leftovers(folder)
     code, _ = _write(kind, prepared, folder, times + 2, None)
     if code or kind.read(folder) != {times + 2}:
         faults.append("the next writer fails")
-    if _partial(folder):
-        faults.append(f"the next writer leaves {_partial(folder)[0]}")
+    if partial_files(folder):
+        faults.append(f"the next writer leaves {partial_files(folder)[0]}")
     return {"faults": faults, "left": left, "new": new, "between": between}
-
-
-def _partial(folder: Path) -> list[str]:
-    return [path.name for path in folder.rglob(".*") if ".partial-" in path.name]
 
 
 def _in_fork(make: Callable[[], Any]) -> Any:
     """Return what ``make`` returns in a fork: the threads that it starts stay there."""
     with tempfile.TemporaryFile() as file:
-        code = _wait(_fork(lambda: (pickle.dump(make(), file), file.flush())))
+        code = wait(fork(lambda: (pickle.dump(make(), file), file.flush())))
         if code:
             raise SystemExit("what is to be written cannot be made")
         file.seek(0)
@@ -82,14 +79,14 @@ def _write(
 ) -> tuple[int, float]:
     """Write in a fork, killed after ``seconds``; return its exit code and how long it wrote."""
     began = time.perf_counter()
-    writer = _fork(lambda: kind.write(folder, prepared, version))
+    writer = fork(lambda: kind.write(folder, prepared, version))
     if seconds is not None:
         time.sleep(seconds)
         os.kill(writer, signal.SIGKILL)
-    return _wait(writer), time.perf_counter() - began
+    return wait(writer), time.perf_counter() - began
 
 
-def _fork(work: Callable[[], object]) -> int:
+def fork(work: Callable[[], object]) -> int:
     """Return the number of a fork that does the work and ends."""
     number = os.fork()
     if number == 0:
@@ -105,7 +102,8 @@ def _fork(work: Callable[[], object]) -> int:
     return number
 
 
-def _wait(number: int) -> int:
+def wait(number: int) -> int:
+    """Return the exit code of a fork, negative for a signal."""
     return os.waitstatus_to_exitcode(os.waitpid(number, 0)[1])
 
 

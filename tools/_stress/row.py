@@ -79,9 +79,9 @@ class Row:
     chart: Chart | None = None
 
     @classmethod
-    def of_faults(cls, stress: str, over: str, faults: Sequence[str]) -> Self:
-        """Return the row that counts what must not happen; the note names the first five."""
-        return cls(stress, over, len(faults), 0, "faults", note="; ".join(faults[:5]))
+    def of_faults(cls, stress: str, over: str, faults: Sequence[str], otherwise: str = "") -> Self:
+        """Return the row that counts what must not happen; its note is `told` or ``otherwise``."""
+        return cls(stress, over, len(faults), 0, "faults", note=told(faults) or otherwise)
 
     @property
     def holds(self) -> bool:
@@ -95,6 +95,11 @@ class Row:
             value = float(row[key])
             row[key] = value if math.isfinite(value) else str(value)
         return row
+
+
+def told(faults: Iterable[str]) -> str:
+    """Return the first five of what was found as a note, each once; empty words are nothing."""
+    return "; ".join(list(dict.fromkeys(filter(None, faults)))[:5])
 
 
 Progress = Callable[[int, int, str], None]

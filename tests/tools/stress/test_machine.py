@@ -1,15 +1,24 @@
 """The machine's rows, at the smallest size, and that they can fail."""
 
+import signal
+import subprocess
+import sys
 import time
 from contextlib import suppress
 
+import numpy as np
 import pytest
-from _stress import machine_kills, machine_writers
+from _stress import machine_kills, machine_training, machine_writers
 from _stress.machine_commands import Ended, small_scan
 from _stress.machine_kind import Kind
 from _stress.machine_kinds import KINDS
+from _stress.row import Size, told
 
 from tomo.io import read_volume, write_volume
+
+
+def _idle(done, total, where):
+    pass
 
 
 @pytest.mark.parametrize("kind", ["vti", "checkpoint", "figures"])
@@ -45,6 +54,66 @@ def test_a_writer_that_writes_in_place_is_found_out(tmp_path):
     kind = Kind(write, read)
     found = machine_writers.kill_at_random(kind, tmp_path, 5, 0)
     assert found["faults"]
+
+
+def test_killed_training_goes_on_to_the_same_bits(tmp_path):
+    row = machine_kills.training(small_scan(tmp_path / "scan"), tmp_path, Size(quick=True), _idle)
+    assert row.holds, row.note
+    assert "the same bits" in row.note
+
+
+def test_training_that_ends_elsewhere_is_a_fault(tmp_path):
+    np.save(tmp_path / machine_training.VOLUME, np.zeros(3))
+    assert machine_training.faults_of(0, tmp_path, np.zeros(3)) == []
+    assert machine_training.faults_of(0, tmp_path, np.ones(3)) == ["another end"]
+    assert machine_training.faults_of(1, tmp_path, np.zeros(3)) == ["exit code 1"]
+    (tmp_path / ".checkpoint.partial-0-1-2.pt").touch()
+    assert len(machine_training.faults_of(0, tmp_path, np.zeros(3))) == 1
+
+
+STOPPED = """
+import pathlib, signal, sys, time
+
+out = pathlib.Path(sys.argv[1])
+
+
+def stop(*_):
+    {does}
+    sys.stderr.write("terminated\\n")
+    sys.exit(143)
+
+
+signal.signal(signal.SIGTERM, stop)
+time.sleep(30)
+"""
+
+
+@pytest.mark.parametrize(
+    ("does", "fault"),
+    [
+        ("", ""),
+        ("(out / 'report.json').unlink()", "report.json is missing"),
+        ("(out / '.x.partial-0-1-2.npz').touch()", ".x.partial-0-1-2.npz"),
+        ("sys.exit(1)", "exit code 1 without a word"),
+        ("time.sleep(30)", "exit code -9 without a word"),
+    ],
+)
+def test_a_stop_that_is_no_good_stop_is_found_out(tmp_path, monkeypatch, does, fault):
+    def start(*arguments):
+        command = [sys.executable, "-c", STOPPED.format(does=does or "pass"), arguments[-1]]
+        return subprocess.Popen(command, stderr=subprocess.PIPE)
+
+    monkeypatch.setattr(machine_kills, "start", start)
+    monkeypatch.setattr("_stress.machine_commands.LONGEST", 2.0)
+    earlier, out = tmp_path / "earlier", tmp_path / "out"
+    earlier.mkdir()
+    (earlier / "report.json").write_text("{}")
+    found = machine_kills.stopped_run(tmp_path, earlier, out, signal.SIGTERM, 143, 0.0)
+    assert found == (fault, fault in ("", "report.json is missing", ".x.partial-0-1-2.npz"))
+
+
+def test_a_note_tells_the_first_five_each_once():
+    assert told(["a", "", "b", "a", "c", "d", "e", "f"]) == "a; b; c; d; e"
 
 
 def test_every_end_that_is_no_good_end_is_a_fault():
