@@ -144,6 +144,7 @@ def test_speed_up_is_over_one_thread(studies):
         case = {key: row[key] for key in ("form", "product")}
         (one,) = only(rows, threads=1, **case)
         assert row["speed_up"] == pytest.approx(one["seconds"] / row["seconds"])
+    assert {row["product"] for row in only(rows, form="the machine")} == {"arithmetic", "waiting"}
 
 
 def test_a_process_takes_at_least_as_long_as_its_steps(studies):

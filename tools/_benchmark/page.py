@@ -58,7 +58,13 @@ ABOUT: Mapping[str, tuple[str, str]] = {
         "and a tiny problem, parts of which small cases use again.",
     ),
     "scaling_views": ("With views", ""),
-    "threads": ("With threads", "All run in turn in one process; medians."),
+    "threads": (
+        "With threads",
+        "All run in turn in one process; medians. The machine's rows hold nothing of ours: "
+        "multiplications and additions in registers, and roots that wait for each other. Where "
+        "arithmetic gains nothing by a second thread, what are called cores are two threads of "
+        "one, and only what waits can gain by both.",
+    ),
     "memory_target": (
         "Memory on the fly",
         "The images and two volumes are what a product and its adjoint must hold in any case.",

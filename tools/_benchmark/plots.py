@@ -174,8 +174,10 @@ def _threads(rows: Sequence[Row]) -> Figure:
     axes = figure.subplots()
     forms = list(dict.fromkeys(row["form"] for row in rows))
     for form, colour in zip(forms, LINES, strict=False):
-        for product, style in (("forward", "-"), ("adjoint", "--")):
-            mine = [row for row in rows if (row["form"], row["product"]) == (form, product)]
+        of_form = [row for row in rows if row["form"] == form]
+        products = dict.fromkeys(row["product"] for row in of_form)
+        for product, style in zip(products, ("-", "--"), strict=True):
+            mine = [row for row in of_form if row["product"] == product]
             x, y = ([row[key] for row in mine] for key in ("threads", "speed_up"))
             draw_line(axes, x, y, f"{form}: {product}", (colour, style))
     counts = sorted({row["threads"] for row in rows})

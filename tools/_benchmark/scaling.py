@@ -9,6 +9,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from _benchmark import cores
 from _benchmark.children import in_fresh_process
 from _benchmark.memory_child import cameras
 from _benchmark.sizes import Sizes
@@ -19,6 +20,8 @@ from tomo._memory import available_memory
 from tomo.support import STORED, estimate_memory
 
 FORMS = ("on-the-fly", "stored")
+MACHINE = "the machine"
+
 VIEWS = 12
 """How many there are as the grid grows."""
 
@@ -72,7 +75,11 @@ def scaling(sizes: Sizes, progress: Progress) -> Rows:
 
 
 def threads(sizes: Sizes) -> list[dict[str, Any]]:
-    """Return the median times of the products by number of threads, all of them run in turn."""
+    """Return the median times of the products by number of threads, all of them run in turn.
+
+    Beside them the form `MACHINE`, which has nothing of ours: what threads gain there is what the
+    machine has to give.
+    """
     edge = sizes.views_edge
     grid = VoxelGrid((edge, edge, edge), 1.0)
     rig = cameras(VIEWS, edge, grid)
@@ -84,8 +91,11 @@ def threads(sizes: Sizes) -> list[dict[str, Any]]:
         volume = np.ones(projector.shape[1], np.float32)
         images = projector @ volume
         for count in counts:
-            products[form, "forward", count] = _with_threads(count, projector, volume)
-            products[form, "adjoint", count] = _with_threads(count, projector.T, images)
+            products[form, "forward", count] = _with_threads(count, projector.__matmul__, volume)
+            products[form, "adjoint", count] = _with_threads(count, projector.T.__matmul__, images)
+    for work in (cores.arithmetic, cores.waiting):
+        for count in counts:
+            products[MACHINE, work.__name__, count] = _with_threads(count, work)
     started_with = numba.get_num_threads()
     try:
         seconds = in_turn(products, sizes.repeats)
@@ -105,12 +115,12 @@ def threads(sizes: Sizes) -> list[dict[str, Any]]:
     ]
 
 
-def _with_threads(count: int, operator: Any, operand: np.ndarray) -> Callable[[], object]:
-    def product() -> object:
+def _with_threads(count: int, work: Callable, *operands: np.ndarray) -> Callable[[], object]:
+    def run() -> object:
         numba.set_num_threads(count)
-        return operator @ operand
+        return work(*operands)
 
-    return product
+    return run
 
 
 def _too_large(asked: dict[str, Any]) -> str:
