@@ -24,6 +24,7 @@ FLOORS = [
         "tomo._memory",
         "tomo._row_sum",
         "tomo._sums",
+        "tomo._waiting",
         "tomo.metrics",
         "tomo.noise",
     },

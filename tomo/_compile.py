@@ -3,22 +3,20 @@
 numba's TBB layer refuses the TBB of many systems with a warning and its ``workqueue`` layer must
 not be entered from two threads, so OpenMP comes first. Compiled code is cached beside the package
 or, where that folder is read-only, in the user's cache; without either it is compiled afresh.
-
-Threads wait for each other asleep, not spinning, unless the user's environment says otherwise: it
-costs 5 microseconds a kernel where the cores are free, and saves milliseconds where they are not.
 """
 
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 import numba
 from numba.core.cpu import ParallelOptions
 
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read when the threads start
+from tomo._waiting import wait_asleep
+
+wait_asleep()
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 
 _WHAT_NUMBA_FINDS = (

@@ -6,6 +6,10 @@ and Learning-Based Way", arXiv 2010.00893. PyTorch is loaded on first use of a n
 
 import lazy_loader
 
+from tomo._waiting import wait_asleep
+
+wait_asleep()
+
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
