@@ -8,10 +8,10 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from tomo.wernet.activation import SLOPE, normalised_rectified, rectified
 from tomo.wernet.convolution import packed_convolution
 
 VARIANTS = ("no-bias", "bias-mask", "batch-norm")
-_SLOPE = 0.01  # of the Leaky ReLU below zero: PyTorch's default, the paper names none
 
 
 class _MaskedBatchNorm(nn.Module):
@@ -38,14 +38,29 @@ class _MaskedBatchNorm(nn.Module):
             mean = (x * mask).sum(dim=others) / count
             x = x - mean.view(column)
             variance = (x.square() * mask).sum(dim=others) / count
-            with torch.no_grad():
-                unbiased = variance * (count / (count - 1).clamp(min=1))
-                self.running_mean.lerp_(mean, self.momentum)
-                self.running_var.lerp_(unbiased, self.momentum)
+            self._remember(mean, variance, count)
         else:
             x, variance = x - self.running_mean.view(column), self.running_var
         scale = self.weight * torch.rsqrt(variance + self.epsilon)
         return torch.addcmul(self.bias.view(column), x, scale.view(column))
+
+    def rectified(
+        self, rows: torch.Tensor, mask: torch.Tensor, empty: torch.Tensor
+    ) -> torch.Tensor:
+        """Return packed rows normalised, then as `tomo.wernet.activation.rectified` does."""
+        if not self.training:
+            return rectified(self(rows, mask), empty)
+        out, mean, variance = normalised_rectified(
+            rows, self.weight, self.bias, empty, self.epsilon
+        )
+        self._remember(mean, variance, mask.sum())
+        return out
+
+    @torch.no_grad()
+    def _remember(self, mean: torch.Tensor, variance: torch.Tensor, count: torch.Tensor) -> None:
+        unbiased = variance * (count / (count - 1).clamp(min=1))
+        self.running_mean.lerp_(mean, self.momentum)
+        self.running_var.lerp_(unbiased, self.momentum)
 
 
 class WeightEncoder(nn.Module):
@@ -123,27 +138,33 @@ class WeightEncoder(nn.Module):
         -------
         (rays, N) or (rows,) float
         """
-        convolve = _padded if features.dim() == 3 else _packed
-        x = features
+        last = self._padded if features.dim() == 3 else self._packed
+        return (last(features, mask) * mask).square()[:, 0]
+
+    def _padded(self, x: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        """Return what the last convolution gives, ``(rays, 1, N)``: the slow twin."""
         for i, layer in enumerate(self.hidden):
-            x = convolve(x, layer)
+            x = layer(x)
             if self.variant == "batch-norm":
                 x = self.norms[i](x, mask)
-            x = functional.leaky_relu(x, _SLOPE) * mask
-        return (convolve(x, self.last) * mask).square()[:, 0]
+            x = functional.leaky_relu(x, SLOPE) * mask
+        return self.last(x)
+
+    def _packed(self, x: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        """Return what the last convolution gives, ``(rows, 1)``."""
+        empty = (mask[:, 0] == 0).nonzero()[:, 0]
+        for i, layer in enumerate(self.hidden):
+            x = packed_convolution(x, layer.weight, layer.bias)
+            if self.variant == "batch-norm":
+                x = self.norms[i].rectified(x, mask, empty)
+            else:
+                x = rectified(x, empty)
+        return packed_convolution(x, self.last.weight, self.last.bias)
 
     @property
     def couples_rays(self) -> bool:
         """Whether a ray's weights depend on its batch: the statistics of batch normalisation."""
         return self.variant == "batch-norm" and self.training
-
-
-def _padded(x: torch.Tensor, layer: nn.Conv1d) -> torch.Tensor:
-    return layer(x)
-
-
-def _packed(x: torch.Tensor, layer: nn.Conv1d) -> torch.Tensor:
-    return packed_convolution(x, layer.weight, layer.bias)
 
 
 def convolution(before: int, after: int, bias: bool, generator: torch.Generator) -> nn.Conv1d:
