@@ -35,6 +35,9 @@ predictions are noisy too."""
 SINGLE, SINGLE_NOISE = 1.5, 8.0
 """The same for the worst of the views."""
 
+EXACT = 1e-6
+"""Pixels: no image says better than this how much it is enlarged, whatever its covariance."""
+
 
 @dataclass(frozen=True, eq=False)
 class Displacement:
@@ -74,7 +77,7 @@ class Displacement:
         ]
         known = [one for one in found if np.isfinite(one.covariance).all()]
         if known:
-            certain = [1 / one.covariance[2, 2] for one in known]
+            certain = [1 / max(one.covariance[2, 2], EXACT**2) for one in known]
             spread = np.average([one.amounts[2] for one in known], weights=certain)
         pixels, noise = np.zeros(len(found)), np.full(len(found), math.inf)
         for number, one in enumerate(found):

@@ -111,8 +111,16 @@ def _sensitivities(
     moved: NDArray[np.float64], gain: float, ways: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return how the moved prediction changes with gain and amounts: (1 + K, rows, columns)."""
-    down, right = np.gradient(moved)
+    down, right = _slopes(moved)
     return np.stack([moved, *(-gain * (right * way[0] + down * way[1]) for way in ways)])
+
+
+def _slopes(image: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return how an image changes down and right; across a single row or column it does not."""
+    return [
+        np.gradient(image, axis=axis) if length > 1 else np.zeros_like(image)
+        for axis, length in enumerate(image.shape)
+    ]
 
 
 def _covariance(
@@ -130,7 +138,7 @@ def _covariance(
 
 
 def _squares(moved: NDArray, mask: NDArray, ways: NDArray) -> NDArray[np.float64]:
-    down, right = np.gradient(moved)
+    down, right = _slopes(moved)
     edges = np.where(mask, down**2 + right**2, 0.0)
     total = float(edges.sum())
     weighted = ways * np.sqrt(edges / total if total > 0 else edges)

@@ -93,3 +93,11 @@ def test_dark_views_say_nothing():
     found = Displacement.of(dark, dark, [np.ones((20, 20), bool)] * 5)
     assert not found.disagrees
     assert found.typical == 0
+
+
+@pytest.mark.filterwarnings("error")
+def test_predictions_without_any_error_agree():
+    images = [np.random.default_rng(n).random((20, 20)) for n in range(5)]
+    found = Displacement.of(images, images, [np.ones((20, 20), bool)] * 5)
+    assert not found.disagrees
+    assert found.typical == 0

@@ -58,3 +58,14 @@ def test_noise_scatters_amounts_as_the_covariance_says():
 def test_an_even_image_says_nothing():
     found = register(np.ones(SHAPE), np.ones(SHAPE), np.ones(SHAPE, bool), ways_to_shift(SHAPE))
     assert np.isinf(found.covariance).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 60), (60, 1)])
+def test_a_single_row_is_shifted_along_itself_alone(shape):
+    places = np.arange(60.0)
+    seen, image = (np.exp(-((places - at) ** 2) / 50).reshape(shape) for at in (30, 31.2))
+    along = np.array(ways_to_shift(shape)[[0 if shape[0] == 1 else 1]])
+    found = register(seen, image, np.ones(shape, bool), along)
+    np.testing.assert_allclose(found.amounts, [1.2], atol=0.05)
+    both = register(seen, image, np.ones(shape, bool), ways_to_shift(shape))
+    assert np.isinf(both.covariance).all()  # nothing says where it lies across

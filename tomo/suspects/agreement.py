@@ -59,7 +59,7 @@ def _overlaps(shape: tuple[int, int], reach: int) -> Iterator[tuple[tuple, tuple
     rows, columns = shape
 
     def part(length: int, shift: int) -> slice:
-        return slice(max(shift, 0), length + min(shift, 0))
+        return slice(max(shift, 0), max(length + min(shift, 0), 0))
 
     for down in range(-reach, reach + 1):
         for right in range(-reach, reach + 1):

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
+from phantoms import GaussianBlobs
+from rigs import ring
 from tomo import Scan, VoxelGrid
 from tomo.io import write_volume
 from tomo.reconstruct import reconstruct
+from tomo.simulate import simulate
 
 SIRT = {"method": "sirt", "iterations": 5}
 
@@ -60,3 +63,14 @@ def test_more_rays_a_pixel(folder):
     found = reconstruct(Scan.load(folder), supersample=2, method="mlem", iterations=10)
     assert found.settings["supersample"] == 2
     assert found.reconstruction.quality["total_ratio"] == pytest.approx(1, abs=0.02)
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_cameras_of_a_row_or_two_show_a_slice(tmp_path, rows):
+    flat = VoxelGrid((20, rows, 20), 1.0)
+    rig = ring(12, distance=200.0, image_size=(64, rows), footprint=0.5)
+    field = GaussianBlobs([[1, 0, 2], [-3, 0, -2]], [2.0, 2.5], [1.0, 0.7])
+    simulate(rig, field, flat, supersample=2).save(tmp_path / "scan")
+    found = reconstruct(Scan.load(tmp_path / "scan"))
+    assert found.reconstruction.quality["cosine_distance"] < 0.002
+    assert found.warnings == ()
