@@ -12,8 +12,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-_HALVINGS = 3
-_EDGE = 1 << _HALVINGS
+BRICK_BITS = 3
+"""Of the place inside a brick, along each axis."""
+
+_EDGE = 1 << BRICK_BITS
+
+
+def occupied_bricks(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which bricks hold a chosen voxel of ``mask`` (nx, ny, nz): (bricks along x, y, z)."""
+    padded = _padded(mask)
+    cut = [part for n in padded.shape for part in (n // _EDGE, _EDGE)]
+    return padded.reshape(cut).any(axis=(1, 3, 5))
 
 
 def brick_places(mask: NDArray[np.bool_]) -> NDArray[np.integer]:
@@ -29,15 +38,21 @@ def brick_places(mask: NDArray[np.bool_]) -> NDArray[np.integer]:
     (n,) int32 or int64
         The place of each, 0 to n - 1, the voxels in the order of the flat volume.
     """
-    inside = tuple(slice(0, n) for n in mask.shape)
-    bricks = [-(-n // _EDGE) for n in mask.shape]
-    chosen = np.zeros([_EDGE * n for n in bricks], np.bool_)
-    chosen[inside] = mask
-    halved = [part for n in bricks for part in (n, *(2,) * _HALVINGS)]
-    order = [axis * (_HALVINGS + 1) + level for level in range(_HALVINGS + 1) for axis in range(3)]
-    by_bricks = chosen.reshape(halved).transpose(order)
+    padded = _padded(mask)
+    halved = [part for n in padded.shape for part in (n // _EDGE, *(2,) * BRICK_BITS)]
+    order = [
+        axis * (BRICK_BITS + 1) + level for level in range(BRICK_BITS + 1) for axis in range(3)
+    ]
+    by_bricks = padded.reshape(halved).transpose(order)
     few = mask.size <= np.iinfo(np.int32).max
     place = np.zeros(halved, np.int32 if few else np.int64)
     sequence = np.cumsum(by_bricks.ravel(), dtype=place.dtype) - 1
     place.transpose(order)[...] = sequence.reshape(by_bricks.shape)
-    return place.reshape(chosen.shape)[inside][mask]
+    return place.reshape(padded.shape)[padded]
+
+
+def _padded(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return a mask of whole bricks, nothing chosen in what is added."""
+    padded = np.zeros([-(-n // _EDGE) * _EDGE for n in mask.shape], np.bool_)
+    padded[tuple(slice(0, n) for n in mask.shape)] = mask
+    return padded

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._bricks import brick_places
+from tomo._bricks import brick_places, occupied_bricks
 from tomo.grid import VoxelGrid
 
 _FEW = 4096  # in single precision half of the smallest cache of today's processors
@@ -86,6 +86,11 @@ class LiveVoxels:
         number = np.full(self.grid.size, -1, np.int32 if few else np.int64)
         number[slice(None) if self.index is None else self.index] = np.arange(self.size)
         return number
+
+    @cached_property
+    def bricks(self) -> NDArray[np.bool_]:
+        """Which bricks of 8³ voxels hold an unknown: (bricks along x, y, z)."""
+        return occupied_bricks(self.mask)
 
     @cached_property
     def place(self) -> NDArray[np.integer] | None:

@@ -16,6 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from tomo._bricks import BRICK_BITS
 from tomo._compile import compiled
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
@@ -33,7 +34,6 @@ from tomo.trace._planes import (
 )
 
 RAYS_A_CHUNK = 256  # one thread's at a time
-BRICK_BITS = 3
 LANES = 1 << BRICK_BITS  # layers that are cut or skipped at once: a vector of doubles, or some
 
 
@@ -227,25 +227,6 @@ def _move_down(begin, ptr, words, array):
                 array[start + i] = some[i]
 
 
-@compiled(parallel=True)
-def _any_in_bricks(mask, occupied):
-    """Write to ``occupied`` which bricks of ``mask`` hold anything true."""
-    for brick in numba.prange(len(occupied)):
-        for x in range(brick * LANES, min((brick + 1) * LANES, mask.shape[0])):
-            for y in range(mask.shape[1]):
-                for z in range(mask.shape[2]):
-                    if mask[x, y, z]:
-                        occupied[brick, y >> BRICK_BITS, z >> BRICK_BITS] = True
-
-
-def occupied_bricks(live: LiveVoxels) -> NDArray[np.bool_]:
-    """Return which bricks hold a live voxel: (bricks along x, y, z)."""
-    bricks = tuple(-(-n // LANES) for n in live.grid.shape)
-    occupied = np.zeros(bricks, np.bool_)
-    _any_in_bricks(live.mask, occupied)
-    return occupied
-
-
 def trace(
     rays: Rays,
     grid: VoxelGrid,
@@ -257,7 +238,7 @@ def trace(
     """Trace rays with the compiled walk on all cores; see `tomo.trace.trace`."""
     occupied, number = np.zeros((0, 0, 0), np.bool_), np.zeros(0, np.int32)
     if live is not None and not live.all:
-        occupied, number = occupied_bricks(live), live.number
+        occupied, number = live.bricks, live.number
     lines = rays.origins, rays.directions, rays.lengths
     box = tuple(grid.lower), tuple(grid.upper), grid.spacing, grid.shape, occupied.shape
 
