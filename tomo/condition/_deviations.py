@@ -7,16 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.condition._calibration import Spread, among_neighbours, calibrated
 from tomo.condition._noise import Solve, generator, noise_of_images, smoothed
 from tomo.linear_system import LinearSystem, Progress
-from tomo.live_voxels import LiveVoxels
 
 KEPT = 0.7
 """Pixels, the standard deviation of the blur by which noise is taken out of the residual."""
 
 NEIGHBOURS = 0.5
-"""Voxels, the standard deviation of the blur by which neighbours share what the repeats found: few
-repeats scatter, the noise's share of neighbouring voxels differs little."""
+"""Voxels, the standard deviation of the blur by which neighbours share what few repeats found:
+these scatter, the noise's share of neighbouring voxels differs little."""
+
+CALIBRATED = 20
+"""From so many repeats on, half of them go into a second bootstrap, which calibrates the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +41,11 @@ class Deviations:
 
     @property
     def scatter(self) -> float:
-        """Relative standard error of each value: ``1 / sqrt(2 (repeats - 1))``."""
-        return 1 / (2 * (self.repeats - 1)) ** 0.5
+        """Relative standard error of ``n`` repeats' spread: ``1 / sqrt(2 (n - 1))``.
+
+        Without those that calibrate; of what comes of calibrating it is less.
+        """
+        return 1 / (2 * (self.repeats - _calibrating(self.repeats) - 1)) ** 0.5
 
 
 def standard_deviations(
@@ -75,34 +81,44 @@ def standard_deviations(
     volume cannot explain presses voxels against zero and has to stay, the noise that the images
     already have must not count twice. What no repeat can show is not in it: what smoothing and
     missing views leave out, the choice of the method, and noise that neighbouring pixels share.
-    The square roots of the voxels' deviations are blurred by `NEIGHBOURS`: those next to zero
-    differ by powers of ten, and their mean would be the largest one's.
+
+    How firmly voxels without emission are held at zero hangs on the noise of the one set that
+    there is. From `CALIBRATED` repeats on the second half of them treats a noisy set of the first
+    half as the measured one, and what that gets wrong is corrected, see `calibrated`. Of fewer,
+    the square roots of the deviations are blurred by `NEIGHBOURS`: those next to zero differ by
+    powers of ten, and their mean would be the largest one's.
     """
     noise = noise_of_images(system, measured, seen, solve, seed)
-    base = seen + smoothed(system, measured - seen, KEPT)
-    mean = np.zeros(system.projector.shape[1])
-    squares = np.zeros_like(mean)
-    for number in range(repeats):
-        if progress:
-            progress(number, repeats, "standard deviations")
-        random = generator(seed, 1 + number)
-        images = (base + noise * random.standard_normal(len(noise))).astype(np.float32)
-        volume = solve(images)
-        step = volume - mean
-        mean += step / (number + 1)
-        squares += step * (volume - mean)
+    counts = repeats - _calibrating(repeats), _calibrating(repeats)
+    spreads: list[Spread] = []
+    images, expected = measured, seen
+    for count in filter(None, counts):
+        base = expected + smoothed(system, images - expected, KEPT)
+        mean = np.zeros(system.projector.shape[1])
+        squares = np.zeros_like(mean)
+        for number in range(count):
+            done = number + len(spreads) * counts[0]
+            if progress:
+                progress(done, repeats, "standard deviations")
+            random = generator(seed, 1 + done)
+            noisy = (base + noise * random.standard_normal(len(noise))).astype(np.float32)
+            volume = solve(noisy)
+            if number == 0:
+                images, expected = noisy, (system.projector @ volume).astype(np.float32)
+            step = volume - mean
+            mean += step / (number + 1)
+            squares += step * (volume - mean)
+        spreads.append(Spread(np.sqrt(squares / (count - 1)), mean))
     if progress:
         progress(repeats, repeats, "standard deviations")
-    values = _shared(np.sqrt(squares / (repeats - 1)), system.projector.live)
+    live = system.projector.live
+    if len(spreads) == 2:
+        values = calibrated(*spreads, live)
+    else:
+        values = among_neighbours(np.sqrt(spreads[0].deviation), NEIGHBOURS, live) ** 2
     return Deviations(values.astype(np.float32), repeats, noise)
 
 
-def _shared(values: NDArray[np.float64], live: LiveVoxels) -> NDArray[np.float64]:
-    """Return deviations (unknowns,) of which each has taken up some of its neighbours'."""
-    from scipy.ndimage import gaussian_filter
-
-    def blurred(unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        volume = live.expand(unknowns).reshape(live.grid.shape)
-        return live.compress(gaussian_filter(volume, NEIGHBOURS, mode="constant"))
-
-    return (blurred(np.sqrt(values)) / blurred(np.ones_like(values))) ** 2
+def _calibrating(repeats: int) -> int:
+    """Return how many of the repeats are the second bootstrap's."""
+    return repeats // 2 if repeats >= CALIBRATED else 0

@@ -143,7 +143,7 @@ def with_noise(
     return noises.poisson(images, PHOTONS, 0.0, random) if noise == "poisson" else images
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _clean(
     flame: str, views: int, seed: int, shape: tuple[int, int, int], spacing: float, shrink: int
 ) -> SimulatedScan:

@@ -116,12 +116,13 @@ def test_what_non_negativity_holds_at_zero_hardly_deviates(system, images):
     assert found[True] < 0.8 * found[False]
 
 
-def test_the_same_seed_gives_the_same_bits(system, images):
+@pytest.mark.parametrize("repeats", [2, 20])
+def test_the_same_seed_gives_the_same_bits(system, images, repeats):
     measured = system.flatten(noises.gaussian(images, 0.05, np.random.default_rng(5)))
     solving = solver(system)
     volume = solve.nnls(system.projector, measured, iterations=8).volume
     one, two, other = (
-        assess(system, measured, volume, solving, repeats=2, seed=seed) for seed in (1, 1, 2)
+        assess(system, measured, volume, solving, repeats=repeats, seed=seed) for seed in (1, 1, 2)
     )
     assert one.standard_deviation.tobytes() == two.standard_deviation.tobytes()
     assert one.standard_deviation.tobytes() != other.standard_deviation.tobytes()
@@ -143,6 +144,26 @@ def test_no_noise_is_drawn_twice(system, images):
     correlation = np.corrcoef(drawn) - np.eye(4)
     correlation[2, 3] = correlation[3, 2] = 0  # both have what is left of the residual
     assert np.abs(correlation).max() < 0.1
+
+
+def test_half_of_many_repeats_are_around_a_noisy_set_of_the_others(system, images):
+    measured = system.flatten(noises.gaussian(images, 0.05, np.random.default_rng(5)))
+    solving, asked = solver(system, 4), []
+
+    def watched(pixels):
+        asked.append(pixels.astype(np.float64))
+        return solving(pixels)
+
+    seen = system.projector @ solving(measured)
+    found = standard_deviations(system, measured, seen, watched, repeats=20)
+    assert len(asked) == 21  # one finds out how much noise the solve fits
+    assert found.scatter == 1 / 18**0.5
+    first, second = np.array(asked[1:11]), np.array(asked[11:])
+    drawn = first[0] - seen
+    assert np.corrcoef(second.mean(0) - first[1:].mean(0), drawn)[0, 1] > 0.3
+    apart = np.concatenate([first - first.mean(0), second - second.mean(0)])
+    correlation = np.corrcoef(apart)[:10, 10:]
+    assert np.abs(correlation).max() < 0.15  # no noise is drawn twice
 
 
 def test_views_and_gaps_of_two_and_of_many_views():

@@ -17,7 +17,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def found(scene):
-    return trust_area.assessed(scene, 12)
+    return trust_area.assessed(scene, 24)
 
 
 def rows_of(scene, found, anew=False):
@@ -45,17 +45,10 @@ def test_noise_that_is_wrong_shows(scene, found):
     assert doubled == pytest.approx(2 * right)
 
 
-def test_the_resolution_stated_is_measured_and_a_wrong_one_shows(scene, monkeypatch):
-    assert trust_area.resolution_row(scene).holds
-    assess = trust_area.assessed
-
-    def blurred(*arguments):
-        found = assess(*arguments)
-        wide = replace(found.resolution, widths=2 * found.resolution.widths)
-        return replace(found, resolution=wide)
-
-    monkeypatch.setattr(trust_area, "assessed", blurred)
-    assert not trust_area.resolution_row(scene).holds
+def test_the_resolution_stated_is_measured_and_a_wrong_one_shows(scene, found):
+    assert trust_area.resolution_row(scene, found).holds
+    wide = replace(found.resolution, widths=2 * found.resolution.widths)
+    assert not trust_area.resolution_row(scene, replace(found, resolution=wide)).holds
 
 
 def test_the_warnings_come_where_they_should():
