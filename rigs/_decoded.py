@@ -14,6 +14,7 @@ _SAMPLES = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}  # of a PNG's kinds of colour; palette
 _WHOLE = {1: "B", 3: "H", 4: "I", 6: "b", 8: "h", 9: "i"}  # a TIFF's kinds of whole numbers
 _WHOLE_IN_BIG = _WHOLE | {16: "Q", 17: "q"}
 _MOST_TAGS = 4096
+_MARKER = re.compile(rb"\xff[^\x00\xff]")  # of a JPEG's segments
 _PNG, _JPEG, _WEBP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"RIFF"
 
 
@@ -100,9 +101,8 @@ def _png(content: bytes) -> tuple[int, int, int]:
 def _jpeg(content: bytes) -> tuple[int, int, int]:
     """Look for the first frame header among the segments."""
     at = 2
-    while True:
-        while content[at] != 0xFF or content[at + 1] in (0x00, 0xFF):
-            at += 1
+    while found := _MARKER.search(content, at):
+        at = found.start()
         marker = content[at + 1]
         if marker == 0x01 or 0xD0 <= marker <= 0xD7:  # these have no length
             at += 2
@@ -112,6 +112,7 @@ def _jpeg(content: bytes) -> tuple[int, int, int]:
             height, width = struct.unpack_from(">2H", content, at + 5)
             return width, height, 4
         at += 2 + length
+    raise IndexError
 
 
 def _tiff(content: bytes) -> tuple[int, int, int]:

@@ -105,6 +105,10 @@ def _array(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> NDArray:
         shape, is_fortran, dtype = _header(file)
         if dtype.hasobject:
             raise ValueError(f"{item.filename}: found Python objects, expected numbers or text")
+        if not dtype.itemsize:  # NumPy gives text of no length one letter: any number for nothing
+            raise ValueError(
+                f"{item.filename}: found values of no bytes, expected numbers or text"
+            )
         count = math.prod(shape) * dtype.itemsize
         left = item.file_size - file.tell()
         if min(shape, default=0) < 0 or count != left:

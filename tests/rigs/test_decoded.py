@@ -1,6 +1,7 @@
 """What image files claim, against what is decoded."""
 
 import struct
+import time
 import zlib
 
 import cv2
@@ -89,6 +90,14 @@ def test_a_jpeg_marker_without_a_length_does_not_hide_the_frame_header(marker):
     assert size_of(data) == (20_000, 20_000)
     with pytest.raises(ValueError, match="unpack to 1600000000"):
         decoded(data)
+
+
+@pytest.mark.parametrize("filling", [b"\0", b"\xff", b"\xff\0"])
+def test_a_jpeg_without_a_frame_header_is_seen_through_at_once(filling):
+    began = time.process_time()
+    with pytest.raises(ValueError, match="found no size in its header"):
+        size_of(b"\xff\xd8" + filling * (10 << 20))
+    assert time.process_time() - began < 0.5
 
 
 def tagged(*tags, order="<", big=False):

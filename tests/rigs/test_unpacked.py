@@ -57,6 +57,9 @@ def test_arrays_come_back_as_they_were(tmp_path, save, order):
         ({"shape": (-2, -5)}, "found 80 bytes"),
         ({"descr": "|O"}, "found Python objects"),
         ({"descr": "<U100000000"}, "found 80 bytes"),
+        ({"descr": "<U0", "shape": (10**9,)}, "found values of no bytes"),
+        ({"descr": "|S0", "shape": (10**9,)}, "found values of no bytes"),
+        ({"descr": [], "shape": (10**9,)}, "found values of no bytes"),
         ({"descr": [("a", "|O")]}, "found Python objects"),
     ],
 )
