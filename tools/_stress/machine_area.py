@@ -8,6 +8,7 @@ from pathlib import Path
 
 from _stress import machine_kills, machine_limits
 from _stress.machine_commands import small_scan
+from _stress.machine_results import reconstructions, simulations
 from _stress.row import Progress, Row, Size
 
 
@@ -27,6 +28,7 @@ def rows(size: Size, progress: Progress) -> Iterator[Row]:
         yield from machine_kills.writers(folder, size, progress)
         yield machine_kills.training(scan, folder, size, progress)
         progress(0, 1, "two runs")
-        row, seconds = machine_kills.two_runs(scan, folder, size)
+        results = simulations(scan, folder / "whole") if size.quick else reconstructions(scan)
+        row, seconds = machine_kills.two_runs(results, folder, size)
         yield row
-        yield from machine_kills.signals(scan, folder / "two-0", seconds, size, progress)
+        yield from machine_kills.signals(results, folder / "two-0", seconds, size, progress)

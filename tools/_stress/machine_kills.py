@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
 import os
@@ -21,12 +20,12 @@ from _stress.machine_commands import (
     ROOT,
     partial_files,
     run,
-    start,
     volume_in,
     wait,
     wait_until_heard,
 )
 from _stress.machine_kinds import KINDS
+from _stress.machine_results import Results, files_of
 from _stress.row import Progress, Row, Size, told
 
 FULL = 20
@@ -35,7 +34,7 @@ FULL = 20
 
 def writers(folder: Path, size: Size, progress: Progress) -> Iterator[Row]:
     """Kill writers at random moments; the last good state has to load, and the next to work."""
-    kinds = ("npz", "checkpoint", "scan") if size.quick else tuple(KINDS)
+    kinds = ("npz", "rig", "scan") if size.quick else tuple(KINDS)
     for done, kind in enumerate(kinds):
         progress(done, len(kinds), f"kill -9: {kind}")
         yield killed_writer(kind, folder / "written" / kind, 3 if size.quick else FULL, size.seed)
@@ -98,18 +97,19 @@ def _found_by(module: str, *arguments: object) -> dict[str, Any]:
 
 
 def signals(
-    scan: Path, earlier: Path, seconds: float, size: Size, progress: Progress
+    results: Results, earlier: Path, seconds: float, size: Size, progress: Progress
 ) -> Iterator[Row]:
     """Interrupt and terminate commands from their first import to their end.
 
     Parameters
     ----------
-    scan, earlier : Path
-        What is reconstructed, and the earlier result that stands in the folder.
+    results : Results
+    earlier : Path
+        A result, which stands in the folders written into.
     seconds : float
         How long such a command takes.
     """
-    times, latest = (1, 0.3) if size.quick else (8, 1.1)  # the only one comes before the end
+    times, latest = (1, 0.5) if size.quick else (8, 1.1)  # the only one comes before the end
     random = np.random.default_rng(size.seed + 1)
     for name, one, code in (("Ctrl-C", signal.SIGINT, 130), ("SIGTERM", signal.SIGTERM, 143)):
         faults, stopped = [], 0
@@ -117,7 +117,7 @@ def signals(
             progress(number, times, name)
             moment = seconds * latest * (number + random.uniform(0.0, 1.0)) / times
             out = earlier.with_name(f"{one}-{number}")
-            fault, is_stopped = stopped_run(scan, earlier, out, one, code, moment)
+            fault, is_stopped = stopped_run(results, earlier, out, one, code, moment)
             faults += [fault] if fault else []
             stopped += is_stopped
         if not stopped:
@@ -128,9 +128,9 @@ def signals(
 
 
 def stopped_run(
-    scan: Path, earlier: Path, out: Path, one: signal.Signals, code: int, moment: float
+    results: Results, earlier: Path, out: Path, one: signal.Signals, code: int, moment: float
 ) -> tuple[str, bool]:
-    """Send a signal to a reconstruction so many seconds after its first import.
+    """Send a signal to a command so many seconds after its first import.
 
     Returns
     -------
@@ -140,22 +140,21 @@ def stopped_run(
     stopped : bool
     """
     shutil.copytree(earlier, out)
-    before = {path.name: path.read_bytes() for path in out.iterdir()}
     began = time.perf_counter()
-    process = start("reconstruct", scan, "--method", "sirt", "--iterations", 2, "-o", out)
+    process = results.start(out, 1)
     wait_until_heard(process)
     time.sleep(moment)
     process.send_signal(one)
     end = wait(process, began)
     fault = end.fault(0, code) or told(partial_files(out))
-    if not fault and {path.name: path.read_bytes() for path in out.iterdir()} != before:
-        fault = mixed(scan, out)
+    if not fault and files_of(out) != files_of(earlier):
+        fault = results.mixed(out)
     shutil.rmtree(out)
     return fault, end.code == code
 
 
-def two_runs(scan: Path, folder: Path, size: Size) -> tuple[Row, float]:
-    """Run two reconstructions into one folder at the same time, ``folder / "two-0"`` first.
+def two_runs(results: Results, folder: Path, size: Size) -> tuple[Row, float]:
+    """Run a command twice into one folder at the same time, into ``folder / "two-0"`` first.
 
     Returns
     -------
@@ -167,31 +166,9 @@ def two_runs(scan: Path, folder: Path, size: Size) -> tuple[Row, float]:
     for number in range(times):
         out = folder / f"two-{number}"
         began = time.perf_counter()
-        options = [("--method", "sirt", "--iterations", n, "--seed", n) for n in (1, 40)]
-        both = [start("reconstruct", scan, *option, "-o", out) for option in options]
-        ends = [wait(process, began) for process in both]
+        ends = [wait(process, began) for process in [results.start(out, n) for n in (1, 2)]]
         fault = told([end.fault(0) for end in ends]) or told(partial_files(out))
-        faults += [f for f in (fault or mixed(scan, out),) if f]
+        faults += [f for f in (fault or results.mixed(out),) if f]
         seconds = min(seconds, max(end.seconds for end in ends))
     row = Row.of_faults("two runs into one folder at the same time", f"{times} times", faults)
     return row, seconds
-
-
-def mixed(scan: Path, out: Path) -> str:
-    """Return what in a folder of results is not of the run that its report tells of."""
-    from tomo.io import read_volume
-    from tomo.metrics import cosine_distance
-
-    if not (out / "report.json").exists():
-        return "report.json is missing"
-    distance = json.loads((out / "report.json").read_text("utf-8"))["quality"]["cosine_distance"]
-    truth = read_volume(scan / "truth.npz")[0]
-    page = (out / "report.html").read_text("utf-8")
-    for kind in ("npz", "vti", "nrrd"):
-        volume = read_volume(out / f"volume.{kind}")[0]
-        if not math.isclose(cosine_distance(volume, truth), distance, rel_tol=1e-9):
-            return f"volume.{kind} is of another run"
-    for picture in out.glob("*.png"):
-        if base64.b64encode(picture.read_bytes()).decode() not in page:
-            return f"{picture.name} is of another run"
-    return ""

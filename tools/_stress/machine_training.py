@@ -13,6 +13,8 @@ import shutil
 import signal
 import sys
 import time
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,7 @@ def kill_training(scan: Path, folder: Path, times: int, rounds: int, seed: int) 
         ``faults``, and how many ``went_on`` from a checkpoint.
     """
     random = np.random.default_rng(seed)
+    _import_what_training_imports(scan, folder)
     began = time.perf_counter()
     if wait(fork(lambda: _train(scan, folder / "whole", rounds))):
         raise SystemExit("undisturbed training fails")
@@ -42,7 +45,7 @@ def kill_training(scan: Path, folder: Path, times: int, rounds: int, seed: int) 
     while killed < times and len(faults) < times:
         went_on += (out / "checkpoint.pt").exists()
         trainer = fork(lambda: _train(scan, out, rounds))
-        time.sleep(seconds * random.uniform(0.0, 1.0))
+        time.sleep(seconds * random.uniform(0.5, 1.0))  # rays and voxels are traced before
         os.kill(trainer, signal.SIGKILL)
         code = wait(trainer)
         if code == -signal.SIGKILL:
@@ -54,6 +57,21 @@ def kill_training(scan: Path, folder: Path, times: int, rounds: int, seed: int) 
     shutil.copytree(out, folder / "left")
     faults += faults_of(wait(fork(lambda: _train(scan, out, rounds))), out, expected)
     return {"faults": faults, "went_on": went_on}
+
+
+def _import_what_training_imports(scan: Path, folder: Path) -> None:
+    """Import it before there are forks: they are to be killed while they train."""
+    names = folder / "imported.json"
+
+    def train() -> None:
+        _train(scan, folder / "first", 1)
+        names.write_text(json.dumps(list(sys.modules)))
+
+    if wait(fork(train)):
+        raise SystemExit("the first training fails")
+    for name in json.loads(names.read_text()):
+        with suppress(ImportError):  # some are no files
+            import_module(name)
 
 
 def _train(scan: Path, out: Path, rounds: int) -> None:
@@ -84,8 +102,5 @@ def faults_of(code: int, out: Path, expected: np.ndarray) -> list[str]:
 
 
 if __name__ == "__main__":
-    import tomo.reconstruct
-    import tomo.wernet  # noqa: F401  before there are forks
-
     result = kill_training(Path(sys.argv[1]), Path(sys.argv[2]), *map(int, sys.argv[3:6]))
     sys.stdout.write(json.dumps(result))

@@ -8,7 +8,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from _stress import machine_kills, machine_training, machine_writers
+from _stress import machine_kills, machine_results, machine_training, machine_writers
 from _stress.machine_commands import Ended, small_scan
 from _stress.machine_kind import Kind
 from _stress.machine_kinds import KINDS
@@ -99,16 +99,16 @@ time.sleep(30)
     ],
 )
 def test_a_stop_that_is_no_good_stop_is_found_out(tmp_path, monkeypatch, does, fault):
-    def start(*arguments):
-        command = [sys.executable, "-c", STOPPED.format(does=does or "pass"), arguments[-1]]
+    def start(out, _):
+        command = [sys.executable, "-c", STOPPED.format(does=does or "pass"), out]
         return subprocess.Popen(command, stderr=subprocess.PIPE)
 
-    monkeypatch.setattr(machine_kills, "start", start)
+    results = machine_results.Results(start, lambda out: machine_results.mixed(tmp_path, out))
     monkeypatch.setattr("_stress.machine_commands.LONGEST", 2.0)
     earlier, out = tmp_path / "earlier", tmp_path / "out"
     earlier.mkdir()
     (earlier / "report.json").write_text("{}")
-    found = machine_kills.stopped_run(tmp_path, earlier, out, signal.SIGTERM, 143, 0.0)
+    found = machine_kills.stopped_run(results, earlier, out, signal.SIGTERM, 143, 0.0)
     assert found == (fault, fault in ("", "report.json is missing", ".x.partial-0-1-2.npz"))
 
 
@@ -130,10 +130,10 @@ def test_results_of_two_runs_in_one_folder_are_told_apart(run_tool, tmp_path):
     scan, out = small_scan(tmp_path / "scan"), tmp_path / "out"
     options = ("--method", "sirt", "--iterations", 1, "-o", out)
     assert run_tool("reconstruct", scan, *options).exit_code == 0
-    assert machine_kills.mixed(scan, out) == ""
+    assert machine_results.mixed(scan, out) == ""
     slices = out / "slices.png"
     slices.write_bytes(slices.read_bytes()[:-1])
-    assert machine_kills.mixed(scan, out) == "slices.png is of another run"
+    assert machine_results.mixed(scan, out) == "slices.png is of another run"
     volume, grid, unit = read_volume(out / "volume.vti")
     write_volume(out / "volume.vti", volume[::-1], grid, unit)
-    assert machine_kills.mixed(scan, out) == "volume.vti is of another run"
+    assert machine_results.mixed(scan, out) == "volume.vti is of another run"
