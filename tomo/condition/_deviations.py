@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,36 +91,55 @@ def standard_deviations(
     powers of ten, and their mean would be the largest one's.
     """
     noise = noise_of_images(system, measured, seen, solve, seed)
-    counts = repeats - _calibrating(repeats), _calibrating(repeats)
-    spreads: list[Spread] = []
-    images, expected = measured, seen
-    for count in filter(None, counts):
-        base = expected + smoothed(system, images - expected, KEPT)
-        mean = np.zeros(system.projector.shape[1])
-        squares = np.zeros_like(mean)
-        for number in range(count):
-            done = number + len(spreads) * counts[0]
+    live = system.projector.live
+
+    def generators() -> Iterator[np.random.Generator]:
+        for number in range(repeats):
             if progress:
-                progress(done, repeats, "standard deviations")
-            random = generator(seed, 1 + done)
-            noisy = (base + noise * random.standard_normal(len(noise))).astype(np.float32)
-            volume = solve(noisy)
-            if number == 0:
-                images, expected = noisy, (system.projector @ volume).astype(np.float32)
-            step = volume - mean
-            mean += step / (number + 1)
-            squares += step * (volume - mean)
-        spreads.append(Spread(np.sqrt(squares / (count - 1)), mean))
+                progress(number, repeats, "standard deviations")
+            yield generator(seed, 1 + number)
+
+    drawn, inner = generators(), _calibrating(repeats)
+    base = seen + smoothed(system, measured - seen, KEPT)
+    first, images, volume = _repeated(base, noise, solve, islice(drawn, repeats - inner))
+    if inner:
+        again = (system.projector @ volume).astype(np.float32)
+        base = again + smoothed(system, images - again, KEPT)
+        values = calibrated(first, _repeated(base, noise, solve, drawn)[0], live)
+    else:
+        values = among_neighbours(np.sqrt(first.deviation), NEIGHBOURS, live) ** 2
     if progress:
         progress(repeats, repeats, "standard deviations")
-    live = system.projector.live
-    if len(spreads) == 2:
-        values = calibrated(*spreads, live)
-    else:
-        values = among_neighbours(np.sqrt(spreads[0].deviation), NEIGHBOURS, live) ** 2
     return Deviations(values.astype(np.float32), repeats, noise)
 
 
 def _calibrating(repeats: int) -> int:
     """Return how many of the repeats are the second bootstrap's."""
     return repeats // 2 if repeats >= CALIBRATED else 0
+
+
+def _repeated(
+    base: NDArray[np.float32],
+    noise: NDArray[np.float64],
+    solve: Solve,
+    generators: Iterable[np.random.Generator],
+) -> tuple[Spread, NDArray[np.float32], NDArray[np.float32]]:
+    """Solve images with new noise from each generator.
+
+    Returns
+    -------
+    Spread
+        Of the volumes, updated one by one: they need not be kept.
+    (pixels,) float32, (unknowns,) float32
+        The first noisy images and their volume.
+    """
+    count, mean, squares = 0, 0.0, 0.0
+    for count, random in enumerate(generators, 1):
+        noisy = (base + noise * random.standard_normal(len(noise))).astype(np.float32)
+        volume = solve(noisy)
+        if count == 1:
+            images, found = noisy, volume
+        step = np.subtract(volume, mean, dtype=np.float64)
+        mean = mean + step / count
+        squares = squares + step * (volume - mean)
+    return Spread(np.sqrt(squares / (count - 1)), mean), images, found
