@@ -17,9 +17,13 @@ from _stress.values_scene import simulated_by
 from rigs import Camera, Distortion, Rig
 from tomo import Scan
 from tomo.grid import VoxelGrid
+from tomo.noise import gaussian
+from tomo.simulate import SimulatedScan
 
 GRID = VoxelGrid((20, 40, 20), 0.5)
 VIEWS = 12
+FOOTPRINT = 0.25
+"""Of a pixel, in the middle of the flame."""
 
 Wrong = Callable[[Camera, float, np.random.Generator], Camera]
 
@@ -83,19 +87,10 @@ class Flame:
     rig: Rig
     truth: NDArray[np.float32]
 
-    footprint = 0.25
-    """Of a pixel, in the middle of the flame."""
-
     @classmethod
-    def simulated(cls, folder: Path, noise: float = 0.0, seed: int = 0) -> Self:
-        """Simulate a turbulent flame: voxels twice as fine, 3 x 3 rays a pixel."""
-        rig = rigs.ring(
-            VIEWS, distance=300.0, image_size=(56, 88), footprint=cls.footprint,
-            pitch_degrees=10.0,
-        )  # fmt: skip
-        flame = ("turbulent", seed)
-        made = simulated_by(rig, GRID, flame, supersample=3, noise=noise, seed=seed)
-        return cls(Scan.load(made.save(folder)), rig, made.truth)
+    def seen(cls, made: SimulatedScan, folder: Path) -> Self:
+        """Return a simulated flame, its images written to a folder."""
+        return cls(Scan.load(made.save(folder)), made.rig, made.truth)
 
     def seen_wrongly(self, kind: str, pixels: float, seed: int = 0) -> Scan:
         """Return the scan with a rig that is off by so many pixels, in each camera anew."""
@@ -112,3 +107,17 @@ class Flame:
 
     def _seen_by(self, cameras: Iterable[Camera]) -> Scan:
         return replace(self.scan, rig=replace(self.scan.rig, cameras=tuple(cameras)))
+
+
+def simulated(seed: int = 0) -> SimulatedScan:
+    """Simulate a turbulent flame: voxels twice as fine, 3 x 3 rays a pixel."""
+    rig = rigs.ring(
+        VIEWS, distance=300.0, image_size=(56, 88), footprint=FOOTPRINT, pitch_degrees=10.0
+    )
+    return simulated_by(rig, GRID, ("turbulent", seed), supersample=3, seed=seed)
+
+
+def noisier(made: SimulatedScan, noise: float, seed: int) -> SimulatedScan:
+    """Return it with noise, as `simulate` adds it: a fraction of the maximum of all images."""
+    recorded = gaussian(list(made.images.values()), noise, np.random.default_rng(seed))
+    return replace(made, images=MappingProxyType(dict(zip(made.images, recorded, strict=True))))

@@ -15,7 +15,7 @@ from tomo._sums import norm
 from tomo.reconstruction import Reconstruction
 
 ITERATIONS = 10_000
-QUICK = 1_000
+QUICK = 400
 FREE = ("cgls", "nnls")
 """Methods that without bounds tend to the least squares of least norm."""
 

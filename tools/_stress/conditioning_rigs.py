@@ -28,7 +28,9 @@ def rig_rows(quick: bool) -> Iterator[Row]:
     scenes = {f"{count} views": scene_of(ring(count), NOISE) for count in views}
     scenes |= {name: make() for name, make in _WEAK.items()}
     yield _finite(scenes)
-    outcomes = {name: reconstructed(seen.simulated) for name, seen in scenes.items()}
+    outcomes = {
+        name: reconstructed(seen.simulated, uncertainty=0) for name, seen in scenes.items()
+    }
     yield _better_than_nothing(scenes, outcomes)
     yield _more_views(views, scenes, outcomes)
     yield from _unseen(scenes, outcomes)

@@ -18,6 +18,7 @@ from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
 
 NOISE = 0.1
 LONGEST = 400
+QUICK = 150
 LONGEST_CHOSEN = 100
 CASES = ((0.02, 4), (0.02, 9), (0.1, 4), (0.1, 9), (0.1, 33))
 """Noise and number of views at which stops are chosen."""
@@ -25,17 +26,17 @@ CASES = ((0.02, 4), (0.02, 9), (0.1, 4), (0.1, 9), (0.1, 33))
 
 def stop_rows(quick: bool) -> Iterator[Row]:
     """Yield the rows of where runs stop."""
-    yield _methods()
+    yield _methods(QUICK if quick else LONGEST)
     yield _chosen(CASES[1::2] if quick else CASES)
 
 
-def _methods() -> Row:
+def _methods(longest: int) -> Row:
     """Run every classic method far beyond its best."""
     seen = scene(NOISE)
     curves, said, figures = {}, [], []
     for method in solve.METHODS:
         errors: list[float] = []
-        run(method, seen.stored, seen.measured, LONGEST, callback=_recorder(seen, errors))
+        run(method, seen.stored, seen.measured, longest, callback=_recorder(seen, errors))
         default = inspect.signature(getattr(solve, method)).parameters["iterations"].default
         best = int(np.argmin(errors))
         stopped = errors[min(default, len(errors) - 1)]
@@ -46,7 +47,7 @@ def _methods() -> Row:
     title = f"Error of the volume, {NOISE:.0%} noise, 9 views"
     return Row(
         "semi-convergence: the number of iterations that a method runs unless told",
-        f"{NOISE:.0%} noise, 9 views, up to {LONGEST} iterations",
+        f"{NOISE:.0%} noise, 9 views, up to {longest} iterations",
         worst,
         3.0,
         "times the lowest error of the run",

@@ -38,7 +38,7 @@ def lens_rows(size: Size) -> Iterator[Row]:
     for model in COUNTS:
         there, lost, seen = [], 0, 0
         for power in POWERS:
-            for _ in range(2 if size.quick else 12):
+            for _ in range(1 if size.quick else 12):
                 lens = random_lens(model, power, random)
                 error, missed, count = _there_and_back(lens, random)
                 there.append((f"coefficients up to 1e{power}", error))

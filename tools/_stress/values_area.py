@@ -70,7 +70,9 @@ def _scaled_files(seen: Scene, factors: Sequence[float]) -> Iterator[Row]:
     figures, plain = [], None
     for factor in (1.0, *factors):
         scaled = Scaled(seen.simulated, intensities=factor)
-        found = scaled.unscaled(reconstructed(scaled.simulated).reconstruction.volume)
+        found = scaled.unscaled(
+            reconstructed(scaled.simulated, uncertainty=0).reconstruction.volume
+        )
         plain = found if plain is None else plain
         figures.append((f"{factor:g}", relative_error(found, plain)))
     worst, where = worst_of(figures)

@@ -192,7 +192,7 @@ def _through_files(simulated: SimulatedScan, folder: Path) -> Iterator[Row]:
 
 
 def _volume(scan: Scan) -> NDArray[np.float32]:
-    return reconstruct(scan).reconstruction.volume
+    return reconstruct(scan, uncertainty=0).reconstruction.volume
 
 
 def _write(path: Path, mask: NDArray[np.uint8]) -> None:

@@ -68,19 +68,21 @@ def _trained(seen: Scene, classic: np.ndarray, size: Size) -> Iterator[Row]:
 
     pixels = len(seen.measured)
     factors, batches = (
-        (FACTORS[::4], (1, pixels)) if size.quick else (FACTORS, (1, 10, 300, pixels))
+        (FACTORS[::4], (100, pixels)) if size.quick else (FACTORS, (1, 10, 300, pixels))
     )
+    rounds = {"iterations": 2} if size.quick else {}
     runs, gradients, wrong = [], 0, 0
     settings = [{"rate": factor * fixed_voxels.LEARNING_RATE} for factor in factors]
     for setting in (*settings, *({"rays": count} for count in batches)):
         name = ", ".join(f"{key} {value:g}" for key, value in setting.items())
         with trained_with(**setting) as counts:
-            runs.append(run(name, _solve(seen, start=classic)))
+            runs.append(run(name, _solve(seen, start=classic, **rounds)))
         gradients += counts["gradients"]
         wrong += counts["not_finite"]
     worst, where = over_classic(runs, seen, classic)
     yield Row("wernet: learning rates and batches",
-              f"rates x {factors[0]:g} to {factors[-1]:g}, 1 to {batches[-1]} rays a step",
+              f"rates x {factors[0]:g} to {factors[-1]:g}, "
+              f"{batches[0]} to {batches[-1]} rays a step",
               worst, 1 + ROUNDING, "of the classic's error", note=where)  # fmt: skip
     yield Row("wernet: gradients that are not finite where a step is taken",
               f"{gradients} gradients of those runs", wrong, 0, "faults")  # fmt: skip

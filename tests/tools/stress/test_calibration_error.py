@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from _stress import calibration_area
-from _stress.calibration_scene import GRID, KINDS, VIEWS, Flame
+from _stress.calibration_scene import GRID, KINDS, VIEWS, Flame, noisier, simulated
+from _stress.values_scene import ring, simulated_by
 
 
 @pytest.fixture(scope="module")
 def flame(tmp_path_factory):
-    return Flame.simulated(tmp_path_factory.mktemp("flame"))
+    return Flame.seen(simulated(), tmp_path_factory.mktemp("flame"))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -20,6 +21,14 @@ def test_cameras_are_off_by_what_is_said(flame, kind):
         moved = other.project(points)[0] - camera.project(points)[0]
         moved = moved if kind != "half-pixel slip" else moved[:, :1]
         assert np.sqrt(np.mean(np.sum(moved**2, axis=1))) == pytest.approx(1.5, rel=0.05)
+
+
+def test_noise_added_is_that_of_the_simulation():
+    plain, noisy = (simulated_by(ring(2), noise=noise, seed=3) for noise in (0.0, 0.1))
+    found = noisier(plain, 0.1, 3)
+    for name, image in noisy.images.items():
+        assert np.array_equal(found.images[name], image)
+        assert not np.array_equal(plain.images[name], image)
 
 
 def test_a_single_camera_is_off(flame):

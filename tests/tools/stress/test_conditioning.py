@@ -12,7 +12,6 @@ RUN = conditioning_long.run
 @pytest.fixture(autouse=True)
 def _few(monkeypatch):
     monkeypatch.setattr(conditioning_long, "QUICK", 100)
-    monkeypatch.setattr(conditioning_stops, "LONGEST", 60)
     monkeypatch.setattr(conditioning_rigs, "VIEWS", (2, 5, 3, 5, 9))
 
 
@@ -62,7 +61,7 @@ def test_growth_that_no_stop_ends_shows(monkeypatch):
 
 
 def test_the_error_turns_and_the_chosen_stop_is_near_its_lowest():
-    methods = conditioning_stops._methods()
+    methods = conditioning_stops._methods(60)
     errors = np.array(methods.chart.curves["cgls"])[:, 1]
     assert errors.argmin() < 20
     assert errors[-1] > 2 * errors.min()
