@@ -25,7 +25,7 @@ from tomo.wernet.ray_weights import RayWeights
 if TYPE_CHECKING:
     from tomo.projector import Projector
 
-_FORMAT, _VERSION = "wernet-checkpoint", 1
+_FORMAT, _VERSION = "wernet-checkpoint", 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,8 @@ class Learned:
 class State:
     """What a checkpoint holds: rounds done, voxels, how they are solved for, and the training.
 
-    ``ended`` says why training ended, and is empty while it has not.
+    ``ended`` says why training ended, and is empty while it has not; ``guessed`` is whether a
+    first guess was solved with before the rounds.
     """
 
     round: int
@@ -66,6 +67,7 @@ class State:
     previous: float
     ended: str
     training: dict[str, Any]
+    guessed: bool = False
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,7 @@ class Checkpoint:
             "version": _VERSION,
             "problem": self.problem,
             "round": state.round,
+            "guessed": state.guessed,
             "volume": torch.from_numpy(state.volume.copy()),
             "choice": [choice.method, choice.width, choice.iterations, choice.held_out_residual],
             "best": None if state.best is None else _packed(state.best),
@@ -173,6 +176,7 @@ def _state(content: Mapping[str, Any]) -> State:
         content["previous"],
         content["ended"],
         content["training"],
+        bool(content["guessed"]),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from tomo._sums import norm
 from tomo.projector import Projector
 from tomo.solve.stopping import (
     Choice,
@@ -19,9 +20,10 @@ from tomo.solve.stopping import (
     solve_as_chosen,
 )
 from tomo.wernet._checkpoint import Learned, State
+from tomo.wernet._linearised import volume_with
 from tomo.wernet.alternation import Alternation
-from tomo.wernet.elimination import first_guess, volume_with
-from tomo.wernet.ray_weights import RayWeights, corrections, reweighted
+from tomo.wernet.elimination import first_guess
+from tomo.wernet.ray_weights import RayWeights, corrections, reweighted, trend_corrections
 
 WORTH_LEARNING = 0.95
 """The left-out views' residual must fall below this share of the chord lengths', or these stay:
@@ -34,6 +36,11 @@ SETTLED = 0.99
 LARGEST_CORRECTION = 1e3
 """Weights a million times the chord lengths are no optics; squares of much larger ones are no
 numbers in single precision. An encoder that gives such, or NaN, has diverged."""
+
+PROMISING = 0.99
+"""A new encoder must, by the end of its first round, predict rays that it has not been trained on
+to this share of the misfit without it, or there is nothing for it to learn: to predict left-out
+views better is harder."""
 
 JUDGED_EVERY = 2
 PATIENCE = 4
@@ -72,6 +79,7 @@ class Rounds:
     last: int
     ended: str = ""
     done: int = 0
+    guessed: bool = False
     choice: Choice | None = None
     best: Learned | None = None
     previous: float = math.inf
@@ -86,21 +94,35 @@ class Rounds:
             self.previous,
             self.ended,
             self.alternation.state(),
+            self.guessed,
         )
 
     def restore(self, state: State) -> None:
         """Take up what `state` returned."""
-        self.done, self.volume, self.choice = state.round, state.volume, state.choice
+        self.done, self.guessed = state.round, state.guessed
+        self.volume, self.choice = state.volume, state.choice
         self.best, self.previous, self.ended = state.best, state.previous, state.ended
         self.alternation.restore(state.training)
 
-    def guess(self) -> None:
-        """Begin with a first guess of the views' levels and of trends along the rays."""
-        tokens = self.alternation.tokens
-        tokens.take(first_guess(self.projector, self.measured, self.chords, self.unit))
+    def guess(self) -> bool:
+        """Begin with a first guess of the views' levels and of trends along the rays.
+
+        Return whether there is one: levels that move less light than a first guess has to explain
+        to be worth it are none.
+        """
+        guess = first_guess(self.projector, self.measured, self.chords, self.unit)
+        if not guess.trend.any():
+            level = np.repeat(guess.level.detach().numpy(), np.diff(self.projector.view_ptr))
+            moved = norm(2 * level * self.measured) / (norm(self.measured) or 1.0)
+            if moved <= math.sqrt(1 - WORTH_LEARNING**2) * self.chords.held_out_residual:
+                self.previous = self.chords.held_out_residual
+                return False
+        self.alternation.tokens.take(guess)
+        return True
 
     def solve_guess(self) -> float:
         """Solve with the first guess and judge it; return the residual, NaN if it diverged."""
+        self.guessed = True
         tokens, features = self.alternation.tokens, self.alternation.features
         self.volume = volume_with(
             self.projector, self.measured, features, tokens, self.chords, self.unit
@@ -110,12 +132,32 @@ class Rounds:
     def round(self, *, train: bool = True) -> float:
         """Learn and solve once more; return the relative residual, NaN where it diverged."""
         front = self._front()
-        loss = self.alternation.round(self.done, self.volume, front) if train else 0.0
+        without = self._misfit_without_encoder(front) if train and self._may_have_nothing else None
+        trained = self.alternation.round(self.done, self.volume, front) if train else None
         self.done += 1
-        if not math.isfinite(loss):
+        if trained and not math.isfinite(trained.loss):
             self.ended = f"diverged in round {self.done}"
             return math.nan
+        if trained and without is not None and trained.share_of(without) > PROMISING:
+            self.ended = "nothing to learn: rays are predicted no better by an encoder"
+            return math.nan
         return self._solve(front, judged=self.done % JUDGED_EVERY == 0 or self.done >= self.last)
+
+    @property
+    def _may_have_nothing(self) -> bool:
+        """Whether the round to come is a new encoder's first, among views that can be spared."""
+        return self.alternation.encoder.is_zero and self.alternation.features.tells_views
+
+    def _misfit_without_encoder(self, front: torch.Tensor) -> NDArray[np.float64]:
+        """Return each ray's squared misfit with levels and trends alone, ``(rays,)``.
+
+        Over the mean square of the images.
+        """
+        alternation = self.alternation
+        correction = trend_corrections(alternation.tokens, alternation.features, front)
+        seen = reweighted(self.projector, correction) @ self.volume
+        # Squared in double precision: in single, squares know no 1e30 nor 1e-30.
+        return np.square((seen - self.measured).astype(np.float64) / self.unit)
 
     def _front(self) -> torch.Tensor:
         """Return the emission in front of each segment, ``(S,)``, by the voxels as they are."""
@@ -194,6 +236,8 @@ def reason(ended: str, learned: Learned | None, residuals: Sequence[float]) -> s
     """
     chords, found = residuals
     both = f"{found:.4f}, chord lengths {chords:.4f}"
+    if learned is None and math.isnan(found):
+        return f"{ended}; the classic solve stays"
     if learned is None:
         return (
             f"{ended}; the classic solve stays: left-out views are not predicted clearly "

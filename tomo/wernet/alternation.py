@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,11 +17,43 @@ from tomo.wernet.parts import Map
 from tomo.wernet.ray_features import RayFeatures
 
 STEPS = 24
+LAST_STEPS = 6
+"""Of a round: by then Adam's first, large steps are made good."""
+
 RAYS_A_STEP = 3000
 """A round sees so many rays, drawn anew each time: where there are more, not all of them."""
 
 PENALTY = 1e-3
 """Of the mean squared correction, against the mean squared relative residual."""
+
+
+@dataclass(frozen=True, eq=False)
+class Training:
+    """What a round of training gave: the mean loss, and how its last steps found their rays.
+
+    Attributes
+    ----------
+    loss : float
+    rays : sequence of (B,) int64
+        Of each of the last steps, none where there were fewer steps than `STEPS`; in a first round
+        they had not been trained on before.
+    misfits : sequence of float
+        The mean squared misfit of each, before the step.
+    """
+
+    loss: float
+    rays: Sequence[torch.Tensor]
+    misfits: Sequence[float]
+
+    def share_of(self, others: NDArray[np.float64]) -> float:
+        """Return the misfit of the last steps over that of ``others`` (rays,), as root means.
+
+        Zero after a round with too few rays for all its steps: it says nothing yet.
+        """
+        if len(self.rays) < LAST_STEPS:
+            return 0.0
+        other = sum(float(np.mean(others[rays.numpy()])) for rays in self.rays)
+        return math.sqrt(sum(self.misfits) / other) if other > 0 else math.inf
 
 
 class Alternation:
@@ -70,8 +104,8 @@ class Alternation:
         self.generator = torch.Generator().manual_seed(seed)
         self.crossing = features.count.nonzero()[:, 0].cpu()
 
-    def round(self, number: int, volume: NDArray[np.float32], front: torch.Tensor) -> float:
-        """Train with the voxels at ``volume`` (unknowns,); return the mean loss.
+    def round(self, number: int, volume: NDArray[np.float32], front: torch.Tensor) -> Training:
+        """Train with the voxels at ``volume`` (unknowns,).
 
         Parameters
         ----------
@@ -87,16 +121,24 @@ class Alternation:
         fixed = FixedVoxels(self.features, front, values, self.measured, self.power, PENALTY)
         order = torch.randperm(len(self.crossing), generator=self.generator)
         steps = self.crossing[order[: STEPS * RAYS_A_STEP]].split(RAYS_A_STEP)
-        return float(np.mean([self._step(rays.sort().values, fixed) for rays in steps]))
+        done = [self._step(rays.sort().values, fixed) for rays in steps]
+        loss = float(np.mean([loss for loss, _ in done]))
+        last = LAST_STEPS if len(steps) == STEPS else 0
+        return Training(
+            loss, steps[STEPS - last :], [misfit for _, misfit in done[STEPS - last :]]
+        )
 
-    def _step(self, rays: torch.Tensor, fixed: FixedVoxels) -> float:
-        """Take one step of the optimiser, unless the loss is not finite; return it."""
-        loss, _ = fixed.set_gradients(
+    def _step(self, rays: torch.Tensor, fixed: FixedVoxels) -> tuple[float, float]:
+        """Take one step of the optimiser, unless the loss is not finite; return it and its misfit.
+
+        Both are those before the step.
+        """
+        loss, misfit = fixed.set_gradients(
             self.encoder, self.tokens, self.parameters, rays, self.over_parts
         )
         if math.isfinite(loss):
             self.optimiser.step()
-        return loss
+        return loss, misfit
 
     def state(self) -> dict[str, Any]:
         """Return all that going on needs, as tensors and plain values."""

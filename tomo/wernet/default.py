@@ -74,8 +74,8 @@ def wernet(
         The voxels of the first round; those of the classic solve when None.
     callback : callable, optional
         ``callback(index, volume, relative_residual)`` for the classic solve, index 0, for the
-        first guess and after every round; returning True stops. Called once more at the end where
-        what is returned is not the last of these.
+        first guess, 1, where there is one, and after every round; returning True stops. Called
+        once more at the end where what is returned is not the last of these.
     encoder : path, name or CorrectionEncoder, optional
         Start from this one: a file of `save_encoder`, one of `shipped_encoders`, or one in
         memory, which is copied. A new one when None.
@@ -97,7 +97,7 @@ def wernet(
     Reconstruction
         ``weights`` holds what was learnt; None where the chord lengths stay.
         ``settings["held_out_residual"]`` are the left-out views' relative residuals, of the chord
-        lengths and of what was learnt.
+        lengths and of what was learnt; NaN where nothing was.
 
     Raises
     ------
@@ -166,8 +166,6 @@ def wernet(
     elif not tells_views and chord_choice.width > WIDEST_WITH_FEW_VIEWS and not freeze_encoder:
         ended = "few views, which allow no detail: smoothness would be taken for optics"
 
-    guesses = tells_views and start is None and last > 0
-
     def note(index: int, residual: float) -> bool:
         """Add what was just solved for to the history; return whether the callback stops."""
         nonlocal noted
@@ -192,8 +190,8 @@ def wernet(
             with saved.damages():
                 rounds.restore(state)
         elif tells_views and last and not ended:
-            rounds.guess()
-            residual = rounds.solve_guess() if guesses else math.nan
+            found = rounds.guess()
+            residual = rounds.solve_guess() if found and start is None else math.nan
             if saved:
                 saved.save(rounds.state())
             if not math.isnan(residual) and note(1, residual):
@@ -204,7 +202,7 @@ def wernet(
                 break
             if saved and not freeze_encoder:
                 saved.save(rounds.state())
-            if note(rounds.done + guesses, residual):
+            if note(rounds.done + rounds.guessed, residual):
                 rounds.ended = f"stopped by the callback after round {rounds.done}"
     best = rounds.best
     limit = WORTH_LEARNING if tells_views else FEW_VIEWS_WORTH

@@ -4,15 +4,58 @@ import torch
 
 from tomo._sums import dot
 from tomo.effects import Effects
-from tomo.solve.stopping import choose_by_held_out_views
+from tomo.solve.stopping import Choice, choose_by_held_out_views
 from tomo.wernet import ViewTokens
-from tomo.wernet.elimination import PRIOR, _gauss_newton, first_guess
+from tomo.wernet._linearised import Thinned
+from tomo.wernet.elimination import PRIOR, _gauss_newton, _promising, first_guess
 
 
 def _guess(one):
     choice = choose_by_held_out_views(one.projector, one.measured)
     unit = float(np.sqrt(np.mean(one.measured**2)))
     return first_guess(one.projector, one.measured, choice, unit), unit
+
+
+def _linearised(one, tokens, stride=1):
+    unit = float(np.sqrt(np.mean(one.measured**2)))
+    some = Thinned.of(one.projector, one.measured, stride, unit)
+    return some.at(tokens, Choice("nnls", 0.0, 40, 0.1))
+
+
+def test_rows_are_the_change_of_the_residual_that_voxels_leave(scene):
+    one, tokens = scene(), ViewTokens(12, 1)
+    now, small = _linearised(one, tokens), 0.02
+    moved = ViewTokens(12, 1)
+    with torch.no_grad():
+        moved.trend[0] -= small
+    change = (_linearised(one, moved).residual - now.residual) / (small * now.scale(0))
+    apart = np.linalg.norm(now.row(0) - change) / np.linalg.norm(change)
+    assert apart < 0.2  # of which the step's size leaves a tenth
+    moved = ViewTokens(12, 1)
+    with torch.no_grad():
+        moved.level[3] -= small
+    own = now.view == 3
+    change = (_linearised(one, moved).residual - now.residual)[own] / small
+    # of a level voxels imitate as much as one view of twelve weighs
+    share = change @ now.level[own] / (now.level[own] @ now.level[own])
+    assert 0.6 < share < 1
+
+
+@pytest.mark.parametrize(
+    ("effects", "finer", "asked"),
+    [
+        (None, 2, []),
+        (Effects(gain_spread=0.1), 2, []),
+        (Effects(absorption=0.1), 2, [0]),
+        (Effects(self_absorption=0.2), 1, [1]),
+    ],
+    ids=["chords", "gains", "even", "own"],
+)
+def test_a_trend_is_tried_only_where_the_residuals_ask_for_it(scene, effects, finer, asked):
+    tokens = ViewTokens(12, 1)
+    promising = _promising(_linearised(scene(effects=effects, finer=finer), tokens), tokens, ())
+    assert set(asked) <= set(promising)
+    assert bool(asked) or not promising
 
 
 def test_the_gains_of_the_cameras_are_found(scene):

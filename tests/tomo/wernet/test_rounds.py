@@ -1,0 +1,47 @@
+"""When the rounds of the default WERNet are worth their time."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from tomo.effects import Effects
+from tomo.wernet import wernet
+from tomo.wernet.alternation import LAST_STEPS, Training
+
+
+@pytest.fixture
+def small_steps(monkeypatch):
+    """Let a small scene have rays for all the steps of a round."""
+    monkeypatch.setattr("tomo.wernet.alternation.RAYS_A_STEP", 100)
+
+
+@pytest.mark.parametrize("effects", [None, Effects(gain_spread=0.1)], ids=["chords", "gains"])
+def test_what_levels_and_trends_explain_leaves_an_encoder_nothing(scene, small_steps, effects):
+    one = scene(effects=effects, finer=2)
+    found = wernet(one.projector, one.measured)
+    assert found.stop_reason.startswith("nothing to learn")
+    assert len(found.history) == (2 if effects else 1)
+    assert found.settings["learned"] is (effects is not None)
+    assert math.isnan(found.settings["held_out_residual"]["learned"]) is (effects is None)
+
+
+def test_what_levels_and_trends_do_not_explain_is_worth_rounds(scene, small_steps):
+    one = scene(finer=2)
+    across = np.linspace(0.6, 1.4, 14, dtype=np.float32)  # of pixels, from left to right
+    measured = one.system.flatten([across * image for image in one.scan.images.values()])
+    found = wernet(one.projector, measured)
+    assert len(found.history) > 3
+    assert not found.stop_reason.startswith("nothing to learn")
+    assert found.weights is not None
+    assert not found.weights.encoder.is_zero
+
+
+def test_the_share_of_the_misfit_is_of_the_same_rays():
+    others = np.arange(12.0)
+    rays = [torch.tensor([2 * step, 2 * step + 1]) for step in range(LAST_STEPS)]
+    misfits = [float(others[pair].mean()) / 4 for pair in rays]
+    assert Training(1.0, rays, misfits).share_of(others) == pytest.approx(0.5)
+    assert Training(1.0, [], []).share_of(others) == 0
+    assert Training(1.0, rays, misfits).share_of(0 * others) == math.inf
