@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-import logging
-import math
-import operator
 import os
-import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs._decoded import decoded
-from rigs._unpacked import check_unpacked
+from tomo.io._tiff import decoded_tiff
 from tomo.io.atomic import atomic_path
-
-if TYPE_CHECKING:
-    import tifffile
 
 TIFF_SUFFIXES = (".tif", ".tiff")
 IMAGE_SUFFIXES = (*TIFF_SUFFIXES, ".png", ".jpg", ".jpeg")
@@ -63,7 +53,7 @@ def read_image(
         raise ValueError(f"{path}: found suffix {path.suffix!r}, expected one of {expected}")
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such image file")
-    decode = _decode_tiff if path.suffix.lower() in TIFF_SUFFIXES else decoded
+    decode = decoded_tiff if path.suffix.lower() in TIFF_SUFFIXES else decoded
     try:
         content = path.read_bytes()
         if not content:
@@ -145,101 +135,6 @@ def write_image(path: str | os.PathLike, image: ArrayLike) -> None:
             f"{path}: found {image.dtype} pixels and suffix {suffix!r}, "
             "expected .tif, or .png for integers"
         )
-
-
-def _decode_tiff(content: bytes) -> NDArray:
-    import io
-
-    import tifffile
-
-    with _unlogged("tifffile"), tifffile.TiffFile(io.BytesIO(content)) as file:
-        if not file.pages:
-            raise ValueError("found no page, expected one")
-        page = file.pages[0]
-        if file.pages.get(1, default=page) is not page:  # to count them all may take long
-            raise ValueError("found more than one page, expected one")
-        if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
-            raise ValueError("found white stored as zero, expected black as zero")
-        _check_page(page)
-        _check_strips(page, len(content))
-        if page.compression in _LEFT_TO_OPENCV:
-            return decoded(content)
-        check_unpacked(max(page.nbytes, 2 * page.size), len(content))
-        if page.compression in _DEFLATE:
-            _check_inflated(page, content)
-        return page.asarray()
-
-
-_LEFT_TO_OPENCV = (5, 7)  # LZW and JPEG: tifffile alone does not decompress them
-_DEFLATE = (8, 32946)
-_DENSEST = {1: 1, 5: 1500, 7: 1500, 8: 1100, 32946: 1100, 32773: 64}
-"""By kind of compression: the bytes that one stored byte can stand for, at the most."""
-
-
-@contextmanager
-def _unlogged(name: str) -> Iterator[None]:
-    """Keep what a library logs of foreign files off the terminal: what matters is raised."""
-    handler, logger = logging.NullHandler(), logging.getLogger(name)
-    logger.addHandler(handler)
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
-
-
-def _check_page(page: tifffile.TiffPage) -> None:
-    """Raise unless a page says of itself what a page can be."""
-    size = (page.imagewidth, page.imagelength)
-    if min(size) < 1:
-        raise ValueError(f"found {size[0]} x {size[1]} pixels, expected at least one")
-    if page.is_tiled and min(page.tilewidth, page.tilelength) < 1:
-        raise ValueError(
-            f"found tiles of {page.tilewidth} x {page.tilelength} pixels, expected at least one"
-        )
-    if page.dtype is None:
-        raise ValueError(
-            f"found {page.bitspersample} bits a sample of kind {page.sampleformat}, expected "
-            "8 or 16, or floating point"
-        )
-    if page.compression not in _DENSEST:
-        raise ValueError(
-            f"found compression {page.compression}, expected none, deflate, LZW, PackBits or JPEG"
-        )
-
-
-def _check_strips(page: tifffile.TiffPage, size: int) -> None:
-    """Raise unless a page's strips or tiles are all in a file of ``size`` bytes, and apart."""
-    offsets, counts = page.dataoffsets, page.databytecounts
-    expected = math.prod(page.chunked)
-    if not len(offsets) == len(counts) == expected:
-        raise ValueError(
-            f"found {len(offsets)} strips and the sizes of {len(counts)}, expected {expected}"
-        )
-    end = max(map(operator.add, offsets, counts))
-    if end > size:
-        raise ValueError(f"found {size} bytes, expected {end}: truncated")
-    if min(counts) < 1 or min(offsets) < 8:
-        raise ValueError("found a strip without bytes, expected all of the image: damaged")
-    stored = sum(counts)
-    if stored > size:
-        raise ValueError(f"found {size} bytes, expected {stored}: strips overlap")
-    whole = page.size * page.bitspersample // 8
-    if whole > stored * _DENSEST[page.compression]:
-        raise ValueError(f"found strips of {stored} bytes, too few for {whole}: truncated")
-
-
-def _check_inflated(page: tifffile.TiffPage, content: bytes) -> None:
-    """Raise if a page's strips unpack to more than the page."""
-    width, length = page.imagewidth, page.imagelength
-    overhang = (width + page.tilewidth) * (length + page.tilelength)  # of tiles; strips have none
-    most = page.nbytes * overhang // (width * length)
-    check_unpacked(most, len(content))
-    most += 1 << 20
-    for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
-        strip = zlib.decompressobj()
-        most -= len(strip.decompress(content[offset : offset + count], max(most, 0) + 1))
-        if most < 0:
-            raise ValueError(f"found strips of more than {page.nbytes} bytes, expected no more")
 
 
 def _to_float(path: Path, stored: NDArray, bit_depth: int | None) -> NDArray[np.float32]:
