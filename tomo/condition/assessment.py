@@ -26,8 +26,8 @@ MAPPED = 10
 
 _DEVIATION_WORDS = (
     "repeats of the solve, as it was chosen, on re-projected images with the noise found in the "
-    "residual, of 20 or more half to calibrate the others; what smoothing, missing views and wrong "
-    "cameras do to the volume is not in it, nor noise that neighbouring pixels share, as in "
+    "residual, of 20 or more half to calibrate the others; what smoothing, missing views and "
+    "wrong cameras do to the volume is not in it, nor noise that neighbouring pixels share, as in "
     "resampled images"
 )
 _RESOLUTION_WORDS = (
