@@ -139,7 +139,8 @@ class Rounds:
             self.ended = f"diverged in round {self.done}"
             return math.nan
         if trained and without is not None and trained.share_of(without) > PROMISING:
-            self.ended = "nothing to learn: rays are predicted no better by an encoder"
+            what = "nothing more" if self.guessed else "nothing"
+            self.ended = f"{what} to learn: rays are predicted no better by an encoder"
             return math.nan
         return self._solve(front, judged=self.done % JUDGED_EVERY == 0 or self.done >= self.last)
 

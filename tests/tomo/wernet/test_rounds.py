@@ -21,7 +21,7 @@ def small_steps(monkeypatch):
 def test_what_levels_and_trends_explain_leaves_an_encoder_nothing(scene, small_steps, effects):
     one = scene(effects=effects, finer=2)
     found = wernet(one.projector, one.measured)
-    assert found.stop_reason.startswith("nothing to learn")
+    assert found.stop_reason.startswith("nothing more to" if effects else "nothing to")
     assert len(found.history) == (2 if effects else 1)
     assert found.settings["learned"] is (effects is not None)
     assert math.isnan(found.settings["held_out_residual"]["learned"]) is (effects is None)
@@ -33,7 +33,7 @@ def test_what_levels_and_trends_do_not_explain_is_worth_rounds(scene, small_step
     measured = one.system.flatten([across * image for image in one.scan.images.values()])
     found = wernet(one.projector, measured)
     assert len(found.history) > 3
-    assert not found.stop_reason.startswith("nothing to learn")
+    assert "to learn" not in found.stop_reason
     assert found.weights is not None
     assert not found.weights.encoder.is_zero
 
