@@ -129,7 +129,8 @@ def tiff_seeds() -> tuple[bytes, ...]:
     small = np.arange(63, dtype=np.float32).reshape(7, 9)
     whole = small.astype(np.uint16)
     by_opencv = [
-        cv2.imencode(".tif", whole, [cv2.IMWRITE_TIFF_COMPRESSION, code])[1].tobytes()
+        cv2.imencode(".tif", image, [cv2.IMWRITE_TIFF_COMPRESSION, code])[1].tobytes()
+        for image in (whole, whole.astype(np.uint8))
         for code in (5, 32773)  # LZW and PackBits
     ]
     flat = tiff(small, compression="zlib")

@@ -214,7 +214,9 @@ def _images(folder: Path) -> list[Reader]:
     from rigs.calibrate._found import Found
     from rigs.calibrate.image_sets import read_source
     from tomo.io import is_integer_image, read_image
+    from tomo.io._lzw import unpacked_length
 
+    unpacked_length(np.frombuffer(b"\x80\x40", np.uint8))  # compiled before it is watched
     found = Found(np.arange(3), np.ones((3, 2)), 1.0, "", None)
     nothing = Found.nothing("too dark")
     _detection_cache.write(folder / "cache", {"a": (found, (9, 7)), "b": (nothing, (9, 7))})
