@@ -51,11 +51,12 @@ def draw_line(
     )  # fmt: skip
 
 
-def log_log(axes: Axes, room: float = 0.05) -> None:
+def log_log(axes: Axes, room: float = 0.05, names: str = "xy") -> None:
     """Give a plot logarithmic axes, thin grey lines, and numbers a reader can read."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y")):
+    for name in names:
+        axis = getattr(axes, f"{name}axis")
         axes.set(**{f"{name}scale": "log"})
         axes.margins(**{name: room})
         low, high = axes.get_xlim() if name == "x" else axes.get_ylim()

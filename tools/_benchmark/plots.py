@@ -244,10 +244,9 @@ def _mismatch(rows: Sequence[Row]) -> Figure:
                     [found[effect] for effect in known], [effects.index(e) for e in known],
                     marker, color=colour, markersize=9, label=label,
                 )  # fmt: skip
-        log_log(axes, room=0.15)
+        log_log(axes, room=0.15, names="x")
         axes.set_title(f"{flame}, 33 views, {noise}", fontsize=8.5, color=INK)
-    for axes in panels.ravel():  # they share an axis, which a logarithm must not see below zero
-        axes.set_yscale("linear")
+    for axes in panels.ravel():
         axes.set_yticks(range(len(effects)), effects, fontsize=7.5)
         axes.set_ylim(len(effects) - 0.4, -0.6)
     for axes in panels[-1]:
