@@ -60,10 +60,10 @@ ABOUT: Mapping[str, tuple[str, str]] = {
     "scaling_views": ("With views", ""),
     "threads": (
         "With threads",
-        "All run in turn in one process; medians. The machine's rows hold nothing of ours: "
-        "multiplications and additions in registers, and roots that wait for each other. Where "
-        "arithmetic gains nothing by a second thread, what are called cores are two threads of "
-        "one, and only what waits can gain by both.",
+        "All run in turn in one process; medians. The machine's rows hold nothing of ours: small "
+        "matrices multiplied, roots that wait for each other, a large array read. Where "
+        "arithmetic gains little by a second thread, what are called cores are two threads of "
+        "one; where reading does, one thread reads nearly all that the memory gives.",
     ),
     "memory_target": (
         "Memory on the fly",

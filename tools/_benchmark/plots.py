@@ -176,7 +176,7 @@ def _threads(rows: Sequence[Row]) -> Figure:
     for form, colour in zip(forms, LINES, strict=False):
         of_form = [row for row in rows if row["form"] == form]
         products = dict.fromkeys(row["product"] for row in of_form)
-        for product, style in zip(products, ("-", "--"), strict=True):
+        for product, style in zip(products, ("-", "--", ":"), strict=False):
             mine = [row for row in of_form if row["product"] == product]
             x, y = ([row[key] for row in mine] for key in ("threads", "speed_up"))
             draw_line(axes, x, y, f"{form}: {product}", (colour, style))

@@ -11,11 +11,11 @@ from typing import Any
 import numba
 import numpy as np
 
+from _benchmark import cores
 from _benchmark.scalar_walk import project
 from _benchmark.timing import in_turn
 from rigs import Rig, ring
 from tomo import LinearSystem, Projector, Rays, VoxelGrid
-from tomo._compile import compiled
 from tomo.trace import trace
 from tomo.trace.box import enter_box
 
@@ -160,16 +160,6 @@ def _joseph(voxels: int, views: int, repeats: int, rows: list[Row]) -> list[Row]
     return found
 
 
-@compiled(parallel=True, reassociate=True)
-def _read(values, sums) -> None:
-    """Sum the rows of ``values`` (parts, n)."""
-    for part in numba.prange(len(sums)):
-        row, total = values[part], np.float32(0)
-        for place in range(len(row)):
-            total += row[place]
-        sums[part] = total
-
-
 def _stored(voxels: int, views: int, repeats: int) -> list[Row]:
     """Measure the stored projector against reading memory and scipy, and the tracers."""
     rig, grid = rig_for(voxels, views), VoxelGrid((voxels,) * 3, EDGE / voxels)
@@ -178,7 +168,7 @@ def _stored(voxels: int, views: int, repeats: int) -> list[Row]:
     matrix = stored.to_scipy()
     volume = np.random.default_rng(0).random(grid.size, np.float32)
     images = np.random.default_rng(1).random(stored.shape[0], np.float32)
-    large, sums = np.ones((64, 1_000_000), np.float32), np.zeros(64, np.float32)
+    large = np.ones(cores.LARGE, np.float32)
     entries = stored.n_crossings
     size = {
         "voxels": voxels, "views": views,
@@ -187,7 +177,7 @@ def _stored(voxels: int, views: int, repeats: int) -> list[Row]:
     threads = numba.get_num_threads()
     seconds = in_turn(
         {
-            "read": lambda: _read(large, sums),
+            "read": lambda: cores.reading(large),
             "scipy csr forward": lambda: matrix @ volume,
             "stored forward": lambda: stored @ volume,
             "stored adjoint": lambda: stored.T @ images,

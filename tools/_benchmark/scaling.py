@@ -93,9 +93,14 @@ def threads(sizes: Sizes) -> list[dict[str, Any]]:
         for count in counts:
             products[form, "forward", count] = _with_threads(count, projector.__matmul__, volume)
             products[form, "adjoint", count] = _with_threads(count, projector.T.__matmul__, images)
-    for work in (cores.arithmetic, cores.waiting):
+    limits = {
+        "arithmetic": (cores.arithmetic,),
+        "waiting": (cores.waiting,),
+        "reading": (cores.reading, np.ones(cores.LARGE, np.float32)),
+    }
+    for name, work in limits.items():
         for count in counts:
-            products[MACHINE, work.__name__, count] = _with_threads(count, work)
+            products[MACHINE, name, count] = _with_threads(count, *work)
     started_with = numba.get_num_threads()
     try:
         seconds = in_turn(products, sizes.repeats)

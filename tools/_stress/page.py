@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from _benchmark.tables import Column, number, table, words
@@ -29,14 +29,13 @@ def page(result: Mapping[str, Any], plots: Mapping[str, Sequence[str]]) -> str:
     options = (" --quick" if size["quick"] else "") + (
         f" --seed {size['seed']}" if size["seed"] else ""
     )
-    seconds = sum(record["seconds"] for record in areas.values())
     lines = [
         "# Stress test",
         "",
         f"Made by `python tools/stress.py -o docs{options}`; {here['cpu']}, {here['cores']} "
-        f"cores; {seconds / 60:.0f} minutes with other work on the machine. Every row is the "
-        "worst of its range, beside what it may be. `faults` count what must not happen: a crash, "
-        "a wrong result without a word, an error that is no line.",
+        f"cores; {_minutes(areas.values())}. Every row is the worst of its range, beside what it "
+        "may be. `faults` count what must not happen: a crash, a wrong result without a word, an "
+        "error that is no line.",
         "",
         f"**{len(rows) - len(missed)} of {len(rows)} rows hold.**",
         "",
@@ -48,6 +47,15 @@ def page(result: Mapping[str, Any], plots: Mapping[str, Sequence[str]]) -> str:
         lines += [f"## {AREAS[area]}", "", table(record["rows"], _COLUMNS), ""]
         lines += _pictures(plots.get(area, ()), AREAS[area])
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _minutes(records: Collection[Mapping[str, Any]]) -> str:
+    """Return how long the areas took, and how busy the machine was as they began."""
+    told = f"{sum(record['seconds'] for record in records) / 60:.0f} minutes"
+    loads = [record["load_at_start"] for record in records]
+    if not loads or None in loads:  # not every system knows
+        return told
+    return f"{told}, the load {min(loads):.1f} to {max(loads):.1f} as areas began"
 
 
 def _pictures(paths: Sequence[str], what: str) -> list[str]:

@@ -67,8 +67,8 @@ def _margins(areas: Mapping[str, Mapping[str, Any]]) -> Figure:
     axes.set_yticks(range(len(names)), [AREAS[name] for name in reversed(names)])
     axes.set_ylim(-0.6, len(names) - 0.4)
     axes.set_xlabel(
-        "powers of ten within the bound, 8 for more (left of the line: beyond it); counts of "
-        "faults, whose bound is 0, are not shown",
+        "powers of ten within the bound, 8 for more (left of the line: beyond it)\n"
+        "counts of faults, whose bound is 0, are not shown",
         fontsize=7.5,
         color=MUTED,
     )
