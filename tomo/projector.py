@@ -65,11 +65,18 @@ class Projector(ViewedOperator):
         kind = np.uint32 if entries.voxel.dtype.itemsize == 4 else np.uint64
         self._matrix = (starts, stops, entries.voxel.view(kind), entries.length)
 
-    def _of(self, starts: NDArray, stops: NDArray, view_ptr: ArrayLike | None) -> Projector:
+    def _of(
+        self,
+        entries: Segments,
+        starts: NDArray[np.int64],
+        stops: NDArray[np.int64],
+        view_ptr: ArrayLike | None,
+    ) -> Projector:
+        """Return the projector of entries whose voxels are in this one's order."""
         part = Projector.__new__(Projector)
-        part._set(self._entries, starts, stops)
+        part._set(entries, starts, stops)
         ViewedOperator.__init__(
-            part, len(starts), self.grid, view_ptr, self._entries.length.dtype, self.live
+            part, len(starts), self.grid, view_ptr, entries.length.dtype, self.live
         )
         return part
 
@@ -114,12 +121,17 @@ class Projector(ViewedOperator):
         scatter(*self._matrix, y, self._parts, volume)
         return volume if self.live.place is None else volume[self.live.place]
 
+    def with_lengths(self, length: NDArray[np.floating]) -> Projector:
+        """Return the projector with ``length`` (S,), of either sign, in place of its own."""
+        entries = replace(self._entries.between(self._starts, self._stops), length=length)
+        return self._of(entries, entries.ptr[:-1], entries.ptr[1:], self.view_ptr)
+
     def rows(self, start: int, stop: int) -> Projector:
         """Return the projector of pixels ``start:stop``; the entries are shared, not copied."""
-        return self._of(self._starts[start:stop], self._stops[start:stop], None)
+        return self._of(self._entries, self._starts[start:stop], self._stops[start:stop], None)
 
     def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> Projector:
-        return self._of(self._starts[pixels], self._stops[pixels], view_ptr)
+        return self._of(self._entries, self._starts[pixels], self._stops[pixels], view_ptr)
 
     def to_scipy(self) -> scipy.sparse.csr_array:
         """Return the matrix as scipy's CSR; lengths are shared, duplicates are kept."""

@@ -1,5 +1,7 @@
 """Voxels brick by brick: every one has its place, and neighbours stand together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -95,6 +97,19 @@ def test_segments_come_back_as_they_were_given(many):
     np.testing.assert_array_equal(operator.view(1).segments.voxel, second.voxel)
     np.testing.assert_array_equal(operator.view(1).segments.ptr, second.ptr)
     assert abs(operator.to_scipy() - _matrix(segments, live.size)).max() == 0
+
+
+def test_other_lengths_are_of_the_same_voxels(many):
+    segments, live = many
+    operator = Projector(segments, live.grid, [0, 500, 900], live).take(np.arange(0, 900, 3))
+    length = np.random.default_rng(5).standard_normal(len(operator.segments))
+    other = operator.with_lengths(length)
+    given = operator.segments
+    anew = Projector(replace(given, length=length), live.grid, operator.view_ptr, live)
+    np.testing.assert_array_equal(other.view_ptr, operator.view_ptr)
+    np.testing.assert_array_equal(other.segments.voxel, given.voxel)
+    x = np.random.default_rng(6).standard_normal(live.size)
+    np.testing.assert_array_equal(other @ x, anew @ x)
 
 
 def _matrix(segments, unknowns):

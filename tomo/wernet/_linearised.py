@@ -16,7 +16,7 @@ from tomo.solve import cgls
 from tomo.solve.stopping import Choice, solve_as_chosen
 from tomo.wernet.correction import ViewTokens
 from tomo.wernet.ray_features import RayFeatures
-from tomo.wernet.ray_weights import reweighted, trend_corrections, with_lengths
+from tomo.wernet.ray_weights import reweighted, trend_corrections
 
 if TYPE_CHECKING:
     from tomo.projector import Projector
@@ -77,7 +77,7 @@ class Thinned:
             free = basis.blur(free)
         residual = (self.measured - learned @ free).astype(np.float64)
         slope = 2 * learned.segments.length
-        level = with_lengths(self.projector, slope) @ free
+        level = self.projector.with_lengths(slope) @ free
         return Linearised(
             self,
             choice,
@@ -156,7 +156,7 @@ class Linearised:
         """Return what a trend changes that voxels do not imitate, ``(patches,)``."""
         if trend not in self._rows:
             slope = self.slope * self.columns[trend]
-            image = with_lengths(self.some.projector, slope) @ self.free
+            image = self.some.projector.with_lengths(slope) @ self.free
             left = _not_imitated(self.basis, image, self.choice) / self.scale(trend)
             self._rows[trend] = self.some.patches.sum(left)
         return self._rows[trend]

@@ -9,7 +9,6 @@ import torch
 from numpy.typing import NDArray
 
 from tomo.projector import Projector
-from tomo.segments import Segments
 from tomo.wernet import _along_rays
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.packing import Packing
@@ -119,11 +118,4 @@ def corrections(
 
 def reweighted(projector: Projector, correction: NDArray[np.float32]) -> Projector:
     """Return a stored projector with ``length (1 + correction)²`` in place of its lengths."""
-    return with_lengths(projector, projector.segments.length * np.square(1 + correction))
-
-
-def with_lengths(projector: Projector, length: NDArray[np.float32]) -> Projector:
-    """Return a stored projector with other entries ``length`` (S,), of either sign."""
-    segments = projector.segments
-    segments = Segments(segments.ptr, segments.voxel, length, segments.midpoint)
-    return Projector(segments, projector.grid, projector.view_ptr, projector.live)
+    return projector.with_lengths(projector.segments.length * np.square(1 + correction))
