@@ -29,6 +29,7 @@ from tomo.linear_system import LinearSystem, VolumeNotSeenError
 from tomo.registration import register, ways_to_shift
 from tomo.solve._common_start import log_smears
 from tomo.solve._quick_volume import quick_volume
+from tomo.support import carve
 
 CROSSINGS = 2_000_000
 """About the size of the coarser system that the shifts are found on."""
@@ -179,7 +180,8 @@ class _Round:
     @classmethod
     def of(cls, coarse: Coarser, shifts: NDArray[np.float64]) -> Self:
         rig, images, masks = _shifted(coarse.rig, shifts), coarse.images, coarse.masks
-        system = LinearSystem.from_rig(rig, coarse.grid, masks=masks)
+        found = carve(tuple(rig), images, masks, coarse.grid)
+        system = LinearSystem.from_rig(rig, coarse.grid, masks=found.pixels, live=found.live)
         measured = system.flatten(images)
         views = range(len(rig))
         count = len(rig) if len(rig) <= 6 else GROUPS

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
+
+from tomo._sums import dot
 
 STEPS = 6
 LARGEST_STEP = 2.0  # pixels
@@ -73,78 +77,100 @@ def register(
     """
     image = np.where(mask, image, 0).astype(np.float64)
     predicted = predicted.astype(np.float64)
-    rows, columns = np.indices(image.shape)
-
-    def errors_at(amounts: NDArray) -> tuple[float, NDArray, NDArray, float]:
-        right, down = np.sum(amounts[:, None, None, None] * ways, axis=0)
-        at = [rows - down, columns - right]
-        moved = map_coordinates(predicted, at, order=1, mode="constant") * mask
-        energy = float(np.sum(moved**2))
-        gain = float(np.sum(moved * image)) / energy if energy > 0 else 1.0
-        residual = image - gain * moved
-        return float(np.sum(residual**2)), moved, residual, gain
-
     amounts = np.zeros(len(ways))
-    before, *state = errors_at(amounts)
-    error = before
+    best = _Fit.of(predicted, image, mask)
+    before = best.error
+    places = np.indices(image.shape, np.float64)
     for _ in range(STEPS):
-        moved, residual, gain = state
-        columns_of = _sensitivities(moved, gain, ways)[:, mask]  # (1 + K, pixels)
+        columns_of = best.sensitivities(ways)[:, mask]  # (1 + K, pixels)
         normal = _products(columns_of)
         normal += 1e-9 * np.trace(normal) * np.eye(len(normal))
         if not normal.any():
             break
-        step = np.linalg.solve(normal, np.sum(columns_of * residual[mask], axis=1))[1:]
+        residual = best.residual[mask]
+        step = np.linalg.solve(normal, [dot(column, residual) for column in columns_of])[1:]
         trial = amounts + np.clip(step, -LARGEST_STEP, LARGEST_STEP)
-        found, *other = errors_at(trial)
-        if found >= error:
+        right, down = sum(amount * way for amount, way in zip(trial, ways, strict=True))
+        at = [places[0] - down, places[1] - right]
+        moved = map_coordinates(predicted, at, order=1, mode="constant")
+        found = _Fit.of(moved, image, mask)
+        if found.error >= best.error:
             break
-        error, amounts, state = found, trial, other
-    moved, _, gain = state
+        amounts, best = trial, found
     return Registration(
-        amounts, before, error, _covariance(moved, gain, error, mask, ways),
-        _squares(moved, mask, ways),
-    )  # fmt: skip
+        amounts, before, best.error, best.covariance(mask, ways), best.squares(mask, ways)
+    )
 
 
-def _sensitivities(
-    moved: NDArray[np.float64], gain: float, ways: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return how the moved prediction changes with gain and amounts: (1 + K, rows, columns)."""
-    down, right = _slopes(moved)
-    return np.stack([moved, *(-gain * (right * way[0] + down * way[1]) for way in ways)])
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A moved prediction against the image.
 
+    Attributes
+    ----------
+    moved, residual : (rows, columns) float64
+    gain, error : float
+        The gain that fits best, and the sum of the squared residuals with it.
+    """
 
-def _slopes(image: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Return how an image changes down and right; across a single row or column it does not."""
-    return [
-        np.gradient(image, axis=axis) if length > 1 else np.zeros_like(image)
-        for axis, length in enumerate(image.shape)
-    ]
+    moved: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    gain: float
+    error: float
 
+    @classmethod
+    def of(
+        cls, moved: NDArray[np.float64], image: NDArray[np.float64], mask: NDArray[np.bool_]
+    ) -> Self:
+        """Return that of an image that is zero where it is not usable."""
+        moved = moved * mask
+        energy = dot(moved, moved)
+        gain = dot(moved, image) / energy if energy > 0 else 1.0
+        residual = image - gain * moved
+        return cls(moved, residual, gain, dot(residual, residual))
 
-def _covariance(
-    moved: NDArray, gain: float, error: float, mask: NDArray, ways: NDArray
-) -> NDArray[np.float64]:
-    columns_of = _sensitivities(moved, gain, ways)[:, mask]
-    size = np.sqrt(np.sum(columns_of**2, axis=1))
-    if not (size > 0).all():
-        return np.full((len(ways),) * 2, np.inf)
-    normal = _products(columns_of / size[:, None])
-    if np.linalg.matrix_rank(normal, hermitian=True) < len(normal):
-        return np.full((len(ways),) * 2, np.inf)
-    variance = error / max(np.count_nonzero(mask) - len(normal), 1)
-    return variance * (np.linalg.inv(normal) / np.outer(size, size))[1:, 1:]
+    @cached_property
+    def slopes(self) -> list[NDArray[np.float64]]:
+        """How the image changes down and right; across a single row or column it does not."""
+        return [
+            np.gradient(self.moved, axis=axis) if length > 1 else np.zeros_like(self.moved)
+            for axis, length in enumerate(self.moved.shape)
+        ]
 
+    def sensitivities(self, ways: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how the prediction changes with gain and amounts: (1 + K, rows, columns)."""
+        down, right = self.slopes
+        moving = (-self.gain * (right * way[0] + down * way[1]) for way in ways)
+        return np.stack([self.moved, *moving])
 
-def _squares(moved: NDArray, mask: NDArray, ways: NDArray) -> NDArray[np.float64]:
-    down, right = _slopes(moved)
-    edges = np.where(mask, down**2 + right**2, 0.0)
-    total = float(edges.sum())
-    weighted = ways * np.sqrt(edges / total if total > 0 else edges)
-    return _products(weighted.reshape(len(ways), -1))
+    def covariance(
+        self, mask: NDArray[np.bool_], ways: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return that of the amounts, see `Registration`."""
+        columns_of = self.sensitivities(ways)[:, mask]
+        normal = _products(columns_of)
+        size = np.sqrt(np.diag(normal))
+        if not (size > 0).all():
+            return np.full((len(ways),) * 2, np.inf)
+        normal /= np.outer(size, size)
+        if np.linalg.matrix_rank(normal, hermitian=True) < len(normal):
+            return np.full((len(ways),) * 2, np.inf)
+        variance = self.error / max(np.count_nonzero(mask) - len(normal), 1)
+        return variance * (np.linalg.inv(normal) / np.outer(size, size))[1:, 1:]
+
+    def squares(self, mask: NDArray[np.bool_], ways: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the mean squares by which what is seen is moved, see `Registration`."""
+        down, right = self.slopes
+        edges = np.where(mask, down**2 + right**2, 0.0)
+        total = float(edges.sum())
+        weighted = ways * np.sqrt(edges / total if total > 0 else edges)
+        return _products(weighted.reshape(len(ways), -1))
 
 
 def _products(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the products (K, K) of rows (K, n), the same bits on any number of threads."""
-    return np.sum(rows[:, None] * rows[None], axis=2)
+    found = np.zeros((len(rows),) * 2)
+    for one, row in enumerate(rows):
+        for other in range(one + 1):
+            found[one, other] = found[other, one] = dot(row, rows[other])
+    return found
