@@ -21,4 +21,5 @@ def golden_section(count: int) -> NDArray[np.float64]:
     Multiples of the golden section, modulo 1: they fall into step with no regular pattern, such
     as the rows of an image or the views of a ring.
     """
-    return (np.arange(count) * ((5**0.5 - 1) / 2)) % 1.0
+    places = np.arange(count) * ((5**0.5 - 1) / 2)
+    return places - np.floor(places)

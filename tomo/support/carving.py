@@ -140,7 +140,7 @@ def carve(
     two more do not do it nothing is carved.
     """
     _check(cameras, images, masks, margin, threshold, votes)
-    lattices = [Lattice.of(camera, grid) for camera in cameras]
+    lattices = Lattice.of_all(cameras, grid)
     brightness = Brightness.of(images, masks, _pixels_a_voxel(lattices), threshold)
     shapes = [image.shape for image in images]
     seen = touched(np.ones(grid.shape, bool), lattices, shapes)

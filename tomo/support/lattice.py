@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,7 @@ class Lattice:
     pixels_a_voxel: float
 
     @classmethod
-    def of(cls, camera: Camera, grid: VoxelGrid) -> Lattice:
+    def of(cls, camera: Camera, grid: VoxelGrid) -> Self:
         """Project the corners of a grid's bricks; the last ones may reach beyond the grid.
 
         Notes
@@ -49,22 +50,28 @@ class Lattice:
         Interpolation is farthest off in the middle of a brick: twice the largest error there, in
         bricks spread over the grid, is the slack.
         """
+        return cls.of_all([camera], grid)[0]
+
+    @classmethod
+    def of_all(cls, cameras: Sequence[Camera], grid: VoxelGrid) -> list[Self]:
+        """Return the lattice of each camera, see `of`."""
         bricks = bricks_of(grid.shape)
-        corners = _projected(camera, grid, [np.arange(n + 1) * STEP for n in bricks])
         some = [np.unique(np.linspace(0, n - 1, min(n, CHECKED)).astype(int)) for n in bricks]
-        middles = _projected(camera, grid, [(index + 0.5) * STEP for index in some])
-        mean = sum(
-            corners[np.ix_(some[0] + i, some[1] + j, some[2] + k)]
-            for i in (0, 1)
-            for j in (0, 1)
-            for k in (0, 1)
-        ) / 8  # fmt: skip
-        off = np.abs(mean - middles)
-        slack = 2 * float(off[np.isfinite(off)].max(initial=0.0))
-        middle = tuple(slice(n // 2, n // 2 + 2) for n in bricks)  # one brick's corners
-        edges = np.stack([np.diff(corners[middle], axis=a).reshape(-1, 2) for a in range(3)])
-        size = np.abs(edges).max() / STEP  # NaN where the brick is not seen
-        return cls(corners, slack, float(size))
+        corners = _points(grid, [np.arange(n + 1) * STEP for n in bricks])
+        middles = _points(grid, [(index + 0.5) * STEP for index in some])
+        points = np.concatenate([corners.reshape(-1, 3), middles.reshape(-1, 3)])
+        around = np.ix_(*(np.add.outer(index, (0, 1)).ravel() for index in some))
+        cells = [part for index in some for part in (len(index), 2)]
+        count = corners[..., 0].size
+        found = []
+        for camera in cameras:
+            seen = _projected(camera, points)
+            own = seen[:count].reshape(*corners.shape[:3], 2)
+            mean = own[around].reshape(*cells, 2).mean(axis=(1, 3, 5))
+            off = np.abs(mean - seen[count:].reshape(mean.shape))
+            slack = 2 * float(off[np.isfinite(off)].max(initial=0.0))
+            found.append(cls(own, slack, _longest_edge(own)))
+        return found
 
 
 def bricks_of(shape: tuple[int, int, int]) -> tuple[int, int, int]:
@@ -72,12 +79,23 @@ def bricks_of(shape: tuple[int, int, int]) -> tuple[int, int, int]:
     return tuple(-(-n // STEP) for n in shape)
 
 
-def _projected(camera: Camera, grid: VoxelGrid, places: list[NDArray]) -> NDArray[np.float64]:
-    """Return the pixel coordinates of points given in voxels from the grid's lower corner."""
+def _points(grid: VoxelGrid, places: list[NDArray]) -> NDArray[np.float64]:
+    """Return points given in voxels from the grid's lower corner: (nx, ny, nz, 3)."""
     axes = [low + s * at for low, s, at in zip(grid.lower, grid.spacing, places, strict=True)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
+def _projected(camera: Camera, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the pixel coordinates of points (N, 3), NaN where they cannot be seen: (N, 2)."""
     if not camera.sees_once:  # one place of several would pass for the only one
-        return np.full((*points.shape[:3], 2), np.nan)
-    uv, _, valid = camera.project(points.reshape(-1, 3))
+        return np.full((len(points), 2), np.nan)
+    uv, _, valid = camera.project(points)
     uv[~valid] = np.nan
-    return uv.reshape((*points.shape[:3], 2))
+    return uv
+
+
+def _longest_edge(corners: NDArray[np.float64]) -> float:
+    """Return that of a voxel in the middle brick, in pixels; NaN where it is not seen."""
+    middle = tuple(slice((n - 1) // 2, (n - 1) // 2 + 2) for n in corners.shape[:3])
+    edges = np.stack([np.diff(corners[middle], axis=a).reshape(-1, 2) for a in range(3)])
+    return float(np.abs(edges).max() / STEP)

@@ -88,24 +88,26 @@ def estimate_noise(
     cut out: those say nothing. The filter is that of Immerkaer, "Fast noise variance estimation",
     Computer Vision and Image Understanding 64 (1996).
     """
-    image = np.asarray(image, np.float64)
+    image = np.asarray(image)
     if image.ndim != 2 or min(image.shape) < 3:
         return NoiseModel(0.0)
     usable = np.isfinite(image) if mask is None else np.isfinite(image) & np.asarray(mask, bool)
-    image = np.where(usable, image, 0.0)
-    whole = (_sum_of_nine(usable) == 9) & (_sum_of_nine(image == 0) < 2)
-    if not whole.any():
-        return NoiseModel(0.0)
+    whole = (_count_of_nine(usable) == 9) & (_count_of_nine(image == 0) < 2)
     chosen = np.flatnonzero(whole)
+    if not len(chosen):
+        return NoiseModel(0.0)
     most = PIXELS_A_LEVEL * MOST_LEVELS
     if len(chosen) > most:  # spread by the golden section: no step falls in with the rows
         chosen = chosen[golden_section(len(chosen)) < most / len(chosen)]
-    signal = image if expected is None else np.where(usable, expected, 0.0)
-    level = _sum_of_nine(signal).ravel()[chosen] / 9
+    corners = np.unravel_index(chosen, whole.shape)
+    nine = _nine(image, corners)
+    signal = nine if expected is None else _nine(np.asarray(expected), corners)
+    rows = signal[2] + signal[1] + signal[0]  # (3 columns, chosen)
+    level = (rows[2] + rows[1] + rows[0]) / 9
     if expected is not None:
-        image = image - signal
-    across = image[:, 2:] - 2 * image[:, 1:-1] + image[:, :-2]
-    fine = np.abs(across[2:] - 2 * across[1:-1] + across[:-2]).ravel()[chosen] / 6
+        nine = nine - signal
+    across = nine[:, 2] - 2 * nine[:, 1] + nine[:, 0]  # (3 rows, chosen)
+    fine = np.abs(across[2] - 2 * across[1] + across[0]) / 6
     parts = int(np.clip(len(level) // PIXELS_A_LEVEL, 1, MOST_LEVELS))
     order = np.argsort(level)[len(level) % parts :].reshape(parts, -1)
     means = level[order].mean(axis=1)
@@ -114,11 +116,19 @@ def estimate_noise(
     return _line(means, (spreads / QUARTER_OF_A_NORMAL) ** 2)
 
 
-def _sum_of_nine(image: NDArray) -> NDArray:
-    """Return the sums over 3 x 3 pixels, ``(height - 2, width - 2)``."""
-    image = image.astype(np.float64)
-    rows = image[2:] + image[1:-1] + image[:-2]
+def _count_of_nine(marked: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return how many of each 3 x 3 pixels are marked, ``(height - 2, width - 2)``."""
+    marked = np.asarray(marked, np.uint8)
+    rows = marked[2:] + marked[1:-1] + marked[:-2]
     return rows[:, 2:] + rows[:, 1:-1] + rows[:, :-2]
+
+
+def _nine(image: NDArray, corners: tuple[NDArray, NDArray]) -> NDArray[np.float64]:
+    """Return the 3 x 3 pixels below and right of the chosen ones: ``(3, 3, chosen)``."""
+    width = image.shape[1]
+    steps = width * np.arange(3)[:, None] + np.arange(3)
+    first = corners[0] * width + corners[1]
+    return image.ravel()[steps[:, :, None] + first].astype(np.float64)
 
 
 def _line(level: NDArray[np.float64], variance: NDArray[np.float64]) -> NoiseModel:

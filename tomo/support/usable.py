@@ -44,21 +44,35 @@ def usable_pixels(
         return usable
     high = _of_neighbours(np.where(usable, image, -np.inf), np.maximum)
     low = _of_neighbours(np.where(usable, image, np.inf), np.minimum)
+    few = _strange(image, high, low, np.float32(SHARE * largest)) & usable & np.isfinite(low)
+    found = np.nonzero(few)
+    if not len(found[0]):
+        return usable
     noise = NoiseModel(0.0) if noise is None else noise
-    surrounded = np.isfinite(low)
+    image, high, low = image[found], high[found], low[found]
+    sigma = np.sqrt(noise.variance(np.maximum(low, 0)))
+    usable[found] = ~_strange(image, high, low, np.maximum(SIGMAS * sigma, SHARE * largest))
+    return usable
+
+
+def _strange(
+    image: NDArray[np.float32],
+    high: NDArray[np.float32],
+    low: NDArray[np.float32],
+    far: NDArray[np.floating] | np.float32,
+) -> NDArray[np.bool_]:
+    """Return which pixels are so far above or below their neighbours."""
     with np.errstate(invalid="ignore"):
-        level = np.where(surrounded, np.maximum(low, 0), 0)
-        far = np.maximum(SIGMAS * np.sqrt(noise.variance(level)), SHARE * largest)
         # The image is divided rather than a bright neighbour multiplied: 1e38 is a number too.
         hot = image / TIMES > np.abs(high) + far / TIMES
-        strange = hot | (image < low / TIMES - far)
-    return usable & ~(strange & surrounded)
+        return hot | (image < low / TIMES - far)
 
 
 def _of_neighbours(image: NDArray[np.float32], extreme: np.ufunc) -> NDArray[np.float32]:
     """Return the extreme of each pixel's eight neighbours, fewer on the border."""
     nothing = -np.inf if extreme is np.maximum else np.inf
-    padded = np.pad(image, 1, constant_values=nothing)
+    padded = np.full((image.shape[0] + 2, image.shape[1] + 2), nothing, image.dtype)
+    padded[1:-1, 1:-1] = image
     rows = extreme(padded[:-2], padded[2:])  # above and below
     three = extreme(rows, padded[1:-1])
     sides = extreme(three[:, :-2], three[:, 2:])

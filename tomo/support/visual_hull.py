@@ -82,7 +82,7 @@ def visual_hull(
                 f"silhouettes: camera {camera.name}: found {np.asarray(own).dtype} of shape "
                 f"{np.shape(own)}, expected bool of {(height, width)}"
             )
-    lattices = [Lattice.of(camera, grid) for camera in cameras]
+    lattices = Lattice.of_all(cameras, grid)
     inside = dark_votes(silhouettes, lattices, grid.shape, margin=0.0, enough=1) == 0
     shapes = [own.shape for own in silhouettes]
     return VisualHull(grid, inside, tuple(touched(inside, lattices, shapes)))
