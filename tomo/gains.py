@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo._gains import Gains, geometric_mean
+from tomo.projector import Projector
 from tomo.reconstruction import Reconstruction
 from tomo.smooth_basis import SmoothBasis
 from tomo.solve._common_start import common_start
@@ -50,9 +51,9 @@ NEGATIVE = 0.01
 ROUNDS = 2
 ITERATIONS = 6
 WIDTH = 1.0
-CROSSINGS = 4_000_000
+CROSSINGS = 1_000_000
 """Of an estimate without a volume: its rounds, the iterations of each, the width of the blobs, and
-the size that large systems are thinned to."""
+the size that large systems are thinned to while a volume is made; all pixels are compared."""
 
 
 def fit_gains(
@@ -116,37 +117,54 @@ def fit_gains(
 
 
 def estimate_gains(
-    projector: ViewedOperator, measured: ArrayLike, *, offsets: bool = True
+    projector: ViewedOperator,
+    measured: ArrayLike,
+    *,
+    offsets: bool = True,
+    rounds: int = ROUNDS,
 ) -> Gains:
     """Return gains and offsets from the images alone, by a few quick iterations.
 
     Of MLEM; where noise makes many pixels negative, of CGLS on a smooth basis and free to go
     below zero itself: noise then adds no light.
 
-    Whether they are worth correcting is `Gains.views_disagree`. Large systems are thinned evenly.
+    Whether they are worth correcting is `Gains.views_disagree`. Volumes of large systems are made
+    from evenly thinned pixels.
     With fewer than two views there is nothing to compare: gains of 1.
     """
     measured = check_measured(projector, measured)
     if np.count_nonzero(np.diff(projector.view_ptr)) < 2 or not measured.any():
         return Gains.none(projector.n_views)
-    stride = min(projector.n_crossings // CROSSINGS, projector.shape[0] // 1000)
-    if stride > 1:
-        thinned = interleaved(projector.shape[0], int(stride))[0]
-        projector, measured = projector.take(thinned), measured[thinned]
+    stride = max(int(min(projector.n_crossings // CROSSINGS, projector.shape[0] // 1000)), 1)
+    some = interleaved(projector.shape[0], stride)[0]
+    thinned = _taken(projector, some) if stride > 1 else projector
 
     light = float(np.abs(measured).sum(dtype=np.float64))
     darkness = -float(np.minimum(measured, 0).sum(dtype=np.float64)) / light
 
-    def quick(projector: ViewedOperator, pixels: NDArray[np.float32]) -> Reconstruction:
+    def quick(_projector: ViewedOperator, pixels: NDArray[np.float32]) -> Reconstruction:
+        pixels = pixels[some]
         if darkness < NEGATIVE:
             return mlem(
-                projector, pixels, iterations=ITERATIONS, start=common_start(projector, pixels)
+                thinned, pixels, iterations=ITERATIONS, start=common_start(thinned, pixels)
             )
-        basis = SmoothBasis(projector, WIDTH)
+        basis = SmoothBasis(thinned, WIDTH)
         found = cgls(basis, pixels, iterations=ITERATIONS, nonnegative=False)
         return replace(found, volume=basis.volume(found.volume))
 
-    return solve_with_gains(quick, projector, measured, offsets=offsets)[1]
+    return solve_with_gains(quick, projector, measured, rounds=rounds, offsets=offsets)[1]
+
+
+def _taken(projector: ViewedOperator, pixels: NDArray[np.int64]) -> ViewedOperator:
+    """Return the projector of some pixels.
+
+    Rows here and there in a large matrix take as long as all of them: those of a stored one are
+    copied.
+    """
+    taken = projector.take(pixels)
+    if not isinstance(taken, Projector):
+        return taken
+    return Projector(taken.segments, taken.grid, taken.view_ptr, taken.live)
 
 
 def gains_worth_correcting(
@@ -165,11 +183,14 @@ def gains_worth_correcting(
     -----
     Whether views disagree is judged by gains alone. An offset common to all views is told from
     faint haze by dark pixels only, and where noise hides the haze those pixels are not quite dark.
+    One round tells: a second moves gains by a fiftieth of what they scatter.
     """
     if wanted is False:
         return None
-    if wanted is None and not estimate_gains(projector, measured, offsets=False).views_disagree:
-        return None
+    if wanted is None:
+        first = estimate_gains(projector, measured, offsets=False, rounds=1)
+        if not first.views_disagree:
+            return None
     return estimate_gains(projector, measured)
 
 
