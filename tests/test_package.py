@@ -21,6 +21,7 @@ FLOORS = [
         "tomo._by_name",
         "tomo._compile",
         "tomo._groups",
+        "tomo._kernel_compiler",
         "tomo._memory",
         "tomo._row_sum",
         "tomo._sums",

@@ -14,6 +14,7 @@ from pathlib import Path
 import numba
 from numba.core.cpu import ParallelOptions
 
+from tomo._kernel_compiler import KernelCompiler
 from tomo._waiting import wait_asleep
 
 wait_asleep()
@@ -44,7 +45,10 @@ def compiled(
         Whether sums may be taken in another order, so that a loop over one vectorises; NaN and
         infinity keep their meaning. The order is fixed by the compiled code, not by the threads.
     """
-    options = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+    options = {
+        "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True,
+        "pipeline_class": KernelCompiler,
+    }  # fmt: skip
     if parallel:
         options["parallel"] = _LOOPS_ALONE
     if inline:
