@@ -16,7 +16,7 @@ from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.refine import Refinement, refine_cameras
 from tomo.scan import Scan
-from tomo.support import Carving, carve
+from tomo.support import Carving, NoiseModel, carve
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +113,7 @@ def prepare(
     align: bool,
     carving: dict[str, Any] | None,
     refining: dict[str, Any] | None = None,
+    noise: Sequence[NoiseModel] | None = None,
 ) -> Prepared:
     """Align and refine the cameras and carve the volume, from the images alone.
 
@@ -126,6 +127,8 @@ def prepare(
         Settings of `tomo.support.carve`; nothing is carved when None.
     refining : dict, optional
         Settings of `tomo.refine.refine_cameras`; nothing is refined when None.
+    noise : sequence of NoiseModel, optional
+        Of each image, where it is known already.
     """
     if refining is not None and set(refining["cameras"]) >= set(rig.names):
         align = False  # what a shift would do is done better
@@ -139,5 +142,5 @@ def prepare(
         rig = refinement.rig
     if carving is None:
         return Prepared(rig, masks, LiveVoxels(grid), alignment, None, refinement)
-    found = carve(tuple(rig), images, masks, grid, **carving)
+    found = carve(tuple(rig), images, masks, grid, noise=noise, **carving)
     return Prepared(rig, found.pixels, found.live, alignment, found, refinement)

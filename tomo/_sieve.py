@@ -9,6 +9,7 @@ import numpy as np
 
 from tomo.grid import VoxelGrid
 from tomo.scan import Images, Masks, Scan
+from tomo.support import NoiseModel
 from tomo.suspects import Suspects, find_suspects
 
 
@@ -37,6 +38,14 @@ class Sieved:
     judged_images: Images
     judged_masks: Masks
     suspects: Suspects | None = None
+
+    @property
+    def noise(self) -> tuple[NoiseModel, ...] | None:
+        """That of the images that take part; None where it was not looked for."""
+        if self.suspects is None:
+            return None
+        known = dict(zip(self.suspects.wild, self.suspects.noise, strict=True))
+        return tuple(known[name] for name in self.training.rig.names)
 
     @property
     def left_out(self) -> tuple[str, ...]:

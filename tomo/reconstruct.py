@@ -198,6 +198,7 @@ def reconstruct(
         refining={"cameras": refined, "prior_pixels": refine_prior, "progress": progress}
         if refined
         else None,
+        noise=sieved.noise,
     )
     laps.end("prepare")
     how: dict[str, Any] = {

@@ -56,6 +56,7 @@ class Brightness:
         masks: Sequence[NDArray[np.bool_]] | None,
         widest: float,
         threshold: float | str = "auto",
+        noise: Sequence[NoiseModel] | None = None,
     ) -> Self:
         """Judge the pixels of all views by one threshold.
 
@@ -66,6 +67,8 @@ class Brightness:
             The largest standard deviation of the blur, in pixels: what is wider than a voxel
             would blur the volume.
         threshold : float or "auto"
+        noise : sequence of NoiseModel, optional
+            Of each image; estimated when None.
 
         Notes
         -----
@@ -75,7 +78,8 @@ class Brightness:
         ``widest``.
         """
         masks = [None] * len(images) if masks is None else masks
-        noise = tuple(estimate_noise(i, m) for i, m in zip(images, masks, strict=True))
+        if noise is None:
+            noise = [estimate_noise(i, m) for i, m in zip(images, masks, strict=True)]
         usable = tuple(map(usable_pixels, images, masks, noise))
         clean = [
             np.where(good, image, 0).astype(np.float32)
@@ -105,7 +109,7 @@ class Brightness:
             tuple((image > certain) & good for image, good in pairs),
             float(threshold),
             smoothing,
-            noise,
+            tuple(noise),
         )
 
     def unexplained(

@@ -100,6 +100,7 @@ def carve(
     threshold: float | str = "auto",
     votes: int | str = "auto",
     views: Sequence[int] | None = None,
+    noise: Sequence[NoiseModel] | None = None,
 ) -> Carving:
     """Find the voxels that dark pixels prove empty.
 
@@ -120,6 +121,8 @@ def carve(
         Views that must find a voxel dark.
     views : sequence of int, optional
         The cameras whose word counts; all when None. The others' pixels are told too.
+    noise : sequence of NoiseModel, optional
+        Of each image, where it is known already; estimated when None.
 
     Raises
     ------
@@ -141,7 +144,7 @@ def carve(
     """
     _check(cameras, images, masks, margin, threshold, votes)
     lattices = Lattice.of_all(cameras, grid)
-    brightness = Brightness.of(images, masks, _pixels_a_voxel(lattices), threshold)
+    brightness = Brightness.of(images, masks, _pixels_a_voxel(lattices), threshold, noise)
     shapes = [image.shape for image in images]
     seen = touched(np.ones(grid.shape, bool), lattices, shapes)
     judges = list(range(len(cameras)) if views is None else views)

@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._sums import dot, norm
+from tomo._sums import norm
 
 FEWEST_PIXELS = 50
 """Fewer in common say nothing."""
 
 
 def agreement(
-    predicted: NDArray[np.floating],
+    predicted: Sequence[NDArray[np.floating]],
     image: NDArray[np.floating],
     mask: NDArray[np.bool_],
     reach: int,
 ) -> float:
-    """Return the best correlation of an image with a prediction, -1 to 1; NaN if too few pixels.
+    """Return the best correlation of an image with predictions, -1 to 1; NaN if too few pixels.
 
     Parameters
     ----------
-    predicted, image : (rows, columns)
+    predicted : sequence of (rows, columns)
+    image : (rows, columns)
     mask : (rows, columns) bool
         Where the image takes part.
     reach : int
@@ -35,23 +36,25 @@ def agreement(
     Pearson's coefficient: a gain or an offset of the image changes nothing. An image or a
     prediction of one value agrees with nothing: 0.
     """
+    if not len(predicted):
+        return math.nan
+    predicted = np.asarray(predicted, np.float64)  # (predictions, rows, columns)
     found = [
-        _correlation(predicted[at], image[to][mask[to]], mask[to])
+        _largest_correlation(predicted[:, *at][:, mask[to]], image[to][mask[to]])
         for at, to in _overlaps(mask.shape, reach)
         if np.count_nonzero(mask[to]) >= FEWEST_PIXELS
     ]
     return max(found, default=math.nan)
 
 
-def _correlation(
-    predicted: NDArray[np.floating], shown: NDArray[np.floating], mask: NDArray[np.bool_]
-) -> float:
-    expected = predicted[mask].astype(np.float64)
+def _largest_correlation(expected: NDArray[np.float64], shown: NDArray[np.floating]) -> float:
+    """Return that of what is expected (predictions, pixels) with what is shown (pixels,)."""
+    expected = expected - expected.mean(axis=1, keepdims=True)
     shown = shown.astype(np.float64)
-    expected -= expected.mean()
     shown -= shown.mean()
-    size = norm(expected) * norm(shown)
-    return dot(expected, shown) / size if size > 0 else 0.0
+    size = np.sqrt(np.sum(expected**2, axis=1)) * norm(shown)
+    product = np.sum(expected * shown, axis=1)
+    return float(np.divide(product, size, out=np.zeros(len(size)), where=size > 0).max())
 
 
 def _overlaps(shape: tuple[int, int], reach: int) -> Iterator[tuple[tuple, tuple]]:

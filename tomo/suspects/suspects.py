@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.linear_system import VolumeNotSeenError
+from tomo.support.noise_model import NoiseModel, estimate_noise
 from tomo.suspects.views import ViewVerdict, judge_views
 from tomo.suspects.wild import wild_pixels
 
@@ -34,6 +35,8 @@ class Suspects:
     views : tuple of ViewVerdict
         Of all cameras, those held out too; empty where too few views could tell.
     held_out : tuple of str
+    noise : tuple of NoiseModel
+        Of all cameras, those held out last.
     """
 
     masks: tuple[NDArray[np.bool_], ...]
@@ -41,6 +44,7 @@ class Suspects:
     usable: Mapping[str, int]
     views: tuple[ViewVerdict, ...] = ()
     held_out: tuple[str, ...] = ()
+    noise: tuple[NoiseModel, ...] = ()
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -105,7 +109,8 @@ def find_suspects(
     beside = held_out or (Rig(()), [], [])
     cameras = Rig((*rig, *beside[0]), length_unit=rig.length_unit)
     images, masks = [*images, *beside[1]], [*masks, *beside[2]]
-    wild = [wild_pixels(i, m) for i, m in zip(images, masks, strict=True)]
+    noise = tuple(estimate_noise(i, m) for i, m in zip(images, masks, strict=True))
+    wild = [wild_pixels(i, m, n) for i, m, n in zip(images, masks, noise, strict=True)]
     clean = tuple(m & ~w for m, w in zip(masks, wild, strict=True))
     try:
         views = judge_views(cameras, images, clean, grid, trusted=len(rig))
@@ -117,4 +122,5 @@ def find_suspects(
         {name: int(np.count_nonzero(m)) for name, m in zip(cameras.names, masks, strict=True)},
         views,
         tuple(beside[0].names),
+        noise,
     )

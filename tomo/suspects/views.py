@@ -213,9 +213,7 @@ class _Court:
     def lack(self, image: NDArray, of: int, reach: int) -> float:
         """Return 1 less the best agreement of an image with what is predicted of a view."""
         mask = self.seen.masks[of]
-        found = [agreement(p, image, mask, reach) for p in self.seen.of_view(of)]
-        found = [one for one in found if not math.isnan(one)]
-        return 1 - max(found) if found else math.nan
+        return 1 - agreement(self.seen.of_view(of), image, mask, reach)
 
     def lacks(self) -> NDArray[np.float64]:
         """Return every view's, ``(views,)``; NaN where nothing shows."""

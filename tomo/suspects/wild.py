@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.support.noise_model import estimate_noise
+from tomo.support.noise_model import NoiseModel, estimate_noise
 
 TIMES = 3.0
 """By how much a pixel must be farther from its neighbours' word than they are from theirs."""
@@ -32,7 +32,9 @@ PAIRS = ((0, 1), (1, 0), (1, 1), (1, -1))
 OPPOSITE = [(-y, -x) for y, x in PAIRS]
 
 
-def wild_pixels(image: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.bool_]:
+def wild_pixels(
+    image: ArrayLike, mask: ArrayLike | None = None, noise: NoiseModel | None = None
+) -> NDArray[np.bool_]:
     """Return the usable pixels that their neighbours contradict, ``(height, width)``.
 
     Parameters
@@ -40,6 +42,8 @@ def wild_pixels(image: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.b
     image : (height, width)
     mask : (height, width) bool, optional
         True where a pixel is usable as far as is known; the others say nothing.
+    noise : NoiseModel, optional
+        Of the image; estimated when None.
 
     Notes
     -----
@@ -61,8 +65,9 @@ def wild_pixels(image: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.b
     if min(image.shape) < 5 or not image.any(where=usable):
         return wild
     scale = np.float32(np.abs(image).max(where=usable, initial=0.0))
+    noise = estimate_noise(image, usable) if noise is None else noise
+    noise = NoiseModel(noise.read / scale, noise.gain / scale)
     image = np.where(usable, image / scale, 0)
-    noise = estimate_noise(image, usable)
     known = usable
     for _ in range(ROUNDS):
         filled = np.where(known, image, _mean_around(image, known))
@@ -93,31 +98,43 @@ def _confirmed(
     rows, columns = np.nonzero(asked & (np.abs(deviation) > TIMES * far))
     if not len(rows):
         return found
-    typical = np.partition(_beside(spread, rows, columns, AROUND), -TYPICAL, axis=0)[-TYPICAL]
+    filled = np.pad(filled, 2, mode="reflect")
     own = deviation[rows, columns]  # (candidates,)
     sign = np.sign(own)
+    ends = (_beside(filled, rows, columns, side) for side in (PAIRS, OPPOSITE))
+    lines = sign * sum(ends) / 2  # (4, candidates)
+    beyond = sign * filled[rows + 2, columns + 2] - lines.max(axis=0)
+    likely = beyond > ALONG * np.abs(own)
+    rows, columns, own, sign = rows[likely], columns[likely], own[likely], sign[likely]
+    if not len(rows):
+        return found
+    spread = np.pad(spread, 2, mode="reflect")
+    typical = np.partition(_beside(spread, rows, columns, AROUND), -TYPICAL, axis=0)[-TYPICAL]
     near = sign * _beside(filled, rows, columns, SIDES)
     ground = sign * _beside(filled, rows, columns, RING)
     lifted = np.sort(near, axis=0)[1] - np.median(ground, axis=0)
     level = np.maximum(typical + far[rows, columns], lifted)
-    ends = (_beside(filled, rows, columns, side) for side in (PAIRS, OPPOSITE))
-    lines = sign * sum(ends) / 2  # (4, candidates)
-    beyond = sign * filled[rows, columns] - lines.max(axis=0)
-    wild = (np.abs(own) > TIMES * level) & (beyond > ALONG * np.abs(own))
-    found[rows[wild], columns[wild]] = True
-    stranger = _beside(np.where(found, np.abs(deviation), 0), rows, columns, TOUCHING)
-    found[rows, columns] &= np.abs(own) >= stranger.max(axis=0)
+    wild = np.abs(own) > TIMES * level
+    rows, columns, own = rows[wild], columns[wild], own[wild]
+    if not len(rows):
+        return found
+    found[rows, columns] = True
+    strange = np.pad(np.where(found, np.abs(deviation), 0), 2, mode="reflect")
+    stranger = _beside(strange, rows, columns, TOUCHING)
+    found[rows, columns] = np.abs(own) >= stranger.max(axis=0)
     return found
 
 
 def _beside(
-    image: NDArray[np.float32],
+    padded: NDArray[np.float32],
     rows: NDArray[np.intp],
     columns: NDArray[np.intp],
     steps: Sequence[tuple[int, int]],
 ) -> NDArray[np.float32]:
-    """Return what lies so many rows and columns from each candidate: ``(steps, candidates)``."""
-    padded = np.pad(image, 2, mode="reflect")
+    """Return what lies so many rows and columns from each candidate: ``(steps, candidates)``.
+
+    ``padded`` has two pixels more on every side.
+    """
     return np.stack([padded[rows + 2 + y, columns + 2 + x] for y, x in steps])
 
 

@@ -201,19 +201,19 @@ def test_agreement_knows_neither_gain_nor_offset_nor_a_small_shift():
     random = np.random.default_rng(0)
     image = random.random((20, 30))
     mask = np.ones(image.shape, bool)
-    assert agreement(image, 3 * image + 7, mask, 0) == pytest.approx(1)
-    assert agreement(image, -image, mask, 0) == pytest.approx(-1)
+    assert agreement([image], 3 * image + 7, mask, 0) == pytest.approx(1)
+    assert agreement([image], -image, mask, 0) == pytest.approx(-1)
     moved = np.roll(image, (1, -2), (0, 1))
-    assert agreement(image, moved, mask, 0) < 0.5
-    assert agreement(image, moved, mask, 2) == pytest.approx(1)
-    assert agreement(image, np.ones_like(image), mask, 1) == 0
-    assert np.isnan(agreement(image, image, np.zeros_like(mask), 1))
+    assert agreement([image], moved, mask, 0) < 0.5
+    assert agreement([image], moved, mask, 2) == pytest.approx(1)
+    assert agreement([image], np.ones_like(image), mask, 1) == 0
+    assert np.isnan(agreement([image], image, np.zeros_like(mask), 1))
 
 
 @pytest.mark.parametrize("shape", [(1, 80), (2, 80), (80, 2)])
 def test_agreement_of_images_narrower_than_the_shifts_that_are_tried(shape):
     image = np.random.default_rng(0).random(shape)
     mask = np.ones(shape, bool)
-    assert agreement(image, image, mask, 3) == pytest.approx(1)
+    assert agreement([image], image, mask, 3) == pytest.approx(1)
     along = int(np.argmax(shape))
-    assert agreement(image, np.roll(image, 2, along), mask, 3) == pytest.approx(1)
+    assert agreement([image], np.roll(image, 2, along), mask, 3) == pytest.approx(1)
