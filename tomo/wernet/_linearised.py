@@ -179,10 +179,10 @@ class Patches:
     root_size: NDArray[np.float64]
 
     @classmethod
-    def of(cls, projector: Projector, features: RayFeatures) -> Patches:
-        """Cut each view's pixels into squares of side `PATCH` by their place in the image."""
+    def of(cls, projector: Projector, features: RayFeatures, side: float = PATCH) -> Patches:
+        """Cut each view's pixels into squares of ``side`` by their place in the image."""
         view = np.repeat(np.arange(projector.n_views), np.diff(projector.view_ptr))
-        square = np.floor(features.place.numpy() / PATCH).astype(np.int64)  # (pixels, 2)
+        square = np.floor(features.place.numpy() / side).astype(np.int64)  # (pixels, 2)
         found, of_pixel, size = np.unique(
             np.column_stack([view, square]), axis=0, return_inverse=True, return_counts=True
         )

@@ -11,7 +11,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tomo._sums import norm
 from tomo.projector import Projector
 from tomo.solve.stopping import (
     Choice,
@@ -27,8 +26,8 @@ from tomo.wernet.ray_weights import RayWeights, corrections, reweighted, trend_c
 
 WORTH_LEARNING = 0.95
 """The left-out views' residual must fall below this share of the chord lengths', or these stay:
-with less the corrections explain noise and voxels' edges. So must what an encoder adds to the
-first guess."""
+with less an encoder's corrections explain noise and voxels' edges. So must what it adds to the
+first guess. That has shown by patches what it is worth, and must only not predict worse."""
 
 SETTLED = 0.99
 """Training ends when the left-out views' residual falls by less than this factor."""
@@ -107,16 +106,12 @@ class Rounds:
     def guess(self) -> bool:
         """Begin with a first guess of the views' levels and of trends along the rays.
 
-        Return whether there is one: levels that move less light than a first guess has to explain
-        to be worth it are none.
+        Return whether there is one.
         """
         guess = first_guess(self.projector, self.measured, self.chords, self.unit)
-        if not guess.trend.any():
-            level = np.repeat(guess.level.detach().numpy(), np.diff(self.projector.view_ptr))
-            moved = norm(2 * level * self.measured) / (norm(self.measured) or 1.0)
-            if moved <= math.sqrt(1 - WORTH_LEARNING**2) * self.chords.held_out_residual:
-                self.previous = self.chords.held_out_residual
-                return False
+        if guess is None:
+            self.previous = self.chords.held_out_residual
+            return False
         self.alternation.tokens.take(guess)
         return True
 
@@ -142,7 +137,8 @@ class Rounds:
             what = "nothing more" if self.guessed else "nothing"
             self.ended = f"{what} to learn: rays are predicted no better by an encoder"
             return math.nan
-        return self._solve(front, judged=self.done % JUDGED_EVERY == 0 or self.done >= self.last)
+        judged = self.done % JUDGED_EVERY == 0 or self.done >= self.last
+        return self._solve(front, judged=judged, anew=train)
 
     @property
     def _may_have_nothing(self) -> bool:
@@ -164,10 +160,11 @@ class Rounds:
         """Return the emission in front of each segment, ``(S,)``, by the voxels as they are."""
         return self.alternation.features.emission_in_front(self.volume, self.unit)
 
-    def _solve(self, front: torch.Tensor, *, judged: bool) -> float:
+    def _solve(self, front: torch.Tensor, *, judged: bool, anew: bool = True) -> float:
         """Solve with the weights as they are learnt by now; return the relative residual.
 
-        NaN, and nothing solved, where the weights have diverged.
+        NaN, and nothing solved, where the weights have diverged. Weights that were not learnt
+        from these images are judged as the chord lengths were solved for, not ``anew``.
         """
         alternation = self.alternation
         features, encoder, tokens = alternation.features, alternation.encoder, alternation.tokens
@@ -178,7 +175,7 @@ class Rounds:
             return math.nan
         learned = reweighted(self.projector, correction)
         if judged:
-            self.choice = self._choose(learned)
+            self.choice = self._choose(learned, anew)
         choice = self.choice or self.chords
         found = solve_as_chosen(learned, self.measured, choice)
         seen, self.volume = self.volume, self.projector.live.compress(found.volume)
@@ -212,12 +209,24 @@ class Rounds:
         """Return the residual that replaces the best: its few numbers speak for a first guess."""
         return best.held_out_residual * (1 if best.index else WORTH_LEARNING)
 
-    def _choose(self, learned: Projector) -> Choice:
+    def _choose(self, learned: Projector, anew: bool) -> Choice:
         """Return how to solve with learned weights, and how well left-out views are predicted."""
-        if self.alternation.features.tells_views:
+        if anew and self.alternation.features.tells_views:
             return choose_by_held_out_views(learned, self.measured)
         now = residual_of_left_out_views(learned, self.measured, self.chords)
         return replace(self.chords, held_out_residual=now)
+
+    def kept(self, few_views_worth: float) -> Learned | None:
+        """Return the best that was learnt where it is worth it, else None: the classic solve.
+
+        With few views it is where the residual is below ``few_views_worth`` of the chords'.
+        """
+        if self.best is None:
+            return None
+        share = WORTH_LEARNING if self.best.index else 1.0
+        if not self.alternation.features.tells_views:
+            share = few_views_worth
+        return self.best if self.worth(self.best.held_out_residual, share) else None
 
     def worth(self, residual: float, share: float) -> bool:
         """Say whether left-out views are predicted to ``share`` of the chords' residual."""

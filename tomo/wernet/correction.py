@@ -12,7 +12,7 @@ from tomo.wernet.convolution import packed_convolution
 from tomo.wernet.encoder import convolution
 from tomo.wernet.ray_features import NAMES, TRENDS
 
-_SLOPE = 0.01  # of the Leaky ReLU below zero
+SLOPE = 0.01  # of the Leaky ReLU below zero
 
 
 class CorrectionEncoder(nn.Module):
@@ -75,7 +75,7 @@ class CorrectionEncoder(nn.Module):
             x = packed_convolution(x, layer.weight, layer.bias)
             if number == 0 and token is not None:
                 x = x + token
-            x = functional.leaky_relu(x, _SLOPE) * inside
+            x = functional.leaky_relu(x, SLOPE) * inside
         return packed_convolution(x, self.last.weight, self.last.bias)[:, 0]
 
 

@@ -16,7 +16,7 @@ from tomo.reconstruction import Callback, Iteration, Reconstruction
 from tomo.solve._drive import additive_start, check_measured
 from tomo.solve.stopping import FEW_VIEWS, choose_by_held_out_views, solve_as_chosen
 from tomo.wernet._checkpoint import Checkpoint
-from tomo.wernet._rounds import WORTH_LEARNING, Rounds, reason
+from tomo.wernet._rounds import Rounds, reason
 from tomo.wernet.alternation import Alternation
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.device import usable_device
@@ -204,9 +204,7 @@ def wernet(
                 saved.save(rounds.state())
             if note(rounds.done + rounds.guessed, residual):
                 rounds.ended = f"stopped by the callback after round {rounds.done}"
-    best = rounds.best
-    limit = WORTH_LEARNING if tells_views else FEW_VIEWS_WORTH
-    result = best if best and rounds.worth(best.held_out_residual, limit) else None
+    best, result = rounds.best, rounds.kept(FEW_VIEWS_WORTH)
     volume, residual = (
         (result.volume, result.relative_residual)
         if result

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tomo.projector import Projector
 from tomo.wernet import _along_rays
+from tomo.wernet._streamed import streamed_corrections
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.packing import Packing
 from tomo.wernet.parts import SEGMENTS_A_PART, Map, cut, on_cores
@@ -104,6 +105,8 @@ def corrections(
     """Return the correction of every segment, ``(S,)``."""
     if encoder.is_zero:
         return trend_corrections(tokens, features, front)
+    if features.length.device.type == "cpu":
+        return streamed_corrections(encoder, tokens, features, front)
     found = np.zeros(len(features.voxel), np.float32)
     crossing = features.count.nonzero()[:, 0]
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from _benchmark.problems import problem
 
 import phantoms
 import rigs
+from phantoms.field import Field
 from rigs import Distortion, Rig
-from tomo import VoxelGrid
+from tomo import Reconstruction, VoxelGrid
 from tomo.metrics import cosine_distance
 from tomo.simulate import simulate
-from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
+from tomo.solve.stopping import Choice, choose_by_held_out_views, solve_as_chosen
 from tomo.wernet import CorrectionEncoder, RayWeights, ViewTokens, wernet
 
 
@@ -25,11 +27,16 @@ class Case:
 
     Attributes
     ----------
-    rig, phantom : str
+    rig : str
+        See `rig_of`.
+    phantom : str
+        One of `phantoms.names`, or "wide blobs", twice as wide.
     shape : (int, int, int)
     spacing : (float, float, float)
     shrink : int
         By how much the images of a preset are shrunk, from pixels of a quarter of a millimetre.
+    seed : int
+        Of the phantom.
     """
 
     rig: str
@@ -37,9 +44,23 @@ class Case:
     shape: tuple[int, int, int]
     spacing: tuple[float, float, float]
     shrink: int = 1
+    seed: int = 11
 
 
-CASES = (
+RESOLVED = tuple(
+    Case(rig, phantom, shape, spacing, seed=seed)
+    for rig, phantom, shape, spacing in (
+        ("paper33_pitch", "jet", (30, 140, 30), (0.5, 0.5, 0.5)),
+        ("paper33_pitch", "turbulent", (30, 140, 30), (0.5, 0.5, 0.5)),
+        ("14 of paper33_pitch", "jet", (30, 140, 30), (0.5, 0.5, 0.5)),
+        ("14 of paper33_pitch", "turbulent", (30, 140, 30), (0.5, 0.5, 0.5)),
+        ("fine distorted ring", "wide blobs", (40, 75, 53), (0.4, 0.6, 0.3)),
+    )
+    for seed in (1, 2, 3)
+)
+"""Voxels as fine as the phantoms ask for, which the rigs resolve."""
+
+COARSE = (
     Case("paper33_level", "jet", (15, 70, 15), (1.0, 1.0, 1.0), 4),
     Case("paper33_level", "turbulent", (30, 140, 30), (0.5, 0.5, 0.5), 2),
     Case("paper11_11deg", "jet", (20, 56, 20), (0.75, 1.25, 0.75), 4),
@@ -48,6 +69,9 @@ CASES = (
     Case("distorted ring", "jet", (30, 70, 30), (0.5, 1.0, 0.5)),
     Case("distorted ring", "homogeneous", (15, 70, 15), (1.0, 1.0, 1.0)),
 )
+"""Voxels or rigs too coarse for the phantoms, chord lengths or not."""
+
+CASES = RESOLVED + COARSE
 
 
 @dataclass(frozen=True)
@@ -67,7 +91,9 @@ class Transfer:
     learned : bool
         Whether the method took the encoder's weights.
     chords_seconds, seconds : float
-        Of the classic solve, its choices included, and of the method.
+        Of the classic solve, its choices included, and of the method, which holds it.
+    chords_processor_seconds, processor_seconds : float
+        The same, of all cores together: what other work on the machine does not change.
     """
 
     case: Case
@@ -80,59 +106,98 @@ class Transfer:
     learned: bool
     chords_seconds: float
     seconds: float
+    chords_processor_seconds: float
+    processor_seconds: float
 
     def report(self) -> dict[str, Any]:
         """Return plain values."""
         return asdict(self)
 
 
-def transfer(encoder: CorrectionEncoder, case: Case, seed: int = 11) -> Transfer:
+def transfer(encoder: CorrectionEncoder, case: Case) -> Transfer:
     """Return how an encoder does on one case, as it is."""
     grid = VoxelGrid(case.shape, case.spacing)
     rig = rig_of(case.rig, case.shrink)
-    field = phantoms.create(case.phantom, seed, grid.extent, grid.center)
-    scan = simulate(rig, field, grid, supersample=4, refine=2, seed=seed)
+    field = _field(case.phantom, case.seed, grid)
+    scan = simulate(rig, field, grid, supersample=4, refine=2, seed=case.seed)
     ready = problem(rig, grid, list(scan.images.values()), skip=True, midpoints=True)
     projector, measured = ready.system.projector, ready.measured
-    began = time.perf_counter()
-    choice = choose_by_held_out_views(projector, measured)
-    classic = solve_as_chosen(projector, measured, choice)
-    chords_seconds = time.perf_counter() - began
 
+    def classic() -> tuple[Choice, Reconstruction]:
+        choice = choose_by_held_out_views(projector, measured)
+        return choice, solve_as_chosen(projector, measured, choice)
+
+    def method() -> Reconstruction:
+        return wernet(projector, measured, encoder=encoder, freeze_encoder=True)
+
+    (choice, chords), *chords_seconds = _timed(classic)
+    found, *seconds = _timed(method)
     unit = float(np.sqrt(np.mean(np.square(measured, dtype=np.float64))))
     tokens = ViewTokens(projector.n_views, encoder.channels)
-    volume = projector.live.compress(classic.volume)
+    volume = projector.live.compress(chords.volume)
     weighted = RayWeights(encoder, tokens, volume, unit, False).projector(projector)
-    choice_of_weights = choose_by_held_out_views(weighted, measured)
-    frozen = solve_as_chosen(weighted, measured, choice_of_weights)
-
-    began = time.perf_counter()
-    found = wernet(projector, measured, encoder=encoder, freeze_encoder=True)
-    seconds = time.perf_counter() - began
+    frozen = solve_as_chosen(weighted, measured, choice)
+    residuals = found.settings["held_out_residual"]
     return Transfer(
         case,
         _footprint(rig, grid),
-        cosine_distance(classic.volume, scan.truth),
+        cosine_distance(chords.volume, scan.truth),
         cosine_distance(frozen.volume, scan.truth),
         cosine_distance(found.volume, scan.truth),
-        choice.held_out_residual,
-        choice_of_weights.held_out_residual,
+        residuals["chords"],
+        residuals["learned"],
         found.weights is not None,
-        chords_seconds,
-        seconds,
+        chords_seconds[0],
+        seconds[0],
+        chords_seconds[1],
+        seconds[1],
     )
 
 
+def _field(name: str, seed: int, grid: VoxelGrid) -> Field:
+    field = phantoms.create(name.removeprefix("wide "), seed, grid.extent, grid.center)
+    if not name.startswith("wide "):
+        return field
+    return phantoms.GaussianBlobs(field.centers, 2 * np.asarray(field.widths), field.amplitudes)
+
+
+Result = TypeVar("Result")
+
+
+def _timed(run: Callable[[], Result]) -> tuple[Result, float, float]:
+    """Return what ``run`` returns, and the seconds by the clock and of the processor."""
+    began, worked = time.perf_counter(), time.process_time()
+    found = run()
+    return found, time.perf_counter() - began, time.process_time() - worked
+
+
 def rig_of(name: str, shrink: int = 1) -> Rig:
-    """Return a preset with smaller images, or a ring of lenses that bend."""
-    if name != "distorted ring":
-        rig = rigs.preset(name)
-        return replace(rig, cameras=tuple(camera.shrunk(shrink) for camera in rig))
+    """Return a preset with smaller images, some cameras of one, or a ring of lenses that bend.
+
+    Parameters
+    ----------
+    name : str
+        A preset, "N of" a preset, "distorted ring", or "fine distorted ring" of finer pixels.
+    shrink : int
+        Of a preset's images.
+    """
+    if name.endswith("distorted ring"):
+        return _distorted_ring(2 if name.startswith("fine") else 1)
+    count, _, preset = name.rpartition(" of ")
+    rig = rigs.preset(preset)
+    cameras = [camera.shrunk(shrink) for camera in rig]
+    number = int(count) if count else len(cameras)
+    some = tuple(cameras[k * len(cameras) // number] for k in range(number))
+    return replace(rig, cameras=some)
+
+
+def _distorted_ring(finer: int) -> Rig:
+    """Return 14 cameras whose lenses bend, their pixels half a unit over ``finer``."""
     rig = rigs.ring(
         14,
         distance=160.0,
-        image_size=(140, 200),
-        footprint=0.5,
+        image_size=(140 * finer, 200 * finer),
+        footprint=0.5 / finer,
         pitch_degrees=[15.0, -10.0] * 7,
     )
     lens = Distortion("brown", (-0.15, 0.03, 0.001, -0.002))

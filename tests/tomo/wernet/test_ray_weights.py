@@ -1,3 +1,4 @@
+import numba
 import numpy as np
 import pytest
 import torch
@@ -7,6 +8,7 @@ from tomo.live_voxels import LiveVoxels
 from tomo.projector import dot_test
 from tomo.segments import Segments
 from tomo.wernet import CorrectionEncoder, RayFeatures, RayWeights, ViewTokens
+from tomo.wernet._streamed import streamed_corrections
 from tomo.wernet.ray_features import TRENDS
 from tomo.wernet.ray_weights import SEGMENTS_A_PART, correction_of, reweighted, trend_corrections
 
@@ -69,6 +71,26 @@ def test_weights_are_chords_times_one_plus_the_correction_squared(scene):
         np.testing.assert_allclose(again, correction, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.parametrize(("blocks", "channels"), [(1, 8), (2, 16), (3, 5)])
+def test_ray_by_ray_the_encoder_gives_what_it_gives_in_training(scene, blocks, channels):
+    chords = scene().projector
+    features = RayFeatures.of(chords)
+    encoder, tokens = CorrectionEncoder(blocks=blocks, channels=channels), ViewTokens(12, channels)
+    generator = torch.Generator().manual_seed(3)
+    for parameter in (encoder.last.weight, encoder.last.bias, *tokens.parameters()):
+        torch.nn.init.normal_(parameter, 0, 0.2, generator=generator)
+    with torch.no_grad():
+        encoder.hidden[0].weight[:, [2, 7]] = 0  # features that are not looked at
+    volume = np.random.default_rng(2).random(chords.shape[1]).astype(np.float32)
+    front = features.emission_in_front(volume, 8.0)
+    crossing = features.count.nonzero()[:, 0]
+    with torch.no_grad():
+        packing, expected = correction_of(encoder, tokens, features, front, crossing)
+    found = streamed_corrections(encoder, tokens, features, front)[packing.entry]
+    assert found.std() > 0.1
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5)
+
+
 def test_an_encoder_of_zeros_leaves_trends_and_levels(scene):
     chords = scene().projector
     weights = _weights(chords)
@@ -109,6 +131,7 @@ def test_the_same_bits_for_any_number_of_threads(scene):
     found = []
     for threads in (1, 2, 4):
         torch.set_num_threads(threads)
+        numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
         found.append(_weights(chords).projector(chords).segments.length)
         assert torch.get_num_threads() == threads
     assert all(np.array_equal(found[0], other) for other in found[1:])

@@ -1,0 +1,64 @@
+"""How well views left out are predicted, patch by patch of their images."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo._sums import dot, norm
+from tomo.solve._trials import Trial, views_to_leave_out
+from tomo.solve.stopping import Choice, solve_as_chosen
+from tomo.wernet._linearised import PATCH, Patches, Thinned
+
+if TYPE_CHECKING:
+    from tomo.projector import Projector
+
+
+SIDES = PATCH, PATCH / 2
+"""Of the patches. What a narrow flame's light loses changes sign across it, within the larger."""
+
+
+def residuals_of_left_out_patches(
+    some: Thinned, weighted: Projector, choice: Choice
+) -> NDArray[np.float64]:
+    """Return the residual of left-out views, summed over patches, over their light so summed.
+
+    Noise, and what voxels and single rays leave out, mostly cancel within a patch. What light
+    loses on its way does not: where single pixels are ruled by the former, patches still tell.
+    Each view is predicted up to a factor: levels are fitted to all views, those left out too, and
+    are to be judged by what they do to the volume.
+
+    Parameters
+    ----------
+    some : Thinned
+        Pixels and patches.
+    weighted : Projector
+        Of the same pixels, with the weights to be judged.
+    choice : Choice
+        How to solve for the voxels; of the views that `choose_by_held_out_views` leaves out.
+
+    Returns
+    -------
+    (2,) float64
+        For each of `SIDES`.
+    """
+    views = np.flatnonzero(np.diff(weighted.view_ptr)).tolist()
+    patches = [Patches.of(some.projector, some.features, side) for side in SIDES]
+    apart, light = np.zeros((2, len(SIDES)))
+    for left_out in views_to_leave_out(views):
+        trial = Trial.leaving_out(left_out, views, weighted, some.measured)
+        found = solve_as_chosen(trial.training, trial.training_pixels, choice)
+        pixels, there = weighted.pixels_of(left_out), trial.left_out_pixels
+        misfit, image = np.zeros((2, weighted.shape[0]))
+        seen = trial.left_out @ weighted.live.compress(found.volume)
+        for start, stop in itertools.pairwise(trial.left_out.view_ptr):
+            own = slice(start, stop)
+            seen[own] *= dot(seen[own], there[own]) / (dot(seen[own], seen[own]) or 1.0)
+        misfit[pixels] = seen - there
+        image[pixels] = there
+        apart += [norm(each.sum(misfit)) ** 2 for each in patches]
+        light += [norm(each.sum(image)) ** 2 for each in patches]
+    return np.sqrt(apart / np.where(light, light, 1.0))
