@@ -46,7 +46,7 @@ def unproject(coefficients: tuple[float, ...], plane: NDArray) -> NDArray[np.flo
             block = slice(start, start + _BLOCK)
             pinhole[block] = _undistorted(full, pinhole[block])
     directions = np.concatenate([pinhole, np.ones((len(pinhole), 1))], axis=1)
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    return directions / np.sqrt(np.einsum("ij,ij->i", directions, directions))[:, None]
 
 
 def _padded(coefficients: tuple[float, ...]) -> tuple[float, ...]:

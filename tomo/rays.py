@@ -61,7 +61,7 @@ class Rays:
             object.__setattr__(self, name, np.ascontiguousarray(found))
         if not np.isfinite(self.origins).all():
             raise ValueError("rays origins: found NaN or infinity, expected finite coordinates")
-        norms = np.linalg.norm(self.directions, axis=1)
+        norms = np.sqrt(np.einsum("ij,ij->i", self.directions, self.directions))
         if not (np.abs(norms - 1) < 1e-9).all():
             raise ValueError("rays directions: expected unit vectors")
         if (self.lengths < 0).any() or np.isnan(self.lengths).any():
@@ -134,19 +134,21 @@ class Rays:
             raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
         width, height = camera.image_size
         pixels = np.arange(width * height) if pixels is None else np.asarray(pixels)
-        centres = np.stack([pixels % width, pixels // width], axis=-1)  # (P, 2)
+        centres = np.stack(np.divmod(pixels, width)[::-1], axis=-1)  # (P, 2)
         steps = (np.arange(supersample) + 0.5) / supersample - 0.5
         offsets = np.stack(np.meshgrid(steps, steps, indexing="xy"), axis=-1).reshape(-1, 2)
         uv = (centres[:, None, :] + offsets).reshape(-1, 2)  # (P * K², 2)
         origins, directions = camera.rays(uv)
-        seen = np.isfinite(directions).all(axis=1)
-        per_pixel = seen.reshape(-1, supersample**2).sum(axis=1)
-        weight = np.repeat(1.0 / np.maximum(per_pixel, 1), per_pixel)
+        per_pixel = np.full(len(pixels), supersample**2)
+        if not np.isfinite(directions).all():
+            seen = np.isfinite(directions).all(axis=1)
+            per_pixel = seen.reshape(-1, supersample**2).sum(axis=1)
+            origins, directions = origins[seen], directions[seen]
         return cls(
-            origins[seen],
-            directions[seen],
-            np.full(len(weight), np.inf),
-            weight,
+            origins,
+            directions,
+            np.full(len(origins), np.inf),
+            np.repeat(1.0 / np.maximum(per_pixel, 1), per_pixel),
             np.concatenate([[0], np.cumsum(per_pixel)]).astype(np.int64),
         )
 
