@@ -25,6 +25,7 @@ FLOORS = [
         "tomo._memory",
         "tomo._row_sum",
         "tomo._sums",
+        "tomo._threads",
         "tomo._waiting",
         "tomo.metrics",
         "tomo.noise",

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
 
 import numba
@@ -16,15 +15,14 @@ from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
 from tomo.trace import column_changes
-from tomo.trace.columns import add_differences, running_sums, turned
-from tomo.trace.courses import WIDTH
+from tomo.trace.columns import Axes, add_differences, running_sums, turned
+from tomo.trace.shares import Follow, Share, follow_all, shares_of
 from tomo.trace.sources import Numbers, PixelSource, RayPixels, pixel_source
-from tomo.trace.survey import cuts_of_equal_work, survey
+from tomo.trace.survey import Survey, survey
 from tomo.viewed import ViewedOperator, as_float
 
-RAYS_AT_ONCE = 65_536  # 4 MB of courses: fewer take as long to deal out as to follow
-
-DIFFERENCES = 64 * 2**20  # bytes that an adjoint may take even for a smaller volume
+DIFFERENCES = 32 * 2**20
+"""Bytes for each of two threads or more that an adjoint may take even for a smaller volume."""
 
 
 class OnTheFlyProjector(ViewedOperator):
@@ -52,9 +50,9 @@ class OnTheFlyProjector(ViewedOperator):
     together could add to a voxel at most; all sums of them are exact, so that a voxel that no ray
     meets gets zero. Results do not depend on the number of threads.
 
-    A product takes the memory of one more volume, and 6 MB for the rays that it is at. Rays from
-    cameras are made when needed: see `from_cameras`. Work grows with the rays' changes of column,
-    not with the voxels that they meet: voxels that are not live are zeros.
+    A product takes the memory of one more volume, and 1 MB a thread for the rays that it is at.
+    Rays from cameras are made when needed: see `from_cameras`. Work grows with the rays' changes
+    of column, not with the voxels that they meet: voxels that are not live are zeros.
     """
 
     def __init__(
@@ -128,7 +126,7 @@ class OnTheFlyProjector(ViewedOperator):
     @property
     def n_crossings(self) -> int:
         """How many crossings of rays with voxels there are, edges and corners aside."""
-        return sum(crossings for _, crossings in self._surveys)
+        return sum(one.crossings for one in self._surveys)
 
     def rows(self, start: int, stop: int) -> OnTheFlyProjector:
         """Return the projector of pixels ``start:stop`` as one view; rays are shared."""
@@ -163,37 +161,54 @@ class OnTheFlyProjector(ViewedOperator):
         """Return the projector of some pixels of some sources, one after another."""
         sources = tuple(self._sources[number].take(pixels) for number, pixels in wanted)
         projector = self._of(sources, self.grid, view_ptr, self.live)
-        if "_axes" in self.__dict__:  # rays of some pixels go along no other axes
+        if "_orders" in self.__dict__:  # rays of some pixels go along no other axes
             projector.__dict__["_axes"] = [self._axes[number] for number, _ in wanted]
+            projector.__dict__["_orders"] = self._orders
         return projector
+
+    @cached_property
+    def _surveys(self) -> list[Survey]:
+        """What the rays of each source do."""
+        return [survey(source, self.grid) for source in self._sources]
 
     @cached_property
     def _axes(self) -> list[tuple[bool, bool, bool]]:
         """For each source, along which axes rays of it may go."""
-        return [axes for axes, _ in self._surveys]
+        return [one.axes for one in self._surveys]
 
     @cached_property
-    def _surveys(self) -> list[tuple[tuple[bool, bool, bool], int]]:
-        """For each source, the axes along which its rays go, and their crossings with voxels."""
-        found = (survey(source, self.grid) for source in self._sources)
-        return [(one.axes, one.crossings) for one in found]
+    def _orders(self) -> list[Axes]:
+        """For each long axis the order of all: last the one along which columns change most.
+
+        Columns that follow each other along it lie side by side.
+        """
+        changes = sum((one.changes for one in self._surveys), np.zeros((3, 3), np.int64))
+        others = ((1, 2), (0, 2), (0, 1))
+        return [
+            (axis, *sorted(others[axis], key=lambda other, axis=axis: changes[axis, other]))
+            for axis in range(3)
+        ]
 
     def _matvec(self, x: NDArray) -> NDArray:
         volume = self.live.expand(as_float(x.ravel()))
         images = np.zeros(self.shape[0], volume.dtype)
-        threads, number = numba.get_num_threads(), self._number
-        for axis in range(3):
-            shape = turned(self.grid.shape, axis)
-            sums = None
-            for block in self._blocks(axis):
-                if sums is None:
-                    sums = running_sums(volume, self.grid.shape, axis)
-                some = np.zeros(len(block.pixel_ptr) - 1)
-                column_changes.forward(
-                    block.courses, block.pixel_ptr, shape, number, threads, *sums, some
-                )
-                block.add_to(images, some)
+        for axes in self._orders:
+            self._project_along(axes, volume, images)
         return images
+
+    def _project_along(self, axes: Axes, volume: NDArray, images: NDArray) -> None:
+        """Add to ``images`` the sums along the rays with one long axis."""
+        shares = self._shares(axes)
+        if not shares:
+            return
+        shape, sums = turned(self.grid.shape, axes), running_sums(volume, self.grid.shape, axes)
+
+        def follow(share: Share, courses: NDArray, pixel_ptr: NDArray) -> None:
+            some = np.zeros(len(pixel_ptr) - 1)
+            column_changes.forward(courses, pixel_ptr, shape, self._number, *sums, some)
+            share.add_to(images, some)
+
+        follow_all(shares, self.grid, axes, lambda: follow)
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
@@ -206,9 +221,8 @@ class OnTheFlyProjector(ViewedOperator):
             volume[:] = np.nan
         elif most > 0:
             per_unit = math.ldexp(1.0, min(61 - math.frexp(most)[1], 1023))
-            for axis in range(3):
-                if any(axes[axis] for axes in self._axes):
-                    self._add_along(axis, y, per_unit, volume)
+            for axes in self._orders:
+                self._add_along(axes, y, per_unit, volume)
         return self.live.compress(volume)
 
     def _with_spoiled(self, y: NDArray, finite: NDArray[np.bool_]) -> NDArray:
@@ -230,78 +244,67 @@ class OnTheFlyProjector(ViewedOperator):
         )
         return step * total
 
-    def _add_along(self, axis: int, y: NDArray, per_unit: float, volume: NDArray) -> None:
-        """Add the back-projection along the rays with one long axis, some columns at a time."""
-        threads, number = numba.get_num_threads(), self._number
-        shape = n_a, n_b, n_c = turned(self.grid.shape, axis)
+    def _add_along(self, axes: Axes, y: NDArray, per_unit: float, volume: NDArray) -> None:
+        """Add the back-projection along the rays with one long axis, some columns at a time.
+
+        Shares of which no ray meets the columns are left out, once they have been followed and it
+        is known which they meet.
+        """
+        shares = self._shares(axes)
+        if not shares:
+            return
+        threads = min(numba.get_num_threads(), len(shares))
+        n_a, n_b, n_c = turned(self.grid.shape, axes)
         plane = n_c * (n_a + 1)  # numbers for each step along b
-        at_once = -(-max(volume.nbytes, DIFFERENCES) // (8 * plane))
-        ranges = -(-n_b // at_once)
+        room = max(volume.nbytes, DIFFERENCES * max(threads, 2))
+        ranges = -(-n_b // max(room // (8 * plane * threads), 1))
+        meets: dict[Share, tuple[int, int]] = {}
         for part in range(ranges):
             low, high = part * n_b // ranges, (part + 1) * n_b // ranges
-            differences = np.zeros((high - low) * plane, np.uint64)
-            for block in self._blocks(axis):
-                cuts = cuts_of_equal_work(block.courses, n_b, low, high, threads)
-                column_changes.adjoint(
-                    block.courses, block.pixel_ptr, shape, number, cuts, per_unit, block.of(y),
-                    differences,
-                )  # fmt: skip
-            add_differences(differences, self.grid.shape, axis, low, 1 / per_unit, volume)
+            differences = np.zeros((threads, (high - low) * plane), np.uint64)
+            some = [share for share in shares if _overlap(meets.get(share), low, high)]
+            meets |= self._add_differences(some, axes, low, high, y, per_unit, differences)
+            add_differences(differences, self.grid.shape, axes, low, 1 / per_unit, volume)
+
+    def _add_differences(
+        self,
+        shares: Sequence[Share],
+        axes: Axes,
+        low: int,
+        high: int,
+        y: NDArray,
+        per_unit: float,
+        differences: NDArray[np.uint64],
+    ) -> dict[Share, tuple[int, int]]:
+        """Add what shares bring to columns ``low:high``, each thread to a row of its own.
+
+        Returns the first and last column along b that each share's rays meet.
+        """
+        shape, free, meets = turned(self.grid.shape, axes), iter(differences), {}
+
+        def worker() -> Follow:
+            mine = next(free)
+
+            def follow(share: Share, courses: NDArray, pixel_ptr: NDArray) -> None:
+                meets[share] = column_changes.adjoint(
+                    courses, pixel_ptr, shape, self._number, low, high, per_unit, share.of(y), mine
+                )
+
+            return follow
+
+        follow_all(shares, self.grid, axes, worker)
+        return meets
+
+    def _shares(self, axes: Axes) -> list[Share]:
+        """Return the pixels with rays along ``axes[0]``, in shares."""
+        return list(shares_of(self._sources, [along[axes[0]] for along in self._axes]))
 
     @property
     def _number(self) -> NDArray[np.integer]:
         """Nothing, of the type in which places of running sums fit."""
         return np.zeros(0, np.int32 if math.prod(n + 1 for n in self.grid.shape) < 2**31 else int)
 
-    def _blocks(self, axis: int) -> Iterator[_Block]:
-        """Go through the rays along ``axis``, some at a time; a block is valid until the next."""
-        room = np.zeros((0, WIDTH))  # used again: new memory costs more than what is written to it
-        for pieces in self._shares(axis):
-            ptrs = [self._sources[n].ray_ptr(start, stop) for n, start, stop in pieces]
-            ends = np.cumsum([0] + [int(ptr[-1]) for ptr in ptrs])
-            if len(room) < ends[-1]:
-                room = np.zeros((max(int(ends[-1]), RAYS_AT_ONCE), WIDTH))
-            courses = room[: ends[-1]]
-            for (n, start, stop), low, high in zip(pieces, ends[:-1], ends[1:], strict=True):
-                self._sources[n].write(start, stop, self.grid, axis, courses[low:high])
-            ptr = np.concatenate(
-                [np.zeros(1, np.int64)]
-                + [ptr[1:] + low for ptr, low in zip(ptrs, ends[:-1], strict=True)]
-            )
-            spans = tuple((int(self._ptr[n]) + a, int(self._ptr[n]) + b) for n, a, b in pieces)
-            yield _Block(courses, ptr, spans)
 
-    def _shares(self, axis: int) -> Iterator[list[tuple[int, int, int]]]:
-        """Go through the pixels with rays along ``axis``: lists of source, start and stop."""
-        share, rays = [], 0
-        for number, source in enumerate(self._sources):
-            if not self._axes[number][axis]:
-                continue
-            for start, stop, count in source.portions(RAYS_AT_ONCE):
-                if rays + count > RAYS_AT_ONCE and share:
-                    yield share
-                    share, rays = [], 0
-                share.append((number, start, stop))
-                rays += count
-        if share:
-            yield share
-
-
-@dataclass(frozen=True, eq=False)
-class _Block:
-    """Courses of some rays with one long axis, and which pixels of the projector they feed."""
-
-    courses: NDArray[np.float64]
-    pixel_ptr: NDArray[np.int64]
-    spans: tuple[tuple[int, int], ...]
-
-    def of(self, images: NDArray) -> NDArray:
-        """Return the pixels of the block, in double precision."""
-        return np.concatenate([images[start:stop] for start, stop in self.spans], dtype=np.float64)
-
-    def add_to(self, images: NDArray, some: NDArray) -> None:
-        """Add ``some``, one value for each pixel of the block, to them."""
-        at, some = 0, some.astype(images.dtype)
-        for start, stop in self.spans:
-            images[start:stop] += some[at : at + stop - start]
-            at += stop - start
+def _overlap(met: tuple[int, int] | None, low: int, high: int) -> bool:
+    """Say whether columns ``met[0]`` to ``met[1]``, unknown if None, may be of ``low:high``."""
+    return met is None or (met[0] < high and met[1] >= low)

@@ -7,7 +7,9 @@ pairs behind an index. These loops are written in LLVM's own terms for it; read:
     add_pairs:       x[i] += whole - part[m],  x[i + 1] += part[m]
     subtract_pairs:  x[i] -= whole - part[m],  x[i + 1] -= part[m]
 
-with ``i = index[m]`` and ``j = other[m]``. Indices are not checked; whole numbers wrap around.
+with ``i = index[m]`` and ``j = i + step``, ``m`` from ``first`` to before ``last``. Indices are
+not checked; whole numbers wrap around. Bounds and not slices, for numba counts the references to
+an array that it slices.
 """
 
 from __future__ import annotations
@@ -16,8 +18,6 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 ir = cgutils.ir  # llvmlite's, as numba uses it
-
-CHAINS = 4  # sums that run beside each other: an addition takes as many cycles
 
 _WIDE = ir.IntType(64)
 _REAL = ir.DoubleType()
@@ -51,6 +51,12 @@ def _both(builder, low, high):
     return pair
 
 
+def _joined(builder, one, other):
+    """Return two pairs as four numbers."""
+    order = ir.Constant(ir.VectorType(ir.IntType(32), 4), list(range(4)))
+    return builder.shuffle_vector(one, other, order)
+
+
 def _load(builder, pointer, align):
     loaded = builder.load(pointer)
     loaded.align = align  # a pair stands anywhere
@@ -58,94 +64,125 @@ def _load(builder, pointer, align):
 
 
 @intrinsic
-def between_pairs(typing_context, x, index, other, fraction, count):
-    """Sum ``count`` differences, a multiple of four, in double precision; the order is fixed."""
+def between_pairs(typing_context, x, index, step, fraction, first, last):
+    """Sum differences in double precision; the order is fixed.
+
+    Four changes are taken together. Differences of single numbers are taken as such: they lose
+    nothing that the numbers' own rounding has left.
+    """
 
     def generate(context, builder, signature, args):
-        x, index, other, fraction = _arrays(context, builder, signature, args, 4)
+        x, index = _arrays(context, builder, signature, args, 2)
+        step, first, last = args[2], args[4], args[5]
+        fraction = context.make_array(signature.args[3])(context, builder, args[3])
         element = context.get_data_type(signature.args[0].dtype)
         single = isinstance(element, ir.FloatType)
-        pair = ir.VectorType(_REAL, 2)
-        zero = ir.Constant(pair, [ir.Constant(_REAL, 0.0)] * 2)
-        lower, rises = (
-            [cgutils.alloca_once_value(builder, zero) for _ in range(CHAINS)] for _ in range(2)
-        )
+        four = ir.VectorType(_REAL, 4)
+        zero = ir.Constant(four, [ir.Constant(_REAL, 0.0)] * 4)
+        lower, rises = ([cgutils.alloca_once(builder, four) for _ in range(2)] for _ in range(2))
+        for total in (*lower, *rises):
+            builder.store(zero, total)
 
-        def values(places, m):
-            at = _index(builder, places, m)
-            found = _load(builder, _pair_at(builder, x.data, at, element), 4 if single else 8)
-            return builder.fpext(found, pair) if single else found
+        def pair(at):
+            pointer = _pair_at(builder, x.data, at, element)
+            return _load(builder, pointer, 4 if single else 8)
+
+        def difference(m):
+            at = _index(builder, index, m)
+            return builder.fsub(pair(at), pair(builder.add(at, step)))
+
+        def part(m):
+            found = builder.load(builder.gep(fraction.data, [m]))
+            return _both(builder, found, found)
 
         def add(total, term):
             builder.store(builder.fadd(builder.load(total), term, flags=["contract"]), total)
 
-        chains = ir.Constant(_WIDE, CHAINS)
-        with cgutils.for_range(builder, builder.sdiv(args[4], chains)) as loop:
-            first = builder.mul(loop.index, chains)
-            for chain in range(CHAINS):
-                m = builder.add(first, ir.Constant(_WIDE, chain))
-                difference = builder.fsub(values(index, m), values(other, m))
-                part = builder.load(builder.gep(fraction.data, [m]))
-                add(lower[chain], difference)
-                add(
-                    rises[chain],
-                    builder.fmul(difference, _both(builder, part, part), flags=["contract"]),
-                )
+        def add_two(chain, differences, parts):
+            wide = _joined(builder, *differences)
+            wide = builder.fpext(wide, four) if single else wide
+            add(lower[chain], wide)
+            parts = _joined(builder, *parts)
+            add(rises[chain], builder.fmul(wide, parts, flags=["contract"]))
 
-        def together(totals):
-            a, b, c, d = (builder.load(total) for total in totals)
-            return builder.fadd(builder.fadd(a, b), builder.fadd(c, d))
+        whole = builder.sub(last, builder.srem(builder.sub(last, first), _WIDE(4)))
+        with cgutils.for_range_slice(builder, first, whole, _WIDE(4)) as (start, _):
+            for chain in range(2):
+                m = [builder.add(start, _WIDE(2 * chain + one)) for one in range(2)]
+                add_two(chain, [difference(one) for one in m], [part(one) for one in m])
+        nothing = ir.Constant(ir.VectorType(element, 2), [ir.Constant(element, 0.0)] * 2)
+        with cgutils.for_range_slice(builder, whole, last, _WIDE(1)) as (m, _):
+            add_two(0, [difference(m), nothing], [part(m), part(m)])
 
-        low, high = (ir.Constant(ir.IntType(32), side) for side in (0, 1))
-        lower, rises = together(lower), together(rises)
-        rise = builder.fsub(
-            builder.extract_element(rises, high), builder.extract_element(rises, low)
+        def summed(totals):
+            a, b = (builder.load(total) for total in totals)
+            return builder.fadd(a, b)
+
+        def lane(vector, number):
+            return builder.extract_element(vector, ir.Constant(ir.IntType(32), number))
+
+        lower, rises = summed(lower), summed(rises)
+        low = builder.fadd(lane(lower, 0), lane(lower, 2))
+        rise = builder.fadd(
+            builder.fsub(lane(rises, 1), lane(rises, 0)),
+            builder.fsub(lane(rises, 3), lane(rises, 2)),
         )
-        return builder.fadd(builder.extract_element(lower, low), rise)
+        return builder.fadd(low, rise)
 
-    return types.float64(x, index, other, fraction, types.int64), generate
+    wide = types.int64
+    return types.float64(x, index, wide, fraction, wide, wide), generate
 
 
 @intrinsic
-def prefetch(typing_context, x, index, other, count):
-    """Tell the processor to fetch what `between_pairs` is going to read."""
+def prefetch_pairs(typing_context, x, index, step, first, last):
+    """Tell the processor to fetch the pairs at ``j``.
+
+    That at ``i`` is most often in the line of cache of what the change before has entered.
+    """
 
     def generate(context, builder, signature, args):
-        x, *places = _arrays(context, builder, signature, args, 3)
+        x, index = _arrays(context, builder, signature, args, 2)
         byte, whole = ir.IntType(8).as_pointer(), ir.IntType(32)
         kind = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
         fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
         to_read, all_levels, data = whole(0), whole(3), whole(1)
-        with cgutils.for_range(builder, args[3]) as loop:
-            for array in places:
-                at = builder.gep(x.data, [_index(builder, array, loop.index)])
-                builder.call(fetch, [builder.bitcast(at, byte), to_read, all_levels, data])
+        step, first, last = args[2:]
+        with cgutils.for_range_slice(builder, first, last, _WIDE(1)) as (m, _):
+            pointer = builder.gep(x.data, [builder.add(_index(builder, index, m), step)])
+            builder.call(fetch, [builder.bitcast(pointer, byte), to_read, all_levels, data])
         return context.get_dummy_value()
 
-    return types.void(x, index, other, types.int64), generate
+    return types.void(x, index, types.int64, types.int64, types.int64), generate
 
 
 @intrinsic
-def add_pairs(typing_context, x, index, part, count, whole):
-    """Add ``count`` pairs to ``x``."""
-    return types.void(x, index, part, types.int64, types.int64), _adding("add")
+def add_pairs(typing_context, x, index, part, first, last, whole):
+    """Add pairs at ``i`` to ``x``."""
+    wide = types.int64
+    return types.void(x, index, part, wide, wide, wide), _adding("add")
 
 
 @intrinsic
-def subtract_pairs(typing_context, x, index, part, count, whole):
-    """Subtract ``count`` pairs from ``x``."""
-    return types.void(x, index, part, types.int64, types.int64), _adding("sub")
+def subtract_pairs(typing_context, x, index, step, part, first, last, whole):
+    """Subtract pairs at ``j`` from ``x``."""
+    wide = types.int64
+    return types.void(x, index, wide, part, wide, wide, wide), _adding("sub")
 
 
 def _adding(operation):
     def generate(context, builder, signature, args):
-        x, index, part = _arrays(context, builder, signature, args, 3)
-        with cgutils.for_range(builder, args[3]) as loop:
-            upper = builder.load(builder.gep(part.data, [loop.index]))
-            term = _both(builder, builder.sub(args[4], upper), upper)
-            target = _pair_at(builder, x.data, _index(builder, index, loop.index), _WIDE)
-            total = getattr(builder, operation)(_load(builder, target, 8), term)
-            builder.store(total, target).align = 8
+        x, index = _arrays(context, builder, signature, args, 2)
+        *step, part, first, last, total = args[2:]
+        part = context.make_array(signature.args[-4])(context, builder, part)
+        with cgutils.for_range_slice(builder, first, last, _WIDE(1)) as (m, _):
+            upper = builder.load(builder.gep(part.data, [m]))
+            term = _both(builder, builder.sub(total, upper), upper)
+            at = _index(builder, index, m)
+            for more in step:
+                at = builder.add(at, more)
+            target = _pair_at(builder, x.data, at, _WIDE)
+            changed = getattr(builder, operation)(_load(builder, target, 8), term)
+            builder.store(changed, target).align = 8
         return context.get_dummy_value()
 
     return generate

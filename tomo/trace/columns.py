@@ -1,7 +1,7 @@
 """A volume as running sums along one axis, column by column, and back.
 
-A *column* ``(b, c)`` is the row of ``n_a`` voxels along an axis ``a`` (b and c are the other axes
-in their order). Its running sums ``S[k]``, the sum of its first ``k`` voxels, are ``n_a + 1``
+A *column* ``(b, c)`` is the row of ``n_a`` voxels along an axis ``a`` (b and c are the other axes,
+in either order). Its running sums ``S[k]``, the sum of its first ``k`` voxels, are ``n_a + 1``
 numbers, and column ``(b, c)`` begins at ``(b * n_c + c) * (n_a + 1)``. They are added up in double
 precision and kept in the volume's type.
 
@@ -12,71 +12,102 @@ whole numbers, for which that sum is exact: what cancels, cancels to zero.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compile import compiled
+from tomo._threads import share_out
 
-_TOGETHER = 16  # columns that are gone through side by side, for the volume's layout's sake
+Axes = tuple[int, int, int]
+"""Which of x, y and z (0, 1, 2) are a, b and c."""
+
+_TOGETHER = 128  # columns that are gone through side by side: one line of cache of the volume
 
 
-@compiled(parallel=True)
-def _sum_up(volume, strides, shape, sums) -> None:
-    """Write the running sums of all columns; ``strides`` are the volume's along a, b, c."""
-    length = shape[0] + 1
-    for b in numba.prange(shape[1]):
-        total = np.zeros(_TOGETHER)
-        for first in range(0, shape[2], _TOGETHER):
-            some = min(_TOGETHER, shape[2] - first)
+class _Walk(NamedTuple):
+    """How to go through a volume and its columns.
+
+    Columns are taken side by side along whichever of b and c has its voxels nearer together.
+
+    Attributes
+    ----------
+    shape : (int, int, int)
+        Numbers along a, along the other of b and c, and along the one side by side.
+    voxel : (int, int, int)
+        Strides of the volume along them.
+    column : (int, int)
+        Columns from one to the next along the two.
+    """
+
+    shape: tuple[int, int, int]
+    voxel: tuple[int, int, int]
+    column: tuple[int, int]
+
+
+@compiled()
+def _sum_up(volume, walk, first_other, end_other, sums) -> None:
+    """Write the running sums of the columns ``first_other:end_other``."""
+    n_a, _, n_side = walk.shape
+    step_a, step_other, step_side = walk.voxel
+    total = np.zeros(_TOGETHER)
+    for other in range(first_other, end_other):
+        for first in range(0, n_side, _TOGETHER):
+            some = min(_TOGETHER, n_side - first)
             total[:] = 0
-            source = b * strides[1] + first * strides[2]
-            target = (b * shape[2] + first) * length
-            for k in range(shape[0]):
-                for c in range(some):
-                    total[c] += volume[source + k * strides[0] + c * strides[2]]
-                    sums[target + c * length + k + 1] = total[c]
+            source = other * step_other + first * step_side
+            target = (other * walk.column[0] + first * walk.column[1]) * (n_a + 1) + 1
+            between = walk.column[1] * (n_a + 1)
+            for k in range(n_a):
+                for side in range(some):
+                    total[side] += volume[np.uint64(source + k * step_a + side * step_side)]
+                for side in range(some):
+                    sums[np.uint64(target + side * between + k)] = total[side]
 
 
-@compiled(parallel=True)
-def _sum_down(differences, strides, shape, first_b, unit, volume) -> None:
-    """Add to the volume the transpose of `_sum_up` for some of the columns."""
-    length = shape[0] + 1
-    for b in numba.prange(len(differences) // (length * shape[2])):
-        total = np.zeros(_TOGETHER, np.uint64)
-        for first in range(0, shape[2], _TOGETHER):
-            some = min(_TOGETHER, shape[2] - first)
+@compiled()
+def _sum_down(differences, walk, first_other, end_other, start, unit, volume) -> None:
+    """Add to the volume, from voxel ``start`` on, the transpose of `_sum_up`."""
+    n_a, _, n_side = walk.shape
+    step_a, step_other, step_side = walk.voxel
+    total = np.zeros(_TOGETHER, np.uint64)
+    for other in range(first_other, end_other):
+        for first in range(0, n_side, _TOGETHER):
+            some = min(_TOGETHER, n_side - first)
             total[:] = 0
-            source = (b * shape[2] + first) * length
-            target = (first_b + b) * strides[1] + first * strides[2]
-            for k in range(shape[0] - 1, -1, -1):
-                for c in range(some):
-                    total[c] += differences[source + c * length + k + 1]
-                    volume[target + k * strides[0] + c * strides[2]] += np.int64(total[c]) * unit
+            source = (other * walk.column[0] + first * walk.column[1]) * (n_a + 1) + 1
+            target = start + other * step_other + first * step_side
+            between = walk.column[1] * (n_a + 1)
+            for k in range(n_a - 1, -1, -1):
+                for copy in range(len(differences)):
+                    for side in range(some):
+                        total[side] += differences[copy, np.uint64(source + side * between + k)]
+                for side in range(some):
+                    at = np.uint64(target + k * step_a + side * step_side)
+                    volume[at] += np.int64(total[side]) * unit
 
 
-def turned(values: tuple[int, int, int], axis: int) -> tuple[int, int, int]:
-    """Return what belongs to x, y and z in the order of a long axis a, b and c."""
-    b, c = across(axis)
-    return values[axis], values[b], values[c]
-
-
-def across(axis: int) -> tuple[int, int]:
-    """Return the axes b and c of a long axis."""
-    return (1 if axis == 0 else 0), (1 if axis == 2 else 2)
+def turned(values: tuple[int, int, int], axes: Axes) -> tuple[int, int, int]:
+    """Return what belongs to x, y and z in the order a, b, c."""
+    return tuple(values[axis] for axis in axes)
 
 
 def running_sums(
-    volume: NDArray, shape: tuple[int, int, int], axis: int
+    volume: NDArray, shape: tuple[int, int, int], axes: Axes
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Return the running sums of a flat volume along ``axis``, in single and double precision.
+    """Return the running sums of a flat volume along a, in single and double precision.
 
-    ``(n_b * n_c * (n_a + 1) + 2,)`` in the volume's type, none in the other. The last two are
-    zero and belong to no column.
+    ``(n_b * n_c * (n_a + 1) + 1,)`` in the volume's type, none in the other. The last one is zero
+    and belongs to no column.
     """
-    n_a, n_b, n_c = turned(shape, axis)
-    sums = np.zeros(n_b * n_c * (n_a + 1) + 2, volume.dtype)
-    _sum_up(volume, _strides(shape, axis), (n_a, n_b, n_c), sums)
+    n_a, n_b, n_c = turned(shape, axes)
+    sums = np.zeros(n_b * n_c * (n_a + 1) + 1, volume.dtype)
+    walk = _walk(shape, axes, n_b)
+    _on_threads(walk, lambda first, end: _sum_up(volume, walk, first, end, sums))
     if sums.dtype == np.float32:
         return sums, np.zeros(0)
     return np.zeros(0, np.float32), sums
@@ -85,7 +116,7 @@ def running_sums(
 def add_differences(
     differences: NDArray[np.uint64],
     shape: tuple[int, int, int],
-    axis: int,
+    axes: Axes,
     first_b: int,
     unit: float,
     volume: NDArray,
@@ -94,16 +125,39 @@ def add_differences(
 
     Parameters
     ----------
-    differences : (columns * (n_a + 1),) uint64
-        Whole numbers, negative ones as their complement, of the columns from ``(first_b, 0)`` on.
-    shape : (int, int, int)
-    axis, first_b : int
+    differences : (copies, columns * (n_a + 1)) uint64
+        Whole numbers, negative ones as their complement, of the columns from ``(first_b, 0)`` on,
+        to be added up.
+    shape, axes : (int, int, int)
+    first_b : int
     unit : float
         What one of the whole numbers stands for.
     volume : (voxels,) float32 or float64
     """
-    _sum_down(differences, _strides(shape, axis), turned(shape, axis), first_b, unit, volume)
+    n_a, _, n_c = turned(shape, axes)
+    walk = _walk(shape, axes, differences.shape[1] // (n_c * (n_a + 1)))
+    start = first_b * _strides(shape, axes)[1]
+    _on_threads(
+        walk, lambda first, end: _sum_down(differences, walk, first, end, start, unit, volume)
+    )
 
 
-def _strides(shape: tuple[int, int, int], axis: int) -> tuple[int, int, int]:
-    return turned((shape[1] * shape[2], shape[2], 1), axis)
+def _strides(shape: tuple[int, int, int], axes: Axes) -> tuple[int, int, int]:
+    return turned((shape[1] * shape[2], shape[2], 1), axes)
+
+
+def _walk(shape: tuple[int, int, int], axes: Axes, some_b: int) -> _Walk:
+    """Return how to go through ``some_b`` voxels along b, and all along a and c."""
+    n_a, _, n_c = turned(shape, axes)
+    a, b, c = _strides(shape, axes)
+    if c < b:
+        return _Walk((n_a, some_b, n_c), (a, b, c), (n_c, 1))
+    return _Walk((n_a, n_c, some_b), (a, c, b), (1, n_c))
+
+
+def _on_threads(walk: _Walk, work: Callable[[int, int], None]) -> None:
+    """Call ``work`` for ranges of the columns that are not side by side, on all threads."""
+    threads, count = numba.get_num_threads(), walk.shape[1]
+    parts = min(4 * threads, count) if threads > 1 else 1
+    cuts = [part * count // parts for part in range(parts + 1)]
+    share_out(itertools.pairwise(cuts), threads, lambda: lambda cut: work(*cut))

@@ -1,8 +1,8 @@
 """What rays do in a grid, seen along the axis on which each moves fastest.
 
 The axis along which a ray moves fastest (in voxels) is its *long* axis ``a``; ``b`` and ``c`` are
-the two others in their order. A ray is told as two straight lines, ``b(t)`` and ``c(t)`` over the
-position ``t`` along ``a``, all in voxels, ascending along every axis: a line integral does not
+the two others, in either order. A ray is told as two straight lines, ``b(t)`` and ``c(t)`` over
+the position ``t`` along ``a``, all in voxels, ascending along every axis: a line integral does not
 know which way it was taken, and where a ray descends along b or c while it ascends along a, that
 axis is counted from its other end. Such an axis is *mirrored*, and its slope negative.
 """
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from tomo._compile import compiled
@@ -104,7 +103,7 @@ def _set_courses(rays, made, some, shape, before_b, before_c, courses) -> None:
             courses[k, part] = made[part, k]
 
 
-@compiled(parallel=True)
+@compiled()
 def of_rays(origins, directions, lengths, weights, box, shape, axes, courses) -> None:
     """Write the courses of rays (N, ...) with ``axes[0]`` for their long axis.
 
@@ -122,10 +121,9 @@ def of_rays(origins, directions, lengths, weights, box, shape, axes, courses) ->
         Written; a ray with another long axis, or one that misses the grid, gets no course.
     """
     before = axes[0] < axes[1], axes[0] < axes[2]
-    for group in numba.prange(-(-len(origins) // _TOGETHER)):
-        first = group * _TOGETHER
+    rays, made = np.zeros((8, _TOGETHER)), np.zeros((7, _TOGETHER))
+    for first in range(0, len(origins), _TOGETHER):
         some = min(_TOGETHER, len(origins) - first)
-        rays, made = np.zeros((8, _TOGETHER)), np.zeros((7, _TOGETHER))
         for k in range(some):
             for part in range(3):
                 axis = axes[part]
@@ -137,7 +135,7 @@ def of_rays(origins, directions, lengths, weights, box, shape, axes, courses) ->
         _set_courses(rays, made, some, shape, before[0], before[1], courses[first : first + some])
 
 
-@compiled(parallel=True)
+@compiled()
 def of_pixels(
     pixels, bend, width, lens, steps, turned, position, box, shape, axes, courses
 ) -> None:  # fmt: skip
@@ -166,10 +164,17 @@ def of_pixels(
     before = axes[0] < axes[1], axes[0] < axes[2]
     bent = bend.shape[2]
     at_once = max(_TOGETHER // several, 1)
-    for group in numba.prange(-(-len(pixels) // at_once)):
-        first = group * at_once
+    rays, made = np.zeros((8, at_once * several)), np.zeros((7, at_once * several))
+    to = np.zeros((3, 4))
+    for part in range(3):
+        axis = axes[part]
+        for other in range(3):
+            to[part, other] = turned[other, axis] / box[2, axis]
+        to[part, 3] = voxel_units(
+            position[axis], box[0, axis], box[1, axis], box[2, axis], shape[part]
+        )
+    for first in range(0, len(pixels), at_once):
         some = min(at_once, len(pixels) - first)
-        rays, made = np.zeros((8, at_once * several)), np.zeros((7, at_once * several))
         for part in range(several):
             for k in range(some):
                 pixel = float(pixels[first + k])
@@ -193,14 +198,6 @@ def of_pixels(
                 seen -= math.isnan(rays[0, ray])
             for part in range(several if seen else 0):
                 rays[7, k * several + part] = 1.0 / seen
-        to = np.zeros((3, 4))
-        for part in range(3):
-            axis = axes[part]
-            for other in range(3):
-                to[part, other] = turned[other, axis] / box[2, axis]
-            to[part, 3] = voxel_units(
-                position[axis], box[0, axis], box[1, axis], box[2, axis], shape[part]
-            )
         for k in range(some * several):
             right, down, ahead = rays[0, k], rays[1, k], rays[2, k]
             rays[7, k] *= math.sqrt(right * right + down * down + ahead * ahead)

@@ -19,7 +19,7 @@ from rigs import Camera, RayTable
 from tomo._groups import take_groups
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
-from tomo.trace.columns import across, turned
+from tomo.trace.columns import Axes, turned
 from tomo.trace.courses import of_pixels, of_rays
 from tomo.trace.pixel_runs import PixelRuns
 
@@ -72,10 +72,10 @@ class PixelSource(ABC):
         start: int,
         stop: int,
         grid: VoxelGrid,
-        axis: int,
+        axes: Axes,
         courses: NDArray[np.float64],
     ) -> None:
-        """Write the courses of the rays of pixels ``start:stop`` that have ``axis`` for long axis.
+        """Write the courses of the rays of pixels ``start:stop`` with ``axes[0]`` for long axis.
 
         ``courses`` (rays, 8) have a row for each ray; one with another long axis, or one that
         misses the grid, gets none.
@@ -123,7 +123,7 @@ class RayPixels(PixelSource):
         start: int,
         stop: int,
         grid: VoxelGrid,
-        axis: int,
+        axes: Axes,
         courses: NDArray[np.float64],
     ) -> None:
         """Write courses; see `PixelSource`."""
@@ -134,7 +134,7 @@ class RayPixels(PixelSource):
             _, some = take_groups(rays.pixel_ptr, self.rows[start:stop])
         of_rays(
             rays.origins[some], rays.directions[some], rays.lengths[some], rays.weight[some],
-            corners_and_spacing(grid), turned(grid.shape, axis), (axis, *across(axis)), courses,
+            corners_and_spacing(grid), turned(grid.shape, axes), axes, courses,
         )  # fmt: skip
 
 
@@ -213,7 +213,7 @@ class CameraPixels(PixelSource):
         start: int,
         stop: int,
         grid: VoxelGrid,
-        axis: int,
+        axes: Axes,
         courses: NDArray[np.float64],
     ) -> None:
         """Write courses; see `PixelSource`."""
@@ -225,8 +225,8 @@ class CameraPixels(PixelSource):
         of_pixels(
             self.pixels.between(start, stop), bend, self.camera.image_size[0],
             np.array([fx, skew, cx, fy, cy]), _places(self.supersample), self.camera.R,
-            self.camera.position, corners_and_spacing(grid), turned(grid.shape, axis),
-            (axis, *across(axis)), courses,
+            self.camera.position, corners_and_spacing(grid), turned(grid.shape, axes), axes,
+            courses,
         )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ from tomo.rays import Rays
 from tomo.segments import Segments
 from tomo.support import check_memory, choose_form
 from tomo.trace import TRACERS, column_changes, trace
-from tomo.trace.columns import across, turned
+from tomo.trace.columns import turned
 from tomo.trace.courses import WIDTH
 from tomo.trace.march import _move_down
 from tomo.trace.sources import RayPixels
@@ -73,25 +73,23 @@ def _running_sums(grid: VoxelGrid, rays: Rays, segments: Segments, seed: int) ->
     measured = random.random(len(rays)) + 0.5
     ray = np.repeat(np.arange(len(rays)), np.diff(segments.ptr))
     place = np.stack(np.unravel_index(segments.voxel, grid.shape), axis=1)  # (crossings, 3)
-    for axis in range(3):
-        shape = turned(grid.shape, axis)
+    for axes in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        shape = turned(grid.shape, axes)
         courses = np.zeros((len(rays), WIDTH))
-        RayPixels(rays).write(0, len(rays), grid, axis, courses)
-        along, (b, c) = place[:, axis], across(axis)
+        RayPixels(rays).write(0, len(rays), grid, axes, courses)
+        along, b, c = place[:, axes[0]], *axes[1:]
         mine = (courses[:, 5] > courses[:, 4])[ray]  # leaves where it enters: no course
         if not mine.any():
             continue
         column = place[:, b] * shape[2] + place[:, c]
         chosen = random.permutation(np.unique(column[mine]))[:COLUMNS]
         values = random.random((len(chosen), SIDE))
-        sums = _untouched(SIDE * SIDE * (SIDE + 1) + 2, np.float64)
+        sums = _untouched(SIDE * SIDE * (SIDE + 1) + 1, np.float64)
         for one, value in zip(chosen, values, strict=True):
             sums[one * (SIDE + 1) + 1 : (one + 1) * (SIDE + 1)] = np.cumsum(value)
         images = np.zeros(len(rays))
         number, ptr = np.zeros(0, np.int64), rays.pixel_ptr
-        column_changes.forward(
-            courses, ptr, shape, number, 1, np.zeros(0, np.float32), sums, images
-        )
+        column_changes.forward(courses, ptr, shape, number, np.zeros(0, np.float32), sums, images)
         del sums
         order = np.argsort(chosen)
         found = np.minimum(np.searchsorted(chosen, column, sorter=order), len(chosen) - 1)
@@ -100,9 +98,12 @@ def _running_sums(grid: VoxelGrid, rays: Rays, segments: Segments, seed: int) ->
         expected = np.bincount(ray[some], length * values[owner, along[some]], len(rays))
         worst = max(worst, relative_error(images, expected))
 
-        differences = _untouched(SIDE * SIDE * (SIDE + 1) + 2, np.uint64)
-        cuts = np.array([0, SIDE // 2, SIDE])
-        column_changes.adjoint(courses, ptr, shape, number, cuts, 2.0**40, measured, differences)
+        differences = _untouched(SIDE * SIDE * (SIDE + 1) + 1, np.uint64)
+        for low, high in ((0, SIDE // 2), (SIDE // 2, SIDE)):
+            column_changes.adjoint(
+                courses, ptr, shape, number, low, high, 2.0**40, measured,
+                differences[low * SIDE * (SIDE + 1) :],
+            )  # fmt: skip
         back, wanted = np.zeros_like(values), np.zeros_like(values)
         np.add.at(wanted, (owner, along[some]), length * measured[ray[some]])
         for row, one in enumerate(chosen):

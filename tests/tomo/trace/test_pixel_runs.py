@@ -50,8 +50,8 @@ def test_taken_pixels_have_the_rays_of_those_taken(some):
     every = CameraPixels.of(camera)
     taken = every.take(slice(5, 60)).take(some)
     numbers = np.arange(5, 60)[some]
-    for axis in range(3):
+    for axes in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         mine, whole = np.zeros((len(numbers), 8)), np.zeros((60, 8))
-        taken.write(0, len(numbers), grid, axis, mine)
-        every.write(0, 60, grid, axis, whole)
+        taken.write(0, len(numbers), grid, axes, mine)
+        every.write(0, 60, grid, axes, whole)
         assert np.array_equal(mine, whole[numbers])

@@ -1,0 +1,57 @@
+"""Every piece is done once, on as many threads as there are, and a failure ends the work."""
+
+import threading
+import time
+
+import pytest
+
+from tomo._threads import share_out
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+@pytest.mark.parametrize("count", [0, 1, 4, 100])
+def test_every_piece_is_done_once(threads, count):
+    done, workers = [], []
+
+    def worker():
+        workers.append(threading.current_thread())
+        return done.append
+
+    share_out(iter(range(count)), threads, worker)
+    assert sorted(done) == list(range(count))
+    assert len(workers) == max(min(threads, count), 1)
+    assert threading.current_thread() in workers
+
+
+def test_pieces_are_done_at_the_same_time():
+    together = threading.Barrier(3, timeout=10)
+    share_out(range(3), 3, lambda: lambda piece: together.wait())
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_a_failure_ends_the_work_and_is_raised(error):
+    done, main = [], threading.main_thread()
+
+    def piece(number):
+        if threading.current_thread() is main:
+            raise error("this one")
+        done.append(number)
+        time.sleep(0.01)
+
+    before = threading.active_count()
+    with pytest.raises(error, match="this one"):
+        share_out(range(10_000), 2, lambda: piece)
+    assert len(done) < 10_000
+    assert threading.active_count() == before
+
+
+def test_what_another_thread_raises_is_raised_here():
+    here = threading.current_thread()
+
+    def piece(number):
+        if threading.current_thread() is not here:
+            raise ValueError(f"piece {number}")
+        time.sleep(0.01)
+
+    with pytest.raises(ValueError, match="piece"):
+        share_out(range(1000), 2, lambda: piece)

@@ -1,0 +1,110 @@
+"""Shares of pixels whose rays one thread follows at a time, whichever sources they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo._threads import share_out
+from tomo.grid import VoxelGrid
+from tomo.trace.columns import Axes
+from tomo.trace.courses import WIDTH
+from tomo.trace.sources import PixelSource
+
+RAYS_AT_ONCE = 16_384  # 1 MB of courses, which stays near the core that makes them
+
+Follow = Callable[["Share", NDArray[np.float64], NDArray[np.int64]], None]
+"""Does something with a share, its courses (N, 8), and where each pixel's begin (P + 1,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Share:
+    """Some pixels of a projector with their rays.
+
+    Attributes
+    ----------
+    pieces : tuple of (source, start, stop)
+        Pixels of sources, one after another.
+    spans : tuple of (start, stop)
+        Which pixels of the projector those of each piece are.
+    """
+
+    pieces: tuple[tuple[PixelSource, int, int], ...]
+    spans: tuple[tuple[int, int], ...]
+
+    def courses(
+        self, grid: VoxelGrid, axes: Axes, room: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return the courses of all rays, and where each pixel's begin; in ``room`` if it will do.
+
+        ``(N, 8)`` and ``(P + 1,)``; rays with another long axis than ``axes[0]`` get no course.
+        """
+        ptrs = [source.ray_ptr(start, stop) for source, start, stop in self.pieces]
+        ends = np.cumsum([0] + [int(ptr[-1]) for ptr in ptrs])
+        courses = room[: ends[-1]] if ends[-1] <= len(room) else np.zeros((int(ends[-1]), WIDTH))
+        pixel_ptr = [np.zeros(1, np.int64)]
+        for piece, ptr, low, high in zip(self.pieces, ptrs, ends[:-1], ends[1:], strict=True):
+            source, start, stop = piece
+            source.write(start, stop, grid, axes, courses[low:high])
+            pixel_ptr.append(ptr[1:] + low)
+        return courses, np.concatenate(pixel_ptr)
+
+    def of(self, images: NDArray) -> NDArray[np.float64]:
+        """Return these pixels of images (pixels,)."""
+        return np.concatenate([images[start:stop] for start, stop in self.spans], dtype=np.float64)
+
+    def add_to(self, images: NDArray, some: NDArray) -> None:
+        """Add ``some``, one value for each of these pixels, to images (pixels,)."""
+        at, some = 0, some.astype(images.dtype)
+        for start, stop in self.spans:
+            images[start:stop] += some[at : at + stop - start]
+            at += stop - start
+
+
+def shares_of(sources: Sequence[PixelSource], wanted: Sequence[bool]) -> Iterator[Share]:
+    """Go through the pixels of those sources that are wanted, some rays at a time.
+
+    Parameters
+    ----------
+    sources : sequence of PixelSource
+        Whose pixels, one source's after another's, are those of a projector.
+    wanted : sequence of bool
+    """
+    pieces, spans, rays, first = [], [], 0, 0
+    for source, want in zip(sources, wanted, strict=True):
+        for start, stop, count in source.portions(RAYS_AT_ONCE) if want else ():
+            if rays + count > RAYS_AT_ONCE and pieces:
+                yield Share(tuple(pieces), tuple(spans))
+                pieces, spans, rays = [], [], 0
+            pieces.append((source, start, stop))
+            spans.append((first + start, first + stop))
+            rays += count
+        first += source.n_pixels
+    if pieces:
+        yield Share(tuple(pieces), tuple(spans))
+
+
+def follow_all(
+    shares: Sequence[Share], grid: VoxelGrid, axes: Axes, worker: Callable[[], Follow]
+) -> None:
+    """Follow the rays of all shares, on all threads.
+
+    Parameters
+    ----------
+    shares : sequence of Share
+    grid : VoxelGrid
+    axes : (int, int, int)
+    worker : callable
+        Called on each thread once; returns what follows a share's rays there.
+    """
+
+    def make() -> Callable[[Share], None]:
+        follow = worker()
+        room = np.zeros((RAYS_AT_ONCE, WIDTH))  # new memory costs more than what is written to it
+        return lambda share: follow(share, *share.courses(grid, axes, room))
+
+    share_out(shares, numba.get_num_threads(), make)
