@@ -71,3 +71,22 @@ def test_the_picture_of_what_is_learned_asks_for_a_known_effect(run_tool, tmp_pa
     assert done.exit_code == 2
     assert "effect: found 'heat', expected one of gains" in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_rigs_to_judge_on_are_parts_of_presets_or_lenses_that_bend(run_tool):
+    from _encoders.transfer import CASES, rig_of
+
+    import rigs
+
+    whole, some = rigs.preset("paper33_pitch"), rig_of("14 of paper33_pitch")
+    assert len(some) == 14
+    assert [camera.name for camera in some] == [
+        name for name in whole.names if name in set(some.names)
+    ]
+    assert some.names[0] == whole.names[0]
+    coarse, fine = (rig_of(name) for name in ("distorted ring", "fine distorted ring"))
+    for one, finer in zip(coarse, fine, strict=True):
+        assert one.distortion == finer.distortion
+        assert one.distortion.model == "brown"
+        np.testing.assert_allclose(finer.camera_matrix[0, 0], 2 * one.camera_matrix[0, 0])
+    assert len(set(CASES)) == len(CASES)

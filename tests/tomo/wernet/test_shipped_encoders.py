@@ -73,3 +73,23 @@ def test_frozen_it_transfers_without_harm(scene):
     assert residual["learned"] != residual["chords"]
     assert residual["learned"] < 1.1 * residual["chords"]
     assert cosine_distance(found.volume, truth) < 1.02 * cosine_distance(chords.volume, truth)
+
+
+def test_frozen_it_is_judged_and_solved_as_the_chords_were(scene, monkeypatch):
+    """Choosing anew took longer than all else."""
+    from tomo.solve import stopping
+    from tomo.wernet import _rounds, default
+
+    projector, measured, _ = scene
+    made = []
+
+    def choose(*arguments):
+        made.append(stopping.choose_by_held_out_views(*arguments))
+        return made[-1]
+
+    for module in (default, _rounds):
+        monkeypatch.setattr(module, "choose_by_held_out_views", choose)
+    found = wernet(projector, measured, encoder=NAME, freeze_encoder=True)
+    assert len(made) == 1
+    assert found.settings["held_out_residual"]["chords"] == made[0].held_out_residual
+    assert found.settings["solved_by"]["iterations"] == made[0].iterations
