@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from phantoms import create
 from rigs import Distortion, RayTable, load_rig, ring
 from tomo import Scan, VoxelGrid
-from tomo.alignment import align_views
+from tomo.alignment import _motion, _without_common_motion, align_views
 from tomo.linear_system import LinearSystem
 from tomo.metrics import cosine_distance
 from tomo.reconstruct import reconstruct
@@ -134,15 +134,22 @@ def test_carving_agrees(rig, made):
         assert np.mean(found != expected) < 0.02
 
 
-def test_alignment_agrees(made, rig):
+@pytest.mark.parametrize("seed", [1, 2])
+def test_alignment_agrees(made, rig, seed):
     images = [made.images[name] for name in rig.names]
-    shifts = np.random.default_rng(1).normal(0, 1.5, (len(rig), 2))
+    shifts = np.random.default_rng(seed).normal(0, 1.5, (len(rig), 2))
     wrong = [
         replace(r, cameras=tuple(c.shifted(*shift) for c, shift in zip(r, shifts, strict=True)))
         for r in (rig, tables(rig))
     ]
     expected, found = (align_views(r, images, GRID) for r in wrong)
-    np.testing.assert_allclose(found.shifts, expected.shifts, atol=0.05)
+    # a motion of all the cameras is one of the volume, which no image tells
+    true = _without_common_motion(-shifts, [_motion(camera, GRID) for camera in rig])
+    differences = found.shifts - expected.shifts, expected.shifts - true, found.shifts - true
+    apart, error, others = (np.sqrt(np.mean(np.square(one))) for one in differences)
+    # a table's carving keeps a few voxels more, which moves shifts by less than they are good to
+    assert apart < 0.5 * error
+    assert others < 1.1 * error
     assert found.accepted == expected.accepted
     assert all(isinstance(camera, RayTable) for camera in found.rig(wrong[1]))
 
