@@ -10,11 +10,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numba
 from numba.core.cpu import ParallelOptions
 
-from tomo._kernel_compiler import KernelCompiler
 from tomo._waiting import wait_asleep
 
 wait_asleep()
@@ -26,6 +26,16 @@ _WHAT_NUMBA_FINDS = (
 _LOOPS_ALONE = ParallelOptions(dict.fromkeys(_WHAT_NUMBA_FINDS, False))
 """Loops run in parallel where the source says so. To look for others, in whole-array statements,
 takes compilation longer, and they would be inside such a loop."""
+
+_TRIED_WITH = (0, 68)
+"""The version of numba whose inner parts `tomo._kernel_compiler` knows. With another one kernels
+are compiled as numba does it: the same code, which takes longer."""
+
+_HOW: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+if numba.version_info.short == _TRIED_WITH:
+    from tomo._kernel_compiler import KernelCompiler
+
+    _HOW["pipeline_class"] = KernelCompiler
 
 
 def compiled(
@@ -45,10 +55,7 @@ def compiled(
         Whether sums may be taken in another order, so that a loop over one vectorises; NaN and
         infinity keep their meaning. The order is fixed by the compiled code, not by the threads.
     """
-    options = {
-        "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True,
-        "pipeline_class": KernelCompiler,
-    }  # fmt: skip
+    options = dict(_HOW)
     if parallel:
         options["parallel"] = _LOOPS_ALONE
     if inline:
