@@ -29,7 +29,7 @@ from tomo.linear_system import LinearSystem, VolumeNotSeenError
 from tomo.registration import register, ways_to_shift
 from tomo.solve._common_start import log_smears
 from tomo.solve._quick_volume import quick_volume
-from tomo.support import carve
+from tomo.support import carve, choose_form
 
 CROSSINGS = 2_000_000
 """About the size of the coarser system that the shifts are found on."""
@@ -124,6 +124,7 @@ def align_views(
     if len(rig) < 3:
         return _refused(still, math.nan, math.nan, "too few views to leave any out")
     coarse = Coarser.of(rig, images, masks, grid, coarsening(rig, grid, CROSSINGS))
+    choose_form(tuple(coarse.rig), coarse.grid)  # refuses what would not fit: carving does not
     motions = [_motion(camera, grid) for camera in coarse.rig]
 
     shifts, rounds = [still], []

@@ -66,13 +66,19 @@ class Trial:
         projector: ViewedOperator,
         measured: NDArray[np.float32],
     ) -> Trial:
-        """Return the trial that trains on those of ``views`` that are not in ``left_out``."""
+        """Return the trial that trains on those of ``views`` that are not in ``left_out``.
+
+        Left-out pixels that see no voxel are taken for dark: no candidate predicts anything else,
+        and what they show would hide by how much candidates differ.
+        """
         training = [view for view in views if view not in left_out]
+        judging = projector.subset(left_out)
+        shown = measured[projector.pixels_of(left_out)]
         return cls(
             projector.subset(training),
             measured[projector.pixels_of(training)],
-            projector.subset(left_out),
-            measured[projector.pixels_of(left_out)],
+            judging,
+            np.where(judging.row_sums > 0, shown, np.float32(0)),
         )
 
     @cached_property

@@ -38,7 +38,9 @@ def test_a_trial_holds_no_pixel_of_the_left_out_or_unnamed_views_for_training(ri
     found = Trial.leaving_out([3, 5], views, projector, measured)
     assert found.training.n_views == 6
     assert found.training_pixels.max() < 1e30
-    np.testing.assert_array_equal(found.left_out_pixels, np.full(640, 1e30, np.float32))
+    meets = found.left_out.row_sums > 0  # the others see no voxel: nothing could predict them
+    assert 0.5 < meets.mean() < 1
+    np.testing.assert_array_equal(found.left_out_pixels, np.where(meets, np.float32(1e30), 0))
     x = ring_system.truth.ravel()
     np.testing.assert_array_equal(found.training @ x, found.training_pixels)
     np.testing.assert_array_equal(
