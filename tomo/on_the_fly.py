@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numba
@@ -168,8 +169,9 @@ class OnTheFlyProjector(ViewedOperator):
 
     @cached_property
     def _surveys(self) -> list[Survey]:
-        """What the rays of each source do."""
-        return [survey(source, self.grid) for source in self._sources]
+        """What the rays of each source do, all pixels taken together."""
+        nothing = np.zeros(0, np.bool_)
+        return [replace(survey(source, self.grid), meets=nothing) for source in self._sources]
 
     @cached_property
     def _axes(self) -> list[tuple[bool, bool, bool]]:
