@@ -21,7 +21,7 @@ def share_out(
     Parameters
     ----------
     pieces : iterable
-        Gone through by one thread at a time.
+        Gone through before any is done.
     threads : int
         At most so many take part; fewer where there are fewer pieces.
     worker : callable
@@ -50,10 +50,14 @@ def share_out(
     others = [
         threading.Thread(target=work, daemon=True) for _ in range(min(threads, len(pieces)) - 1)
     ]
-    for other in others:
-        other.start()
-    work()
-    for other in others:
-        other.join()
+    try:
+        for other in others:
+            other.start()
+        work()
+        for other in others:
+            other.join()
+    except BaseException as error:  # no thread to be had, or an interrupt: those begun end
+        failed.append(error)
+        raise
     if failed:
         raise failed[0]

@@ -16,7 +16,7 @@ from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
 from tomo.trace import column_changes
-from tomo.trace.columns import Axes, add_differences, running_sums, turned
+from tomo.trace.columns import ORDERS, Axes, add_differences, running_sums, turned
 from tomo.trace.shares import Follow, Share, follow_all, shares_of
 from tomo.trace.sources import Numbers, PixelSource, RayPixels, pixel_source
 from tomo.trace.survey import Survey, survey
@@ -185,11 +185,7 @@ class OnTheFlyProjector(ViewedOperator):
         Columns that follow each other along it lie side by side.
         """
         changes = sum((one.changes for one in self._surveys), np.zeros((3, 3), np.int64))
-        others = ((1, 2), (0, 2), (0, 1))
-        return [
-            (axis, *sorted(others[axis], key=lambda other, axis=axis: changes[axis, other]))
-            for axis in range(3)
-        ]
+        return [(a, *sorted(others, key=changes[a].__getitem__)) for a, *others in ORDERS]
 
     def _matvec(self, x: NDArray) -> NDArray:
         volume = self.live.expand(as_float(x.ravel()))

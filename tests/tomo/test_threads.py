@@ -55,3 +55,24 @@ def test_what_another_thread_raises_is_raised_here():
 
     with pytest.raises(ValueError, match="piece"):
         share_out(range(1000), 2, lambda: piece)
+
+
+def test_where_no_more_threads_are_to_be_had_those_begun_end(monkeypatch):
+    done, start, begun = [], threading.Thread.start, []
+
+    def piece(number):
+        time.sleep(0.01)
+        done.append(number)
+
+    def start_one(thread):
+        if begun:
+            raise RuntimeError("can't start new thread")
+        begun.append(thread)
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", start_one)
+    with pytest.raises(RuntimeError, match="new thread"):
+        share_out(range(1000), 3, lambda: piece)
+    begun[0].join(timeout=5)
+    assert not begun[0].is_alive()
+    assert len(done) < 1000

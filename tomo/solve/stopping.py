@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -74,8 +74,6 @@ class Choice:
     held_out_residual : float
         Relative residual of the left-out views at that choice (relative to all views should those
         be dark); NaN if none could be left out.
-    settings : mapping
-        Further arguments of the method; tikhonov's strength is `FAINT` unless given.
     reason : str
         In words.
     tried : tuple of (method, width, iterations, held-out residual)
@@ -86,9 +84,13 @@ class Choice:
     width: float
     iterations: int
     held_out_residual: float
-    settings: Mapping[str, Any] = field(default_factory=dict)
     reason: str = ""
     tried: tuple[Candidate, ...] = ()
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """Further arguments of the method."""
+        return {"strength": FAINT} if self.method == "tikhonov" else {}
 
 
 def choose_by_held_out_views(
@@ -152,18 +154,18 @@ def choose_by_held_out_views(
         if gained <= WORTH_WIDENING * (plain**2 - best[3] ** 2):
             break
         best, errors = tried[-1], found
-    settings: dict[str, float] = {}
     if not few:
-        faint = {"strength": FAINT}
-        attempt("tikhonov", best[1], [0.0] * len(trials), iterations=best[2], **faint)
+        faint = Choice("tikhonov", best[1], best[2], math.nan)
+        attempt(
+            faint.method, faint.width, [0.0] * len(trials), iterations=best[2], **faint.settings
+        )
         if best[3] ** 2 >= WORTH_ITS_DETAIL * tried[-1][3] ** 2:
             # Iterations stay: the penalty is to make a volume tamer, not to go on for longer.
-            tried[-1] = ("tikhonov", best[1], best[2], tried[-1][3])
-            best, settings = tried[-1], faint
+            best = tried[-1] = (faint.method, faint.width, best[2], tried[-1][3])
     if progress:
         progress(total, total, "")
     reason = f"left-out views are predicted best so (relative residual {best[3]:.4f})"
-    return Choice(*best, settings=settings, reason=reason, tried=tuple(tried))
+    return Choice(*best, reason=reason, tried=tuple(tried))
 
 
 def residual_of_left_out_views(
@@ -231,14 +233,13 @@ def solve_as_chosen(
     start = None
     if choice.method in MULTIPLICATIVE:
         start = common_start(projector, check_measured(projector, measured))
-    faint = {"strength": FAINT} if choice.method == "tikhonov" else {}
     found = run(
         basis or projector,
         measured,
         start=start,
         iterations=choice.iterations,
         callback=report if callback else None,
-        **{**faint, **choice.settings},
+        **choice.settings,
     )
     return replace(
         found,

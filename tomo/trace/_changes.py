@@ -88,7 +88,6 @@ def changes(line, first, last, other, other_first, other_last, base, is_b, at, l
     at : int
     left : (at + changes + 7 or more,) int32 or int64
         Written: the place of ``S[k]`` in the column that is left. The one entered is a stride on.
-        Beyond the last change stand places that are some number's, a stride on as well.
     parts : float64
         Written: ``t - k``.
     """

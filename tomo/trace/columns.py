@@ -26,7 +26,10 @@ from tomo._threads import share_out
 Axes = tuple[int, int, int]
 """Which of x, y and z (0, 1, 2) are a, b and c."""
 
-_TOGETHER = 128  # columns that are gone through side by side: one line of cache of the volume
+ORDERS: tuple[Axes, ...] = ((0, 1, 2), (1, 0, 2), (2, 0, 1))
+"""For each long axis a, with b and c in their order."""
+
+_TOGETHER = 128  # columns that are gone through side by side: whole lines of cache of the volume
 
 
 class _Walk(NamedTuple):

@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._threads import share_out
 from tomo.grid import VoxelGrid
-from tomo.trace.courses import (
-    ENTER,
-    LEAVE,
-    SLOPE_B,
-    SLOPE_C,
-    START_B,
-    START_C,
-    WIDTH,
-)
+from tomo.trace.columns import ORDERS, Axes
+from tomo.trace.courses import ENTER, LEAVE, SLOPE_B, SLOPE_C, START_B, START_C
+from tomo.trace.shares import Share, follow_all, shares_of
 from tomo.trace.sources import PixelSource
-
-RAYS_AT_ONCE = 16_384
-
-_ORDERS = ((0, 1, 2), (1, 0, 2), (2, 0, 1))  # the axes a, b, c while looking, for each a
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,39 +48,36 @@ def survey(source: PixelSource, grid: VoxelGrid) -> Survey:
     """Look at all rays of a source."""
     layers, changes = np.zeros(3, np.int64), np.zeros((3, 3), np.int64)
     meets = np.zeros(source.n_pixels, np.bool_)
-    counted: list[tuple[int, NDArray[np.int64]]] = []
-
-    def worker() -> Callable[[tuple[int, int, int]], None]:
-        def look(portion: tuple[int, int, int]) -> None:
-            start, stop, count = portion
-            courses, ptr = np.zeros((count, WIDTH)), source.ray_ptr(start, stop)
-            for axes in _ORDERS:
-                source.write(start, stop, grid, axes, courses)
-                inside = courses[:, LEAVE] > courses[:, ENTER]
-                if inside.any():
-                    counted.append((axes[0], _steps(courses[inside], grid, axes)))
-                    met = np.append(0, np.cumsum(inside))
-                    meets[start:stop] |= np.diff(met[ptr]) > 0
-
-        return look
-
-    share_out(source.portions(RAYS_AT_ONCE), numba.get_num_threads(), worker)
-    for axis, steps in counted:
-        layers[axis] += steps[0]
-        changes[axis, list(_ORDERS[axis][1:])] += steps[1:]
+    shares = list(shares_of([source], [True]))
+    for axes in ORDERS:
+        layers[axes[0]], *along = _follow(shares, grid, axes, meets)
+        changes[axes[0], list(axes[1:])] = along
     return Survey(layers, changes, meets)
 
 
-def _steps(
-    courses: NDArray[np.float64], grid: VoxelGrid, axes: tuple[int, int, int]
+def _follow(
+    shares: Sequence[Share], grid: VoxelGrid, axes: Axes, meets: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
+    """Count the steps of all rays with one long axis, ``(3,)``, and mark their pixels."""
+    counted = [np.zeros(3, np.int64)]
+
+    def look(share: Share, courses: NDArray, pixel_ptr: NDArray) -> None:
+        inside = courses[:, LEAVE] > courses[:, ENTER]
+        if inside.any():
+            counted.append(_steps(courses[inside], grid, axes))
+            met = np.append(0, np.cumsum(inside))
+            share.add_to(meets, np.diff(met[pixel_ptr]) > 0)
+
+    follow_all(shares, grid, axes, lambda: look)
+    return np.sum(counted, axis=0)
+
+
+def _steps(courses: NDArray[np.float64], grid: VoxelGrid, axes: Axes) -> NDArray[np.int64]:
     """Count the layers that rays pass along a, and their changes along b and c, ``(3,)``."""
     enter, leave = courses[:, ENTER], courses[:, LEAVE]
     steps = [int((np.ceil(leave) - np.floor(enter)).sum())]
     for axis, start, slope in zip(axes[1:], (START_B, START_C), (SLOPE_B, SLOPE_C), strict=True):
-        first, last = (
-            np.clip(np.floor(t * np.abs(courses[:, slope]) + courses[:, start]), 0, most)
-            for t, most in ((enter, grid.shape[axis] - 1), (leave, grid.shape[axis] - 1))
-        )
-        steps.append(int((last - first).sum()))
+        start, slope, last = courses[:, start], np.abs(courses[:, slope]), grid.shape[axis] - 1
+        into, out = (np.clip(np.floor(t * slope + start), 0, last) for t in (enter, leave))
+        steps.append(int((out - into).sum()))
     return np.array(steps)
