@@ -71,8 +71,8 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
     for field in ("type", "dimension", "sizes", "encoding"):
         if field not in header:
             raise ValueError(f"{field}: missing in the header")
-    sizes = [int(n) for n in header["sizes"]]
-    if len(sizes) != 3 or header["dimension"] != 3 or min(sizes) < 1:
+    sizes = _sizes(content[: file.tell()])
+    if len(sizes) != 3 or header["dimension"] != 3:
         raise ValueError(f"sizes: found {sizes[:4]}, expected three whole numbers >= 1")
     data = _values(header, content[file.tell() :], math.prod(sizes))
     data = data.reshape(sizes, order="F")  # data[ix, iy, iz]: x is the fastest axis on disk
@@ -87,6 +87,17 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
         spacing = header.get("spacings", np.ones(3))
     units = header.get("space units") or ["mm"]
     return data, header.get("space origin", np.zeros(3)), spacing, str(units[0])
+
+
+def _sizes(header: bytes) -> list[int]:
+    """Return the numbers of voxels as they are written: pynrrd cuts off what is behind a point."""
+    lines = (line.partition(":") for line in header.decode("ascii", "ignore").split("\n"))
+    written = next(value for field, _, value in lines if field.strip() == "sizes")
+    sizes = [float(word) for word in written.removeprefix("=").split()]
+    if not all(size.is_integer() and size >= 1 for size in sizes):
+        found = ", ".join(f"{size:.12g}" for size in sizes[:4])
+        raise ValueError(f"sizes: found [{found}], expected three whole numbers >= 1")
+    return [int(size) for size in sizes]
 
 
 def _values(header: dict[str, Any], content: bytes, count: int) -> NDArray:

@@ -26,9 +26,11 @@ def test_the_honest_one_is_read(tmp_path):
 
 SIZES = [
     ("99999 99999 99999", "found 8 values, expected 999970000299999"),
-    ("9999999999999999999999 1 1", "expected three whole numbers >= 1"),
+    ("9999999999999999999999 1 1", "found 8 values, expected 10000000000000000000000"),
     ("-2 -2 2", "sizes: found [-2, -2, 2], expected three whole numbers >= 1"),
     ("0 2 2", "sizes: found [0, 2, 2]"),
+    ("2 2.5 2", "sizes: found [2, 2.5, 2], expected three whole numbers >= 1"),
+    ("2 2 inf", "sizes: found [2, 2, inf], expected"),
     ("nan 2 2", "not a readable volume"),
     ("a b c", "not a readable volume"),
     ("8", "sizes: found [8]"),
