@@ -1,164 +1,174 @@
-"""What may be asked of a reconstruction: each check names the argument, one line."""
+"""What is asked of a reconstruction, in one piece."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from numbers import Integral, Real
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from typing import Any
 
-from tomo.condition import AUTO_REPEATS
+from tomo._asked import (
+    cameras_to_refine,
+    check_carving,
+    check_device,
+    check_grid,
+    check_hold_out,
+    check_learning,
+    check_numbers,
+    check_unseen,
+    compared_with,
+    repeats_of,
+)
 from tomo.grid import VoxelGrid
-from tomo.methods import AUTO, Method, method_named, method_names
-from tomo.outcome import UNSEEN
-from tomo.refine.search import FEWEST
+from tomo.methods import Method, method_named
 from tomo.scan import Scan
+from tomo.support import choose_form
+
+_AS_ASKED = (
+    "skip",
+    "margin",
+    "dark_level",
+    "votes",
+    "suspects",
+    "align",
+    "refine_prior",
+    "fit_gain",
+    "unseen",
+    "supersample",
+    "device",
+    "freeze_encoder",
+    "seed",
+    "time_limit",
+    "uncertainty",
+)
+"""What a report repeats of a request word for word."""
 
 
-def compared_with(asked: Sequence[tuple[str, int | None]]) -> list[tuple[Method, int | None]]:
-    """Return the methods to run beside another, and their iterations; ``auto`` is none."""
-    known = [one for one in method_names() if one != AUTO]
-    found = []
-    for one in asked:
-        if isinstance(one, str) or len(one) != 2:
-            raise ValueError(
-                f"compare: found {one!r}, expected method and iterations, like ('sirt', 100), "
-                "or None for its own"
-            )
-        name, iterations = one
-        if name not in known:
-            raise ValueError(f"compare: found {name!r}, expected one of {', '.join(known)}")
-        found.append((method_named(name), iterations))
-    return found
+@dataclass(frozen=True)
+class Request:
+    """The arguments of `tomo.reconstruct.reconstruct`, which says what they mean."""
 
+    method: str
+    frame: str | None
+    hold_out: Sequence[str]
+    iterations: int | None
+    compare: Sequence[tuple[str, int | None]]
+    tracer: str
+    projector: str
+    skip: bool
+    margin: float | str
+    dark_level: float | str
+    votes: int | str
+    suspects: bool
+    align: bool
+    refine_cameras: Sequence[str] | None
+    refine_prior: float | None
+    fit_gain: bool | None
+    unseen: str
+    supersample: int
+    device: str
+    encoder: str | PathLike | None
+    freeze_encoder: bool
+    checkpoint: str | PathLike | None
+    resume: bool
+    seed: int
+    time_limit: float | None
+    uncertainty: int | str
 
-def check_numbers(seed: int, time_limit: float | None) -> None:
-    """Refuse a seed or a time limit out of range."""
-    if not 0 <= seed < 2**63:
-        raise ValueError(f"seed: found {seed}, expected a whole number from 0 to 2^63 - 1")
-    if time_limit is not None and not time_limit > 0:
-        raise ValueError(f"time_limit: found {time_limit}, expected seconds above 0")
+    def check(self, scan: Scan, grid: VoxelGrid | None) -> None:
+        """Refuse, before any image is read, what cannot be done with a scan on a grid.
 
-
-def repeats_of(uncertainty: int | str, method: Method) -> int:
-    """Return how often to repeat the solve with new noise; ``auto``: a few for ``auto`` alone.
-
-    Choosing has cost ``auto`` more than that; another method may run for hours.
-    """
-    if uncertainty == AUTO:
-        return AUTO_REPEATS if method.name == AUTO else 0
-    if isinstance(uncertainty, str) or uncertainty % 1 or uncertainty < 0 or uncertainty == 1:
-        raise ValueError(
-            f"uncertainty: found {uncertainty!r}, expected auto, 0, or 2 repeats or more"
+        Raises
+        ------
+        ValueError
+            One line that names the argument.
+        """
+        methods = self.methods
+        check_numbers(self.seed, self.time_limit)
+        check_unseen(self.unseen)
+        _ = self.repeats
+        check_device(self.device, methods)
+        learning = {name: value for name, value in self.learning.items() if name != "device"}
+        check_learning(self.main, learning)
+        check_hold_out(self.hold_out, scan)
+        check_carving(
+            skip=self.skip,
+            margin=self.margin,
+            dark_level=self.dark_level,
+            votes=self.votes,
+            views=len(scan.rig) - len(set(self.hold_out)),
         )
-    if uncertainty and method.needs_midpoints:
-        raise ValueError(
-            f"uncertainty: found {uncertainty} repeats, expected 0 or auto for method "
-            f"{method.name}: what is learned is not repeated"
-        )
-    return int(uncertainty)
-
-
-def check_carving(
-    *, skip: bool, margin: float | str, dark_level: float | str, votes: int | str, views: int
-) -> None:
-    """Refuse what nothing can be carved by, and to say how to carve where nothing is carved."""
-    if not skip:
-        for name, value in (("margin", margin), ("dark_level", dark_level), ("votes", votes)):
-            if value != AUTO:
-                raise ValueError(
-                    f"{name}: found {value} with nothing to leave out (skip is False), "
-                    "expected auto"
-                )
-    if votes != AUTO and not (isinstance(votes, Integral) and 1 <= votes <= views):
-        raise ValueError(
-            f"votes: found {votes!r}, expected auto or a whole number from 1 to {views}, the "
-            "cameras to reconstruct from"
-        )
-    is_number = isinstance(dark_level, Real) and math.isfinite(dark_level)
-    if dark_level != AUTO and not (is_number and dark_level >= 0):
-        raise ValueError(f"dark_level: found {dark_level!r}, expected auto or a number >= 0")
-
-
-def check_unseen(unseen: str) -> None:
-    """Refuse anything but the names of `tomo.outcome.UNSEEN`."""
-    if unseen not in UNSEEN:
-        raise ValueError(f"unseen: found {unseen!r}, expected one of {', '.join(UNSEEN)}")
-
-
-def check_grid(grid: VoxelGrid | None, scan: Scan) -> None:
-    """Refuse to reconstruct without a grid."""
-    if grid is None:
-        raise ValueError(
-            f"{scan.source}: grid: found none in the scan or its rig, expected one: "
-            "--grid with --spacing, or with --lower and --upper"
+        self.refined(scan)
+        check_grid(grid, scan)
+        choose_form(  # before coarser grids, or single steps, are refused in its place
+            tuple(camera for camera in scan.rig if camera.name not in self.hold_out),
+            grid,
+            wanted=self.projector,
+            needs_matrix=self.needs_matrix or self.needs_midpoints,
+            supersample=self.supersample,
+            midpoints=self.needs_midpoints,
         )
 
+    @property
+    def main(self) -> Method:
+        """The method of the reconstruction."""
+        return method_named(self.method)
 
-def check_device(device: str, methods: Sequence[Method]) -> None:
-    """Refuse a device that none of the methods runs on, or that is not there."""
-    if device == "cpu":
-        return
-    if not any(method.takes("device") for method in methods):
-        raise ValueError(
-            f"device: found {device!r}, expected cpu for method {methods[0].name}: "
-            "only wernet and wernet-paper run on others"
-        )
-    from tomo.wernet import usable_device
+    @property
+    def others(self) -> list[tuple[Method, int | None]]:
+        """The methods to run beside it, and their iterations."""
+        return compared_with(self.compare)
 
-    usable_device(device)
+    @property
+    def methods(self) -> list[Method]:
+        """All methods, that of the reconstruction first."""
+        return [self.main, *(other for other, _ in self.others)]
 
+    @property
+    def needs_midpoints(self) -> bool:
+        """Whether any method needs the middle of every crossing."""
+        return any(one.needs_midpoints for one in self.methods)
 
-def check_learning(method: Method, asked: Mapping[str, object]) -> None:
-    """Refuse arguments about what is learnt for a method that learns nothing of the kind."""
-    for name, value in asked.items():
-        if value and not method.takes(name):
-            raise ValueError(
-                f"{name}: found {value!s}, expected none for method {method.name}: "
-                "only wernet and wernet-paper learn"
-            )
+    @property
+    def needs_matrix(self) -> bool:
+        """Whether any method goes through the matrix's entries."""
+        return any(one.needs_matrix for one in self.methods)
 
+    @property
+    def repeats(self) -> int:
+        """How often to repeat the solve with new noise."""
+        return repeats_of(self.uncertainty, self.main)
 
-def cameras_to_refine(
-    names: Sequence[str] | None, prior: float | None, hold_out: Sequence[str], scan: Scan
-) -> tuple[str, ...]:
-    """Return the cameras to refine: those asked for that are not held out; none for None."""
-    if prior is not None and not (names is not None and math.isfinite(prior) and prior > 0):
-        expected = "none without cameras to refine" if names is None else "pixels above 0"
-        raise ValueError(f"refine_prior: found {prior:g}, expected {expected}")
-    if names is None:
-        return ()
-    for name in names:
-        if name not in scan.rig.names:
-            raise ValueError(
-                f"{scan.source}: refine_cameras: found camera {name!r}, "
-                f"expected one of {', '.join(scan.rig.names)}"
-            )
-    left = tuple(name for name in names if name not in hold_out)
-    if not left:
-        found = f"only cameras held out: {', '.join(names)}" if names else "no camera"
-        raise ValueError(
-            f"{scan.source}: refine_cameras: found {found}, expected one to reconstruct from"
-        )
-    views = len(scan.rig) - len(set(hold_out))
-    if views < FEWEST:
-        raise ValueError(
-            f"{scan.source}: refine_cameras: found {views} views to refine with, expected at "
-            f"least {FEWEST}"
-        )
-    return left
+    def refined(self, scan: Scan) -> tuple[str, ...]:
+        """Return the cameras to refine."""
+        return cameras_to_refine(self.refine_cameras, self.refine_prior, self.hold_out, scan)
 
+    @property
+    def carving(self) -> dict[str, Any] | None:
+        """The settings of `tomo.support.carve`; None where nothing is carved."""
+        if not self.skip:
+            return None
+        return {"margin": self.margin, "threshold": self.dark_level, "votes": self.votes}
 
-def check_hold_out(hold_out: Sequence[str], scan: Scan) -> None:
-    """Refuse to hold out cameras that are not there, or all of them."""
-    names = scan.rig.names
-    for name in hold_out:
-        if name not in names:
-            raise ValueError(
-                f"{scan.source}: hold_out: found camera {name!r}, "
-                f"expected one of {', '.join(names)}"
-            )
-    if set(hold_out) == set(names):
-        raise ValueError(
-            f"{scan.source}: hold_out: found all {len(names)} cameras, expected at least one "
-            "left to reconstruct from"
-        )
+    @property
+    def learning(self) -> dict[str, Any]:
+        """The arguments that only methods that learn take."""
+        return {
+            "device": self.device,
+            "encoder": self.encoder,
+            "freeze_encoder": self.freeze_encoder,
+            "checkpoint": self.checkpoint,
+            "resume": self.resume,
+        }
+
+    def settings(self, scan: Scan, grid: VoxelGrid) -> dict[str, Any]:
+        """Return what a report says was asked for."""
+        return {
+            "asked": {"method": self.method, "iterations": self.iterations},
+            "frame": scan.frame(self.frame).name,
+            "hold_out": list(self.hold_out),
+            **{name: getattr(self, name) for name in _AS_ASKED},
+            "scale": scan.shrink,
+            "encoder": None if self.encoder is None else str(self.encoder),
+            "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},
+        }

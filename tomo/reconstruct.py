@@ -3,47 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from os import PathLike
-from typing import Any
 
-import numpy as np
-
-from tomo._first_use import warm_up, warm_up_carving
-from tomo._judging import (
-    as_learned,
-    data_range,
-    held_out_system,
-    read_truth,
-    summed_up,
-    views_of,
-)
-from tomo._laps import Laps
-from tomo._memory import peak_memory
-from tomo._prepare import prepare
-from tomo._request import (
-    cameras_to_refine,
-    check_carving,
-    check_device,
-    check_grid,
-    check_hold_out,
-    check_learning,
-    check_numbers,
-    check_unseen,
-    compared_with,
-    repeats_of,
-)
-from tomo._run import Run
-from tomo._sieve import sieve
-from tomo._true_weights import true_effects, true_ratios
-from tomo.condition import assess
-from tomo.gains import Gains, gains_worth_correcting
+from tomo._request import Request
+from tomo._steps import reconstruct_as_asked
 from tomo.grid import VoxelGrid
-from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
-from tomo.methods import AUTO, method_named
-from tomo.outcome import ZERO, Outcome, View
+from tomo.linear_system import Progress
+from tomo.methods import AUTO
+from tomo.outcome import ZERO, Outcome
 from tomo.scan import Scan
-from tomo.support import STORED
 
 
 def reconstruct(
@@ -156,205 +124,32 @@ def reconstruct(
     ValueError
         One line that names what is wrong with the input.
     """
-    laps = Laps()
-    main = method_named(method)
-    others = compared_with(compare)
-    methods = [main, *(other for other, _ in others)]
-    check_numbers(seed, time_limit)
-    check_unseen(unseen)
-    repeats = repeats_of(uncertainty, main)
-    check_device(device, methods)
-    check_learning(
-        main, {"encoder": encoder, "freeze_encoder": freeze_encoder, "checkpoint": checkpoint}
-    )
-    check_hold_out(hold_out, scan)
-    check_carving(
+    request = Request(
+        method=method,
+        frame=frame,
+        hold_out=hold_out,
+        iterations=iterations,
+        compare=compare,
+        tracer=tracer,
+        projector=projector,
         skip=skip,
         margin=margin,
         dark_level=dark_level,
         votes=votes,
-        views=len(scan.rig) - len(set(hold_out)),
-    )
-    refined = cameras_to_refine(refine_cameras, refine_prior, hold_out, scan)
-    grid = scan.grid if grid is None else grid
-    check_grid(grid, scan)
-    effects = true_effects(scan)
-    truth, warnings = read_truth(scan, grid)
-    images, masks = scan.read(frame)
-    laps.end("load")
-    first_use = warm_up(tracer) + (warm_up_carving() if skip else 0.0)
-    laps.skip()
-
-    sieved = sieve(scan, images, masks, grid, hold_out, suspects=suspects)
-    refined = tuple(name for name in refined if name not in sieved.left_out)
-    laps.end("suspects")
-    prepared = prepare(
-        sieved.training.rig,
-        sieved.images,
-        sieved.masks,
-        grid,
+        suspects=suspects,
         align=align,
-        carving={"margin": margin, "threshold": dark_level, "votes": votes} if skip else None,
-        refining={"cameras": refined, "prior_pixels": refine_prior, "progress": progress}
-        if refined
-        else None,
-        noise=sieved.noise,
+        refine_cameras=refine_cameras,
+        refine_prior=refine_prior,
+        fit_gain=fit_gain,
+        unseen=unseen,
+        supersample=supersample,
+        device=device,
+        encoder=encoder,
+        freeze_encoder=freeze_encoder,
+        checkpoint=checkpoint,
+        resume=resume,
+        seed=seed,
+        time_limit=time_limit,
+        uncertainty=uncertainty,
     )
-    laps.end("prepare")
-    how: dict[str, Any] = {
-        "tracer": tracer,
-        "supersample": supersample,
-        "form": projector,
-        "progress": progress,
-    }
-    try:
-        system = LinearSystem.from_rig(
-            prepared.rig,
-            grid,
-            masks=prepared.masks,
-            live=prepared.live,
-            skip=skip,
-            midpoints=any(one.needs_midpoints for one in methods),
-            needs_matrix=any(one.needs_matrix for one in methods),
-            **how,
-        )
-    except VolumeNotSeenError as error:
-        held_out = f"; held out: {', '.join(hold_out)}" if hold_out else ""
-        raise VolumeNotSeenError(f"{scan.source}: {error}{held_out}") from None
-    if system.form != STORED:
-        first_use += warm_up(tracer, system.form)
-    how |= {"live": system.projector.live, "midpoints": main.needs_midpoints}
-    judged_system = held_out_system(sieved.judged, grid, sieved.judged_masks, how)
-    warnings += [*sieved.warnings, *prepared.warnings, *_warnings_of_views(system, judged_system)]
-    laps.end("trace")
-
-    measured = system.flatten(sieved.images)
-    if not (measured > 0).any():
-        warnings.append("no usable pixel that sees the volume is above 0: the volume is empty")
-    gains = gains_worth_correcting(system.projector, measured, fit_gain)
-    if gains:
-        measured = gains.correct(system.projector, measured)
-        warnings += _warning_of_gains(gains, fit_gain)
-    learning = {
-        "device": device,
-        "encoder": encoder,
-        "freeze_encoder": freeze_encoder,
-        "checkpoint": checkpoint,
-        "resume": resume,
-    }
-    run = Run(system.projector, measured, truth, learning, seed, time_limit, progress)
-    found = run.solve(main, iterations)
-    laps.end("solve")
-    comparisons = []
-    for other, count in others:
-        try:
-            comparisons.append(run.solve(other, count))
-        except (ValueError, RuntimeError) as error:  # the reconstruction itself stands
-            warnings.append(f"comparison {other.name}: {error}")
-    laps.end("compare")
-    again = run.again(main, found)
-    condition = assess(
-        system, measured, found.volume, again, repeats=repeats, seed=seed, progress=progress
-    )
-    warnings += [f"not to be trusted: {doubt}" for doubt in condition.warnings]
-    laps.end("condition")
-
-    seeing = as_learned(system, found, same_views=True)
-    views = views_of(seeing, found.volume, sieved.images, sieved.masks, gains)
-    if judged_system is not None:
-        judging = as_learned(judged_system, found, same_views=False)
-        views += _judged(
-            views_of(judging, found.volume, sieved.judged_images, sieved.judged_masks),
-            hold_out,
-            sieved.left_out,
-        )
-    learned = None
-    if found.weights is not None:
-        ratios = true_ratios(system, effects, truth, gains) if supersample == 1 else None
-        learned = summed_up(system, seeing, found, ratios)
-    no_ray = system.unseen
-    n_unseen = int(np.count_nonzero(no_ray))
-    if n_unseen:
-        warnings.append(
-            f"{n_unseen / grid.size:.1%} of the voxels are seen by no camera: their {unseen} says "
-            "nothing"
-        )
-    settings = {
-        "asked": {"method": method, "iterations": iterations},
-        "frame": scan.frame(frame).name,
-        "hold_out": list(hold_out),
-        "tracer": tracer if system.form == STORED else "column changes",
-        "projector": {"form": system.form, "reason": system.reason},
-        "skip": skip,
-        "margin": margin,
-        "dark_level": dark_level,
-        "votes": votes,
-        "suspects": suspects,
-        "align": align,
-        "refine_cameras": list(refined) or None,
-        "refine_prior": refine_prior,
-        "fit_gain": fit_gain,
-        "unseen": unseen,
-        "supersample": supersample,
-        "scale": scan.shrink,
-        "device": device,
-        "encoder": None if encoder is None else str(encoder),
-        "freeze_encoder": freeze_encoder,
-        "seed": seed,
-        "time_limit": time_limit,
-        "uncertainty": uncertainty,
-        "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},
-    }
-    return Outcome(
-        reconstruction=replace(found, peak_memory=peak_memory()),
-        rig=scan.rig,
-        views=tuple(sorted(views, key=lambda view: scan.rig.names.index(view.name))),
-        data_range=data_range(scan, frame, [v.measured for v in views if not v.left_out]),
-        truth=truth,
-        comparisons=tuple(comparisons),
-        counts={
-            "rays": system.projector.shape[0] * supersample**2,
-            "segments": system.projector.n_crossings,
-            "voxels": grid.size,
-            "active_voxels": system.projector.live.size - n_unseen,
-        },
-        skipping=prepared.report(system.projector.shape[0]),
-        suspects=sieved.suspects.report() if sieved.suspects else None,
-        alignment=prepared.alignment.report(prepared.rig.names) if prepared.alignment else None,
-        refinement=prepared.refinement.report() if prepared.refinement else None,
-        refined_rig=prepared.recorded_rig(scan) if refined else None,
-        gains=gains.report(prepared.rig.names) if gains else None,
-        seconds={**laps.seconds, "choose": found.seconds["choose"], "total": laps.total},
-        first_use_seconds=first_use,
-        unseen=no_ray,
-        warnings=tuple(warnings),
-        settings=settings,
-        cosine_distances=tuple(run.cosine_distances),
-        learned=learned,
-        condition=condition,
-    )
-
-
-def _warnings_of_views(*systems: LinearSystem | None) -> list[str]:
-    return [
-        f"camera {name}: none of its usable pixels sees the volume"
-        for system in systems
-        if system is not None
-        for name in system.blind
-    ]
-
-
-def _warning_of_gains(gains: Gains, asked: bool | None) -> list[str]:
-    if asked:
-        return []
-    return [
-        f"the cameras' gains differ by {gains.disagreement:.1%}, or their backgrounds: both were "
-        "fitted and corrected"
-    ]
-
-
-def _judged(views: Sequence[View], hold_out: Sequence[str], left_out: Sequence[str]) -> list[View]:
-    return [
-        replace(view, held_out=view.name in hold_out, left_out=view.name in left_out)
-        for view in views
-    ]
+    return reconstruct_as_asked(scan, scan.grid if grid is None else grid, request, progress)

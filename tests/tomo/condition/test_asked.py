@@ -6,7 +6,7 @@ import pytest
 from phantoms import create
 from rigs import ring
 from tomo import Scan, VoxelGrid
-from tomo._request import repeats_of
+from tomo._asked import repeats_of
 from tomo.condition import AUTO_REPEATS
 from tomo.methods import method_named
 from tomo.reconstruct import reconstruct

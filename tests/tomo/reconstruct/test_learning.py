@@ -68,6 +68,7 @@ def test_wernet_of_dark_images_is_empty(copy):
         ({"encoder": "x.pt"}, "encoder: found x.pt, expected none for method sirt"),
         ({"freeze_encoder": True}, "freeze_encoder: found True, expected none for method sirt"),
         ({"checkpoint": "x.pt"}, "checkpoint: found x.pt, expected none for method sirt"),
+        ({"resume": True}, "resume: found True, expected none for method sirt: only wernet can"),
     ],
 )
 def test_what_only_wernet_takes_is_refused_elsewhere(folder, settings, words):

@@ -54,7 +54,7 @@ OPTIONS = {
     ),
     "encoder of a classic": (
         ("--method", "sirt", "--encoder", "e.pt"),
-        "encoder: found e.pt, expected none for method sirt: only wernet and wernet-paper learn",
+        "expected none for method sirt: only wernet and wernet-paper can use it",
     ),
     "encoder of auto": (
         ("--encoder", "e.pt"),
@@ -159,9 +159,19 @@ def test_one_blind_camera_is_a_warning_in_the_report(run_tool, turn_away, scan, 
     assert json.loads((out / "report.json").read_text())["warnings"].count(warning) == 1
 
 
-@pytest.mark.parametrize("method", ["auto", "wernet-paper"])
-def test_a_grid_that_would_not_fit(refused, scan, tmp_path, method):
-    fine = ("--grid", "30000x50000x30000", "--spacing", "0.0002", "--method", method)
+@pytest.mark.parametrize(
+    "options",
+    [
+        (),
+        ("--method", "wernet-paper"),
+        ("--no-align", "--keep-suspects"),
+        ("--no-skip", "--projector", "on-the-fly"),
+        ("--hold-out", "cam00"),  # two views are left: nothing is aligned
+    ],
+    ids=" ".join,
+)
+def test_a_grid_that_would_not_fit(refused, scan, tmp_path, options):
+    fine = ("--grid", "30000x50000x30000", "--spacing", "0.0002", *options)
     line = refused("reconstruct", scan, *fine, "-o", tmp_path / "out")
     assert "grid 30000x50000x30000: would take about 2,88" in line  # 64 bytes a voxel: 2880 TB
     free = psutil.virtual_memory().available / 1e9

@@ -1,0 +1,233 @@
+"""The steps of a reconstruction: load, set aside, prepare, trace, solve, and judge the result."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tomo._first_use import warm_up, warm_up_carving
+from tomo._judging import (
+    as_learned,
+    data_range,
+    held_out_system,
+    read_truth,
+    summed_up,
+    views_of,
+)
+from tomo._laps import Laps
+from tomo._memory import peak_memory
+from tomo._prepare import Prepared, prepare
+from tomo._request import Request
+from tomo._run import Run
+from tomo._sieve import Sieved, sieve
+from tomo._true_weights import true_effects, true_ratios
+from tomo.condition import assess
+from tomo.gains import Gains, gains_worth_correcting
+from tomo.grid import VoxelGrid
+from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
+from tomo.outcome import Outcome, View
+from tomo.reconstruction import Reconstruction
+from tomo.scan import Scan
+from tomo.support import STORED
+
+
+def reconstruct_as_asked(
+    scan: Scan, grid: VoxelGrid | None, request: Request, progress: Progress | None
+) -> Outcome:
+    """Return what `tomo.reconstruct.reconstruct` does.
+
+    Raises
+    ------
+    ValueError
+        One line that names what is wrong with the input.
+    """
+    laps = Laps()
+    request.check(scan, grid)
+    effects = true_effects(scan)
+    truth, warnings = read_truth(scan, grid)
+    images, masks = scan.read(request.frame)
+    laps.end("load")
+    first_use = warm_up(request.tracer) + (warm_up_carving() if request.skip else 0.0)
+    laps.skip()
+
+    sieved = sieve(scan, images, masks, grid, request.hold_out, suspects=request.suspects)
+    laps.end("suspects")
+    refined = tuple(name for name in request.refined(scan) if name not in sieved.left_out)
+    refining = {
+        "cameras": refined,
+        "prior_pixels": request.refine_prior,
+        "progress": progress,
+    }
+    prepared = prepare(
+        sieved.training.rig,
+        sieved.images,
+        sieved.masks,
+        grid,
+        align=request.align,
+        carving=request.carving,
+        refining=refining if refined else None,
+        noise=sieved.noise,
+    )
+    laps.end("prepare")
+    system, judged_system = _traced(prepared, sieved, grid, request, progress)
+    if system.form != STORED:
+        first_use += warm_up(request.tracer, system.form)
+    warnings += [*sieved.warnings, *prepared.warnings, *_warnings_of_views(system, judged_system)]
+    laps.end("trace")
+
+    measured = system.flatten(sieved.images)
+    if not (measured > 0).any():
+        warnings.append("no usable pixel that sees the volume is above 0: the volume is empty")
+    gains = gains_worth_correcting(system.projector, measured, request.fit_gain)
+    if gains:
+        measured = gains.correct(system.projector, measured)
+        warnings += _warning_of_gains(gains, request.fit_gain)
+    run = Run(
+        system.projector,
+        measured,
+        truth,
+        request.learning,
+        request.seed,
+        request.time_limit,
+        progress,
+    )
+    found = run.solve(request.main, request.iterations)
+    laps.end("solve")
+    comparisons = []
+    for other, count in request.others:
+        try:
+            comparisons.append(run.solve(other, count))
+        except (ValueError, RuntimeError) as error:  # the reconstruction itself stands
+            warnings.append(f"comparison {other.name}: {error}")
+    laps.end("compare")
+    condition = assess(
+        system,
+        measured,
+        found.volume,
+        run.again(request.main, found),
+        repeats=request.repeats,
+        seed=request.seed,
+        progress=progress,
+    )
+    warnings += [f"not to be trusted: {doubt}" for doubt in condition.warnings]
+    laps.end("condition")
+
+    seeing = as_learned(system, found, same_views=True)
+    views = views_of(seeing, found.volume, sieved.images, sieved.masks, gains)
+    views += _views_judged(judged_system, found, sieved, request)
+    learned = None
+    if found.weights is not None:
+        comparable = request.supersample == 1
+        ratios = true_ratios(system, effects, truth, gains) if comparable else None
+        learned = summed_up(system, seeing, found, ratios)
+    no_ray = system.unseen
+    n_unseen = int(np.count_nonzero(no_ray))
+    if n_unseen:
+        warnings.append(
+            f"{n_unseen / grid.size:.1%} of the voxels are seen by no camera: their "
+            f"{request.unseen} says nothing"
+        )
+    names = prepared.rig.names
+    return Outcome(
+        reconstruction=replace(found, peak_memory=peak_memory()),
+        rig=scan.rig,
+        views=tuple(sorted(views, key=lambda view: scan.rig.names.index(view.name))),
+        data_range=data_range(scan, request.frame, [v.measured for v in views if not v.left_out]),
+        truth=truth,
+        comparisons=tuple(comparisons),
+        counts={
+            "rays": system.projector.shape[0] * request.supersample**2,
+            "segments": system.projector.n_crossings,
+            "voxels": grid.size,
+            "active_voxels": system.projector.live.size - n_unseen,
+        },
+        skipping=prepared.report(system.projector.shape[0]),
+        suspects=sieved.suspects.report() if sieved.suspects else None,
+        alignment=prepared.alignment.report(names) if prepared.alignment else None,
+        refinement=prepared.refinement.report() if prepared.refinement else None,
+        refined_rig=prepared.recorded_rig(scan) if refined else None,
+        gains=gains.report(names) if gains else None,
+        seconds={**laps.seconds, "choose": found.seconds["choose"], "total": laps.total},
+        first_use_seconds=first_use,
+        unseen=no_ray,
+        warnings=tuple(warnings),
+        settings={
+            **request.settings(scan, grid),
+            "tracer": request.tracer if system.form == STORED else "column changes",
+            "projector": {"form": system.form, "reason": system.reason},
+            "refine_cameras": list(refined) or None,
+        },
+        cosine_distances=tuple(run.cosine_distances),
+        learned=learned,
+        condition=condition,
+    )
+
+
+def _traced(
+    prepared: Prepared,
+    sieved: Sieved,
+    grid: VoxelGrid,
+    request: Request,
+    progress: Progress | None,
+) -> tuple[LinearSystem, LinearSystem | None]:
+    """Return the system of the views that take part, and that of those only judged, if any are."""
+    how: dict[str, Any] = {
+        "tracer": request.tracer,
+        "supersample": request.supersample,
+        "form": request.projector,
+        "progress": progress,
+    }
+    try:
+        system = LinearSystem.from_rig(
+            prepared.rig,
+            grid,
+            masks=prepared.masks,
+            live=prepared.live,
+            skip=request.skip,
+            midpoints=request.needs_midpoints,
+            needs_matrix=request.needs_matrix,
+            **how,
+        )
+    except VolumeNotSeenError as error:
+        hold_out = request.hold_out
+        held_out = f"; held out: {', '.join(hold_out)}" if hold_out else ""
+        raise VolumeNotSeenError(f"{sieved.training.source}: {error}{held_out}") from None
+    how |= {"live": system.projector.live, "midpoints": request.main.needs_midpoints}
+    return system, held_out_system(sieved.judged, grid, sieved.judged_masks, how)
+
+
+def _views_judged(
+    system: LinearSystem | None, found: Reconstruction, sieved: Sieved, request: Request
+) -> list[View]:
+    """Return the images that took no part beside what the volume would have shown."""
+    if system is None:
+        return []
+    judging = as_learned(system, found, same_views=False)
+    return [
+        replace(
+            view,
+            held_out=view.name in request.hold_out,
+            left_out=view.name in sieved.left_out,
+        )
+        for view in views_of(judging, found.volume, sieved.judged_images, sieved.judged_masks)
+    ]
+
+
+def _warnings_of_views(*systems: LinearSystem | None) -> list[str]:
+    return [
+        f"camera {name}: none of its usable pixels sees the volume"
+        for system in systems
+        if system is not None
+        for name in system.blind
+    ]
+
+
+def _warning_of_gains(gains: Gains, asked: bool | None) -> list[str]:
+    if asked:
+        return []
+    return [
+        f"the cameras' gains differ by {gains.disagreement:.1%}, or their backgrounds: both were "
+        "fitted and corrected"
+    ]
