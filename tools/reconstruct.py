@@ -245,7 +245,8 @@ def _summary(report: dict, out: Path) -> str:
     if report["quality"]:
         lines.append(_figures(report["quality"]))
     for camera, figures in report["held_out"].items():
-        lines.append(f"held out {camera}: {_figures(figures)}")
+        shown = {name: value for name, value in figures.items() if name != "data_range"}
+        lines.append(f"held out {camera}: {_figures(shown)}")
     lines.append(f"open {out / 'report.html'}")
     return "\n".join(lines)
 

@@ -25,10 +25,10 @@ MAPPED = 10
 """From so many repeats on, the deviations of single voxels, known to a quarter, are shown."""
 
 _DEVIATION_WORDS = (
-    "repeats of the solve, as it was chosen, on re-projected images with the noise found in the "
-    "residual, of 20 or more half to calibrate the others; what smoothing, missing views and "
-    "wrong cameras do to the volume is not in it, nor noise that neighbouring pixels share, as in "
-    "resampled images"
+    "repeats of the solve, as it was chosen, on re-projected images with new noise, as large as "
+    "that found in the residual (half of 20 or more repeats calibrate the others); what "
+    "smoothing, missing views and wrong cameras do to the volume is not in it, nor noise that "
+    "neighbouring pixels share, as in resampled images"
 )
 _RESOLUTION_WORDS = (
     "full width at half maximum of what faint spots of one voxel, added to the images, change in "

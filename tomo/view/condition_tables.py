@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-_VIEW_BINS = ((0, 0), (1, 1), (2, 2), (3, 4), (5, 8), (9, 16), (17, 32), (33, 10**9))
+_VIEW_BINS = ((0, 0), (1, 1), (2, 2), (3, 4), (5, 8), (9, 16), (17, 32), (33, math.inf))
 
 
 def condition_section(condition: Mapping | None, length_unit: str) -> dict[str, Any] | None:
@@ -96,14 +97,15 @@ def _by_views(voxels: Mapping) -> list[tuple[str, str, str]]:
     """Return views, voxels that may emit and voxels that do, as text."""
     rows = []
     totals = [sum(voxels[key].values()) or 1 for key in ("by_views", "emitting_by_views")]
+    most = max(map(int, voxels["by_views"]), default=0)
     for first, last in _VIEW_BINS:
         counts = [
             sum(count for views, count in voxels[key].items() if first <= int(views) <= last)
             for key in ("by_views", "emitting_by_views")
         ]
         if any(counts):
+            last = min(last, most)
             name = str(first) if first == last else f"{first} to {last}"
-            name = f"{first} or more" if last == 10**9 else name
             rows.append((name, *_shares(counts, totals)))
     return rows
 

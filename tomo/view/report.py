@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -84,13 +83,13 @@ def _without_nulls(values: Mapping) -> dict:
 
 
 def _number(value: object, digits: int = 3) -> str:
-    """Return a number as text: whole ones in groups of three, others with few digits."""
+    """Return a number as text: whole ones in groups of three, others with so many digits."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
     if not math.isfinite(value):
         return "not defined"
     if float(value).is_integer() and abs(value) >= 1:
-        return f"{int(value):,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
+        return f"{int(value):,}"
     return f"{value:.{digits}g}"
 
 
@@ -145,10 +144,8 @@ def _view_rows(report: Mapping, results: Results) -> list[dict]:
                 "left_out": view.left_out,
                 "relative_residual": f"{residual:.2%}" if math.isfinite(residual) else "dark",
                 "bar": residual if math.isfinite(residual) else 0.0,
-                **{
-                    k: _number(figures[k]) if k in figures else ""
-                    for k in ("gain", "psnr", "ssim")
-                },
+                "gain": f"{figures['gain']:.3f}" if "gain" in figures else "",
+                **{k: _number(figures[k]) if k in figures else "" for k in ("psnr", "ssim")},
             }
         )
     longest = max((row["bar"] for row in rows), default=0.0) or 1.0
@@ -185,10 +182,10 @@ def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
     ):
         values = report.get(key)
         if isinstance(values, Mapping) and values:
-            lines = [(str(k).replace("_", " "), _plain(v)) for k, v in values.items()]
+            lines = [(str(k).replace("_", " "), _in_words(v)) for k, v in values.items()]
             tables.append((title, [line for line in lines if len(line[1]) <= LONGEST_DETAIL]))
     rest = [
-        (key.replace("_", " "), _plain(report[key]))
+        (key.replace("_", " "), _in_words(report[key]))
         for key in ("method", "seed", "stop_reason", "first_use_seconds")
         if report.get(key) is not None
     ]
@@ -222,19 +219,20 @@ def _refinement(report: Mapping, length_unit: str) -> dict | None:
     return {"words": words, "titles": titles, "rows": rows}
 
 
-def _plain(value: object) -> str:
-    """Return a setting as text."""
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return _number(value, 6)
+def _in_words(value: object) -> str:
+    """Return a value of the report as text: what many cameras share is said once."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int | float):
+        return _number(value, 4)
     if isinstance(value, str):
         return value
-    return json.dumps(_rounded(value), default=str, ensure_ascii=False)
-
-
-def _rounded(value: object) -> object:
-    """Return a nested value with its numbers in four digits."""
     if isinstance(value, Mapping):
-        return {key: _rounded(inner) for key, inner in value.items()}
+        parts = [_in_words(inner) for inner in value.values()]
+        if len(parts) > 2 and len(set(parts)) == 1:
+            return f"{parts[0]} (all {len(parts)})"
+        return "; ".join(f"{k}: {part}" for k, part in zip(value, parts, strict=True)) or "none"
     if isinstance(value, list | tuple):
-        return [_rounded(inner) for inner in value]
-    return float(f"{value:.4g}") if isinstance(value, float) else value
+        nested = any(isinstance(inner, Mapping | list | tuple) for inner in value)
+        return ("; " if nested else ", ").join(map(_in_words, value)) or "none"
+    return str(value)

@@ -138,6 +138,8 @@ def draw_convergence(history: Sequence[Convergence]) -> Figure:
             far = max(ends, default=0) > 20 * min(ends, default=0) > 0
             if abscissa == "seconds" and far and drawn:
                 axes.set_xscale("log")  # a slow method would squeeze the quick ones to a line
+            elif abscissa == "iterations":
+                axes.xaxis.get_major_locator().set_params(integer=True)
     if len(history) > 1:
         handles, labels = panels[0][0].get_legend_handles_labels()
         figure.legend(

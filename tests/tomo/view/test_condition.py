@@ -62,6 +62,7 @@ def test_all_voxels_are_in_the_tables(system):
     views, gaps = (table["rows"] for table in section["tables"])
     counted = sum(int(row[1].split()[0].replace(",", "")) for row in views)
     assert counted == GRID.size
+    assert views[-1][0].endswith("4")  # of four cameras: no bin promises more
     assert sum(int(share.rstrip("%")) for _, share in gaps) == pytest.approx(100, abs=3)
     assert any("Resolution" in words for words in section["words"])
 

@@ -99,11 +99,31 @@ def test_hostile_names_are_shown_as_text(page):
 
 def test_report_shows_its_figures(page):
     text = " ".join(page.text)
-    for shown in ("0.00123", "12.34%", "31.2 dB", "0.91", "1.02", "2.5 s", "126\u202f000"):
+    for shown in ("0.00123", "12.34%", "31.2 dB", "0.91", "1.02", "2.5 s", "126,000"):
         assert shown in text
     assert re.search(r"seed\s+7", text)
-    assert re.search(r"live voxels\s+31\u202f999", text)
-    assert '[{"read": 0.1235}, {"read": 0.1235}]' in text
+    assert re.search(r"noise\s+read: 0\.1235; read: 0\.1235", text)
+    assert re.search(r"live voxels\s+31,999", text)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ([], "none"),
+        ({}, "none"),
+        (True, "yes"),
+        ({f"cam{n}": [0.0, 0.0] for n in range(33)}, "0, 0 (all 33)"),
+        ({"a": [0.5, 0.25], "b": [1.0, 2.0], "c": [1.0, 2.0]}, "a: 0.5, 0.25; b: 1, 2; c: 1, 2"),
+        ([["nnls", 0.5, 1700], ["mlem", 0.0, 20]], "nnls, 0.5, 1,700; mlem, 0, 20"),
+    ],
+)
+def test_settings_are_told_in_words(tmp_path, value, words):
+    volume = np.zeros(GRID.shape, np.float32)
+    report = {"settings": {"found": value}}
+    write_report(tmp_path / "report.html", report, Results(Rig(()), GRID, volume))
+    parser = Tags()
+    parser.feed((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert re.search(rf"found\s+{re.escape(words)}\s", " ".join(parser.text))
 
 
 def test_report_warns_before_it_shows(page):
