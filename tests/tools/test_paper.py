@@ -1,11 +1,14 @@
 """The paper's experiments through their command, as small as they get."""
 
 import json
+from dataclasses import replace
 
 import numba
 import numpy as np
 import pytest
 import torch
+
+from tomo import metrics
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -188,3 +191,66 @@ def test_another_run_is_not_gone_on_with(run_tool, stubs, tmp_path):
         done = run_tool("paper", "--quick", "--resume", "-o", tmp_path)
         assert done.exit_code == 2
         assert "expected the result of an earlier run" in done.stderr
+
+
+def test_steps_of_their_own_are_the_solver_s(run_tool):
+    """The loop for readings that the solver does not know gives its volumes on those it does."""
+    from _paper.cases import case
+    from _paper.sizes import QUICK
+    from _paper.steps import epochs
+    from _paper.studies import LAYOUT, READING
+    from _paper.training import trained
+
+    seen = case("jet", LAYOUT, QUICK.problem)
+    row = trained("jet", LAYOUT, QUICK.problem, 2, READING)
+    found = list(epochs(seen, READING, READING.encoder(), 2))
+    assert [epoch for epoch, _, _ in found] == [1, 2]
+    residuals = [residual for _, _, residual in row["course"]]
+    assert [residual for _, _, residual in found] == pytest.approx(residuals, rel=1e-4)
+    volume = seen.system.projector.live.expand(found[-1][1]).reshape(seen.truth.shape)
+    assert metrics.nrmse(volume, seen.truth) == pytest.approx(row["nrmse"], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"norm": "batch"}, {"loss": "absolute"}, {"first_voxels": 1.0}, {"inputs": "unscaled"}],
+    ids=str,
+)
+def test_a_reading_that_the_solver_does_not_know_is_another_training(run_tool, changes):
+    from _paper.sizes import QUICK
+    from _paper.studies import LAYOUT, READING
+    from _paper.training import trained
+
+    usual = trained("jet", LAYOUT, QUICK.problem, 3, READING)
+    row = trained("jet", LAYOUT, QUICK.problem, 3, replace(READING, **changes))
+    assert len(row["course"]) == 3
+    distances = [distance for _, distance, _ in row["course"]]
+    assert distances[-1] == row["cosine_distance"] < distances[0]
+    assert row["cosine_distance"] != pytest.approx(usual["cosine_distance"], rel=1e-3)
+
+
+def test_finer_images_have_pixels_half_as_wide(run_tool):
+    from _paper.cases import FINER, case
+    from _paper.sizes import QUICK
+    from _paper.studies import LAYOUT
+
+    coarse, fine = (case("jet", name, QUICK.problem) for name in (LAYOUT, LAYOUT + FINER))
+    assert np.array_equal(coarse.truth, fine.truth)
+    points = np.array([[0.0, 0.0, 0.0], [5.0, -30.0, 3.0]])
+    for camera, finer in zip(coarse.system.rig, fine.system.rig, strict=True):
+        pixels, _, _ = camera.project(points)
+        halves, _, _ = finer.project(points)
+        assert halves == pytest.approx(2 * pixels + 0.5)  # a pixel's centre is a whole number
+    total = [sum(float(image.sum()) for image in c.images) for c in (coarse, fine)]
+    assert total[1] / 4 == pytest.approx(total[0], rel=0.05)
+
+
+def test_art_not_relaxed_keeps_more_noise(studies):
+    for flame in ("jet", "turbulent"):
+        for layout in {row["layout"] for row in studies["art"]}:
+            best, _, plain = (
+                row["cosine_distance"]
+                for row in studies["art"]
+                if (row["flame"], row["layout"]) == (flame, layout)
+            )
+            assert best < plain

@@ -23,6 +23,9 @@ SEED = 0
 SHIFTED = "_shifted"
 """At the end of a layout's name: the images' first row is cut off before they are shrunk."""
 
+FINER = "_finer"
+"""At the end of a layout's name: the images are shrunk half as much, pixels half as wide."""
+
 
 @dataclass(frozen=True, eq=False)
 class Case:
@@ -109,6 +112,8 @@ def case(flame: str, layout: str, problem: Problem, fraction: float = 0.0) -> Ca
 
 
 def _rig(layout: str, shrink: int) -> rigs.Rig:
+    if layout.endswith(FINER):
+        return _rig(layout.removesuffix(FINER), shrink // 2)
     rig = rigs.preset(layout.removesuffix(SHIFTED))
     cameras = list(rig)
     if layout.endswith(SHIFTED):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from _paper.cases import grid_of, truth_of
+from _paper.cases import FINER, grid_of, truth_of
 from _paper.claims import short
 from _paper.sizes import Problem, Sizes
 from _paper.training import PER_MILLE, section
@@ -22,7 +22,7 @@ Row = Mapping[str, Any]
 _LINES = ("#1f6fb2", "#c2500f", "#12826a", "#7d5ba6", "#9a7b00", "#a3466a", "#5b6672", "#1b2733")
 _GOAL = 1e-3
 _MOST_INSIDE = 6  # curves whose legend fits between them
-_MOST_ABREAST = 4
+_MOST_ABREAST = 5
 
 
 def plots(
@@ -33,7 +33,7 @@ def plots(
     for name, words in _CURVES.items():
         if studies.get(name):
             shown = [(words(row), row) for row in studies[name]]
-            levels = studies["art"] if name == "denoising" else ()
+            levels = _on_all_rays(studies) if name == "denoising" else ()
             found[name] = {f"{name}_convergence": partial(_convergence, shown, levels)}
     for name, rows in _SECTIONS.items():
         chosen = rows(studies)
@@ -69,20 +69,20 @@ def _convergence(shown: Sequence[tuple[str, Row]], levels: Sequence[Row]) -> Fig
             axes.plot(epochs, distances, style, color=colour, linewidth=1.4, label=words)
             axes.plot(epochs[-1], distances[-1], "o", color=colour, markersize=4)
         best = [row for row in levels if row["flame"] == flame]
-        for row, style in zip(best, ("--", ":"), strict=False):
+        for row, style in zip(best, ("--", "-.", ":", (0, (1, 3))), strict=False):
             axes.axhline(
                 row["cosine_distance"], color=MUTED, linestyle=style, linewidth=1.0,
-                label=f"ART, {row['on']}, best",
+                label=_by_art(row),
             )  # fmt: skip
-        if not levels:
+        if not mine[0][1]["noise"]:
             axes.axhline(_GOAL, color=MUTED, linewidth=0.6, zorder=0)
         axes.set_title(f"{flame}", fontsize=8.5, color=INK)
         axes.set_xlabel("epoch", fontsize=8)
         _log(axes)
-        beside = (
-            {"loc": "upper left", "bbox_to_anchor": (1, 1)} if len(mine) > _MOST_INSIDE else {}
-        )
-        axes.legend(fontsize=7.5, frameon=False, **beside)
+        if len(mine) + len(best) <= _MOST_INSIDE:
+            axes.legend(fontsize=7.5, frameon=False)
+        elif flame == flames[-1]:  # one for all panels, which show the same
+            axes.legend(fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
     panels[0].set_ylabel("cosine distance from the truth", fontsize=8)
     figure.tight_layout()
     return figure
@@ -194,19 +194,32 @@ def _looks(count: int) -> list[tuple[str, str]]:
     return [(_LINES[n % len(_LINES)], ("-", "--")[n // len(_LINES) % 2]) for n in range(count)]
 
 
+def _images(row: Row) -> str:
+    return ", finer images" * row["layout"].endswith(FINER)
+
+
+def _by_art(row: Row) -> str:
+    return f"ART, {'stopped best' if row['stopped'] == 'best' else 'not relaxed'}{_images(row)}"
+
+
+def _on_all_rays(studies: Mapping[str, Sequence[Row]]) -> list[Row]:
+    return [row for row in studies.get("art") or () if row["on"] == "all rays and voxels"]
+
+
 def _way(row: Row) -> str:
     return f"encoder of {row['encoder_of']}, {'frozen' if row['frozen'] else 'trained on'}"
 
 
 _CURVES: Mapping[str, Callable[[Row], str]] = {
     "readings": lambda row: row["reading"],
+    "noisy_readings": lambda row: row["reading"],
     "layouts": lambda row: short(row["layout"]),
     "views": lambda row: short(row["layout"]),
     "ablation": lambda row: row["variant"],
     "normalisation": lambda row: (
         f"{'with' if row['normalise_gradient'] else 'without'} gradient normalisation"
     ),
-    "denoising": lambda row: f"WERNet, {100 * row['samples_per_batch']} rays a step",
+    "denoising": lambda row: f"WERNet, {100 * row['samples_per_batch']} rays a step{_images(row)}",
     "transfer": _way,
 }
 
@@ -216,10 +229,10 @@ def _labelled(study: str) -> Callable[[Mapping[str, Sequence[Row]]], list[tuple[
 
 
 def _with_art(studies: Mapping[str, Sequence[Row]]) -> list[tuple[str, Row]]:
-    """Return WERNet's results and then ART's."""
-    rows = studies.get("denoising") or ()
-    shown = [(f"{row['flame']}, {_CURVES['denoising'](row)}", row) for row in rows]
-    return shown + [(f"{row['flame']}, ART, {row['on']}", row) for row in studies.get("art") or ()]
+    """Return WERNet's results, and then ART's on the finer images."""
+    shown = [(_CURVES["denoising"](row), row) for row in studies.get("denoising") or ()]
+    finer = [row for row in _on_all_rays(studies) if row["layout"].endswith(FINER)]
+    return shown + [(_by_art(row), row) for row in finer]
 
 
 def _frozen(studies: Mapping[str, Sequence[Row]]) -> list[tuple[str, Row]]:

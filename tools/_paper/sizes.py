@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+PAPER_SAMPLES = 32
+"""Samples of 100 rays in the paper's batches."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -44,6 +47,8 @@ class Sizes:
     readings : Problem
         Where the readings are compared.
     reading_epochs : int
+    finer_epochs : int
+        On noisy images, and on those shrunk half as much, whose rays are four times as many.
     first_steps : int
         Steps whose loss is recorded one by one.
     sweeps : int
@@ -59,6 +64,7 @@ class Sizes:
     homogeneous_epochs: int
     readings: Problem
     reading_epochs: int
+    finer_epochs: int
     first_steps: int
     sweeps: int
 
@@ -72,10 +78,11 @@ FULL = Sizes(
     epochs_in_full=80,
     problem=_PAPER,
     epochs=80,
-    transfer_epochs=80,
-    homogeneous_epochs=80,
+    transfer_epochs=40,
+    homogeneous_epochs=40,
     readings=_HALF,
-    reading_epochs=15,
+    reading_epochs=10,
+    finer_epochs=20,
     first_steps=96,
     sweeps=40,
 )
@@ -89,6 +96,7 @@ HALF = Sizes(
     homogeneous_epochs=10,
     readings=_HALF,
     reading_epochs=10,
+    finer_epochs=15,
     first_steps=96,
     sweeps=40,
 )
@@ -102,6 +110,7 @@ QUICK = Sizes(
     homogeneous_epochs=2,
     readings=_SMALL,
     reading_epochs=1,
+    finer_epochs=2,
     first_steps=5,
     sweeps=5,
 )

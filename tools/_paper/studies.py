@@ -9,22 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from _paper.cases import NOISE, SHIFTED, Case, case
-from _paper.sizes import Sizes
+from _paper.cases import FINER, NOISE, SHIFTED, Case, case
+from _paper.sizes import PAPER_SAMPLES, Sizes
 from _paper.training import Progress, Reading, Source, first_steps, section, trained
 from tomo import LinearSystem, metrics, solve
 
 Rows = dict[str, list[dict[str, Any]]]
 LAYOUTS = ("paper33_level", "paper33_pitch", "paper33_random", "paper33_level" + SHIFTED)
+FINER_LAYOUT = "paper33_level" + FINER
 FEW_VIEWS = ("paper11_11deg", "paper11_22deg", "paper11_33deg")
 LAYOUT = "paper33_pitch"
 """Of every part that does not vary it."""
 
 READING = Reading()
 """What the readings decided; every other part uses it."""
-
-PAPER_SAMPLES = 32
-"""Samples of 100 rays in the paper's batches."""
 
 _TEXT: Mapping[str, Any] = {
     "inputs": "absolute",
@@ -46,6 +44,13 @@ TRIED: Mapping[str, Mapping[str, Any]] = {
     "encoder's rate 0.0005": {"encoder_learning_rate": 0.0005},
     "encoder's rate 0.002": {"encoder_learning_rate": 0.002},
     "voxels' rate 0.003": {"voxel_learning_rate": 0.003},
+    "norm over the step's weights": {"norm": "batch"},
+    "no gradient normalisation": {"normalise_gradient": False},
+    "absolute error as loss": {"loss": "absolute"},
+    "voxels start up to 1": {"first_voxels": 1.0},
+    "voxels start up to 1, no norm": {"first_voxels": 1.0, "normalise_gradient": False},
+    "absolute inputs, in voxels": {"inputs": "unscaled"},
+    "absolute inputs, in voxels, no norm": {"inputs": "unscaled", "normalise_gradient": False},
     "the text's figures, small steps": _TEXT,
     "the text's figures": {**_TEXT, "samples_per_batch": PAPER_SAMPLES},
 }
@@ -55,29 +60,65 @@ The last has what the text says: its batches, rates and plain inputs. The one be
 steps as the reading chosen, since the text's batches are few here.
 """
 
+_LARGE_STEPS: Mapping[str, Any] = {"samples_per_batch": PAPER_SAMPLES}
+
+TRIED_ON_NOISE: Mapping[str, tuple[str, float, Mapping[str, Any]]] = {
+    "the one chosen": (LAYOUT, NOISE, {}),
+    "3200 rays a step": (LAYOUT, NOISE, _LARGE_STEPS),
+    "voxels' rate 0.001": (LAYOUT, NOISE, {"voxel_learning_rate": 0.001}),
+    "3200 rays, voxels' rate 0.003": (
+        LAYOUT,
+        NOISE,
+        {**_LARGE_STEPS, "voxel_learning_rate": 0.003},
+    ),
+    "3200 rays, batch normalisation": (
+        LAYOUT,
+        NOISE,
+        {**_LARGE_STEPS, "variant": "batch-norm"},
+    ),
+    "the text's figures": (LAYOUT, NOISE, TRIED["the text's figures"]),
+    "3200 rays, 10 % the limit": (LAYOUT, NOISE / 3**0.5, _LARGE_STEPS),
+    "finer images, 3200 rays": (LAYOUT + FINER, NOISE, _LARGE_STEPS),
+    "finer images, the text's figures": (LAYOUT + FINER, NOISE, TRIED["the text's figures"]),
+}
+"""What noisy images are reconstructed with: a layout, the noise, how the reading differs.
+
+Noise of which 10 % is the limit, uniform below it, has the standard deviation of the row for it.
+"""
+
 _RELAXATIONS = (0.01, 0.03, 0.1, 0.3)
+_PLAIN_RELAXATION, _PLAIN_SWEEPS = 1.0, 10
 _PATIENCE = 5
 
 
 def readings(sizes: Sizes, progress: Progress) -> Rows:
-    """Return how far the jet comes under each reading, on a coarser grid."""
-    rows = []
-    for number, (words, changes) in enumerate(TRIED.items()):
+    """Return how near each reading comes on a coarser grid: the jet, and both flames noisy."""
+    total = len(TRIED) + 2 * len(TRIED_ON_NOISE)
+    rows: Rows = {"readings": [], "noisy_readings": []}
+
+    def add(study: str, words: str, flame: str, layout: str, changes: Mapping, fraction: float):
+        progress(sum(map(len, rows.values())), total, words)
         reading = replace(READING, **changes)
-        progress(number, len(TRIED), words)
-        row = trained("jet", LAYOUT, sizes.readings, sizes.reading_epochs, reading)
+        row = trained(flame, layout, sizes.readings, sizes.reading_epochs, reading, noise=fraction)
         del row["section"]
-        rows.append({"reading": words, **row})
-    progress(len(TRIED), len(TRIED), "")
-    return {"readings": rows}
+        rows[study].append({"reading": words, **row})
+
+    for words, changes in TRIED.items():
+        add("readings", words, "jet", LAYOUT, changes, 0.0)
+    for flame in ("jet", "turbulent"):
+        for words, (layout, fraction, changes) in TRIED_ON_NOISE.items():
+            add("noisy_readings", words, flame, layout, changes, fraction)
+    return rows
 
 
 def layouts(sizes: Sizes, progress: Progress) -> Rows:
-    """Return the jet in the paper's three layouts, and in the level one a row aside."""
+    """Return the jet in the paper's three layouts; in the level one a row aside, and finer."""
+    runs = [(layout, sizes.epochs_in_full) for layout in LAYOUTS]
+    runs.append((FINER_LAYOUT, sizes.finer_epochs))
     rows = []
-    for number, layout in enumerate(LAYOUTS):
-        progress(number, len(LAYOUTS), layout)
-        rows.append(trained("jet", layout, sizes.large, sizes.epochs_in_full, READING))
+    for number, (layout, epochs) in enumerate(runs):
+        progress(number, len(runs), layout)
+        rows.append(trained("jet", layout, sizes.large, epochs, READING))
     return {"layouts": rows}
 
 
@@ -114,20 +155,24 @@ def normalisation(sizes: Sizes, progress: Progress) -> Rows:
 
 
 def denoising(sizes: Sizes, progress: Progress) -> Rows:
-    """Return noisy images by WERNet, and by ART stopped where it is nearest to the truth."""
+    """Return noisy images, and finer ones, by WERNet and by ART."""
     rows, by_art = [], []
+    large = replace(READING, samples_per_batch=PAPER_SAMPLES)
     for number, flame in enumerate(("jet", "turbulent")):
         progress(number, 2, flame)
-        for samples in (READING.samples_per_batch, PAPER_SAMPLES):
-            reading = replace(READING, samples_per_batch=samples)
-            rows.append(trained(flame, LAYOUT, sizes.large, sizes.epochs, reading, noise=NOISE))
-        seen = case(flame, LAYOUT, sizes.large, NOISE)
-        measured = seen.whole.flatten(seen.images)
-        for what, system, values in (
-            ("all rays and voxels", seen.whole, measured),
-            ("those left by carving", seen.system, seen.measured),
-        ):
-            by_art.append({"on": what, **_best_art(seen, system, values, sizes)})
+        for layout, tried in ((LAYOUT, (READING, large)), (LAYOUT + FINER, (large,))):
+            for reading in tried:
+                rows.append(
+                    trained(flame, layout, sizes.large, sizes.finer_epochs, reading, noise=NOISE)
+                )
+            seen = case(flame, layout, sizes.large, NOISE)
+            measured = seen.whole.flatten(seen.images)
+            for what, system, values in (
+                ("all rays and voxels", seen.whole, measured),
+                ("those left by carving", seen.system, seen.measured),
+            ):
+                by_art.append({"on": what, **_best_art(seen, system, values, sizes)})
+            by_art.append({"on": "all rays and voxels", **_plain_art(seen, measured, sizes)})
     return {"denoising": rows, "art": by_art}
 
 
@@ -167,25 +212,38 @@ def _best_art(
             distance = metrics.cosine_distance(found, seen.truth)
             reached.append(distance)  # noqa: B023 - called within this turn of the loop only
             if distance < best.get("cosine_distance", np.inf):
-                best = {
-                    "sweeps": index,
-                    "relaxation": relaxation,  # noqa: B023
-                    "cosine_distance": distance,
-                    "nrmse": metrics.nrmse(found, seen.truth),
-                    "section": section(found, seen.truth, sizes.large),
-                }
+                best = {"stopped": "best", **_art_row(seen, system, found, sizes)}
+                best |= {"sweeps": index, "relaxation": relaxation}  # noqa: B023
             return index - int(np.argmin(reached)) >= _PATIENCE  # noqa: B023
 
         solve.art(
             system.projector, measured, iterations=sizes.sweeps, relaxation=relaxation,
             callback=judge,
         )  # fmt: skip
+    return best
+
+
+def _plain_art(seen: Case, measured: NDArray[np.float32], sizes: Sizes) -> dict[str, Any]:
+    """Return what ART's own step gives, neither relaxed nor stopped by the truth."""
+    sweeps = min(_PLAIN_SWEEPS, sizes.sweeps)
+    found = solve.art(
+        seen.whole.projector, measured, iterations=sweeps, relaxation=_PLAIN_RELAXATION
+    ).volume
+    row = {"stopped": "plain", **_art_row(seen, seen.whole, found, sizes)}
+    return row | {"sweeps": sweeps, "relaxation": _PLAIN_RELAXATION}
+
+
+def _art_row(
+    seen: Case, system: LinearSystem, found: NDArray[np.float32], sizes: Sizes
+) -> dict[str, Any]:
     return {
         "flame": seen.flame,
         "layout": seen.layout,
         "noise": seen.noise,
         "segments": system.projector.n_crossings,
-        **best,
+        "cosine_distance": metrics.cosine_distance(found, seen.truth),
+        "nrmse": metrics.nrmse(found, seen.truth),
+        "section": section(found, seen.truth, sizes.large),
     }
 
 

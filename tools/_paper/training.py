@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import lru_cache
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,13 @@ from numpy.typing import NDArray
 
 from _paper.cases import SEED, Case, case, grid_of
 from _paper.sizes import Problem
+from _paper.steps import epochs as epochs_by_steps
+from _paper.steps import steps
 from tomo import metrics
 from tomo.view.volume_picture import middle_planes
 from tomo.wernet import (
-    RaySamples,
     TrainingDivergedError,
     WeightEncoder,
-    WERNet,
-    epoch_batches,
     wernet_paper,
 )
 
@@ -39,8 +39,16 @@ class Reading:
 
     Attributes
     ----------
-    variant, inputs, blocks, samples_per_batch, normalise_gradient
+    variant, blocks, samples_per_batch, normalise_gradient
         Of `tomo.wernet.wernet_paper`.
+    inputs : str
+        As well, or ``unscaled``: the absolute ones counted in voxels.
+    norm : {"ray", "batch"}
+        Over which weights the norm of the gradient normalisation goes.
+    loss : {"squared", "absolute"}
+        Whose mean over a step's rays is the loss.
+    first_voxels : float
+        Upper end of the random initial voxels, the measurement's maximum being one.
     voxel_learning_rate, encoder_learning_rate
         The paper's are 0.01 and 0.0005.
     first_bias : float or None
@@ -53,8 +61,11 @@ class Reading:
     blocks: int = 3
     samples_per_batch: int = 2
     normalise_gradient: bool = True
+    norm: str = "ray"
+    loss: str = "squared"
     voxel_learning_rate: float = 0.01
     encoder_learning_rate: float = 0.005
+    first_voxels: float = 0.1
     first_bias: float | None = 0.5
 
     def encoder(self) -> WeightEncoder:
@@ -67,8 +78,14 @@ class Reading:
 
     def options(self) -> dict[str, Any]:
         """Return what `wernet_paper` takes beside the encoder."""
-        ours = ("variant", "blocks", "first_bias")
+        ours = ("variant", "blocks", "first_bias", "norm", "loss", "first_voxels")
         return {name: value for name, value in asdict(self).items() if name not in ours}
+
+    @property
+    def known_to_solver(self) -> bool:
+        """Whether `tomo.wernet.wernet_paper` can be asked for it."""
+        known = (self.norm, self.loss, self.first_voxels) == ("ray", "squared", 0.1)
+        return known and self.inputs != "unscaled"
 
 
 @dataclass(frozen=True)
@@ -127,26 +144,33 @@ def row_and_encoder(
         encoder = copy.deepcopy(other)
     seen = case(flame, layout, problem, noise)
     course: list[tuple[int, float, float]] = []
+    volume = np.zeros_like(seen.truth)
 
-    def judge(epoch: int, volume: NDArray[np.float32], residual: float) -> None:
-        found = seen.system.projector.live.expand(volume).reshape(seen.truth.shape)
-        course.append((epoch, metrics.cosine_distance(found, seen.truth), residual))
+    def judge(epoch: int, live: NDArray[np.float32], residual: float) -> None:
+        nonlocal volume
+        volume = seen.system.projector.live.expand(live).reshape(seen.truth.shape)
+        course.append((epoch, metrics.cosine_distance(volume, seen.truth), residual))
 
     started, worked = time.perf_counter(), time.process_time()
-    try:
-        result = wernet_paper(
-            seen.system.projector,
-            seen.measured,
-            iterations=epochs,
-            callback=judge,
-            encoder=encoder,
-            freeze_encoder=freeze,
-            seed=SEED,
-            **reading.options(),
-        )
-        volume, end = result.volume, result.stop_reason
-    except TrainingDivergedError as error:
-        volume, end = np.zeros_like(seen.truth), str(error)
+    if reading.known_to_solver:
+        try:
+            result = wernet_paper(
+                seen.system.projector,
+                seen.measured,
+                iterations=epochs,
+                callback=judge,
+                encoder=encoder,
+                freeze_encoder=freeze,
+                seed=SEED,
+                **reading.options(),
+            )
+            end = result.stop_reason
+        except TrainingDivergedError as error:
+            end = str(error)
+    else:
+        for epoch, live, residual in epochs_by_steps(seen, reading, encoder, epochs):
+            judge(epoch, live, residual)
+        end = f"all {epochs} epochs done"
     seconds, work = time.perf_counter() - started, time.process_time() - worked
     distances = [distance for _, distance, _ in course]
     row = {
@@ -175,44 +199,18 @@ def section(volume: NDArray, truth: NDArray, problem: Problem) -> list[list[int]
     return np.rint(plane * (PER_MILLE / float(truth.max()))).astype(int).tolist()
 
 
-def first_steps(seen: Case, reading: Reading, steps: int) -> dict[str, Any]:
+def first_steps(seen: Case, reading: Reading, count: int) -> dict[str, Any]:
     """Train for some steps and return the loss of each, as the paper's first iterations.
 
     The loss is the mean over a batch's rays of (p - m)², the measurement scaled to a maximum of
     one, before the step that it makes.
     """
-    projector = seen.system.projector
-    measured = seen.measured / float(seen.measured.max())
-    samples = RaySamples.from_segments(
-        projector.segments, projector.grid, measured, live=projector.live, inputs=reading.inputs
-    )
-    generator = torch.Generator().manual_seed(SEED)
-    encoder = reading.encoder()
-    voxels = 0.1 * torch.rand(projector.live.size, generator=generator) * samples.crossed()
-    model = WERNet(encoder, voxels, reading.normalise_gradient)
-    optimiser = torch.optim.Adam(
-        [
-            {"params": [model.voxels], "lr": reading.voxel_learning_rate},
-            {"params": encoder.parameters(), "lr": reading.encoder_learning_rate},
-        ]
-    )
-    losses: list[float] = []
-    while len(losses) < steps:
-        for rays in epoch_batches(len(samples), reading.samples_per_batch, 100, generator):
-            batch = samples.packed(rays)
-            loss = (model(batch) - batch.measured).square().mean()
-            losses.append(loss.item())
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-            with torch.no_grad():
-                model.voxels.clamp_(min=0)
-            if len(losses) == steps:
-                break
-    found = projector.live.expand(model.voxels.detach().numpy()).reshape(seen.truth.shape)
+    taken = list(islice(steps(seen, reading, reading.encoder()), count))
+    voxels = taken[-1].model.voxels.detach().numpy()
+    found = seen.system.projector.live.expand(voxels).reshape(seen.truth.shape)
     return {
         **seen.described(),
         **asdict(reading),
-        "losses": losses,
+        "losses": [step.loss for step in taken],
         "cosine_distance": metrics.cosine_distance(found, seen.truth),
     }
