@@ -171,7 +171,8 @@ def _about(sizes: Sizes) -> str:
         "Voxels that dark pixels prove empty, and their rays, are left out "
         "(`tomo.support.carve`).",
         "One seed, 0, for flame, noise, encoder and order of the rays.",
-        "What the text leaves open was decided on the jet and then used everywhere: "
+        "What the text leaves open was decided on the jet, and used where a table says nothing "
+        "else: "
         f"`{reading.variant}`, {reading.blocks} blocks, {reading.samples_per_batch} x 100 rays a "
         "step, PyTorch's initial weights but for the last bias, which starts at "
         f"{reading.first_bias}, uniform random voxels, the gradient's norm over each ray's own "

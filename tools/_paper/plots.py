@@ -191,7 +191,10 @@ def _log(axes: Axes) -> None:
 
 def _looks(count: int) -> list[tuple[str, str]]:
     """Return a colour and a line style for each curve."""
-    return [(_LINES[n % len(_LINES)], ("-", "--")[n // len(_LINES) % 2]) for n in range(count)]
+    styles = ("-", "--", ":")
+    return [
+        (_LINES[n % len(_LINES)], styles[n // len(_LINES) % len(styles)]) for n in range(count)
+    ]
 
 
 def _images(row: Row) -> str:
