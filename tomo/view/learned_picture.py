@@ -86,8 +86,9 @@ def _draw_cameras(axes: Axes, learned: LearnedWeights) -> None:
     axes.plot(number, learned.by_camera, "o", color=_LEARNED, markersize=3.6)
     if learned.true_by_camera is not None:
         axes.plot(number, learned.true_by_camera, "--", color=_LEARNED, linewidth=1.1)
-    step = max(1, math.ceil(len(number) / 5))
     names = [plain(name if len(name) <= 10 else f"{name[:9]}…") for name in learned.cameras]
+    room = 8 if max(map(len, names), default=0) <= 5 else 5
+    step = max(1, math.ceil(len(number) / room))
     axes.set_xticks(number[::step], names[::step])
     axes.set_xlabel("camera")
 
