@@ -57,7 +57,7 @@ FLOORS = [
     },
     {"tomo.condition"},
     {"tomo.refine"},
-    {"tomo.scan", "tomo.scan_file", "tomo._scan_schema"},
+    {"tomo.corrections", "tomo.scan", "tomo.scan_file", "tomo._scan_schema"},
     {"tomo.simulate", "tomo.reconstruct", "tomo.view"},
 ]
 

@@ -1,4 +1,4 @@
-"""Scan: what calibrated cameras saw, and how to turn their files into intensities."""
+"""Scan: what calibrated cameras saw, in files that are read when asked for."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.corrections import Corrections
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
@@ -35,43 +35,6 @@ class Frame:
 
     name: str
     images: Mapping[str, Path]
-
-
-@dataclass(frozen=True)
-class Corrections:
-    """How raw pixels become intensities: ``(raw - dark) / flat * gain``.
-
-    Each is one value for all cameras, or a mapping from camera to value; a camera that the
-    mapping leaves out is not corrected. All are in the scale of the image as read, in which
-    integers are divided by their full scale.
-
-    Attributes
-    ----------
-    dark : float or Path, or a mapping to these
-        What the camera reads without light; a number or an image.
-    flat : float or Path, or a mapping to these
-        Its response to equal light, dark already taken off; 1 is nominal. Pixels where it is not
-        positive are unusable.
-    gain : float, or a mapping to float
-    mask : Path, or a mapping to Path
-        An image that is non-zero where the pixel is usable.
-    saturation : float, or a mapping to float
-        Raw pixels at or above it are unusable; 1 is an integer image's full scale.
-    bit_depth : int, or a mapping to int
-        Bits that the camera really uses of an integer image: 12 of 16, say.
-    """
-
-    dark: float | Path | Mapping[str, float | Path] | None = None
-    flat: float | Path | Mapping[str, float | Path] | None = None
-    gain: float | Mapping[str, float] | None = None
-    mask: Path | Mapping[str, Path] | None = None
-    saturation: float | Mapping[str, float] | None = None
-    bit_depth: int | Mapping[str, int] | None = None
-
-    def of(self, correction: str, camera: str) -> float | Path | None:
-        """Return the value of one correction for one camera; None where there is none."""
-        value = getattr(self, correction)
-        return value.get(camera) if isinstance(value, Mapping) else value
 
 
 @dataclass(frozen=True)
@@ -271,67 +234,9 @@ class Scan:
                 f"{self._where}frame {frame.name!r}: camera {camera}: found no image, "
                 "expected one for every camera of the rig"
             )
-        mask = self._correction("mask", camera)
-        usable = self._ones(camera, bool) if mask is None else mask != 0
-        bits = self.corrections.of("bit_depth", camera)
-        raw = self._image(frame.images[camera], camera, bits, usable)
-        self._check_scale(frame.images[camera], camera)
-        saturation = self.corrections.of("saturation", camera)
-        if saturation is not None:
-            usable = usable & (raw < saturation)
-        dark, flat, gain = (self._correction(c, camera) for c in ("dark", "flat", "gain"))
-        image = raw if dark is None else raw - dark
-        if flat is not None:
-            lit = np.broadcast_to(flat, image.shape) > 0
-            image = image / np.where(lit, flat, 1)
-            usable = usable & lit
-        if gain is not None:
-            image = image * gain
-        image = np.where(usable, image, 0).astype(np.float32)
+        path, size = frame.images[camera], self.recorded_sizes[camera]
+        image, usable = self.corrections.corrected(path, camera, size, source=self.source)
         return _area_means(image, self.shrink), _all_of_area(usable, self.shrink)
-
-    def _check_scale(self, path: Path, camera: str) -> None:
-        """Refuse corrections in a camera's counts: they would never, or always, be reached."""
-        from tomo.io import is_integer_image
-
-        for name in ("dark", "saturation"):
-            value = self.corrections.of(name, camera)
-            if isinstance(value, Real) and value > 1 and is_integer_image(path):
-                raise ValueError(
-                    f"{self._where}corrections.{name}: camera {camera}: found {value:g}, expected "
-                    f"at most 1, the full scale of integers like those in {path}"
-                )
-
-    def _correction(self, name: str, camera: str) -> NDArray | np.float32 | None:
-        value = self.corrections.of(name, camera)
-        if value is None:
-            return None
-        if isinstance(value, Path):
-            # a mask's numbers are no intensities: they have a depth of their own
-            bits = None if name == "mask" else self.corrections.of("bit_depth", camera)
-            return self._image(value, camera, bits)
-        return np.float32(value)
-
-    def _image(
-        self, path: Path, camera: str, bit_depth: int | None, usable: NDArray | None = None
-    ) -> NDArray[np.float32]:
-        from tomo.io import read_image
-
-        try:
-            image = read_image(path, bit_depth, usable)
-        except (ValueError, FileNotFoundError) as error:
-            raise type(error)(f"camera {camera}: {error}") from error
-        width, height = self.recorded_sizes[camera]
-        if image.shape != (height, width):
-            raise ValueError(
-                f"{path}: camera {camera}: found an image of {image.shape[1]} x {image.shape[0]} "
-                f"pixels, expected {width} x {height}, the camera's image_size"
-            )
-        return image
-
-    def _ones(self, camera: str, dtype: type) -> NDArray:
-        width, height = self.recorded_sizes[camera]
-        return np.ones((height, width), dtype)
 
 
 def _blocks(image: NDArray, factor: int) -> NDArray:

@@ -1,0 +1,141 @@
+"""How the files of a camera become intensities: dark frames, flat fields, gains and masks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from numbers import Real
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """How raw pixels become intensities: ``(raw - dark) / flat * gain``.
+
+    Each is one value for all cameras, or a mapping from camera to value; a camera that the
+    mapping leaves out is not corrected. All are in the scale of the image as read, in which
+    integers are divided by their full scale.
+
+    Attributes
+    ----------
+    dark : float or Path, or a mapping to these
+        What the camera reads without light; a number or an image.
+    flat : float or Path, or a mapping to these
+        Its response to equal light, dark already taken off; 1 is nominal. Pixels where it is not
+        positive are unusable.
+    gain : float, or a mapping to float
+    mask : Path, or a mapping to Path
+        An image that is non-zero where the pixel is usable.
+    saturation : float, or a mapping to float
+        Raw pixels at or above it are unusable; 1 is an integer image's full scale.
+    bit_depth : int, or a mapping to int
+        Bits that the camera really uses of an integer image: 12 of 16, say.
+    """
+
+    dark: float | Path | Mapping[str, float | Path] | None = None
+    flat: float | Path | Mapping[str, float | Path] | None = None
+    gain: float | Mapping[str, float] | None = None
+    mask: Path | Mapping[str, Path] | None = None
+    saturation: float | Mapping[str, float] | None = None
+    bit_depth: int | Mapping[str, int] | None = None
+
+    def of(self, correction: str, camera: str) -> float | Path | None:
+        """Return the value of one correction for one camera; None where there is none."""
+        value = getattr(self, correction)
+        return value.get(camera) if isinstance(value, Mapping) else value
+
+    def corrected(
+        self, path: Path, camera: str, size: tuple[int, int], source: Path | None = None
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Read a camera's image and correct it.
+
+        Parameters
+        ----------
+        path : Path
+            The image as recorded.
+        camera : str
+        size : (width, height)
+            Of the camera's images; those of its corrections are of the same size.
+        source : Path, optional
+            The file that the corrections stand in; errors about them name it.
+
+        Returns
+        -------
+        image : (height, width) float32
+            Zero where it is not usable.
+        usable : (height, width) bool
+
+        Raises
+        ------
+        ValueError
+            If an image is unreadable, not grey, of another size or not finite where it is usable,
+            or a correction is not in the image's scale.
+        FileNotFoundError
+            If an image is missing.
+        """
+        self._check_scale(path, camera, source)
+        mask, dark, flat, gain = (
+            self._value(name, camera, size) for name in ("mask", "dark", "flat", "gain")
+        )
+        usable = np.ones(size[::-1], bool) if mask is None else mask != 0
+        raw = _read(path, camera, size, self.of("bit_depth", camera), usable)
+        saturation = self.of("saturation", camera)
+        if saturation is not None:
+            usable = usable & (raw < saturation)
+        image = raw if dark is None else raw - dark
+        if flat is not None:
+            lit = np.broadcast_to(flat, image.shape) > 0
+            image = image / np.where(lit, flat, 1)
+            usable = usable & lit
+        if gain is not None:
+            image = image * gain
+        return np.where(usable, image, 0).astype(np.float32), usable
+
+    def _check_scale(self, path: Path, camera: str, source: Path | None) -> None:
+        """Refuse corrections in a camera's counts: they would never, or always, be reached."""
+        from tomo.io import is_integer_image
+
+        for name in ("dark", "saturation"):
+            value = self.of(name, camera)
+            if isinstance(value, Real) and value > 1 and is_integer_image(path):
+                where = "" if source is None else f"{source}: "
+                raise ValueError(
+                    f"{where}corrections.{name}: camera {camera}: found {value:g}, expected "
+                    f"at most 1, the full scale of integers like those in {path}"
+                )
+
+    def _value(
+        self, name: str, camera: str, size: tuple[int, int]
+    ) -> NDArray[np.float32] | np.float32 | None:
+        """Return a correction as a number or an image ``(height, width)``; None without one."""
+        value = self.of(name, camera)
+        if not isinstance(value, Path):
+            return None if value is None else np.float32(value)
+        # a mask's numbers are no intensities: they have a depth of their own
+        bits = None if name == "mask" else self.of("bit_depth", camera)
+        return _read(value, camera, size, bits)
+
+
+def _read(
+    path: Path,
+    camera: str,
+    size: tuple[int, int],
+    bit_depth: int | None,
+    usable: NDArray[np.bool_] | None = None,
+) -> NDArray[np.float32]:
+    """Return a camera's image, of its own size."""
+    from tomo.io import read_image
+
+    try:
+        image = read_image(path, bit_depth, usable)
+    except (ValueError, FileNotFoundError) as error:
+        raise type(error)(f"camera {camera}: {error}") from error
+    if image.shape[::-1] != tuple(size):
+        raise ValueError(
+            f"{path}: camera {camera}: found an image of {image.shape[1]} x {image.shape[0]} "
+            f"pixels, expected {size[0]} x {size[1]}, the camera's image_size"
+        )
+    return image
