@@ -151,9 +151,10 @@ def align_views(
         reason = "the shifts found are too large to be believed"
     else:
         reason = f"views left out are predicted to {after:.3f} instead of {before:.3f}"
-        displacement = rounds[best].displacement(coarse)
+        displacement = _displacement(rounds[best], coarse, shifts[best])
         return Alignment(shifts[best] * coarse.factor, before, after, True, reason, displacement)
-    return Alignment(still, before, after, False, reason, as_it_is.displacement(coarse))
+    displacement = _displacement(as_it_is, coarse, still)
+    return Alignment(still, before, after, False, reason, displacement)
 
 
 def _refused(shifts: NDArray, before: float, after: float, reason: str) -> Alignment:
@@ -180,13 +181,11 @@ class _Round:
 
     @classmethod
     def of(cls, coarse: Coarser, shifts: NDArray[np.float64]) -> Self:
-        rig, images, masks = _shifted(coarse.rig, shifts), coarse.images, coarse.masks
-        found = carve(tuple(rig), images, masks, coarse.grid)
-        system = LinearSystem.from_rig(rig, coarse.grid, masks=found.pixels, live=found.live)
-        measured = system.flatten(images)
-        views = range(len(rig))
-        count = len(rig) if len(rig) <= 6 else GROUPS
-        further, predicted = np.zeros((len(rig), 2)), {}
+        images, masks = coarse.images, coarse.masks
+        system, measured = _system(coarse, shifts)
+        views = range(len(images))
+        count = len(images) if len(images) <= 6 else GROUPS
+        further, predicted = np.zeros((len(images), 2)), {}
         smears = log_smears(system.projector, measured)
         raw = registered = light = 0.0
         for group in range(count):
@@ -210,6 +209,31 @@ class _Round:
 
     def displacement(self, coarse: Coarser) -> Displacement:
         return Displacement.of(self.predicted, coarse.images, coarse.masks, coarse.factor)
+
+
+def _system(coarse: Coarser, shifts: NDArray) -> tuple[LinearSystem, NDArray[np.float32]]:
+    """Return what the shifted cameras see of voxels that may emit, and their pixels."""
+    rig = _shifted(coarse.rig, shifts)
+    found = carve(tuple(rig), coarse.images, coarse.masks, coarse.grid)
+    system = LinearSystem.from_rig(rig, coarse.grid, masks=found.pixels, live=found.live)
+    return system, system.flatten(coarse.images)
+
+
+def _displacement(found: _Round, coarse: Coarser, shifts: NDArray) -> Displacement:
+    """Return that of a round; where it is large, with what exact cameras would show."""
+    displacement = found.displacement(coarse)
+    if not displacement.disagrees:
+        return displacement
+    system, measured = _system(coarse, shifts)
+    views = range(len(coarse.rig))
+    volume = quick_volume(system.projector, measured, views, iterations=2 * ITERATIONS)
+    seen = system.images((system.projector @ volume).astype(np.float32))
+    rehearsed = replace(coarse, images=tuple(seen))
+    try:
+        of_exact = _Round.of(rehearsed, shifts).displacement(rehearsed)
+    except VolumeNotSeenError:  # an empty volume says nothing of the cameras
+        return displacement
+    return replace(displacement, of_exact=of_exact.pixels)
 
 
 def _motion(camera: Camera, grid: VoxelGrid) -> NDArray[np.float64]:

@@ -88,6 +88,20 @@ def test_far_shifts_are_made_and_those_too_far_are_told_of(case, pixels, made):
     assert found.displacement.disagrees != found.accepted
 
 
+@pytest.mark.parametrize("share", [0.0, 0.06])
+def test_what_exact_cameras_on_an_arc_would_show_is_allowed(share):
+    """Predictions of a smooth jet from few views on one side spread: no fault of the cameras."""
+    grid = VoxelGrid((20, 60, 20), 0.5)
+    size = {"distance": 300.0, "image_size": (64, 120), "footprint": 0.3}
+    rig = rigs.arc(4, span_degrees=90, pitch_degrees=[9.0, -5.0] * 2, **size)
+    made = simulate(rig, phantoms.create("jet", seed=2, extent=grid.extent), grid, supersample=2)
+    wrong = tuple(zoomed(camera, 1 if n % 3 else -1, share) for n, camera in enumerate(rig))
+    images = [made.images[name] for name in rig.names]
+    found = align_views(replace(rig, cameras=wrong), images, grid).displacement
+    assert replace(found, of_exact=None).disagrees
+    assert found.disagrees == (share > 0)
+
+
 def test_dark_views_say_nothing():
     dark = [np.zeros((20, 20), np.float32)] * 5
     found = Displacement.of(dark, dark, [np.ones((20, 20), bool)] * 5)
