@@ -68,13 +68,6 @@ class Coverage:
         return self.blur / self.footprint
 
     @property
-    def finest_footprint(self) -> NDArray[np.float64]:
-        """The smallest pixel size at each point, ``(N,)``; NaN where nothing sees it."""
-        return np.where(self.seen, self.footprint, np.inf).min(axis=0, initial=np.inf) + np.where(
-            self.seen.any(axis=0), 0.0, np.nan
-        )
-
-    @property
     def median_footprint(self) -> NDArray[np.float64]:
         """The median over the cameras that see a point, ``(N,)``; NaN where none does."""
         median = np.full(len(self.points), np.nan)

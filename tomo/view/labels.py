@@ -28,10 +28,6 @@ class LabelPlacer:
     size: tuple[int, int]
     taken: list[tuple[float, float, float, float]] = field(default_factory=list)
 
-    def reserve(self, box: tuple[float, float, float, float]) -> None:
-        """Keep ``(left, top, right, bottom)`` in pixels free of texts."""
-        self.taken.append(box)
-
     def place(
         self,
         text: str,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
@@ -104,9 +104,6 @@ def told(faults: Iterable[str]) -> str:
 
 Progress = Callable[[int, int, str], None]
 """``progress(done, total, where)``."""
-
-Area = Callable[[Size, Progress], Iterator[Row]]
-"""A part of the stress test: yields its rows as they are measured."""
 
 
 def relative_error(found: ArrayLike, expected: ArrayLike) -> float:
