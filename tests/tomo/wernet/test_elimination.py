@@ -84,7 +84,7 @@ def test_how_gas_takes_up_its_own_light_is_found(scene):
     # exp(-q I) = (1 + c)² with ln(1 + c) = -q I / 2
     assert front == pytest.approx(-strength * unit / 2, rel=0.4)
     assert abs(depth) < 0.02
-    assert tokens.level.abs().max() < 0.05
+    assert not tokens.level.any()  # they would take most of it, and predict nothing
 
 
 def test_how_gas_takes_up_light_evenly_is_found(scene):
