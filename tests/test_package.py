@@ -19,6 +19,7 @@ FLOORS = [
         "tomo.grid",
         "tomo._bricks",
         "tomo._by_name",
+        "tomo._clearance",
         "tomo._compile",
         "tomo._groups",
         "tomo._kernel_compiler",

@@ -79,19 +79,22 @@ class Blur:
 
     @cached_property
     def _lines(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Lines along z with live voxels, and those within reach along x: numbers and masks."""
-        own = self.live.mask.any(axis=2)  # (nx, ny)
+        """Lines along z with live voxels, and those within reach along x: numbers and masks.
+
+        Of the box around the live voxels, as all volumes here.
+        """
+        own = self.live.box.mask.any(axis=2)  # (bx, by)
         below = np.cumsum(np.pad(own, ((self._reach + 1, self._reach), (0, 0))), axis=0)
         near = below[2 * self._reach + 1 :] > below[: len(own)]
         return np.argwhere(own), own, np.argwhere(near), near
 
     def __call__(self, values: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return the blurred live voxels: ``(n,)``, in the type of ``values``."""
-        volume = self.live.expand(values).reshape(self.live.grid.shape)
+        volume = self.live.box.expand(values)
         taps = self._taps.astype(volume.dtype)
         own_lines, own, near_lines, near = self._lines
         first, second = np.zeros_like(volume), np.zeros_like(volume)
         _along(volume, taps, own_lines, first)
         _across(first, taps, near_lines, own, 1, second)
         _across(second, taps, own_lines, near, 0, first)
-        return self.live.compress(first)
+        return self.live.box.compress(first)

@@ -18,13 +18,6 @@ BRICK_BITS = 3
 _EDGE = 1 << BRICK_BITS
 
 
-def occupied_bricks(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which bricks hold a chosen voxel of ``mask`` (nx, ny, nz): (bricks along x, y, z)."""
-    padded = _padded(mask)
-    cut = [part for n in padded.shape for part in (n // _EDGE, _EDGE)]
-    return padded.reshape(cut).any(axis=(1, 3, 5))
-
-
 def brick_places(mask: NDArray[np.bool_]) -> NDArray[np.integer]:
     """Return where each chosen voxel stands among the others when they are sorted by bricks.
 

@@ -17,7 +17,7 @@ from tomo.projector import Projector
 from tomo.rays import Rays
 from tomo.segments import Segments
 from tomo.support import STORED, choose_form, point_in_view
-from tomo.trace import trace
+from tomo.trace import tracing
 from tomo.trace.sources import PixelSource, pixel_source
 from tomo.trace.survey import survey
 from tomo.viewed import ViewedOperator
@@ -111,6 +111,8 @@ class LinearSystem:
             midpoints=midpoints,
         )
         live = LiveVoxels(grid) if live is None else live
+        if form == STORED:
+            find = tracing(grid, tracer, midpoints=midpoints, live=live)
         parts, pixels = [], []
         for number, camera in enumerate(rig):
             if progress:
@@ -119,15 +121,15 @@ class LinearSystem:
             if masks is not None:
                 usable = np.flatnonzero(masks[number])
             if form == STORED:
-                part, kept = _traced(camera, usable, live, tracer, skip, supersample, midpoints)
+                found, kept = _traced(camera, usable, find, skip, supersample)
             else:
-                part, kept = _followed(camera, usable, live, skip, supersample)
-            parts.append(part)
+                found, kept = _followed(camera, usable, live, skip, supersample)
+            parts += found
             pixels.append(kept)
         if progress:
             progress(len(rig), len(rig), "")
         if form == STORED:
-            view_ptr = np.cumsum([0] + [part.n_pixels for part in parts])
+            view_ptr = np.cumsum([0] + [len(kept) for kept in pixels])
             segments = Segments.concatenate(parts)
             parts.clear()
             projector = Projector(segments, grid, view_ptr, live)
@@ -191,38 +193,33 @@ class LinearSystem:
 def _traced(
     camera: Camera,
     usable: NDArray[np.int64],
-    live: LiveVoxels,
-    tracer: str,
+    find: Callable[[Rays], Segments],
     skip: bool,
     supersample: int,
-    midpoints: bool,
-) -> tuple[Segments, NDArray[np.int64]]:
+) -> tuple[list[Segments], NDArray[np.int64]]:
     """Return the crossings of a camera's pixels with live voxels, and the pixels."""
     parts, kept = [], []
     at_once = max(RAYS_AT_ONCE // max(supersample, 1) ** 2, 1)
     for first in range(0, max(len(usable), 1), at_once):
         some = usable[first : first + at_once]
-        rays = Rays.from_camera(camera, some, supersample)
-        part = trace(rays, live.grid, tracer, midpoints=midpoints, live=live)
+        part = find(Rays.from_camera(camera, some, supersample))
         if skip:
             part, seeing = part.without_empty()
             some = some[seeing]
         parts.append(part)
         kept.append(some)
-    if len(parts) == 1:
-        return parts[0], kept[0]
-    return Segments.concatenate(parts), np.concatenate(kept)
+    return parts, np.concatenate(kept)
 
 
 def _followed(
     camera: Camera, usable: NDArray[np.int64], live: LiveVoxels, skip: bool, supersample: int
-) -> tuple[PixelSource, NDArray[np.int64]]:
+) -> tuple[list[PixelSource], NDArray[np.int64]]:
     """Return the pixels of a camera to follow through the grid at every product."""
     source = pixel_source(camera, usable, supersample)
     if not skip:
-        return source, usable
+        return [source], usable
     seeing = np.flatnonzero(survey(source, live.grid).meets)
-    return source.take(seeing), usable[seeing]
+    return [source.take(seeing)], usable[seeing]
 
 
 def _not_seen(rig: Rig, grid: VoxelGrid) -> str:

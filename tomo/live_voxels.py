@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._bricks import brick_places, occupied_bricks
+from tomo._bricks import brick_places
 from tomo.grid import VoxelGrid
 
 _FEW = 4096  # in single precision half of the smallest cache of today's processors
@@ -88,9 +88,11 @@ class LiveVoxels:
         return number
 
     @cached_property
-    def bricks(self) -> NDArray[np.bool_]:
-        """Which bricks of 8³ voxels hold an unknown: (bricks along x, y, z)."""
-        return occupied_bricks(self.mask)
+    def clearance(self) -> NDArray[np.uint8]:
+        """How many voxels each is from the nearest live one, 255 at most: of the grid's shape."""
+        from tomo._clearance import clearance  # compiled code
+
+        return clearance(self.mask)
 
     @cached_property
     def place(self) -> NDArray[np.integer] | None:
@@ -99,6 +101,11 @@ class LiveVoxels:
         None where they are so few that a cache holds them all in any order.
         """
         return brick_places(self.mask) if self.size > _FEW else None
+
+    @cached_property
+    def box(self) -> LiveBox:
+        """The voxels around the unknowns: volumes of no more than these are small."""
+        return LiveBox.around(self)
 
     def expand(self, values: NDArray, fill: float = 0.0) -> NDArray:
         """Return the flat volume of the unknowns ``values``, ``fill`` elsewhere: (grid.size,).
@@ -118,3 +125,56 @@ class LiveVoxels:
         """
         volume = volume.reshape(-1)
         return volume if self.index is None else volume[self.index]
+
+
+@dataclass(frozen=True, eq=False)
+class LiveBox:
+    """The smallest box that holds all unknowns and one layer around them, inside the grid.
+
+    Attributes
+    ----------
+    shape : (int, int, int)
+    index : (n,) int64, optional
+        The flat number in the box of each unknown; None when the box is the grid and all of its
+        voxels are live.
+    """
+
+    shape: tuple[int, int, int]
+    index: NDArray[np.int64] | None = None
+
+    @classmethod
+    def around(cls, live: LiveVoxels) -> LiveBox:
+        """Return the box of some live voxels; of one voxel's size where there is none."""
+        if live.all:
+            return cls(live.grid.shape)
+        if live.size == 0:
+            return cls((1, 1, 1), np.zeros(0, np.int64))
+        places = np.unravel_index(live.index, live.grid.shape)
+        first = [max(int(place.min()) - 1, 0) for place in places]
+        last = [
+            min(int(place.max()) + 1, count - 1)
+            for place, count in zip(places, live.grid.shape, strict=True)
+        ]
+        shape = tuple(high - low + 1 for low, high in zip(first, last, strict=True))
+        inside = tuple(place - low for place, low in zip(places, first, strict=True))
+        return cls(shape, np.ravel_multi_index(inside, shape))
+
+    @cached_property
+    def mask(self) -> NDArray[np.bool_]:
+        """True where a voxel is live, of the box's shape."""
+        if self.index is None:
+            return np.ones(self.shape, np.bool_)
+        return self.expand(np.ones(len(self.index), np.bool_))
+
+    def expand(self, values: NDArray) -> NDArray:
+        """Return the unknowns ``values`` (n,) in the box, zero elsewhere: a copy."""
+        if self.index is None:
+            return values.reshape(self.shape).copy()
+        volume = np.zeros(self.shape, values.dtype)
+        volume.reshape(-1)[self.index] = values
+        return volume
+
+    def compress(self, volume: NDArray) -> NDArray:
+        """Return the unknowns of a volume of the box's shape: ``(n,)``."""
+        flat = volume.reshape(-1)
+        return flat if self.index is None else flat[self.index]

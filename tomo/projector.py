@@ -5,16 +5,25 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 
+import numba
 import numpy as np
 import scipy.sparse
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
+from tomo._compile import compiled
 from tomo._products import gather, part_bounds, scatter
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.segments import Segments
 from tomo.viewed import ViewedOperator, as_float
+
+
+@compiled(parallel=True)
+def _renumber(voxel, number, renumbered) -> None:
+    """Write ``number[voxel]``."""
+    for s in numba.prange(len(voxel)):
+        renumbered[s] = number[np.uint64(voxel[s])]
 
 
 class Projector(ViewedOperator):
@@ -56,7 +65,9 @@ class Projector(ViewedOperator):
     ) -> None:
         super().__init__(segments.n_pixels, grid, view_ptr, segments.length.dtype, live)
         if self.live.place is not None:
-            segments = replace(segments, voxel=self.live.place[segments.voxel])
+            voxel = np.zeros_like(segments.voxel)
+            _renumber(segments.voxel, self.live.place, voxel)
+            segments = replace(segments, voxel=voxel)
         self._set(segments, segments.ptr[:-1], segments.ptr[1:])
 
     def _set(self, entries: Segments, starts: NDArray[np.int64], stops: NDArray[np.int64]) -> None:

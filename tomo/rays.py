@@ -139,18 +139,15 @@ class Rays:
         offsets = np.stack(np.meshgrid(steps, steps, indexing="xy"), axis=-1).reshape(-1, 2)
         uv = (centres[:, None, :] + offsets).reshape(-1, 2)  # (P * K², 2)
         origins, directions = camera.rays(uv)
-        per_pixel = np.full(len(pixels), supersample**2)
+        weight = np.full(len(origins), 1.0 / supersample**2)
+        pixel_ptr = supersample**2 * np.arange(len(pixels) + 1)
         if not np.isfinite(directions).all():
             seen = np.isfinite(directions).all(axis=1)
             per_pixel = seen.reshape(-1, supersample**2).sum(axis=1)
             origins, directions = origins[seen], directions[seen]
-        return cls(
-            origins,
-            directions,
-            np.full(len(origins), np.inf),
-            np.repeat(1.0 / np.maximum(per_pixel, 1), per_pixel),
-            np.concatenate([[0], np.cumsum(per_pixel)]).astype(np.int64),
-        )
+            weight = np.repeat(1.0 / np.maximum(per_pixel, 1), per_pixel)
+            pixel_ptr = np.concatenate([[0], np.cumsum(per_pixel)]).astype(np.int64)
+        return cls(origins, directions, np.full(len(origins), np.inf), weight, pixel_ptr)
 
     def take(self, pixels: NDArray[np.integer]) -> Rays:
         """Return the rays of some pixels, in the order given."""

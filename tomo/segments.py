@@ -121,9 +121,11 @@ class Segments:
 
     @staticmethod
     def concatenate(parts: list[Segments]) -> Segments:
-        """Return the segments of ``parts`` one after another."""
+        """Return the segments of ``parts`` one after another; of a single one, itself."""
         if not parts:
             raise ValueError("segments to concatenate: found none, expected at least one")
+        if len(parts) == 1:
+            return parts[0]
         offsets = np.cumsum([0] + [len(part) for part in parts])
         ptr = [part.ptr[1:] + o for part, o in zip(parts, offsets[:-1], strict=True)]
         has_midpoint = all(part.midpoint is not None for part in parts)

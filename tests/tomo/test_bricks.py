@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tomo import LiveVoxels, Projector, Rays, VoxelGrid
-from tomo._bricks import brick_places, occupied_bricks
+from tomo._bricks import brick_places
 from tomo.trace import trace
 
 side = st.integers(1, 20)
@@ -44,14 +44,6 @@ def test_neighbours_stand_closer_than_in_the_flat_volume():
     places = brick_places(np.ones(shape, np.bool_)).reshape(shape)
     for axis in range(3):
         assert np.median(np.abs(np.diff(places, axis=axis))) <= 7
-
-
-@given(st.tuples(side, side, side), st.integers(0, 2**32 - 1), st.floats(0, 0.02))
-def test_a_brick_is_occupied_where_a_chosen_voxel_is_in_it(shape, seed, share):
-    mask = np.random.default_rng(seed).random(shape) < share
-    expected = np.zeros([-(-n // 8) for n in shape], np.bool_)
-    expected[tuple(np.argwhere(mask).T // 8)] = True
-    np.testing.assert_array_equal(occupied_bricks(mask), expected)
 
 
 def test_few_unknowns_stay_in_their_order():

@@ -24,6 +24,23 @@ def test_the_unknowns_are_the_voxels_of_the_mask(flags):
     assert live.all == all(flags)
 
 
+@given(st.lists(st.booleans(), min_size=24, max_size=24))
+def test_the_box_holds_the_unknowns_and_a_layer_around_them(flags):
+    grid = VoxelGrid((4, 3, 2), 1.0)
+    live = LiveVoxels.from_mask(grid, flags)
+    values = np.arange(1.0, live.size + 1)
+    box = live.box.expand(values)
+    assert box.shape == live.box.shape
+    assert np.array_equal(live.box.compress(box), values)
+    assert np.array_equal(live.box.mask, box > 0)
+    if any(flags):
+        places = np.argwhere(live.mask)
+        low = np.maximum(places.min(axis=0) - 1, 0)
+        high = np.minimum(places.max(axis=0) + 2, grid.shape)
+        around = tuple(slice(*ends) for ends in zip(low, high, strict=True))
+        assert np.array_equal(box, live.expand(values).reshape(grid.shape)[around])
+
+
 def test_nothing_is_copied_when_all_are_live():
     volume = np.zeros(24)
     assert np.shares_memory(LiveVoxels(GRID).expand(volume), volume)

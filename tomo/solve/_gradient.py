@@ -83,21 +83,15 @@ class Gradient:
         self.live = live
         spacing = np.asarray(live.grid.spacing, np.float64)
         self.factors = (np.prod(spacing) ** (1 / 3) / spacing).astype(np.float32)  # (3,)
-        self._box = _box_around(live)
-        self.shape = tuple(part.stop - part.start for part in self._box)
+        self.shape = live.box.shape
 
     def place(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the unknowns in the box, zero where none is: ``(bx, by, bz)``, a copy."""
-        volume = self.live.expand(values).reshape(self.live.grid.shape)
-        return np.array(volume[self._box], np.float32, order="C")
+        return self.live.box.expand(values.astype(np.float32, copy=False))
 
     def pick(self, box: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the unknowns ``(n,)`` of values in the box."""
-        if self.live.all:
-            return box.reshape(-1)
-        volume = np.zeros(self.live.grid.shape, np.float32)
-        volume[self._box] = box
-        return self.live.compress(volume)
+        return self.live.box.compress(box)
 
     def forward(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return ``D x`` of the unknowns ``x (n,)``: ``(bx, by, bz, 3)``."""
@@ -110,17 +104,3 @@ class Gradient:
         volume = np.zeros(self.shape, np.float32)
         _adjoint(field.reshape(*self.shape, 3), self.factors, volume)
         return self.pick(volume)
-
-
-def _box_around(live: LiveVoxels) -> tuple[slice, slice, slice]:
-    """Return the box of the live voxels and one layer around it, inside the grid."""
-    shape = live.grid.shape
-    if live.all:
-        return tuple(slice(0, count) for count in shape)
-    if live.size == 0:
-        return tuple(slice(0, 1) for _ in shape)
-    places = np.unravel_index(live.index, shape)
-    return tuple(
-        slice(max(int(place.min()) - 1, 0), min(int(place.max()) + 2, count))
-        for place, count in zip(places, shape, strict=True)
-    )

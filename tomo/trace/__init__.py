@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,6 +55,21 @@ def trace(
         If the tracer is unknown, the live voxels are those of another grid, or there are more
         voxels than can be numbered.
     """
+    return tracing(grid, tracer, midpoints=midpoints, dtype=dtype, live=live)(rays)
+
+
+def tracing(
+    grid: VoxelGrid,
+    tracer: str = "march",
+    *,
+    midpoints: bool = False,
+    dtype: DTypeLike = np.float32,
+    live: LiveVoxels | None = None,
+) -> Callable[[Rays], Segments]:
+    """Return what traces rays as `trace` does, to be called with one camera's after another's.
+
+    The tracer keeps memory from call to call.
+    """
     if tracer not in TRACERS:
         raise ValueError(f"tracer: found {tracer!r}, expected one of {', '.join(TRACERS)}")
     if live is not None and live.grid != grid:
@@ -62,6 +78,10 @@ def trace(
         raise ValueError(f"grid shape: found {grid.shape}, expected at most 2^53 voxels to trace")
     module = importlib.import_module(f"tomo.trace.{tracer}")
     if tracer == "march":
-        return module.trace(rays, grid, midpoints=midpoints, dtype=dtype, live=live)
-    segments = module.trace(rays, grid, midpoints=midpoints, dtype=dtype)
-    return segments if live is None or live.all else segments.renumbered(live.number)
+        return module.March(grid, midpoints=midpoints, dtype=dtype, live=live)
+
+    def traced(rays: Rays) -> Segments:
+        segments = module.trace(rays, grid, midpoints=midpoints, dtype=dtype)
+        return segments if live is None or live.all else segments.renumbered(live.number)
+
+    return traced

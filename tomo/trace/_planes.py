@@ -63,7 +63,7 @@ def enter(origin, direction, length, lower, upper, spacing, shape):
 
 
 @compiled(inline=True)
-def along_axis(position, direction, end, count, stride, brick_stride):
+def along_axis(position, direction, end, count, stride):
     """Return a ray's course along one axis, whole numbers as floats.
 
     ``offset``: voxels to the first plane, above 0 and at most 1 where there is one; ``speed``:
@@ -76,31 +76,25 @@ def along_axis(position, direction, end, count, stride, brick_stride):
     """
     if direction == 0 or position + direction * end == position:  # it does not get anywhere
         first = lesser(greater(np.floor(position), 0.0), count - 1)
-        return 0.0, 0.0, 1.0, 0.0, first, 0.0, 0.0, brick_stride
+        return 0.0, 0.0, 1.0, 0.0, first, 0.0, 0.0
     if direction < 0:
         first = lesser(greater(np.ceil(position) - 1, 0.0), count - 1)
-        return (
-            position - first, -direction, -1 / direction, first, first, -1.0, -stride,
-            brick_stride,
-        )  # fmt: skip
+        return position - first, -direction, -1 / direction, first, first, -1.0, -stride
     first = lesser(greater(np.floor(position), 0.0), count - 1)
-    return (
-        first + 1 - position, direction, 1 / direction, count - 1 - first, first, 1.0, stride,
-        brick_stride,
-    )  # fmt: skip
+    return first + 1 - position, direction, 1 / direction, count - 1 - first, first, 1.0, stride
 
 
 @compiled(inline=True)
-def course(x, y, z, dx, dy, dz, end, shape, bricks):
+def course(x, y, z, dx, dy, dz, end, shape):
     """Return the flat number of a ray's first voxel, and its course along each axis.
 
     The axes are those of `along_axis`, the one along which the ray moves fastest first; ``shape``
-    and ``bricks`` are the numbers of voxels and bricks along x, y, z.
+    are the numbers of voxels along x, y, z.
     """
     nx, ny, nz = shape
-    in_x = along_axis(x, dx, end, nx, ny * nz, bricks[1] * bricks[2])
-    in_y = along_axis(y, dy, end, ny, nz, bricks[2])
-    in_z = along_axis(z, dz, end, nz, 1.0, 1)
+    in_x = along_axis(x, dx, end, nx, ny * nz)
+    in_y = along_axis(y, dy, end, ny, nz)
+    in_z = along_axis(z, dz, end, nz, 1.0)
     origin = (in_x[4] * ny + in_y[4]) * nz + in_z[4]
     if in_x[1] >= in_y[1] and in_x[1] >= in_z[1]:
         return origin, in_x, in_y, in_z

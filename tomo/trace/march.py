@@ -4,7 +4,8 @@ A layer lies across the axis along which the ray moves fastest, in voxels. Insid
 at most one plane of each other axis, so it meets at most three voxels; where they begin and end
 follows from the layer's number alone (`tomo.trace._planes`). Layers are therefore independent: the
 loop over them has no branch and is vectorised, and layers in empty space are left out without any
-influence on the others. What has no length is dropped when the pieces are packed.
+influence on the others: as many as the ray's voxel is away from the nearest live one. What has no
+length is dropped when the pieces are packed.
 
 Jacobs et al., "A fast algorithm to calculate the exact radiological path through a pixel or voxel
 space" (Journal of Computing and Information Technology 6, 1998) count crossings in the same way.
@@ -16,7 +17,6 @@ import numba
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from tomo._bricks import BRICK_BITS
 from tomo._compile import compiled
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
@@ -34,7 +34,7 @@ from tomo.trace._planes import (
 )
 
 RAYS_A_CHUNK = 256  # one thread's at a time
-LANES = 1 << BRICK_BITS  # layers that are cut or skipped at once: a vector of doubles, or some
+LANES = 8  # layers that are cut at once: a vector of doubles, or some
 
 
 @compiled(inline=True)
@@ -71,49 +71,48 @@ def _cut(start, origin, a, b, c, end, weight, pieces):
 
 
 @compiled(inline=True)
-def _renumber(layers, number, pieces):
-    """Put the numbers of the live voxels in place of voxels; other voxels' pieces vanish."""
-    for piece in range(3):
-        for layer in range(piece * LANES, piece * LANES + layers):
-            found = number[np.int64(pieces[3 * LANES + layer])]
-            pieces[3 * LANES + layer] = found
-            if found < 0:
-                pieces[layer] = 0.0
+def _numbered(pieces, piece, layer, number):
+    """Return the number of a piece's voxel, its own where ``number`` is empty, and its length."""
+    voxel = np.int64(pieces[np.uint64((3 + piece) * LANES + layer)])
+    found = pieces[np.uint64(piece * LANES + layer)]
+    return (number[np.uint64(voxel)] if len(number) > 0 else voxel), found
 
 
 @compiled(inline=True)
-def _pack(layers, is_end, pieces, at, voxel, length):
-    """Write the pieces that have a length from index ``at`` on; return where they end.
+def _pack(layers, is_end, pieces, number, at, voxel, length):
+    """Write the pieces that have a length, in voxels with a number, from index ``at`` on.
 
-    What has none is overwritten by what comes next, without a branch; nothing need come after
-    the last layer of a run.
+    Returns where they end. Others are overwritten by what comes next, without a branch; nothing
+    need come after the last layer of a run.
     """
     for layer in range(layers - 1 if is_end else layers):
         for piece in range(2):
-            found = pieces[np.uint64(piece * LANES + layer)]
-            voxel[at] = np.int64(pieces[np.uint64((3 + piece) * LANES + layer)])
+            own, found = _numbered(pieces, piece, layer, number)
+            voxel[at] = own
             length[at] = found
-            at += np.uint64(found > 0)
+            at += np.uint64((found > 0) & (own >= 0))
         if pieces[np.uint64(2 * LANES + layer)] > 0:  # rare
-            voxel[at] = np.int64(pieces[np.uint64(5 * LANES + layer)])
-            length[at] = pieces[np.uint64(2 * LANES + layer)]
-            at += np.uint64(1)
+            own, found = _numbered(pieces, 2, layer, number)
+            voxel[at] = own
+            length[at] = found
+            at += np.uint64(own >= 0)
     if is_end:
         for piece in range(3):
-            found = pieces[np.uint64(piece * LANES + layers - 1)]
-            if found > 0:
-                voxel[at] = np.int64(pieces[np.uint64((3 + piece) * LANES + layers - 1)])
+            own, found = _numbered(pieces, piece, layers - 1, number)
+            if found > 0 and own >= 0:
+                voxel[at] = own
                 length[at] = found
                 at += np.uint64(1)
     return at
 
 
 @compiled(inline=True)
-def _pack_middles(layers, pieces, at, entry, direction, spacing, middle):
+def _pack_middles(layers, pieces, number, at, entry, direction, spacing, middle):
     """Write the middles of the pieces that `_pack` keeps."""
     for layer in range(layers):
         for piece in range(3):
-            if pieces[piece * LANES + layer] > 0:
+            own, found = _numbered(pieces, piece, layer, number)
+            if found > 0 and own >= 0:
                 time = pieces[(6 + piece) * LANES + layer]
                 for axis in range(3):
                     middle[at, axis] = (entry[axis] + direction[axis] * time) * spacing[axis]
@@ -121,57 +120,38 @@ def _pack_middles(layers, pieces, at, entry, direction, spacing, middle):
 
 
 @compiled(inline=True)
-def _end_of_run(start, all_layers, a, occupied):
-    """Return where the layers end that are cut or skipped with ``start``.
-
-    They are at most `LANES`, and in the same layer of bricks where bricks are skipped.
-    """
-    run = LANES
-    if len(occupied) > 0:
-        in_brick = np.int64(a[4] + a[5] * start) & (LANES - 1)
-        run = LANES - in_brick if a[5] > 0 else in_brick + 1
-    return min(start + run, all_layers)
-
-
-@compiled(inline=True)
-def _bricks_between(into, out, axis):
-    """Return the first and last brick along an axis that a ray meets between two times."""
-    near = np.int64(axis[4] + axis[5] * passed(into, axis)) >> BRICK_BITS
-    far = np.int64(axis[4] + axis[5] * passed(out, axis)) >> BRICK_BITS
-    return min(near, far), max(near, far)
-
-
-@compiled(inline=True)
-def _may_be_live(start, stop, a, b, c, end, occupied):
-    """Say whether a ray may meet a live voxel in the layers ``start:stop`` of one brick along a.
-
-    ``occupied`` (bricks,) says which bricks hold one; where it is empty, all do.
-    """
-    if len(occupied) == 0:
-        return True
-    into = lesser(greater(passing(start - 1.0, a), 0.0), end)
-    out = lesser(passing(stop - 1.0, a), end) if stop - 1 < a[3] else end
-    low_b, high_b = _bricks_between(into, out, b)
-    low_c, high_c = _bricks_between(into, out, c)
-    row = (np.int64(a[4] + a[5] * start) >> BRICK_BITS) * a[7]
-    for in_b in range(low_b, high_b + 1):
-        for in_c in range(low_c, high_c + 1):
-            if occupied[row + in_b * b[7] + in_c * c[7]]:
-                return True
-    return False
+def _voxel_at(layer, origin, a, b, c, end):
+    """Return the flat number of the voxel in which a ray enters a layer, as `_cut` does."""
+    into = lesser(greater(passing(layer - 1.0, a), 0.0), end)
+    return np.int64(origin + layer * a[6] + passed(into, b) * b[6] + passed(into, c) * c[6])
 
 
 @compiled(parallel=True)
 def _fill(
-    origins, directions, lengths, weights, box, occupied, number, begin,
+    origins, directions, lengths, weights, box, away, number, begin,
     counts, voxel, length, middle,
 ):  # fmt: skip
     """Write the crossings of every chunk of rays from index ``begin[chunk]`` on; count them.
 
     Where ``voxel`` has no room, write to ``counts`` how many there can be at most, and no more:
     in one kernel with the other, for what both need takes long to compile.
+
+    Parameters
+    ----------
+    origins, directions, lengths, weights
+        As in `tomo.rays.Rays`.
+    box : tuple
+        The grid's lower and upper corner, its spacing and its shape.
+    away : (voxels,) uint8
+        How far each voxel is from the nearest live one; nothing where all are live.
+    number : (voxels,) int
+        The number of each live voxel, negative for others; nothing where all are live.
+    begin : (chunks,) int64
+    counts : (rays,) int64
+    voxel, length : (room,)
+    middle : (room or 0, 3)
     """
-    lower, upper, spacing, shape, bricks = box
+    lower, upper, spacing, shape = box
     half = (shape[0] / 2, shape[1] / 2, shape[2] / 2)
     for chunk in numba.prange(len(begin)):
         pieces = np.zeros(9 * LANES)
@@ -182,28 +162,34 @@ def _fill(
             )
             if not end > 0:
                 continue
-            origin, a, b, c = course(x, y, z, dx, dy, dz, end, shape, bricks)
+            origin, a, b, c = course(x, y, z, dx, dy, dz, end, shape)
+            entry, direction = (x - half[0], y - half[1], z - half[2]), (dx, dy, dz)
+            before, start, all_layers = at, np.int64(0), np.int64(passed(end, a)) + 1
             if len(voxel) == 0:
                 counts[ray] = most_crossings(end, a, b, c)
                 continue
-            entry, direction = (x - half[0], y - half[1], z - half[2]), (dx, dy, dz)
-            before, start, all_layers = at, np.int64(0), np.int64(passed(end, a)) + 1
             while start < all_layers:
-                first, start = start, _end_of_run(start, all_layers, a, occupied)
-                if not _may_be_live(first, start, a, b, c, end, occupied):
-                    continue
+                if len(away) > 0:
+                    # n layers on the ray is within n + 1 voxels, in rounding's doubt n + 2.
+                    clear = np.int64(away[_voxel_at(start, origin, a, b, c, end)]) - 2
+                    if clear > 0:
+                        start += clear
+                        continue
+                first, start = start, min(start + LANES, all_layers)
                 _cut(first, origin, a, b, c, end, weights[ray], pieces)
-                if len(number) > 0:
-                    _renumber(start - first, number, pieces)
+                some, is_end = start - first, start == all_layers
                 if len(middle) > 0:
-                    _pack_middles(start - first, pieces, at, entry, direction, spacing, middle)
-                at = _pack(start - first, start == all_layers, pieces, at, voxel, length)
+                    _pack_middles(some, pieces, number, at, entry, direction, spacing, middle)
+                if len(number) > 0:
+                    at = _pack(some, is_end, pieces, number, at, voxel, length)
+                else:
+                    at = _pack(some, is_end, pieces, number, at, voxel, length)
             counts[ray] = np.int64(at - before)
 
 
 @compiled()
-def _move_down(begin, ptr, words, array):
-    """Move what stands from ``begin[chunk]`` on to ``ptr[chunk]:ptr[chunk + 1]``.
+def _move_down(begin, ptr, words, array, moved):
+    """Write what stands from ``begin[chunk]`` on to ``ptr[chunk]:ptr[chunk + 1]``.
 
     Parameters
     ----------
@@ -211,12 +197,14 @@ def _move_down(begin, ptr, words, array):
     ptr : (chunks + 1,) int64
     words : int
         Of 32 bits, that an entry of the array has.
-    array : uint32
+    array, moved : uint32
+        Where it stands and where it is written to; the same for what is not to be copied.
     """
+    same = array.ctypes.data == moved.ctypes.data
     some = np.zeros(4096, np.uint32)
     for chunk in range(len(begin)):
         shift = words * (begin[chunk] - ptr[chunk])
-        if shift == 0:
+        if same and shift == 0:
             continue
         last = words * ptr[chunk + 1]
         for start in range(words * ptr[chunk], last, len(some)):
@@ -224,50 +212,78 @@ def _move_down(begin, ptr, words, array):
             for i in range(count):
                 some[i] = array[start + shift + i]
             for i in range(count):
-                array[start + i] = some[i]
+                moved[start + i] = some[i]
 
 
-def trace(
-    rays: Rays,
-    grid: VoxelGrid,
-    *,
-    midpoints: bool = False,
-    dtype: DTypeLike = np.float32,
-    live: LiveVoxels | None = None,
-) -> Segments:
-    """Trace rays with the compiled walk on all cores; see `tomo.trace.trace`."""
-    occupied, number = np.zeros((0, 0, 0), np.bool_), np.zeros(0, np.int32)
-    if live is not None and not live.all:
-        occupied, number = live.bricks, live.number
-    lines = rays.origins, rays.directions, rays.lengths
-    box = tuple(grid.lower), tuple(grid.upper), grid.spacing, grid.shape, occupied.shape
+class March:
+    """Traces rays with the compiled walk on all cores.
 
-    def filled(room: int, begin: NDArray[np.int64]) -> tuple[NDArray, ...]:
-        # Pages that nothing is written to are never taken from the system.
-        voxel = np.zeros(room, voxel_dtype(grid))
-        length = np.zeros(room, dtype)
-        middle = np.zeros((room if midpoints else 0, 3), dtype)
+    Where not all voxels are live most of the room for crossings stays empty: it is kept from call
+    to call, as pages new from the system cost more than what is written to them.
+
+    Parameters
+    ----------
+    grid, midpoints, dtype, live
+        See `tomo.trace.trace`.
+    """
+
+    def __init__(
+        self,
+        grid: VoxelGrid,
+        *,
+        midpoints: bool = False,
+        dtype: DTypeLike = np.float32,
+        live: LiveVoxels | None = None,
+    ) -> None:
+        self._box = tuple(grid.lower), tuple(grid.upper), grid.spacing, grid.shape
+        self._types = voxel_dtype(grid), np.dtype(dtype)
+        self._midpoints = midpoints
+        self._all = live is None or live.all
+        self._away, self._number = np.zeros(0, np.uint8), np.zeros(0, np.int32)
+        if not self._all:
+            self._away, self._number = live.clearance.ravel(), live.number
+        self._kept = self._room(0)
+
+    def __call__(self, rays: Rays) -> Segments:
+        """Return the crossings of rays with live voxels."""
+        most = self._fill(rays, np.zeros(-(-len(rays) // RAYS_A_CHUNK), np.int64), self._room(0))
+        begin, needed = most[:-1:RAYS_A_CHUNK].copy(), int(most[-1])
+        room = self._room(needed) if self._all or len(self._kept[0]) < needed else self._kept
+        ptr = self._fill(rays, begin, room)
+        ends = np.append(ptr[:-1:RAYS_A_CHUNK], ptr[-1])
+        if self._all:
+            found = room
+        else:
+            self._kept, found = room, self._room(int(ptr[-1]))
+        for spread, closed in zip(room, found, strict=True):
+            _close_up(begin, ends, spread, closed)
+        voxel, length, middle = (array[: ptr[-1]] for array in found)
+        return Segments(ptr[rays.pixel_ptr], voxel, length, middle if self._midpoints else None)
+
+    def _room(self, crossings: int) -> tuple[NDArray, ...]:
+        """Return memory; pages that nothing is written to are never taken from the system."""
+        voxel, length = (np.zeros(crossings, kind) for kind in self._types)
+        return voxel, length, np.zeros((crossings * self._midpoints, 3), length.dtype)
+
+    def _fill(
+        self, rays: Rays, begin: NDArray[np.int64], room: tuple[NDArray, ...]
+    ) -> NDArray[np.int64]:
+        """Write the crossings to room, return where each ray's begin; see the kernel."""
         counts = np.zeros(len(rays), np.int64)
         _fill(
-            *lines, rays.weight, box, occupied.ravel(), number, begin, counts,
-            voxel, length, middle,
+            rays.origins, rays.directions, rays.lengths, rays.weight,
+            self._box, self._away, self._number, begin, counts, *room,
         )  # fmt: skip
-        return np.append(0, np.cumsum(counts)), voxel, length, middle
-
-    most, *_ = filled(0, np.zeros(-(-len(rays) // RAYS_A_CHUNK), np.int64))
-    begin = most[:-1:RAYS_A_CHUNK].copy()
-    ptr, voxel, length, middle = filled(int(most[-1]), begin)
-    ends = np.append(ptr[:-1:RAYS_A_CHUNK], ptr[-1])
-    voxel = _closed_up(begin, ends, voxel)
-    length = _closed_up(begin, ends, length)
-    middle = _closed_up(begin, ends, middle) if midpoints else None
-    return Segments(ptr[rays.pixel_ptr], voxel, length, middle)
+        return np.append(0, np.cumsum(counts))
 
 
-def _closed_up(begin: NDArray[np.int64], ptr: NDArray[np.int64], array: NDArray) -> NDArray:
-    """Return the entries of all chunks one behind the other."""
+def _close_up(
+    begin: NDArray[np.int64], ptr: NDArray[np.int64], spread: NDArray, closed: NDArray
+) -> None:
+    """Write the entries of all chunks one behind the other."""
+    if not len(spread):
+        return
     word = np.dtype(np.uint32)
-    words = array[:1].nbytes // word.itemsize
-    _move_down(begin, ptr, words, array.reshape(-1).view(word))
-    found = array[: ptr[-1]]
-    return found if len(found) > 0.9 * len(array) else found.copy()
+    words = spread[:1].nbytes // word.itemsize
+    flat = spread.reshape(-1).view(word), closed.reshape(-1).view(word)
+    _move_down(begin, ptr, words, *flat)

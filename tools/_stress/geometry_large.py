@@ -149,7 +149,7 @@ def _moved_entries() -> Row:
     values = np.arange(27_000, dtype=np.uint32)
     array[3 * begin[1] : 3 * begin[1] + 27_000] = values
     # the first chunk stands where it belongs: nothing of it is touched
-    _move_down(begin, ptr, 3, array)
+    _move_down(begin, ptr, 3, array, array)
     wrong = int((array[3 * BEYOND : 3 * BEYOND + 27_000] != values).sum())
     return Row("Entries moved beyond 2^31", f"{3 * BEYOND:,} words", wrong, 0, "faults")
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
-from tomo.trace import TRACERS, trace
+from tomo.trace import TRACERS, trace, tracing
 
 GRIDS = [
     VoxelGrid((30, 41, 26), (0.5, 0.4, 0.6), (3, -2, 1)),
@@ -84,6 +84,20 @@ def test_every_tracer_keeps_to_the_live_voxels(tracer):
         some = trace(rays, grid, tracer, midpoints=True, live=live)
         assert_same_in_live_voxels(some, whole, live)
         assert trace(rays, grid, tracer, live=live).midpoint is None
+
+
+def test_what_a_tracer_found_before_stays_as_it_is():
+    grid = GRIDS[0]
+    for live in (LiveVoxels.from_mask(grid, masks(grid, 2)[1]), LiveVoxels(grid)):
+        find = tracing(grid, midpoints=True, live=live)
+        for rays in (through(grid, 900, seed=1), through(grid, 60, seed=2)):
+            first = find(rays)
+            kept = [array.copy() for array in (first.ptr, first.voxel, first.length)]
+            find(through(grid, 700, seed=3))
+            alone = trace(rays, grid, midpoints=True, live=live)
+            for name, array in zip(("ptr", "voxel", "length"), kept, strict=True):
+                np.testing.assert_array_equal(array, getattr(first, name))
+                np.testing.assert_array_equal(array, getattr(alone, name))
 
 
 @pytest.mark.parametrize("tracer", TRACERS)
