@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._compile import compiled
 from tomo._groups import golden_section
 
 PIXELS_A_LEVEL = 400  # enough for a spread to 8 per cent
@@ -99,17 +100,16 @@ def estimate_noise(
     most = PIXELS_A_LEVEL * MOST_LEVELS
     if len(chosen) > most:  # spread by the golden section: no step falls in with the rows
         chosen = chosen[golden_section(len(chosen)) < most / len(chosen)]
-    corners = np.unravel_index(chosen, whole.shape)
-    nine = _nine(image, corners)
-    signal = nine if expected is None else _nine(np.asarray(expected), corners)
-    rows = signal[2] + signal[1] + signal[0]  # (3 columns, chosen)
-    level = (rows[2] + rows[1] + rows[0]) / 9
-    if expected is not None:
-        nine = nine - signal
-    across = nine[:, 2] - 2 * nine[:, 1] + nine[:, 0]  # (3 rows, chosen)
-    fine = np.abs(across[2] - 2 * across[1] + across[0]) / 6
+    width = image.shape[1]
+    first = chosen + 2 * (chosen // (width - 2))  # of the nine, in the image
+    level, fine = np.zeros(len(chosen)), np.zeros(len(chosen))
+    shown = np.asarray(image, np.float64).ravel()
+    signal = shown if expected is None else np.asarray(expected, np.float64).ravel()
+    _filter(shown, signal, expected is not None, first, width, level, fine)
     parts = int(np.clip(len(level) // PIXELS_A_LEVEL, 1, MOST_LEVELS))
-    order = np.argsort(level)[len(level) % parts :].reshape(parts, -1)
+    left_over = len(level) % parts
+    bounds = np.arange(left_over, len(level), len(level) // parts)
+    order = np.argpartition(level, bounds)[left_over:].reshape(parts, -1)
     means = level[order].mean(axis=1)
     quarter = order.shape[1] // 4
     spreads = np.partition(fine[order], quarter, axis=1)[:, quarter]
@@ -123,12 +123,35 @@ def _count_of_nine(marked: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return rows[:, 2:] + rows[:, 1:-1] + rows[:, :-2]
 
 
-def _nine(image: NDArray, corners: tuple[NDArray, NDArray]) -> NDArray[np.float64]:
-    """Return the 3 x 3 pixels below and right of the chosen ones: ``(3, 3, chosen)``."""
-    width = image.shape[1]
-    steps = width * np.arange(3)[:, None] + np.arange(3)
-    first = corners[0] * width + corners[1]
-    return image.ravel()[steps[:, :, None] + first].astype(np.float64)
+@compiled()
+def _filter(image, signal, takes_away, first, width, level, fine) -> None:
+    """Write the mean of nine pixels of ``signal``, and the filter's magnitude in ``image``.
+
+    Parameters
+    ----------
+    image, signal : (pixels,) float64
+    takes_away : bool
+        Whether the filter sees the image less the signal.
+    first : (chosen,) int64
+        The upper left of each nine.
+    width : int
+    level, fine : (chosen,) float64
+    """
+    share = 1.0 if takes_away else 0.0
+    for n in range(len(first)):
+        total, filtered = 0.0, 0.0
+        for column in range(3):
+            upper = np.uint64(first[n] + column)
+            middle, lower = upper + np.uint64(width), upper + np.uint64(2 * width)
+            total += signal[lower] + signal[middle] + signal[upper]
+            down = (
+                (image[lower] - share * signal[lower])
+                - 2 * (image[middle] - share * signal[middle])
+                + (image[upper] - share * signal[upper])
+            )
+            filtered += -2 * down if column == 1 else down
+        level[n] = total / 9
+        fine[n] = abs(filtered) / 6
 
 
 def _line(level: NDArray[np.float64], variance: NDArray[np.float64]) -> NoiseModel:
