@@ -142,7 +142,7 @@ def estimate_gains(
     light = float(np.abs(measured).sum(dtype=np.float64))
     darkness = -float(np.minimum(measured, 0).sum(dtype=np.float64)) / light
 
-    def quick(_projector: ViewedOperator, pixels: NDArray[np.float32]) -> Reconstruction:
+    def quick(pixels: NDArray[np.float32]) -> Reconstruction:
         pixels = pixels[some]
         if darkness < NEGATIVE:
             return mlem(
@@ -195,7 +195,7 @@ def gains_worth_correcting(
 
 
 def solve_with_gains(
-    solver: Callable[[ViewedOperator, NDArray[np.float32]], Reconstruction],
+    solver: Callable[[NDArray[np.float32]], Reconstruction],
     projector: ViewedOperator,
     measured: ArrayLike,
     *,
@@ -207,7 +207,7 @@ def solve_with_gains(
     Parameters
     ----------
     solver : callable
-        ``solver(projector, measured)``.
+        ``solver(measured)`` returns the volume of images ``(pixels,)`` corrected so far.
     projector, measured, offsets
         See `fit_gains`.
     rounds : int
@@ -225,7 +225,7 @@ def solve_with_gains(
     gains = Gains.none(projector.n_views)
     for _ in range(rounds):
         corrected = gains.correct(projector, measured)
-        found = solver(projector, corrected)
+        found = solver(corrected)
         gains = gains.then(fit_gains(projector, corrected, found.volume, offsets=offsets))
     return found, gains
 

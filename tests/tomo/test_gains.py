@@ -111,8 +111,8 @@ def test_a_common_factor_is_one_of_the_volume(case):
 def test_any_solver_alternates_with_the_gains(case):
     seen = _seen(case, case.gain)
 
-    def solver(projector, pixels):
-        return solve.mlem(projector, np.maximum(pixels, 0), iterations=8)
+    def solver(pixels):
+        return solve.mlem(case.projector, np.maximum(pixels, 0), iterations=8)
 
     found, gains = solve_with_gains(solver, case.projector, seen, rounds=3)
     assert found.volume.shape == case.truth.shape

@@ -51,7 +51,9 @@ def gains_rows(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
         gains = np.resize(GAINS, projector.n_views)
         measured = scaled.measured * np.repeat(gains, np.diff(projector.view_ptr))
         volume, found = solve_with_gains(
-            lambda p, b: solve.mlem(p, b, iterations=6), projector, measured.astype(np.float32)
+            lambda pixels: solve.mlem(projector, pixels, iterations=6),
+            projector,
+            measured.astype(np.float32),
         )
         return volume.volume, found, fit_gains(projector, measured, volume.volume)
 
