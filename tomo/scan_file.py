@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike
 
 from rigs import Rig, formats, load_rig, save_rig
 from tomo._scan_schema import parse_scan_file
+from tomo.corrections import Corrections
 from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.io import whole_folder, write_image, write_volume
 from tomo.io.images import IMAGE_SUFFIXES
 from tomo.io.volumes import check_length_unit
-from tomo.scan import Corrections, Frame, Scan
+from tomo.scan import Frame, Scan
 
 if TYPE_CHECKING:
     from os import PathLike

@@ -60,7 +60,7 @@ class SimulatedScan:
         Images quantised to ``bits`` are stored as integers, with ``bit_depth`` and the ``gain``
         that turns them into intensities again among the scan's corrections.
         """
-        from tomo.scan import Corrections
+        from tomo.corrections import Corrections
         from tomo.scan_file import save_scan
 
         images: Mapping[str, NDArray] = self.images

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from _stress.row import Row, faults_of_refusing, relative_error, worst_of
 from _stress.values_scene import Scene, run
 from tomo import Scan
+from tomo.corrections import Corrections
 from tomo.metrics import nrmse
 from tomo.reconstruct import reconstruct
-from tomo.scan import Corrections
 from tomo.simulate import SimulatedScan
 from tomo.support import carve
 

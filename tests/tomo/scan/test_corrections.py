@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from tomo import Scan
+from tomo.corrections import Corrections
 from tomo.io import write_image
-from tomo.scan import Corrections, Frame
+from tomo.scan import Frame
 
 
 def test_corrections_follow_the_formula(folder, frames, edit):
