@@ -76,6 +76,11 @@ def estimate_noise(
         The image without its noise as far as it is known, a volume re-projected say: its fine
         structure is not taken for noise, and it tells the signal.
 
+    Raises
+    ------
+    ValueError
+        If the mask or what is expected has another shape than the image.
+
     Notes
     -----
     The 3 x 3 filter ``[1 -2 1]^T [1 -2 1] / 6`` keeps the variance of white noise and takes away
@@ -90,6 +95,11 @@ def estimate_noise(
     Computer Vision and Image Understanding 64 (1996).
     """
     image = np.asarray(image)
+    for name, other in (("mask", mask), ("expected", expected)):
+        if other is not None and np.shape(other) != image.shape:
+            raise ValueError(
+                f"{name}: found shape {np.shape(other)}, expected {image.shape}, the image's"
+            )
     if image.ndim != 2 or min(image.shape) < 3:
         return NoiseModel(0.0)
     usable = np.isfinite(image) if mask is None else np.isfinite(image) & np.asarray(mask, bool)
