@@ -68,7 +68,8 @@ def tracing(
 ) -> Callable[[Rays], Segments]:
     """Return what traces rays as `trace` does, to be called with one camera's after another's.
 
-    The tracer keeps memory from call to call.
+    Its arguments and errors are those of `trace`. The tracer keeps memory from call to call, so
+    that no two threads may call it at once; what it has returned stays as it is.
     """
     if tracer not in TRACERS:
         raise ValueError(f"tracer: found {tracer!r}, expected one of {', '.join(TRACERS)}")

@@ -69,7 +69,7 @@ def along_axis(position, direction, end, count, stride):
     ``offset``: voxels to the first plane, above 0 and at most 1 where there is one; ``speed``:
     voxels per world length; ``per_plane``: world length per voxel; ``last``: planes ahead inside
     the box; ``first``: the voxel that it moves into; ``step``: +1, -1, or 0 when it stays;
-    ``stride``: from one voxel to the next that it enters; ``brick_stride``: of bricks, unsigned.
+    ``stride``: from one voxel to the next that it enters.
 
     The outer face is no such plane: the chord of the box ends there, and its length is known from
     outside; found again from within, where rays graze the face, it would be off by rounding.

@@ -180,6 +180,7 @@ def _fill(
                 some, is_end = start - first, start == all_layers
                 if len(middle) > 0:
                     _pack_middles(some, pieces, number, at, entry, direction, spacing, middle)
+                # the same in both: each is compiled without asking again for every piece
                 if len(number) > 0:
                     at = _pack(some, is_end, pieces, number, at, voxel, length)
                 else:
@@ -219,7 +220,8 @@ class March:
     """Traces rays with the compiled walk on all cores.
 
     Where not all voxels are live most of the room for crossings stays empty: it is kept from call
-    to call, as pages new from the system cost more than what is written to them.
+    to call, as pages new from the system cost more than what is written to them, and what was
+    found is copied out of it. One thread may call it at a time.
 
     Parameters
     ----------

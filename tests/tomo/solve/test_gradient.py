@@ -39,6 +39,8 @@ CASES = [
     LiveVoxels.from_mask(VoxelGrid((6, 8, 7), 1.0), _with_a_hole((6, 8, 7))),
     LiveVoxels.from_mask(VoxelGrid((6, 8, 7), (1.0, 0.3, 2.0)), _with_a_hole((6, 8, 7), 1)),
     LiveVoxels.from_mask(VoxelGrid((3, 3, 3), 1.0), np.zeros((3, 3, 3), bool)),
+    LiveVoxels(VoxelGrid((5, 6, 7), 1.0), np.array([0, 209])),  # two opposite corners
+    LiveVoxels(VoxelGrid((5, 6, 7), 1.0), np.array([123])),
 ]
 every_case = pytest.mark.parametrize("live", CASES, ids=str)
 

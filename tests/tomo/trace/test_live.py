@@ -1,5 +1,6 @@
 """Tracing some of the voxels gives what tracing all of them gives there, bit for bit."""
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,7 +16,9 @@ GRIDS = [
     VoxelGrid((8, 16, 24), 1.0),
     VoxelGrid((1, 90, 3), 0.25, (0, 5, 0)),
     VoxelGrid((17, 1, 1), 2.0),
+    VoxelGrid((2, 1, 700), 0.1),  # farther than a byte tells
 ]
+PARTS = ("ptr", "voxel", "length", "midpoint")
 grids = st.sampled_from(GRIDS)
 
 
@@ -92,12 +95,45 @@ def test_what_a_tracer_found_before_stays_as_it_is():
         find = tracing(grid, midpoints=True, live=live)
         for rays in (through(grid, 900, seed=1), through(grid, 60, seed=2)):
             first = find(rays)
-            kept = [array.copy() for array in (first.ptr, first.voxel, first.length)]
+            kept = {name: getattr(first, name).copy() for name in PARTS}
             find(through(grid, 700, seed=3))
             alone = trace(rays, grid, midpoints=True, live=live)
-            for name, array in zip(("ptr", "voxel", "length"), kept, strict=True):
+            for name, array in kept.items():
                 np.testing.assert_array_equal(array, getattr(first, name))
                 np.testing.assert_array_equal(array, getattr(alone, name))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_tracer_goes_on_after_rays_that_meet_nothing(dtype):
+    grid = GRIDS[0]
+    past = Rays.from_lines([[100.0, 0, 0]] * 300, [0, 1, 0])
+    none = past.take(np.arange(0))
+    for mask in masks(grid, 2):
+        live = LiveVoxels.from_mask(grid, mask)
+        find = tracing(grid, midpoints=True, dtype=dtype, live=live)
+        for rays in (none, past, through(grid, 600, seed=1), past, none, through(grid, 30)):
+            found = find(rays)
+            assert found.n_pixels == rays.n_pixels
+            alone = trace(rays, grid, midpoints=True, dtype=dtype, live=live)
+            for name in PARTS:
+                np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
+            assert rays not in (none, past) or len(found) == 0
+
+
+def test_the_bits_do_not_depend_on_the_number_of_threads():
+    grid = GRIDS[0]
+    live, rays = LiveVoxels.from_mask(grid, masks(grid, 2)[1]), through(grid, 2000, seed=4)
+    before, found = numba.get_num_threads(), []
+    try:
+        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+            numba.set_num_threads(threads)
+            segments = trace(rays, grid, midpoints=True, live=live)
+            found.append([getattr(segments, name) for name in PARTS])
+    finally:
+        numba.set_num_threads(before)
+    assert len(found[0][1]) > 0
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("tracer", TRACERS)
