@@ -39,6 +39,12 @@ class Projector(ViewedOperator):
     live : LiveVoxels, optional
         The voxels that are unknowns; all of the grid when None.
 
+    Raises
+    ------
+    ValueError
+        If the segments have numbers that no unknown has, the views do not end with the pixels, or
+        the live voxels are those of another grid.
+
     Notes
     -----
     Forward ``(A x)_p = sum_s l_s x_v(s)`` over the crossings ``s`` of pixel ``p``, summed in
@@ -64,6 +70,13 @@ class Projector(ViewedOperator):
         live: LiveVoxels | None = None,
     ) -> None:
         super().__init__(segments.n_pixels, grid, view_ptr, segments.length.dtype, live)
+        if len(segments):  # kernels index without checks
+            low, high = int(segments.voxel.min()), int(segments.voxel.max())
+            if not 0 <= low <= high < self.live.size:
+                raise ValueError(
+                    f"segments voxel: found {low} to {high}, expected the numbers of "
+                    f"{self.live.size} unknowns, from 0"
+                )
         if self.live.place is not None:
             voxel = np.zeros_like(segments.voxel)
             _renumber(segments.voxel, self.live.place, voxel)

@@ -3,7 +3,7 @@ import pytest
 
 from rigs import Camera, Rig, ring
 from rigs.camera import look_at
-from tomo import LinearSystem, VoxelGrid
+from tomo import LinearSystem, LiveVoxels, VoxelGrid
 from tomo.linear_system import VolumeNotSeenError
 from tomo.projector import dot_test
 
@@ -68,14 +68,19 @@ def test_masked_pixels_own_no_row():
             assert [len(pixels) for pixels in system.pixels] == [mask.sum() for mask in masks]
 
 
-def test_tracing_in_chunks_changes_nothing(system, monkeypatch):
+@pytest.mark.parametrize("share", [1.0, 0.1])
+def test_tracing_in_chunks_changes_nothing(monkeypatch, share):
+    mask = np.random.default_rng(4).random(GRID.shape) < share
+    how = {"live": LiveVoxels.from_mask(GRID, mask)}
+    whole = LinearSystem.from_rig(RIG, GRID, **how).projector
     monkeypatch.setattr("tomo.linear_system.RAYS_AT_ONCE", 37)
-    chunked = LinearSystem.from_rig(RIG, GRID, midpoints=True)
+    chunked = LinearSystem.from_rig(RIG, GRID, midpoints=True, **how).projector
+    np.testing.assert_array_equal(chunked.view_ptr, whole.view_ptr)
     for name in ("ptr", "voxel", "length"):
-        expected = getattr(system.projector.segments, name)
-        np.testing.assert_array_equal(getattr(chunked.projector.segments, name), expected)
-    assert chunked.projector.segments.midpoint.shape == (len(system.projector.segments), 3)
-    assert system.projector.segments.midpoint is None
+        expected = getattr(whole.segments, name)
+        np.testing.assert_array_equal(getattr(chunked.segments, name), expected)
+    assert chunked.segments.midpoint.shape == (len(whole.segments), 3)
+    assert whole.segments.midpoint is None
 
 
 @pytest.mark.parametrize("tracer", ["raycast", "reference"])

@@ -1,4 +1,5 @@
 import tracemalloc
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -314,6 +315,20 @@ def test_a_vector_of_another_size_is_refused(projector):
 def test_a_view_ptr_that_does_not_fit_is_refused(projector, view_ptr):
     with pytest.raises(ValueError, match="view_ptr: expected ascending from 0 to 6 pixels"):
         Projector(projector.segments.rows(0, 6), GRID, view_ptr)
+
+
+@pytest.mark.parametrize("shape", [(4, 4, 4), (20, 20, 20)], ids=["few", "many"])
+@pytest.mark.parametrize("negative", [True, False])
+def test_crossings_of_what_is_no_unknown_are_refused(shape, negative):
+    grid = VoxelGrid(shape, 1.0)
+    live = LiveVoxels(grid, np.arange(7, grid.size))
+    number = -1 if negative else live.size
+    voxel = np.array([0, number, 1], np.int32)
+    segments = Segments(np.array([0, 3]), voxel, np.ones(3, np.float32))
+    found = f"found {min(number, 0)} to {max(number, 1)}, expected the numbers of {live.size} "
+    with pytest.raises(ValueError, match=f"segments voxel: {found}"):
+        Projector(segments, grid, live=live)
+    assert Projector(replace(segments, voxel=voxel * 0), grid, live=live).shape == (1, live.size)
 
 
 def test_its_repr_names_the_sizes(projector):
