@@ -221,6 +221,8 @@ def _refinement(report: Mapping, length_unit: str) -> dict | None:
 
 def _in_words(value: object) -> str:
     """Return a value of the report as text: what many cameras share is said once."""
+    if value is None:
+        return "not known"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int | float):

@@ -112,6 +112,7 @@ def test_report_shows_its_figures(page):
         ([], "none"),
         ({}, "none"),
         (True, "yes"),
+        ([0.5, None], "0.5, not known"),
         ({f"cam{n}": [0.0, 0.0] for n in range(33)}, "0, 0 (all 33)"),
         ({"a": [0.5, 0.25], "b": [1.0, 2.0], "c": [1.0, 2.0]}, "a: 0.5, 0.25; b: 1, 2; c: 1, 2"),
         ([["nnls", 0.5, 1700], ["mlem", 0.0, 20]], "nnls, 0.5, 1,700; mlem, 0, 20"),
