@@ -8,6 +8,7 @@ import numpy as np
 
 from rigs import ring
 from tomo.grid import VoxelGrid
+from tomo.live_voxels import LiveVoxels
 from tomo.on_the_fly import OnTheFlyProjector
 from tomo.projector import Projector
 from tomo.rays import Rays
@@ -16,25 +17,27 @@ from tomo.trace import trace
 
 
 def warm_up(tracer: str, form: str = STORED) -> float:
-    """Trace and project two rays through eight voxels; return the seconds that it took."""
+    """Trace and project two rays through some voxels; return the seconds that it took."""
     started = time.perf_counter()
-    grid = VoxelGrid((2, 2, 2), 1.0)
-    rays = Rays.from_lines([[-5, 0.5, 0.5], [-5, -0.5, 0.5]], [1.0, 0.0, 0.0])
+    grid = VoxelGrid((17, 17, 17), 1.0)  # so many that they are sorted by bricks
+    live = LiveVoxels(grid, np.arange(1, grid.size))
+    rays = Rays.from_lines([[-9, 0.5, 0.5], [-9, -0.5, 0.5]], [1.0, 0.0, 0.0])
     if form == STORED:
         for midpoints in (False, True):
-            projector = Projector(trace(rays, grid, tracer, midpoints=midpoints), grid)
+            segments = trace(rays, grid, tracer, midpoints=midpoints, live=live)
+            projector = Projector(segments, grid, live=live)
     else:
-        projector = OnTheFlyProjector(rays, grid)
+        projector = OnTheFlyProjector(rays, grid, live=live)
     for dtype in (np.float32, np.float64):
-        projector.T @ (projector @ np.ones(8, dtype))
+        projector.T @ (projector @ np.ones(live.size, dtype))
     return time.perf_counter() - started
 
 
 def warm_up_carving() -> float:
-    """Carve a grid of eight voxels by three small views; return the seconds that it took."""
+    """Carve a small grid by three small views; return the seconds that it took."""
     started = time.perf_counter()
-    cameras = tuple(ring(3, distance=50.0, image_size=(9, 9), footprint=1.0))
-    spot = np.zeros((9, 9), np.float32)
-    spot[4, 4] = 1
-    carve(cameras, [spot] * 3, None, VoxelGrid((2, 2, 2), 1.0))
+    cameras = tuple(ring(3, distance=50.0, image_size=(15, 15), footprint=1.0))
+    place = np.linspace(-3, 3, 15)
+    spot = np.exp(-(place**2) - place[:, None] ** 2).astype(np.float32)  # no hot pixel: as wide
+    carve(cameras, [spot] * 3, None, VoxelGrid((8, 8, 8), 1.0))
     return time.perf_counter() - started
