@@ -208,7 +208,7 @@ _WHY_NOISE = (
     "on wider voxels nearer still, see the readings"
 )
 _WHY_ART = "stopping and small steps keep noise out of ART; the truth, which told when, is unknown"
-_WHY_TRANSFER = "one seed only"
+_WHY_TRANSFER = "one seed; encoders and voxels were trained for fewer epochs than in the paper"
 
 _JUDGES: tuple[tuple[tuple[str, ...], Callable[..., Iterator[Claim]]], ...] = (
     (("layouts",), _layouts),
