@@ -14,7 +14,7 @@ from _paper.plots import plots
 from _paper.sizes import Sizes
 from tomo.view.figures import save_figure
 
-FORMAT, VERSION = "wernet-paper-experiments", 1
+FORMAT, VERSION = "wernet-paper-experiments", 2
 PAGE, FOLDER, JSON = "paper.md", "paper", "paper/paper.json"
 _DIGITS = 5
 

@@ -96,9 +96,9 @@ def steps(seen: Case, reading: Reading, encoder: WeightEncoder) -> Iterator[Step
 
 
 def epochs(
-    seen: Case, reading: Reading, encoder: WeightEncoder, epochs: int
+    seen: Case, reading: Reading, encoder: WeightEncoder, total: int
 ) -> Iterator[tuple[int, NDArray[np.float32], float]]:
-    """Train for some epochs; yield number, live voxels and relative residual of each.
+    """Train for ``total`` epochs; yield number, live voxels and relative residual of each.
 
     The voxels are in the images' units, at the scale at which their chord lengths' projection
     best fits the images.
@@ -115,7 +115,7 @@ def epochs(
             scale = projected @ seen.measured / max(projected @ projected, 1e-30)
             yield step.epoch, voxels * np.float32(scale), squared_error**0.5 / norm
             squared_error = 0.0
-            if step.epoch == epochs:
+            if step.epoch == total:
                 return
 
 
