@@ -90,11 +90,12 @@ class Blur:
 
     def __call__(self, values: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return the blurred live voxels: ``(n,)``, in the type of ``values``."""
-        volume = self.live.box.expand(values)
+        box = self.live.box
+        volume = box.expand(values).reshape(box.grid.shape)
         taps = self._taps.astype(volume.dtype)
         own_lines, own, near_lines, near = self._lines
         first, second = np.zeros_like(volume), np.zeros_like(volume)
         _along(volume, taps, own_lines, first)
         _across(first, taps, near_lines, own, 1, second)
         _across(second, taps, own_lines, near, 0, first)
-        return self.live.box.compress(first)
+        return box.compress(first)

@@ -103,9 +103,23 @@ class LiveVoxels:
         return brick_places(self.mask) if self.size > _FEW else None
 
     @cached_property
-    def box(self) -> LiveBox:
-        """The voxels around the unknowns: volumes of no more than these are small."""
-        return LiveBox.around(self)
+    def box(self) -> LiveVoxels:
+        """The unknowns in the smallest box that holds them and a layer around, inside the grid.
+
+        Volumes of no more than that are small. The box is a grid of the same spacing, of one voxel
+        where there is no unknown; where it stands in the world plays no part.
+        """
+        if self.all:
+            return self
+        shape, inside = (1, 1, 1), np.zeros((3, 0), np.int64)
+        if self.size:
+            places = np.stack(np.unravel_index(self.index, self.grid.shape))  # (3, n)
+            first = np.maximum(places.min(axis=1) - 1, 0)
+            last = np.minimum(places.max(axis=1) + 1, np.asarray(self.grid.shape) - 1)
+            shape, inside = tuple((last - first + 1).tolist()), places - first[:, None]
+        return LiveVoxels(
+            VoxelGrid(shape, self.grid.spacing), np.ravel_multi_index(tuple(inside), shape)
+        )
 
     def expand(self, values: NDArray, fill: float = 0.0) -> NDArray:
         """Return the flat volume of the unknowns ``values``, ``fill`` elsewhere: (grid.size,).
@@ -125,56 +139,3 @@ class LiveVoxels:
         """
         volume = volume.reshape(-1)
         return volume if self.index is None else volume[self.index]
-
-
-@dataclass(frozen=True, eq=False)
-class LiveBox:
-    """The smallest box that holds all unknowns and one layer around them, inside the grid.
-
-    Attributes
-    ----------
-    shape : (int, int, int)
-    index : (n,) int64, optional
-        The flat number in the box of each unknown; None when the box is the grid and all of its
-        voxels are live.
-    """
-
-    shape: tuple[int, int, int]
-    index: NDArray[np.int64] | None = None
-
-    @classmethod
-    def around(cls, live: LiveVoxels) -> LiveBox:
-        """Return the box of some live voxels; of one voxel's size where there is none."""
-        if live.all:
-            return cls(live.grid.shape)
-        if live.size == 0:
-            return cls((1, 1, 1), np.zeros(0, np.int64))
-        places = np.unravel_index(live.index, live.grid.shape)
-        first = [max(int(place.min()) - 1, 0) for place in places]
-        last = [
-            min(int(place.max()) + 1, count - 1)
-            for place, count in zip(places, live.grid.shape, strict=True)
-        ]
-        shape = tuple(high - low + 1 for low, high in zip(first, last, strict=True))
-        inside = tuple(place - low for place, low in zip(places, first, strict=True))
-        return cls(shape, np.ravel_multi_index(inside, shape))
-
-    @cached_property
-    def mask(self) -> NDArray[np.bool_]:
-        """True where a voxel is live, of the box's shape."""
-        if self.index is None:
-            return np.ones(self.shape, np.bool_)
-        return self.expand(np.ones(len(self.index), np.bool_))
-
-    def expand(self, values: NDArray) -> NDArray:
-        """Return the unknowns ``values`` (n,) in the box, zero elsewhere: a copy."""
-        if self.index is None:
-            return values.reshape(self.shape).copy()
-        volume = np.zeros(self.shape, values.dtype)
-        volume.reshape(-1)[self.index] = values
-        return volume
-
-    def compress(self, volume: NDArray) -> NDArray:
-        """Return the unknowns of a volume of the box's shape: ``(n,)``."""
-        flat = volume.reshape(-1)
-        return flat if self.index is None else flat[self.index]

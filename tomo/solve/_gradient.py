@@ -83,11 +83,11 @@ class Gradient:
         self.live = live
         spacing = np.asarray(live.grid.spacing, np.float64)
         self.factors = (np.prod(spacing) ** (1 / 3) / spacing).astype(np.float32)  # (3,)
-        self.shape = live.box.shape
+        self.shape = live.box.grid.shape
 
     def place(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the unknowns in the box, zero where none is: ``(bx, by, bz)``, a copy."""
-        return self.live.box.expand(values.astype(np.float32, copy=False))
+        return self.live.box.expand(values.astype(np.float32)).reshape(self.shape)
 
     def pick(self, box: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the unknowns ``(n,)`` of values in the box."""
