@@ -172,20 +172,27 @@ class _Round:
     error, registered : float
         Relative errors of the predictions as they are, and as registration makes them.
     predicted : tuple of (rows, columns) float32
+    system : LinearSystem
+        What the cameras, shifted so far, see of voxels that may emit.
+    measured : (pixels,) float32
     """
 
     shifts: NDArray[np.float64]
     error: float
     registered: float
     predicted: tuple[NDArray[np.float32], ...]
+    system: LinearSystem
+    measured: NDArray[np.float32]
 
     @classmethod
     def of(cls, coarse: Coarser, shifts: NDArray[np.float64]) -> Self:
-        images, masks = coarse.images, coarse.masks
-        system, measured = _system(coarse, shifts)
-        views = range(len(images))
-        count = len(images) if len(images) <= 6 else GROUPS
-        further, predicted = np.zeros((len(images), 2)), {}
+        rig, images, masks = _shifted(coarse.rig, shifts), coarse.images, coarse.masks
+        found = carve(tuple(rig), images, masks, coarse.grid)
+        system = LinearSystem.from_rig(rig, coarse.grid, masks=found.pixels, live=found.live)
+        measured = system.flatten(images)
+        views = range(len(rig))
+        count = len(rig) if len(rig) <= 6 else GROUPS
+        further, predicted = np.zeros((len(rig), 2)), {}
         smears = log_smears(system.projector, measured)
         raw = registered = light = 0.0
         for group in range(count):
@@ -204,19 +211,12 @@ class _Round:
                 light += float(np.sum(np.square(image, dtype=np.float64)[mask]))
         every = tuple(predicted[view] for view in views)
         if light == 0:
-            return cls(further, math.nan, math.nan, every)
-        return cls(further, math.sqrt(raw / light), math.sqrt(registered / light), every)
+            return cls(further, math.nan, math.nan, every, system, measured)
+        errors = math.sqrt(raw / light), math.sqrt(registered / light)
+        return cls(further, *errors, every, system, measured)
 
     def displacement(self, coarse: Coarser) -> Displacement:
         return Displacement.of(self.predicted, coarse.images, coarse.masks, coarse.factor)
-
-
-def _system(coarse: Coarser, shifts: NDArray) -> tuple[LinearSystem, NDArray[np.float32]]:
-    """Return what the shifted cameras see of voxels that may emit, and their pixels."""
-    rig = _shifted(coarse.rig, shifts)
-    found = carve(tuple(rig), coarse.images, coarse.masks, coarse.grid)
-    system = LinearSystem.from_rig(rig, coarse.grid, masks=found.pixels, live=found.live)
-    return system, system.flatten(coarse.images)
 
 
 def _displacement(found: _Round, coarse: Coarser, shifts: NDArray) -> Displacement:
@@ -224,10 +224,9 @@ def _displacement(found: _Round, coarse: Coarser, shifts: NDArray) -> Displaceme
     displacement = found.displacement(coarse)
     if not displacement.disagrees:
         return displacement
-    system, measured = _system(coarse, shifts)
-    views = range(len(coarse.rig))
-    volume = quick_volume(system.projector, measured, views, iterations=2 * ITERATIONS)
-    seen = system.images((system.projector @ volume).astype(np.float32))
+    projector, views = found.system.projector, range(len(coarse.rig))
+    volume = quick_volume(projector, found.measured, views, iterations=2 * ITERATIONS)
+    seen = found.system.images((projector @ volume).astype(np.float32))
     rehearsed = replace(coarse, images=tuple(seen))
     try:
         of_exact = _Round.of(rehearsed, shifts).displacement(rehearsed)
