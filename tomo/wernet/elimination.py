@@ -99,8 +99,9 @@ def _judged(
     suits what was fitted, whichever predicts patches better: pixels, by which the latter is
     chosen, may ask for another smoothness than patches.
     """
-    some, trials = fitted.some, []
-    for choice in (fitted.choice, choose_by_held_out_views(fitted.learned, some.measured)):
+    some, trials, before = fitted.some, [], fitted.choice
+    anew = choose_by_held_out_views(fitted.learned, some.measured)
+    for choice in (before,) if anew.solves_as(before) else (before, anew):
         left = residuals_of_left_out_patches(some, fitted.learned, choice)
         trials.append((_share(left, others) / worth, left, choice))
     return min(trials, key=lambda trial: trial[0])
