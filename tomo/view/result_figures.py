@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 _LINES = ("#1f6fb2", "#c2500f", "#12826a", "#7d5ba6", "#9a7b00", "#5b6672")
 _UNUSED = "#b9c0c7"
 _MOST_VIEWS = 6
+# A line of pixels stays visible at this many inches, though no longer to scale.
+_THINNEST = 0.15
 
 
 def views_to_show(views: Sequence[View], most: int = _MOST_VIEWS) -> list[View]:
@@ -41,8 +43,8 @@ def draw_views(views: Sequence[View]) -> Figure:
     down = math.ceil(len(shown) / across)
     width, pad, bar_room, heading = 10.4, 0.28, 0.72, 0.52
     image_width = (width / across - pad) / 3 - 0.04
-    image_height = min(image_width / aspect, 4.2)
-    image_width = min(image_width, image_height * aspect)
+    image_height = min(max(image_width / aspect, _THINNEST), 4.2)
+    image_width = min(image_width, max(image_height * aspect, _THINNEST))
     height = down * (image_height + heading) + bar_room
     figure = new_figure(width, height)
     scaled = [_in_percent(view) for view in shown]
@@ -55,11 +57,12 @@ def draw_views(views: Sequence[View]) -> Figure:
         x0 = pad / 2 + column * block
         top = height - row * (image_height + heading) - heading
         ends = ((0, 100, "inferno"), (0, 100, "inferno"), (-limit, limit, "RdBu_r"))
+        own_width, own_height = _inside(image_width, image_height, view.measured.shape)
         drawn = []
         for k, (part, (low, high, colours)) in enumerate(zip(parts, ends, strict=True)):
             x = x0 + k * (image_width + 0.04)
-            rect = (x / width, (top - image_height) / height, image_width / width,
-                    image_height / height)  # fmt: skip
+            rect = (x / width, (top - own_height) / height, own_width / width,
+                    own_height / height)  # fmt: skip
             axes = figure.add_axes(rect)
             axes.set_facecolor(_UNUSED)
             drawn.append(axes.imshow(part, vmin=low, vmax=high, cmap=colours, aspect="auto"))
@@ -89,6 +92,13 @@ def draw_views(views: Sequence[View]) -> Figure:
         bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
         bar.set_xlabel(words[k], fontsize=7, color=INK, labelpad=2)
     return figure
+
+
+def _inside(width: float, height: float, shape: tuple[int, int]) -> tuple[float, float]:
+    """Return the largest sides, in inches, of an image (rows, columns) to scale in a panel."""
+    rows, columns = shape
+    scale = min(width / columns, height / rows)
+    return max(columns * scale, _THINNEST), max(rows * scale, _THINNEST)
 
 
 def _in_percent(view: View) -> tuple[NDArray, NDArray, NDArray]:

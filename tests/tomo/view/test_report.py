@@ -7,7 +7,7 @@ import pytest
 from rigs import Camera, Rig, look_at
 from tomo.grid import VoxelGrid
 from tomo.view import Convergence, Results, View, draw, write_pictures, write_report
-from tomo.view.result_figures import draw_convergence, views_to_show
+from tomo.view.result_figures import draw_convergence, draw_views, views_to_show
 
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75))
 HOSTILE = "<script>alert(1)<"
@@ -168,6 +168,26 @@ def test_held_out_views_are_shown_first_and_the_others_spread():
     names = [int(v.name) for v in views_to_show(views, 5)]
     assert names[0] == 20
     assert names[1:] == [0, 8, 16, 25]
+
+
+def test_images_of_cameras_of_different_shapes_are_drawn_to_scale():
+    shapes = [(100, 200), (140, 90), (120, 160), (150, 150), (1, 200)]
+    images = [np.random.default_rng(0).random(shape) for shape in shapes]
+    figure = draw_views([View(f"{image.shape}", image, image) for image in images])
+    panels = [axes for axes in figure.axes if axes.get_title()]
+    assert len(panels) == 3 * len(shapes)
+    across, down = figure.get_size_inches()
+    boxes = [axes.get_position() for axes in panels]
+    for axes, box in zip(panels, boxes, strict=True):
+        rows, columns = axes.get_images()[0].get_size()
+        drawn = (box.width * across) / (box.height * down)
+        if rows > 1:
+            assert drawn == pytest.approx(columns / rows)
+        else:
+            assert box.height * down > 0.1
+    for box in boxes:
+        assert not any(box.overlaps(other) for other in boxes if other is not box)
+    assert all(box.x0 >= 0 and box.x1 <= 1 and box.y0 >= 0 and box.y1 <= 1 for box in boxes)
 
 
 def test_parts_that_do_not_fit_are_told():
