@@ -31,9 +31,9 @@ def usable_pixels(
     Notes
     -----
     A single pixel is dead or hot when it is four times darker or brighter than all of its eight
-    usable neighbours, and more than eight standard deviations and a twentieth of the image's
-    maximum beyond that: lenses spread what is real over more than one pixel. Pixels on the
-    image's border are judged by the neighbours that they have.
+    usable neighbours (below zero: darker), and more than eight standard deviations and a twentieth
+    of the image's maximum beyond that: lenses spread what is real over more than one pixel. Pixels
+    on the image's border are judged by the neighbours that they have.
     """
     image = np.asarray(image, np.float32)
     usable = np.isfinite(image)
@@ -65,7 +65,8 @@ def _strange(
     with np.errstate(invalid="ignore"):
         # The image is divided rather than a bright neighbour multiplied: 1e38 is a number too.
         hot = image / TIMES > np.abs(high) + far / TIMES
-        return hot | (image < low / TIMES - far)
+        # A quarter of what is below zero is brighter, not darker.
+        return hot | (image < np.minimum(low, low / TIMES) - far)
 
 
 def _of_neighbours(image: NDArray[np.float32], extreme: np.ufunc) -> NDArray[np.float32]:

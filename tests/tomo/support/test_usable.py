@@ -42,6 +42,13 @@ def test_noise_makes_no_pixel_unusable():
     assert usable_pixels(noisy, None, NoiseModel(0.1)).all()
 
 
+def test_too_large_a_dark_frame_makes_no_pixel_dead():
+    below = BLOB - np.float32(0.2)
+    assert usable_pixels(below).all()
+    below[3, 4] = -0.5
+    assert np.argwhere(~usable_pixels(below)).tolist() == [[3, 4]]
+
+
 def test_masks_stay_and_their_pixels_judge_nobody():
     mask = np.ones(BLOB.shape, bool)
     mask[30, 24] = False
