@@ -5,6 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "below_zero": ["below_zero"],
         "predictions": ["Predictions"],
         "suspects": ["Suspects", "find_suspects"],
         "views": ["ViewVerdict", "judge_views"],

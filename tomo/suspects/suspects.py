@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.linear_system import VolumeNotSeenError
 from tomo.support.noise_model import NoiseModel, estimate_noise
+from tomo.suspects.below_zero import below_zero
 from tomo.suspects.views import ViewVerdict, judge_views
 from tomo.suspects.wild import wild_pixels
 
@@ -37,6 +38,8 @@ class Suspects:
     held_out : tuple of str
     noise : tuple of NoiseModel
         Of all cameras, those held out last.
+    below_zero : mapping
+        Camera to how far its dark regions lie below zero, in the images' unit; only those that do.
     """
 
     masks: tuple[NDArray[np.bool_], ...]
@@ -45,6 +48,7 @@ class Suspects:
     views: tuple[ViewVerdict, ...] = ()
     held_out: tuple[str, ...] = ()
     noise: tuple[NoiseModel, ...] = ()
+    below_zero: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -54,7 +58,7 @@ class Suspects:
     @property
     def warnings(self) -> list[str]:
         """What the user should know of it."""
-        return [*self._of_wild_pixels(), *self._of_views()]
+        return [*self._of_wild_pixels(), *self._of_dark_regions(), *self._of_views()]
 
     def _of_views(self) -> list[str]:
         return [
@@ -75,16 +79,28 @@ class Suspects:
             f"{worst} ({shares[worst]:.2%}): left out"
         ]
 
+    def _of_dark_regions(self) -> list[str]:
+        if not self.below_zero:
+            return []
+        worst = max(self.below_zero, key=self.below_zero.__getitem__)
+        return [
+            f"dark regions of {len(self.below_zero)} of {len(self.wild)} cameras' images lie "
+            f"below zero, most in camera {worst} (by {self.below_zero[worst]:.3g}): was too much "
+            "subtracted as dark? The volume is then too faint"
+        ]
+
     def report(self) -> dict[str, Any]:
         """Return what a report says of them: plain numbers and words.
 
         ``left_out`` lists the cameras left out; ``wild_pixels`` counts those of each camera;
-        ``views`` has for each camera judged its ``agreement`` with what the others predict,
-        whether it is ``wrong``, and what it ``looks`` like instead, if anything fits.
+        ``below_zero`` has how far dark regions lie below zero, in the images' unit, of the cameras
+        where they do; ``views`` has for each camera judged its ``agreement`` with what the others
+        predict, whether it is ``wrong``, and what it ``looks`` like instead, if anything fits.
         """
         return {
             "left_out": list(self.left_out),
             "wild_pixels": dict(self.wild),
+            "below_zero": dict(self.below_zero),
             "views": {view.name: view.report() for view in self.views},
         }
 
@@ -112,6 +128,7 @@ def find_suspects(
     noise = tuple(estimate_noise(i, m) for i, m in zip(images, masks, strict=True))
     wild = [wild_pixels(i, m, n) for i, m, n in zip(images, masks, noise, strict=True)]
     clean = tuple(m & ~w for m, w in zip(masks, wild, strict=True))
+    depths = [below_zero(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
     try:
         views = judge_views(cameras, images, clean, grid, trusted=len(rig))
     except VolumeNotSeenError:  # told, in better words, by whoever needs the volume
@@ -123,4 +140,5 @@ def find_suspects(
         views,
         tuple(beside[0].names),
         noise,
+        {name: depth for name, depth in zip(cameras.names, depths, strict=True) if depth > 0},
     )
