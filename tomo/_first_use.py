@@ -12,6 +12,7 @@ from tomo.live_voxels import LiveVoxels
 from tomo.on_the_fly import OnTheFlyProjector
 from tomo.projector import Projector
 from tomo.rays import Rays
+from tomo.registration import register, ways_to_shift
 from tomo.support import STORED, carve
 from tomo.trace import trace
 
@@ -40,4 +41,12 @@ def warm_up_carving() -> float:
     place = np.linspace(-3, 3, 15)
     spot = np.exp(-(place**2) - place[:, None] ** 2).astype(np.float32)  # no hot pixel: as wide
     carve(cameras, [spot] * 3, None, VoxelGrid((8, 8, 8), 1.0))
+    return time.perf_counter() - started
+
+
+def warm_up_alignment() -> float:
+    """Register a small image; return the seconds that it took."""
+    started = time.perf_counter()
+    image = np.outer(np.hanning(7), np.hanning(7))
+    register(image, image, image >= 0, ways_to_shift(image.shape))
     return time.perf_counter() - started

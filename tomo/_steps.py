@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tomo._first_use import warm_up, warm_up_carving
+from tomo._first_use import warm_up, warm_up_alignment, warm_up_carving
 from tomo._judging import (
     as_learned,
     data_range,
@@ -49,7 +49,9 @@ def reconstruct_as_asked(
     truth, warnings = read_truth(scan, grid)
     images, masks = scan.read(request.frame)
     laps.end("load")
-    first_use = warm_up(request.tracer) + (warm_up_carving() if request.skip else 0.0)
+    first_use = warm_up(request.tracer)
+    first_use += warm_up_carving() if request.skip else 0.0
+    first_use += warm_up_alignment() if request.align else 0.0
     laps.skip()
 
     sieved = sieve(scan, images, masks, grid, request.hold_out, suspects=request.suspects)

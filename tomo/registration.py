@@ -8,9 +8,8 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
-from tomo._sums import dot
+from tomo._compile import compiled
 
 STEPS = 6
 LARGEST_STEP = 2.0  # pixels
@@ -57,6 +56,121 @@ def ways_to_shift_and_zoom(shape: tuple[int, int]) -> NDArray[np.float64]:
     return np.concatenate([ways_to_shift(shape), np.array([[right, down]]) / corner])
 
 
+@compiled(inline=True)
+def _between(image, row, column):
+    """Return the bilinear value at a place between pixels, 0 beyond the outermost centres."""
+    rows, columns = image.shape
+    if not (0 <= row <= rows - 1 and 0 <= column <= columns - 1):
+        return 0.0
+    above, left = min(int(row), max(rows - 2, 0)), min(int(column), max(columns - 2, 0))
+    below, right = min(above + 1, rows - 1), min(left + 1, columns - 1)
+    down, across = row - above, column - left
+    upper = image[above, left] * (1 - across) + image[above, right] * across
+    lower = image[below, left] * (1 - across) + image[below, right] * across
+    return upper * (1 - down) + lower * down
+
+
+@compiled(reassociate=True)
+def _fit(predicted, image, mask, ways, amounts, moved):
+    """Write the prediction moved by ``amounts`` to ``moved``; return its gain and squared error.
+
+    The gain is the one that fits best; pixels that are not usable are 0 and count for nothing.
+    """
+    energy = together = 0.0
+    columns = image.shape[1]
+    right, down = np.zeros(columns), np.zeros(columns)
+    for row in range(image.shape[0]):
+        right[:] = 0.0
+        down[:] = 0.0
+        for way in range(len(ways)):
+            for column in range(columns):
+                right[column] += amounts[way] * ways[way, 0, row, column]
+                down[column] += amounts[way] * ways[way, 1, row, column]
+        for column in range(columns):
+            value = _between(predicted, row - down[column], column - right[column])
+            moved[row, column] = value if mask[row, column] else 0.0
+        for column in range(columns):
+            energy += moved[row, column] * moved[row, column]
+            together += moved[row, column] * image[row, column]
+    gain = together / energy if energy > 0 else 1.0
+    error = 0.0
+    for row in range(image.shape[0]):
+        for column in range(columns):
+            left = image[row, column] - gain * moved[row, column]
+            error += left * left
+    return gain, error
+
+
+@compiled(inline=True)
+def _slopes(moved, mask, row, down, right) -> None:
+    """Write how an image changes down and right along a row, zero where it is not usable.
+
+    By central differences, one-sided at the edges; across a single row or column it does not.
+    """
+    rows, columns = moved.shape
+    above, below = max(row - 1, 0), min(row + 1, rows - 1)
+    for column in range(columns):
+        down[column] = (moved[below, column] - moved[above, column]) / max(below - above, 1)
+    for column in range(1, columns - 1):
+        right[column] = (moved[row, column + 1] - moved[row, column - 1]) / 2
+    if columns > 1:
+        right[0] = moved[row, 1] - moved[row, 0]
+        right[columns - 1] = moved[row, columns - 1] - moved[row, columns - 2]
+    for column in range(columns):
+        if not mask[row, column]:
+            down[column] = right[column] = 0.0
+
+
+@compiled(reassociate=True)
+def _add_changes(moved, image, mask, ways, gain, normal, towards, squares) -> None:
+    """Add up how the moved prediction changes with its gain and with each way, where usable.
+
+    Parameters
+    ----------
+    normal : (1 + K, 1 + K) float64
+        The products of the changes, the gain's first; the lower triangle.
+    towards : (1 + K,) float64
+        Theirs with what is left of the image.
+    squares : (1 + K, 1 + K) float64
+        The sum of the squared slopes first, then the products of the ways, so weighted.
+    """
+    columns, count = image.shape[1], len(ways)
+    down, right, left = np.zeros(columns), np.zeros(columns), np.zeros(columns)
+    change = np.zeros((1 + count, columns))
+    for row in range(image.shape[0]):
+        _slopes(moved, mask, row, down, right)
+        for column in range(columns):
+            left[column] = image[row, column] - gain * moved[row, column]
+            change[0, column] = moved[row, column]
+        for way in range(count):
+            along, across = ways[way, 0, row], ways[way, 1, row]
+            for column in range(columns):
+                turned = right[column] * along[column] + down[column] * across[column]
+                change[1 + way, column] = -gain * turned
+        for one in range(1 + count):
+            total = 0.0
+            for column in range(columns):
+                total += change[one, column] * left[column]
+            towards[one] += total
+            for other in range(one + 1):
+                total = 0.0
+                for column in range(columns):
+                    total += change[one, column] * change[other, column]
+                normal[one, other] += total
+        for column in range(columns):
+            down[column] = down[column] * down[column] + right[column] * right[column]
+            squares[0, 0] += down[column]
+        for one in range(count):
+            for other in range(one + 1):
+                total = 0.0
+                for column in range(columns):
+                    total += down[column] * (
+                        ways[one, 0, row, column] * ways[other, 0, row, column]
+                        + ways[one, 1, row, column] * ways[other, 1, row, column]
+                    )
+                squares[1 + one, 1 + other] += total
+
+
 def register(
     predicted: NDArray[np.floating],
     image: NDArray[np.floating],
@@ -76,30 +190,24 @@ def register(
         See `ways_to_shift`.
     """
     image = np.where(mask, image, 0).astype(np.float64)
-    predicted = predicted.astype(np.float64)
+    # kernels are compiled anew for another order in memory
+    predicted = np.ascontiguousarray(predicted, np.float64)
+    mask, ways = np.ascontiguousarray(mask, np.bool_), np.ascontiguousarray(ways, np.float64)
     amounts = np.zeros(len(ways))
-    best = _Fit.of(predicted, image, mask)
+    best = _Fit.of(predicted, image, mask, ways, amounts)
     before = best.error
-    places = np.indices(image.shape, np.float64)
     for _ in range(STEPS):
-        columns_of = best.sensitivities(ways)[:, mask]  # (1 + K, pixels)
-        normal = _products(columns_of)
-        normal += 1e-9 * np.trace(normal) * np.eye(len(normal))
+        normal, towards, _ = best.changes
+        normal = normal + 1e-9 * np.trace(normal) * np.eye(len(normal))
         if not normal.any():
             break
-        residual = best.residual[mask]
-        step = np.linalg.solve(normal, [dot(column, residual) for column in columns_of])[1:]
+        step = np.linalg.solve(normal, towards)[1:]
         trial = amounts + np.clip(step, -LARGEST_STEP, LARGEST_STEP)
-        right, down = sum(amount * way for amount, way in zip(trial, ways, strict=True))
-        at = [places[0] - down, places[1] - right]
-        moved = map_coordinates(predicted, at, order=1, mode="constant")
-        found = _Fit.of(moved, image, mask)
+        found = _Fit.of(predicted, image, mask, ways, trial)
         if found.error >= best.error:
             break
         amounts, best = trial, found
-    return Registration(
-        amounts, before, best.error, best.covariance(mask, ways), best.squares(mask, ways)
-    )
+    return Registration(amounts, before, best.error, best.covariance(), best.changes[2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,69 +216,63 @@ class _Fit:
 
     Attributes
     ----------
-    moved, residual : (rows, columns) float64
+    image, moved : (rows, columns) float64
+        Zero where they are not usable.
+    mask : (rows, columns) bool
+    ways : (K, 2, rows, columns) float64
     gain, error : float
         The gain that fits best, and the sum of the squared residuals with it.
     """
 
+    image: NDArray[np.float64]
     moved: NDArray[np.float64]
-    residual: NDArray[np.float64]
+    mask: NDArray[np.bool_]
+    ways: NDArray[np.float64]
     gain: float
     error: float
 
     @classmethod
     def of(
-        cls, moved: NDArray[np.float64], image: NDArray[np.float64], mask: NDArray[np.bool_]
+        cls,
+        predicted: NDArray[np.float64],
+        image: NDArray[np.float64],
+        mask: NDArray[np.bool_],
+        ways: NDArray[np.float64],
+        amounts: NDArray[np.float64],
     ) -> Self:
         """Return that of an image that is zero where it is not usable."""
-        moved = moved * mask
-        energy = dot(moved, moved)
-        gain = dot(moved, image) / energy if energy > 0 else 1.0
-        residual = image - gain * moved
-        return cls(moved, residual, gain, dot(residual, residual))
+        moved = np.zeros(image.shape)
+        gain, error = _fit(predicted, image, mask, ways, amounts, moved)
+        return cls(image, moved, mask, ways, gain, error)
 
     @cached_property
-    def slopes(self) -> list[NDArray[np.float64]]:
-        """How the image changes down and right; across a single row or column it does not."""
-        return [
-            np.gradient(self.moved, axis=axis) if length > 1 else np.zeros_like(self.moved)
-            for axis, length in enumerate(self.moved.shape)
-        ]
+    def changes(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """How the prediction changes with the gain and the amounts.
 
-    def sensitivities(self, ways: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how the prediction changes with gain and amounts: (1 + K, rows, columns)."""
-        down, right = self.slopes
-        moving = (-self.gain * (right * way[0] + down * way[1]) for way in ways)
-        return np.stack([self.moved, *moving])
+        The products of the changes ``(1 + K, 1 + K)``, theirs with the residual ``(1 + K,)``, and
+        the squares ``(K, K)`` of a `Registration`.
+        """
+        size = 1 + len(self.ways)
+        normal, squares, towards = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+        _add_changes(
+            self.moved, self.image, self.mask, self.ways, self.gain, normal, towards, squares
+        )
+        return _whole(normal), towards, _whole(squares)[1:, 1:] / (squares[0, 0] or 1.0)
 
-    def covariance(
-        self, mask: NDArray[np.bool_], ways: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def covariance(self) -> NDArray[np.float64]:
         """Return that of the amounts, see `Registration`."""
-        columns_of = self.sensitivities(ways)[:, mask]
-        normal = _products(columns_of)
+        normal = self.changes[0]
         size = np.sqrt(np.diag(normal))
+        infinite = np.full((len(self.ways),) * 2, np.inf)
         if not (size > 0).all():
-            return np.full((len(ways),) * 2, np.inf)
-        normal /= np.outer(size, size)
+            return infinite
+        normal = normal / np.outer(size, size)
         if np.linalg.matrix_rank(normal, hermitian=True) < len(normal):
-            return np.full((len(ways),) * 2, np.inf)
-        variance = self.error / max(np.count_nonzero(mask) - len(normal), 1)
+            return infinite
+        variance = self.error / max(np.count_nonzero(self.mask) - len(normal), 1)
         return variance * (np.linalg.inv(normal) / np.outer(size, size))[1:, 1:]
 
-    def squares(self, mask: NDArray[np.bool_], ways: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mean squares by which what is seen is moved, see `Registration`."""
-        down, right = self.slopes
-        edges = np.where(mask, down**2 + right**2, 0.0)
-        total = float(edges.sum())
-        weighted = ways * np.sqrt(edges / total if total > 0 else edges)
-        return _products(weighted.reshape(len(ways), -1))
 
-
-def _products(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the products (K, K) of rows (K, n), the same bits on any number of threads."""
-    found = np.zeros((len(rows),) * 2)
-    for one, row in enumerate(rows):
-        for other in range(one + 1):
-            found[one, other] = found[other, one] = dot(row, rows[other])
-    return found
+def _whole(lower: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the symmetric matrix of which only the lower triangle is given."""
+    return lower + np.tril(lower, -1).T

@@ -10,7 +10,7 @@ COMPILED_LATER = """
 import sys
 from numba.core.dispatcher import Dispatcher
 from tomo import Scan, VoxelGrid
-from tomo._first_use import warm_up, warm_up_carving
+from tomo._first_use import warm_up, warm_up_alignment, warm_up_carving
 from tomo.reconstruct import reconstruct
 
 def known():
@@ -20,6 +20,7 @@ def known():
 
 warm_up("march")
 warm_up_carving()
+warm_up_alignment()
 before = known()
 grid = VoxelGrid((20, 40, 20), 0.5, (1.0, -2.0, 0.5))
 outcome = reconstruct(Scan.load(sys.argv[1]), grid, method="sirt", iterations=2)
