@@ -76,16 +76,17 @@ def reconstruct_as_asked(
     system, judged_system = _traced(prepared, sieved, grid, request, progress)
     if system.form != STORED:
         first_use += warm_up(request.tracer, system.form)
-    warnings += [*sieved.warnings, *prepared.warnings, *_warnings_of_views(system, judged_system)]
+    warnings += sieved.warnings
+    later = _warnings_of_views(system, judged_system)
     laps.end("trace")
 
     measured = system.flatten(sieved.images)
     if not (measured > 0).any():
-        warnings.append("no usable pixel that sees the volume is above 0: the volume is empty")
+        later.append("no usable pixel that sees the volume is above 0: the volume is empty")
     gains = gains_worth_correcting(system.projector, measured, request.fit_gain)
     if gains:
         measured = gains.correct(system.projector, measured)
-        warnings += _warning_of_gains(gains, request.fit_gain)
+        later += _warning_of_gains(gains, request.fit_gain)
     run = Run(
         system.projector,
         measured,
@@ -102,8 +103,9 @@ def reconstruct_as_asked(
         try:
             comparisons.append(run.solve(other, count))
         except (ValueError, RuntimeError) as error:  # the reconstruction itself stands
-            warnings.append(f"comparison {other.name}: {error}")
+            later.append(f"comparison {other.name}: {error}")
     laps.end("compare")
+    warnings += [*prepared.warnings, *later]  # what is to be said of the cameras takes its time
     condition = assess(
         system,
         measured,

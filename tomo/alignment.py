@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -64,9 +65,8 @@ class Alignment:
         Whether the shifts are worth making.
     reason : str
         In words.
-    displacement : Displacement, optional
-        How far views lie from where the others predict them, once shifts that were accepted are
-        made; None where nothing could be predicted.
+    judged : optional
+        What says how far views lie from where the others predict them, see `displacement`.
     """
 
     shifts: NDArray[np.float64]
@@ -74,7 +74,16 @@ class Alignment:
     error_after: float
     accepted: bool
     reason: str
-    displacement: Displacement | None = None
+    judged: _Judged | None = None
+
+    @cached_property
+    def displacement(self) -> Displacement | None:
+        """How far views lie from where the others predict them, with shifts that were accepted.
+
+        None where nothing could be predicted. Found when it is first asked for: no volume needs
+        it, and where views lie far off it takes longer than the shifts.
+        """
+        return None if self.judged is None else self.judged.displacement()
 
     def rig(self, rig: Rig) -> Rig:
         """Return the rig with its principal points shifted; as it is if not accepted."""
@@ -151,10 +160,10 @@ def align_views(
         reason = "the shifts found are too large to be believed"
     else:
         reason = f"views left out are predicted to {after:.3f} instead of {before:.3f}"
-        displacement = _displacement(rounds[best], coarse, shifts[best])
-        return Alignment(shifts[best] * coarse.factor, before, after, True, reason, displacement)
-    displacement = _displacement(as_it_is, coarse, still)
-    return Alignment(still, before, after, False, reason, displacement)
+        judged = _Judged(rounds[best], coarse, shifts[best])
+        return Alignment(shifts[best] * coarse.factor, before, after, True, reason, judged)
+    judged = _Judged(as_it_is, coarse, still)
+    return Alignment(still, before, after, False, reason, judged)
 
 
 def _refused(shifts: NDArray, before: float, after: float, reason: str) -> Alignment:
@@ -219,20 +228,30 @@ class _Round:
         return Displacement.of(self.predicted, coarse.images, coarse.masks, coarse.factor)
 
 
-def _displacement(found: _Round, coarse: Coarser, shifts: NDArray) -> Displacement:
-    """Return that of a round; where it is large, with what exact cameras would show."""
-    displacement = found.displacement(coarse)
-    if not displacement.disagrees:
-        return displacement
-    projector, views = found.system.projector, range(len(coarse.rig))
-    volume = quick_volume(projector, found.measured, views, iterations=2 * ITERATIONS)
-    seen = found.system.images((projector @ volume).astype(np.float32))
-    rehearsed = replace(coarse, images=tuple(seen))
-    try:
-        of_exact = _Round.of(rehearsed, shifts).displacement(rehearsed)
-    except VolumeNotSeenError:  # an empty volume says nothing of the cameras
-        return displacement
-    return replace(displacement, of_exact=of_exact.pixels)
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """A round at the shifts ``(views, 2)`` that stay, and the images that it was of."""
+
+    round: _Round
+    coarse: Coarser
+    shifts: NDArray[np.float64]
+
+    def displacement(self) -> Displacement:
+        """Return that of the round; where it is large, with what exact cameras would show."""
+        found = self.round.displacement(self.coarse)
+        if not found.disagrees:
+            return found
+        system, views = self.round.system, range(len(self.coarse.rig))
+        volume = quick_volume(
+            system.projector, self.round.measured, views, iterations=2 * ITERATIONS
+        )
+        seen = system.images((system.projector @ volume).astype(np.float32))
+        rehearsed = replace(self.coarse, images=tuple(seen))
+        try:
+            of_exact = _Round.of(rehearsed, self.shifts).displacement(rehearsed)
+        except VolumeNotSeenError:  # an empty volume says nothing of the cameras
+            return found
+        return replace(found, of_exact=of_exact.pixels)
 
 
 def _motion(camera: Camera, grid: VoxelGrid) -> NDArray[np.float64]:
