@@ -14,16 +14,20 @@ from tomo.grid import VoxelGrid
 from tomo.linear_system import VolumeNotSeenError
 from tomo.support.noise_model import NoiseModel, estimate_noise
 from tomo.suspects.below_zero import below_zero
+from tomo.suspects.beside_grid import light_beside
 from tomo.suspects.views import ViewVerdict, judge_views
 from tomo.suspects.wild import wild_pixels
 
 NOTEWORTHY = 1e-3
 """Share of wild pixels, in a view, above which the user is told."""
 
+BESIDE = 0.01
+"""Share of a view's light beside the grid, likewise."""
+
 
 @dataclass(frozen=True, eq=False)
 class Suspects:
-    """Wild pixels and wrong views.
+    """Wild pixels, wrong views, and light where there can be none.
 
     Attributes
     ----------
@@ -40,6 +44,8 @@ class Suspects:
         Of all cameras, those held out last.
     below_zero : mapping
         Camera to how far its dark regions lie below zero, in the images' unit; only those that do.
+    beside : mapping
+        Camera to the share of its light on lines of sight that miss the grid.
     """
 
     masks: tuple[NDArray[np.bool_], ...]
@@ -49,6 +55,7 @@ class Suspects:
     held_out: tuple[str, ...] = ()
     noise: tuple[NoiseModel, ...] = ()
     below_zero: Mapping[str, float] = field(default_factory=dict)
+    beside: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -58,7 +65,22 @@ class Suspects:
     @property
     def warnings(self) -> list[str]:
         """What the user should know of it."""
-        return [*self._of_wild_pixels(), *self._of_dark_regions(), *self._of_views()]
+        return [
+            *self._of_light_beside(),
+            *self._of_wild_pixels(),
+            *self._of_dark_regions(),
+            *self._of_views(),
+        ]
+
+    def _of_light_beside(self) -> list[str]:
+        worst = max(self.beside, key=self.beside.__getitem__, default=None)
+        if worst is None or self.beside[worst] <= BESIDE:
+            return []
+        return [
+            f"{self.beside[worst]:.0%} of camera {worst}'s light lies beside the grid: does the "
+            "emission reach beyond the grid, or is there a background in the images? What is "
+            "inside has to explain what is not, and gains and cameras may seem wrong"
+        ]
 
     def _of_views(self) -> list[str]:
         return [
@@ -94,13 +116,16 @@ class Suspects:
 
         ``left_out`` lists the cameras left out; ``wild_pixels`` counts those of each camera;
         ``below_zero`` has how far dark regions lie below zero, in the images' unit, of the cameras
-        where they do; ``views`` has for each camera judged its ``agreement`` with what the others
-        predict, whether it is ``wrong``, and what it ``looks`` like instead, if anything fits.
+        where they do; ``light_beside_grid`` has the share of each camera's light on lines of sight
+        that miss the grid; ``views`` has for each camera judged its ``agreement`` with what the
+        others predict, whether it is ``wrong``, and what it ``looks`` like instead, if anything
+        fits.
         """
         return {
             "left_out": list(self.left_out),
             "wild_pixels": dict(self.wild),
             "below_zero": dict(self.below_zero),
+            "light_beside_grid": dict(self.beside),
             "views": {view.name: view.report() for view in self.views},
         }
 
@@ -129,6 +154,7 @@ def find_suspects(
     wild = [wild_pixels(i, m, n) for i, m, n in zip(images, masks, noise, strict=True)]
     clean = tuple(m & ~w for m, w in zip(masks, wild, strict=True))
     depths = [below_zero(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
+    shares = light_beside(list(cameras), images, clean, noise, grid)
     try:
         views = judge_views(cameras, images, clean, grid, trusted=len(rig))
     except VolumeNotSeenError:  # told, in better words, by whoever needs the volume
@@ -141,4 +167,5 @@ def find_suspects(
         tuple(beside[0].names),
         noise,
         {name: depth for name, depth in zip(cameras.names, depths, strict=True) if depth > 0},
+        dict(zip(cameras.names, shares, strict=True)),
     )
