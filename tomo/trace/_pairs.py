@@ -1,15 +1,17 @@
 """Two neighbours at a time: differences of running sums, and the transpose.
 
 A processor loads and adds two adjacent numbers as fast as one, but a compiler does not find such
-pairs behind an index. These loops are written in LLVM's own terms for it; read::
+pairs behind an index. These loops are written in LLVM's own terms for it (`tomo.trace._lanes`);
+with ``i = index[m]`` and ``j = i + step``, for all ``m`` before ``end``, read::
 
-    between_pairs:   sum over m of  (1 - f[m]) (x[i] - x[j]) + f[m] (x[i + 1] - x[j + 1])
-    add_pairs:       x[i] += whole - part[m],  x[i + 1] += part[m]
-    subtract_pairs:  x[i] -= whole - part[m],  x[i + 1] -= part[m]
+    between_pairs:   f[m] = (1 - f[m]) (x[i] - x[j]) + f[m] (x[i + 1] - x[j + 1])
+    sum_of:          the sum of f[first:end]
+    shares:          p[m] = (whole - s, s), s = f[m] whole rounded to a whole number
+    add_pairs:       (x[i], x[i + 1]) += p[m]
+    subtract_pairs:  (x[j], x[j + 1]) -= p[m]
 
-with ``i = index[m]`` and ``j = i + step``, ``m`` from ``first`` to before ``last``. Indices are
-not checked; whole numbers wrap around. Bounds and not slices, for numba counts the references to
-an array that it slices.
+Indices are not checked; whole numbers wrap around. ``between_pairs`` and ``shares`` go on to the
+next multiple of eight.
 """
 
 from __future__ import annotations
@@ -17,172 +19,148 @@ from __future__ import annotations
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-ir = cgutils.ir  # llvmlite's, as numba uses it
+from tomo.trace._lanes import (
+    LANES,
+    REALS,
+    WIDE,
+    WIDES,
+    array,
+    call,
+    chosen,
+    constant,
+    counting,
+    halves,
+    index,
+    ir,
+    joined,
+    load,
+    spread,
+    store,
+)
 
-_WIDE = ir.IntType(64)
-_REAL = ir.DoubleType()
-
-
-def _arrays(context, builder, signature, args, count):
-    """Return the first ``count`` arguments as arrays."""
-    return [
-        context.make_array(kind)(context, builder, value)
-        for kind, value in zip(signature.args[:count], args[:count], strict=True)
-    ]
-
-
-def _index(builder, array, m):
-    """Return ``array[m]`` as a 64-bit integer."""
-    found = builder.load(builder.gep(array.data, [m]))
-    return builder.sext(found, _WIDE) if found.type.width < 64 else found
-
-
-def _pair_at(builder, pointer, position, element):
-    """Return a pointer to the pair of elements that begins at ``position``."""
-    pair = ir.VectorType(element, 2).as_pointer()
-    return builder.bitcast(builder.gep(pointer, [position]), pair)
-
-
-def _both(builder, low, high):
-    """Return a pair of two numbers."""
-    pair = ir.Constant(ir.VectorType(low.type, 2), ir.Undefined)
-    for side, value in enumerate((low, high)):
-        pair = builder.insert_element(pair, value, ir.Constant(ir.IntType(32), side))
-    return pair
-
-
-def _joined(builder, one, other):
-    """Return two pairs as four numbers."""
-    order = ir.Constant(ir.VectorType(ir.IntType(32), 4), list(range(4)))
-    return builder.shuffle_vector(one, other, order)
-
-
-def _load(builder, pointer, align):
-    loaded = builder.load(pointer)
-    loaded.align = align  # a pair stands anywhere
-    return loaded
+_INDEX = types.int64
 
 
 @intrinsic
-def between_pairs(typing_context, x, index, step, fraction, first, last):
-    """Sum differences in double precision; the order is fixed.
+def between_pairs(typing_context, x, places, fraction, end, step):
+    """Write differences in double precision.
 
-    Four changes are taken together. Differences of single numbers are taken as such: they lose
-    nothing that the numbers' own rounding has left.
+    Differences of single numbers are taken as such: they lose nothing that the numbers' own
+    rounding has left.
     """
 
     def generate(context, builder, signature, args):
-        x, index = _arrays(context, builder, signature, args, 2)
-        step, first, last = args[2], args[4], args[5]
-        fraction = context.make_array(signature.args[3])(context, builder, args[3])
-        element = context.get_data_type(signature.args[0].dtype)
-        single = isinstance(element, ir.FloatType)
-        four = ir.VectorType(_REAL, 4)
-        zero = ir.Constant(four, [ir.Constant(_REAL, 0.0)] * 4)
-        lower, rises = ([cgutils.alloca_once(builder, four) for _ in range(2)] for _ in range(2))
-        for total in (*lower, *rises):
-            builder.store(zero, total)
+        x, places = (array(context, builder, signature, args, which) for which in range(2))
+        fraction = array(context, builder, signature, args, 2)
+        end, step = args[3:]
+        pair = ir.VectorType(context.get_data_type(signature.args[0].dtype), 2)
+        entered = builder.gep(x.data, [step])
+        with cgutils.for_range_slice(builder, WIDE(0), end, WIDE(LANES)) as (m, _):
+            at = [index(builder, places, builder.add(m, WIDE(k))) for k in range(LANES)]
+            left, right = (
+                joined(builder, [load(builder, builder.gep(column, [i]), pair) for i in at])
+                for column in (x.data, entered)
+            )
+            both = builder.fsub(left, right)
+            low, high = (chosen(builder, both, range(side, 2 * LANES, 2)) for side in range(2))
+            if isinstance(pair.element, ir.FloatType):
+                low, high = builder.fpext(low, REALS), builder.fpext(high, REALS)
+            pointer = builder.gep(fraction.data, [m])
+            rise = builder.fsub(high, low)
+            store(builder, call(builder, "fma", load(builder, pointer, REALS), rise, low), pointer)
+        return context.get_dummy_value()
 
-        def pair(at):
-            pointer = _pair_at(builder, x.data, at, element)
-            return _load(builder, pointer, 4 if single else 8)
-
-        def difference(m):
-            at = _index(builder, index, m)
-            return builder.fsub(pair(at), pair(builder.add(at, step)))
-
-        def part(m):
-            found = builder.load(builder.gep(fraction.data, [m]))
-            return _both(builder, found, found)
-
-        def add(total, term):
-            builder.store(builder.fadd(builder.load(total), term, flags=["contract"]), total)
-
-        def add_two(chain, differences, parts):
-            wide = _joined(builder, *differences)
-            wide = builder.fpext(wide, four) if single else wide
-            add(lower[chain], wide)
-            parts = _joined(builder, *parts)
-            add(rises[chain], builder.fmul(wide, parts, flags=["contract"]))
-
-        whole = builder.sub(last, builder.srem(builder.sub(last, first), _WIDE(4)))
-        with cgutils.for_range_slice(builder, first, whole, _WIDE(4)) as (start, _):
-            for chain in range(2):
-                m = [builder.add(start, _WIDE(2 * chain + one)) for one in range(2)]
-                add_two(chain, [difference(one) for one in m], [part(one) for one in m])
-        nothing = ir.Constant(ir.VectorType(element, 2), [ir.Constant(element, 0.0)] * 2)
-        with cgutils.for_range_slice(builder, whole, last, _WIDE(1)) as (m, _):
-            add_two(0, [difference(m), nothing], [part(m), part(m)])
-
-        def summed(totals):
-            a, b = (builder.load(total) for total in totals)
-            return builder.fadd(a, b)
-
-        def lane(vector, number):
-            return builder.extract_element(vector, ir.Constant(ir.IntType(32), number))
-
-        lower, rises = summed(lower), summed(rises)
-        low = builder.fadd(lane(lower, 0), lane(lower, 2))
-        rise = builder.fadd(
-            builder.fsub(lane(rises, 1), lane(rises, 0)),
-            builder.fsub(lane(rises, 3), lane(rises, 2)),
-        )
-        return builder.fadd(low, rise)
-
-    wide = types.int64
-    return types.float64(x, index, wide, fraction, wide, wide), generate
+    return types.void(x, places, fraction, _INDEX, _INDEX), generate
 
 
 @intrinsic
-def prefetch_pairs(typing_context, x, index, step, first, last):
+def prefetch_pairs(typing_context, x, places, first, end, step):
     """Tell the processor to fetch the pairs at ``j``.
 
-    That at ``i`` is most often in the line of cache of what the change before has entered.
+    That at ``i`` is most often in the line of cache of what the change before or after reads.
     """
 
     def generate(context, builder, signature, args):
-        x, index = _arrays(context, builder, signature, args, 2)
+        x, places = (array(context, builder, signature, args, which) for which in range(2))
+        first, end, step = args[2:]
         byte, whole = ir.IntType(8).as_pointer(), ir.IntType(32)
         kind = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
         fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
         to_read, all_levels, data = whole(0), whole(3), whole(1)
-        step, first, last = args[2:]
-        with cgutils.for_range_slice(builder, first, last, _WIDE(1)) as (m, _):
-            pointer = builder.gep(x.data, [builder.add(_index(builder, index, m), step)])
+        column = builder.gep(x.data, [step])
+        with cgutils.for_range_slice(builder, first, end, WIDE(1)) as (m, _):
+            pointer = builder.gep(column, [index(builder, places, m)])
             builder.call(fetch, [builder.bitcast(pointer, byte), to_read, all_levels, data])
         return context.get_dummy_value()
 
-    return types.void(x, index, types.int64, types.int64, types.int64), generate
+    return types.void(x, places, _INDEX, _INDEX, _INDEX), generate
 
 
 @intrinsic
-def add_pairs(typing_context, x, index, part, first, last, whole):
+def sum_of(typing_context, terms, first, end):
+    """Return a sum, taken eight side by side: its order follows from how many there are."""
+
+    def generate(context, builder, signature, args):
+        terms = array(context, builder, signature, args, 0)
+        first, end = args[1:]
+        total = cgutils.alloca_once_value(builder, constant(REALS, 0.0))
+        with cgutils.for_range_slice(builder, first, end, WIDE(LANES)) as (m, _):
+            some = load(builder, builder.gep(terms.data, [m]), REALS)
+            left = spread(builder, builder.sub(end, m))
+            counted = builder.icmp_signed("<", counting(WIDES), left)
+            some = builder.select(counted, some, constant(REALS, 0.0))
+            builder.store(builder.fadd(builder.load(total), some), total)
+        total = builder.load(total)
+        while total.type.count > 1:
+            total = builder.fadd(*halves(builder, total))
+        return builder.extract_element(total, ir.IntType(32)(0))
+
+    return types.float64(terms, _INDEX, _INDEX), generate
+
+
+@intrinsic
+def shares(typing_context, fraction, first, end, whole, pairs):
+    """Write to ``pairs`` (changes, 2) what a change brings to two neighbours."""
+
+    def generate(context, builder, signature, args):
+        fraction = array(context, builder, signature, args, 0)
+        pairs = array(context, builder, signature, args, 4)
+        first, end, whole = args[1:4]
+        scale = spread(builder, builder.sitofp(whole, REALS.element))
+        whole = spread(builder, whole)
+        with cgutils.for_range_slice(builder, first, end, WIDE(LANES)) as (m, _):
+            part = load(builder, builder.gep(fraction.data, [m]), REALS)
+            upper = builder.fptosi(call(builder, "rint", builder.fmul(part, scale)), WIDES)
+            lanes = [lane for k in range(LANES) for lane in (k, LANES + k)]
+            both = chosen(builder, builder.sub(whole, upper), lanes, upper)
+            store(builder, both, builder.gep(pairs.data, [builder.shl(m, WIDE(1))]))
+        return context.get_dummy_value()
+
+    return types.void(fraction, _INDEX, _INDEX, types.int64, pairs), generate
+
+
+@intrinsic
+def add_pairs(typing_context, x, places, pairs, end):
     """Add pairs at ``i`` to ``x``."""
-    wide = types.int64
-    return types.void(x, index, part, wide, wide, wide), _adding("add")
+    return types.void(x, places, pairs, _INDEX), _adding("add")
 
 
 @intrinsic
-def subtract_pairs(typing_context, x, index, step, part, first, last, whole):
+def subtract_pairs(typing_context, x, places, pairs, end, step):
     """Subtract pairs at ``j`` from ``x``."""
-    wide = types.int64
-    return types.void(x, index, wide, part, wide, wide, wide), _adding("sub")
+    return types.void(x, places, pairs, _INDEX, _INDEX), _adding("sub")
 
 
 def _adding(operation):
     def generate(context, builder, signature, args):
-        x, index = _arrays(context, builder, signature, args, 2)
-        *step, part, first, last, total = args[2:]
-        part = context.make_array(signature.args[-4])(context, builder, part)
-        with cgutils.for_range_slice(builder, first, last, _WIDE(1)) as (m, _):
-            upper = builder.load(builder.gep(part.data, [m]))
-            term = _both(builder, builder.sub(total, upper), upper)
-            at = _index(builder, index, m)
-            for more in step:
-                at = builder.add(at, more)
-            target = _pair_at(builder, x.data, at, _WIDE)
-            changed = getattr(builder, operation)(_load(builder, target, 8), term)
-            builder.store(changed, target).align = 8
+        x, places, pairs = (array(context, builder, signature, args, which) for which in range(3))
+        end, *step = args[3:]
+        column, pair = builder.gep(x.data, step or [WIDE(0)]), ir.VectorType(WIDE, 2)
+        with cgutils.for_range_slice(builder, WIDE(0), end, WIDE(1)) as (m, _):
+            term = load(builder, builder.gep(pairs.data, [builder.shl(m, WIDE(1))]), pair)
+            target = builder.gep(column, [index(builder, places, m)])
+            before = load(builder, target, pair)
+            store(builder, getattr(builder, operation)(before, term), target)
         return context.get_dummy_value()
 
     return generate

@@ -17,16 +17,30 @@ from __future__ import annotations
 import numpy as np
 
 from tomo._compile import compiled
-from tomo.trace._changes import LANES, changes, lines, passed, voxels, within
-from tomo.trace._pairs import add_pairs, between_pairs, prefetch_pairs, subtract_pairs
+from tomo.trace._changes import (
+    changes_of_b,
+    changes_of_c,
+    lines,
+    passed,
+    voxels,
+    within,
+)
+from tomo.trace._lanes import LANES
+from tomo.trace._pairs import (
+    add_pairs,
+    between_pairs,
+    prefetch_pairs,
+    shares,
+    subtract_pairs,
+    sum_of,
+)
 from tomo.trace.courses import ENTER, LEAVE, SCALE
 
-FIRST, MIDDLE, END, STEP_B, STEP_C = range(5)
-"""Where a ray's changes along b begin, those along c begin, and these end; and how much farther
-than the column that is left that entered stands, along b and along c."""
+RAYS_TOGETHER = 16
+"""Rays whose changes are all found before what they pass there is read."""
 
-RAYS_AHEAD = 16
-"""Rays whose places are computed before they are read: memory takes longer than one ray."""
+FETCHED = 2
+"""Of so many rays, one has fetched beforehand what it reads: its neighbours read beside it."""
 
 
 @compiled(inline=True)
@@ -46,28 +60,42 @@ def _between_ends(sums, b, c, span_b, span_c, base, enter, leave, layers):
 
 
 @compiled(inline=True)
-def _write_changes(b, c, span_b, span_c, base, at, left, parts, ways, k):
-    """Write ray ``k``'s changes of column from ``at`` on, and where they are; return their end."""
-    middle = changes(b, *span_b, c, *span_c, base, True, at, left, parts)
-    end = changes(c, *span_c, b, *span_b, base, False, middle, left, parts)
-    ways[k, FIRST], ways[k, MIDDLE], ways[k, END] = at, middle, end
-    ways[k, STEP_B], ways[k, STEP_C] = int(b[3]), int(c[3])
-    return end
+def _lists(number, shape):
+    """Return room for the changes along b and c: places of sums, and parts of a layer."""
+    room_b, room_c = RAYS_TOGETHER * shape[1] + LANES, RAYS_TOGETHER * shape[2] + LANES
+    return (
+        (np.zeros(room_b, number.dtype), np.zeros(room_b)),
+        (np.zeros(room_c, number.dtype), np.zeros(room_c)),
+    )
 
 
 @compiled(inline=True)
-def _between(sums, left, parts, ways, k):
-    """Return the sum over the changes of ray ``k``, those along b and those along c."""
-    return between_pairs(
-        sums, left, ways[k, STEP_B], parts, ways[k, FIRST], ways[k, MIDDLE]
-    ) + between_pairs(sums, left, ways[k, STEP_C], parts, ways[k, MIDDLE], ways[k, END])
+def _strides(shape):
+    """Return how many places there are from one column to the next along b and c."""
+    return shape[2] * (shape[0] + 1), shape[0] + 1
 
 
 @compiled(inline=True)
-def _prefetch(sums, left, ways, k):
-    """Have fetched what `_between` is going to read."""
-    prefetch_pairs(sums, left, ways[k, STEP_B], ways[k, FIRST], ways[k, MIDDLE])
-    prefetch_pairs(sums, left, ways[k, STEP_C], ways[k, MIDDLE], ways[k, END])
+def _write_changes(b, c, span_b, span_c, base, lists, at):
+    """Write a ray's changes along b and c from ``at`` on; return their ends."""
+    return (
+        changes_of_b(b, span_b, c, span_c, base, *lists[0], at[0]),
+        changes_of_c(c, span_c, b, span_b, base, *lists[1], at[1]),
+    )
+
+
+@compiled(inline=True)
+def _prefetch(sums, lists, at, end, strides):
+    """Have fetched what the changes from ``at`` to ``end`` read."""
+    prefetch_pairs(sums, lists[0][0], at[0], end[0], strides[0])
+    prefetch_pairs(sums, lists[1][0], at[1], end[1], strides[1])
+
+
+@compiled(inline=True)
+def _read_changes(sums, lists, end, strides):
+    """Put differences where the parts of layers stand."""
+    between_pairs(sums, *lists[0], end[0], strides[0])
+    between_pairs(sums, *lists[1], end[1], strides[1])
 
 
 @compiled()
@@ -88,66 +116,69 @@ def forward(courses, pixel_ptr, shape, number, single, double, images) -> None:
         kernel for both types takes half as long to compile as two.
     images : (P,) float64
     """
-    room = RAYS_AHEAD * (shape[1] + shape[2]) + LANES
-    left, parts = np.zeros(room, number.dtype), np.zeros(room)
-    ways = np.zeros((RAYS_AHEAD, 5), np.int64)
-    along, rays = np.zeros(RAYS_AHEAD), np.zeros(RAYS_AHEAD, np.int64)
+    lists, strides = _lists(number, shape), _strides(shape)
+    ends, signs = np.zeros((RAYS_TOGETHER + 1, 2), np.int64), np.zeros((RAYS_TOGETHER, 2))
+    rays, total = np.zeros(RAYS_TOGETHER, np.int64), np.zeros(RAYS_TOGETHER)
     pixel, ray, last_ray = 0, 0, pixel_ptr[len(images)]
     images[:] = 0
     while ray < last_ray:
-        some, at = 0, 0
-        while ray < last_ray and some < RAYS_AHEAD:
+        some, at = 0, (0, 0)
+        while ray < last_ray and some < RAYS_TOGETHER:
             enter, leave = courses[ray, ENTER], courses[ray, LEAVE]
             if leave > enter:
                 b, c, base = lines(courses, ray, shape)
                 span_b = voxels(b, enter, leave, shape[1])
                 span_c = voxels(c, enter, leave, shape[2])
-                first = at
-                at = _write_changes(b, c, span_b, span_c, base, first, left, parts, ways, some)
+                end = _write_changes(b, c, span_b, span_c, base, lists, at)
                 if len(single) > 0:
-                    _prefetch(single, left, ways, some)
-                    along[some] = _between_ends(
+                    if some % FETCHED == 0:
+                        _prefetch(single, lists, at, end, strides)
+                    total[some] = _between_ends(
                         single, b, c, span_b, span_c, base, enter, leave, shape[0]
                     )
                 else:
-                    _prefetch(double, left, ways, some)
-                    along[some] = _between_ends(
+                    if some % FETCHED == 0:
+                        _prefetch(double, lists, at, end, strides)
+                    total[some] = _between_ends(
                         double, b, c, span_b, span_c, base, enter, leave, shape[0]
                     )
-                rays[some] = ray
-                some += 1
+                signs[some, 0], signs[some, 1], rays[some] = np.sign(b[3]), np.sign(c[3]), ray
+                at, some = end, some + 1
+                ends[some, 0], ends[some, 1] = at
             ray += 1
+        if len(single) > 0:
+            _read_changes(single, lists, at, strides)
+        else:
+            _read_changes(double, lists, at, strides)
         for k in range(some):
-            if len(single) > 0:
-                total = along[k] + _between(single, left, parts, ways, k)
-            else:
-                total = along[k] + _between(double, left, parts, ways, k)
+            sum_b = sum_of(lists[0][1], ends[k, 0], ends[k + 1, 0])
+            sum_c = sum_of(lists[1][1], ends[k, 1], ends[k + 1, 1])
+            value = total[k] + (signs[k, 0] * sum_b + signs[k, 1] * sum_c)
             while rays[k] >= pixel_ptr[pixel + 1]:
                 pixel += 1
-            images[pixel] += total * courses[rays[k], SCALE]
+            images[pixel] += value * courses[rays[k], SCALE]
 
 
 @compiled(inline=True)
 def _add_up_to(differences, place, t, layers, whole):
     """Add ``whole`` where `_sum_up_to` reads."""
     at, part = within(place, t, layers)
-    share = np.int64(np.floor(part * np.float64(whole) + 0.5))
+    share = np.int64(np.rint(part * np.float64(whole)))
     differences[np.uint64(at)] += np.uint64(whole - share)
     differences[np.uint64(at + 1)] += np.uint64(share)
 
 
 @compiled(inline=True)
-def _add_ways(differences, left, shares, ways, wholes, rays):
-    """Add what rays bring at their changes to the columns left, subtract it from those entered.
+def _add_changes(differences, lists, pairs, end, strides):
+    """Add what rays bring at their changes to the lower columns, subtract it from the upper.
 
     One after the other: a processor that must read in one part what it has just written in two
     waits for it, and the next change is near to where this one enters.
     """
-    for k in range(rays):
-        first, middle, end, whole = ways[k, FIRST], ways[k, MIDDLE], ways[k, END], wholes[k]
-        add_pairs(differences, left, shares, first, end, whole)
-        subtract_pairs(differences, left, ways[k, STEP_B], shares, first, middle, whole)
-        subtract_pairs(differences, left, ways[k, STEP_C], shares, middle, end, whole)
+    for axis in range(2):
+        places = lists[axis][0]
+        add_pairs(differences, places, pairs[axis], end[axis])
+        subtract_pairs(differences, places, pairs[axis], end[axis], strides[axis])
 
 
 @compiled(inline=True)
@@ -177,10 +208,12 @@ def adjoint(
     """
     lowest, highest = float(shape[1]), -1.0
     first_column = float(first_b * shape[2] * (shape[0] + 1))
-    room = RAYS_AHEAD * (shape[1] + shape[2]) + LANES
-    left, parts, shares = np.zeros(room, number.dtype), np.zeros(room), np.zeros(room, np.int64)
-    ways, wholes = np.zeros((RAYS_AHEAD, 5), np.int64), np.zeros(RAYS_AHEAD, np.int64)
-    some, at = 0, 0
+    lists, strides = _lists(number, shape), _strides(shape)
+    pairs = (
+        np.zeros((len(lists[0][0]), 2), np.int64),
+        np.zeros((len(lists[1][0]), 2), np.int64),
+    )
+    some, at = 0, (0, 0)
     for pixel in range(len(images)):
         for ray in range(pixel_ptr[pixel], pixel_ptr[pixel + 1] if images[pixel] != 0 else 0):
             enter, leave = courses[ray, ENTER], courses[ray, LEAVE]
@@ -208,17 +241,14 @@ def adjoint(
             _add_up_to(differences, place, leave, shape[0], whole)
             place = base + span_b[0] * b[3] + span_c[0] * c[3]
             _add_up_to(differences, place, enter, shape[0], -whole)
-            first = at
-            at = _write_changes(b, c, span_b, span_c, base, first, left, parts, ways, some)
-            _prefetch(differences, left, ways, some)
-            for m in range(first, first + ((at - first + LANES - 1) & -LANES)):
-                shares[np.uint64(m)] = np.int64(
-                    np.floor(parts[np.uint64(m)] * np.float64(whole) + 0.5)
-                )
-            wholes[some] = whole
-            some += 1
-            if some == RAYS_AHEAD:
-                _add_ways(differences, left, shares, ways, wholes, some)
-                some, at = 0, 0
-    _add_ways(differences, left, shares, ways, wholes, some)
+            end = _write_changes(b, c, span_b, span_c, base, lists, at)
+            if some % FETCHED == 0:
+                _prefetch(differences, lists, at, end, strides)
+            shares(lists[0][1], at[0], end[0], -whole if b[3] < 0 else whole, pairs[0])
+            shares(lists[1][1], at[1], end[1], -whole if c[3] < 0 else whole, pairs[1])
+            at, some = end, some + 1
+            if some == RAYS_TOGETHER:
+                _add_changes(differences, lists, pairs, at, strides)
+                some, at = 0, (0, 0)
+    _add_changes(differences, lists, pairs, at, strides)
     return int(lowest), int(highest)
