@@ -139,43 +139,41 @@ def vote(tables, layout, corners, reach, enough, votes):
 
 
 @compiled(parallel=True)
-def splat(corners, live, slack, layout, steps):
-    """Count in ``steps`` for every pixel of every view the live voxels' boxes that touch it."""
-    nx, ny, nz = live.shape
+def splat(corners, live, runs, slack, layout, steps):
+    """Count in ``steps`` for every pixel of every view the live voxels' boxes that touch it.
+
+    ``runs`` (R, 3): the ``x, y`` and number along z of every brick's column with a live voxel.
+    """
+    nz = live.shape[2]
     for view in numba.prange(corners.shape[0]):
         start, height, width = layout[view]
         stride = width + 1
-        for i in range(nx):
-            bx = i // STEP
-            for j in range(ny):
-                by = j // STEP
-                x, y = (i - STEP * bx + 0.5) / STEP, (j - STEP * by + 0.5) / STEP
-                for bz in range(corners.shape[3] - 1):
-                    z0, z1 = STEP * bz, min(STEP * bz + STEP, nz)
-                    if not live[i, j, z0:z1].any():
-                        continue
-                    u, _, _, half_u = _brick(corners, view, bx, by, bz, 0)
-                    v, _, _, half_v = _brick(corners, view, bx, by, bz, 1)
-                    half_u += slack[view]
-                    half_v += slack[view]
-                    u0, slope_u = _column(u, x, y)
-                    v0, slope_v = _column(v, x, y)
-                    for k in range(z0, z1):
-                        if not live[i, j, k]:
-                            continue
-                        z = (k - z0 + 0.5) / STEP
-                        at_u, at_v = u0 + slope_u * z, v0 + slope_v * z
-                        left, right, top, bottom = _box(
-                            max(at_u - half_u, -0.5), min(at_u + half_u, width - 0.5),
-                            max(at_v - half_v, -0.5), min(at_v + half_v, height - 0.5),
-                            height, width,
-                        )  # fmt: skip
-                        if right <= left or bottom <= top:
-                            continue
-                        steps[start + top * stride + left] += 1
-                        steps[start + bottom * stride + right] += 1
-                        steps[start + top * stride + right] -= 1
-                        steps[start + bottom * stride + left] -= 1
+        for run in range(len(runs)):
+            i, j, bz = runs[run, 0], runs[run, 1], runs[run, 2]
+            bx, by = i // STEP, j // STEP
+            x, y = (i - STEP * bx + 0.5) / STEP, (j - STEP * by + 0.5) / STEP
+            u, _, _, half_u = _brick(corners, view, bx, by, bz, 0)
+            v, _, _, half_v = _brick(corners, view, bx, by, bz, 1)
+            half_u += slack[view]
+            half_v += slack[view]
+            u0, slope_u = _column(u, x, y)
+            v0, slope_v = _column(v, x, y)
+            for k in range(STEP * bz, min(STEP * bz + STEP, nz)):
+                if not live[i, j, k]:
+                    continue
+                z = (k - STEP * bz + 0.5) / STEP
+                at_u, at_v = u0 + slope_u * z, v0 + slope_v * z
+                left, right, top, bottom = _box(
+                    max(at_u - half_u, -0.5), min(at_u + half_u, width - 0.5),
+                    max(at_v - half_v, -0.5), min(at_v + half_v, height - 0.5),
+                    height, width,
+                )  # fmt: skip
+                if right <= left or bottom <= top:
+                    continue
+                steps[start + top * stride + left] += 1
+                steps[start + bottom * stride + right] += 1
+                steps[start + top * stride + right] -= 1
+                steps[start + bottom * stride + left] -= 1
         for row in range(height + 1):
             running = 0
             for column in range(width + 1):

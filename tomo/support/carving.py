@@ -13,25 +13,13 @@ from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
+from tomo.support._margins import Hulls, margins_to_try, smallest, votes_to_try
 from tomo.support.brightness import Brightness
-from tomo.support.hull import dark_votes, touched
 from tomo.support.lattice import Lattice
 from tomo.support.noise_model import NoiseModel
 
 if TYPE_CHECKING:
     from rigs import Camera
-
-VIEWS_A_VOTE = 6
-"""One more view must agree for every so many views."""
-
-UNEXPLAINED = 1e-3
-"""The largest share of the bright pixels' light, in any view, that may meet no live voxel."""
-
-MARGINS = (0, 1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 26, 32)
-"""Pixels, those that are tried."""
-
-WIDEST_MARGIN = 0.1  # of the smallest image's shorter side
-_Found = tuple[float, NDArray[np.bool_], list[NDArray[np.bool_]], float]
 
 WORTH_IT = 0.95  # live share above which nothing is carved
 
@@ -145,22 +133,21 @@ def carve(
     _check(cameras, images, masks, margin, threshold, votes)
     lattices = Lattice.of_all(cameras, grid)
     brightness = Brightness.of(images, masks, _pixels_a_voxel(lattices), threshold, noise)
-    shapes = [image.shape for image in images]
-    seen = touched(np.ones(grid.shape, bool), lattices, shapes)
     judges = list(range(len(cameras)) if views is None else views)
-    if not any((brightness.certain[view] & seen[view]).any() for view in judges):
-        return _uncarved(brightness, seen, grid, "no pixel is surely bright: nothing is carved")
-    hull = _Hull(lattices, brightness, judges, seen, grid.shape)
-    for enough in _votes_to_try(votes, len(judges)):
-        found = _smallest(hull, enough, _margins(margin, judges, images), margin != "auto")
+    hull = Hulls(lattices, brightness, judges, grid.shape)
+    if not hull.bright:
+        reason = "no pixel is surely bright: nothing is carved"
+        return _uncarved(brightness, hull.seen, grid, reason)
+    for enough in votes_to_try(votes, len(judges)):
+        found = smallest(hull, enough, margins_to_try(margin, judges, images), margin != "auto")
         if found is not None:
             break
     else:
-        return _uncarved(brightness, seen, grid, "the views contradict: nothing is carved")
+        return _uncarved(brightness, hull.seen, grid, "the views contradict: nothing is carved")
     reach, live, explained, missed = found
     if live.mean() > WORTH_IT:
         reason = "hardly a voxel is dark: nothing is carved"
-        return _uncarved(brightness, seen, grid, reason)
+        return _uncarved(brightness, hull.seen, grid, reason)
     return Carving(
         LiveVoxels.from_mask(grid, live),
         tuple(a & b for a, b in zip(explained, brightness.usable, strict=True)),
@@ -172,63 +159,6 @@ def carve(
         brightness.noise,
         _in_words(live, reach, enough, len(judges), brightness, missed),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Hull:
-    """What the judging views leave live at some margin, and how much that leaves unexplained."""
-
-    lattices: list[Lattice]
-    brightness: Brightness
-    judges: list[int]
-    seen: list[NDArray[np.bool_]]
-    shape: tuple[int, int, int]
-
-    def at(self, margin: float, enough: int) -> _Found:
-        bright = [self.brightness.bright[view] for view in self.judges]
-        lattices = [self.lattices[view] for view in self.judges]
-        live = dark_votes(bright, lattices, self.shape, margin=margin, enough=enough) < enough
-        explained = touched(live, self.lattices, [image.shape for image in self.seen])
-        missed = max(
-            self.brightness.unexplained(view, explained[view], self.seen[view])
-            for view in self.judges
-        )
-        return margin, live, explained, missed
-
-
-def _smallest(hull: _Hull, enough: int, margins: list[float], any_will_do: bool) -> _Found | None:
-    """Return the hull of the smallest margin that explains the light; None if none does.
-
-    The first margin is tried first, since exact cameras need no other; then by bisection.
-    """
-    found = hull.at(margins[0], enough)
-    if found[-1] <= UNEXPLAINED or any_will_do:
-        return found
-    best, low, high = None, 0, len(margins)  # margins[low] fails
-    while high - low > 1:
-        middle = (low + high) // 2
-        found = hull.at(margins[middle], enough)
-        if found[-1] <= UNEXPLAINED:
-            best, high = found, middle
-        else:
-            low = middle
-    return best
-
-
-def _votes_to_try(votes: int | str, judges: int) -> list[int]:
-    """Return the numbers of views that must agree, the fewest first."""
-    if votes != "auto":
-        return [int(votes)]
-    needed = max(1, round(judges / VIEWS_A_VOTE))
-    return list(range(needed, min(needed + 2, judges) + 1))
-
-
-def _margins(margin: float | str, judges: list[int], images: Sequence[NDArray]) -> list[float]:
-    """Return the margins to try, ascending."""
-    if margin != "auto":
-        return [float(margin)]
-    widest = WIDEST_MARGIN * min(min(images[view].shape) for view in judges)
-    return [float(m) for m in MARGINS if m <= widest]
 
 
 def _pixels_a_voxel(lattices: list[Lattice]) -> float:

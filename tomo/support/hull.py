@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.support import _hull_kernels as kernels
-from tomo.support.lattice import Lattice
+from tomo.support.lattice import STEP, Lattice
 
 Shapes = Sequence[tuple[int, int]]
 
@@ -59,7 +59,8 @@ def touched(
     layout = _layout(image_shapes)
     steps = np.zeros(int(layout[-1, 0]), np.int32)
     slack = np.array([lattice.slack for lattice in lattices])
-    kernels.splat(np.stack([one.corners for one in lattices]), surface(live), slack, layout, steps)
+    corners, shown = np.stack([one.corners for one in lattices]), surface(live)
+    kernels.splat(corners, shown, _runs(shown), slack, layout, steps)
     found = []
     for number, (lattice, (height, width)) in enumerate(zip(lattices, image_shapes, strict=True)):
         counts = steps[layout[number, 0] : layout[number + 1, 0]].reshape(height + 1, width + 1)
@@ -80,6 +81,12 @@ def surface(live: NDArray[np.bool_]) -> NDArray[np.bool_]:
         kept[:-1] &= along[1:]
         kept[[0, -1]] = False
     return live & ~inner
+
+
+def _runs(live: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return ``x, y`` and number along z of every column of a brick with a live voxel: (R, 3)."""
+    padded = np.pad(live, ((0, 0), (0, 0), (0, -live.shape[2] % STEP)))
+    return np.argwhere(padded.reshape(*live.shape[:2], -1, STEP).any(axis=3))
 
 
 def _summed(bright: NDArray[np.bool_]) -> NDArray[np.int32]:

@@ -63,15 +63,17 @@ class Lattice:
         around = np.ix_(*(np.add.outer(index, (0, 1)).ravel() for index in some))
         cells = [part for index in some for part in (len(index), 2)]
         count = corners[..., 0].size
-        found = []
-        for camera in cameras:
-            seen = _projected(camera, points)
-            own = seen[:count].reshape(*corners.shape[:3], 2)
-            mean = own[around].reshape(*cells, 2).mean(axis=(1, 3, 5))
-            off = np.abs(mean - seen[count:].reshape(mean.shape))
-            slack = 2 * float(off[np.isfinite(off)].max(initial=0.0))
-            found.append(cls(own, slack, _longest_edge(own)))
-        return found
+        if not cameras:
+            return []
+        seen = _projected(cameras, points)  # (views, N, 2)
+        own = seen[:, :count].reshape(-1, *corners.shape[:3], 2)
+        mean = own[:, *around].reshape(len(own), *cells, 2).mean(axis=(2, 4, 6))
+        off = np.abs(mean - seen[:, count:].reshape(mean.shape)).reshape(len(own), -1)
+        slack = 2 * np.max(off, axis=1, initial=0.0, where=np.isfinite(off))
+        return [
+            cls(one, float(by), longest)
+            for one, by, longest in zip(own, slack, _longest_edges(own), strict=True)
+        ]
 
 
 def bricks_of(shape: tuple[int, int, int]) -> tuple[int, int, int]:
@@ -85,17 +87,42 @@ def _points(grid: VoxelGrid, places: list[NDArray]) -> NDArray[np.float64]:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
-def _projected(camera: Camera, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the pixel coordinates of points (N, 3), NaN where they cannot be seen: (N, 2)."""
-    if not camera.sees_once:  # one place of several would pass for the only one
-        return np.full((len(points), 2), np.nan)
-    uv, _, valid = camera.project(points)
-    uv[~valid] = np.nan
-    return uv
+def _projected(cameras: Sequence[Camera], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return pixel coordinates of points (N, 3), NaN where they are not seen: (views, N, 2).
+
+    Cameras without distortion take all their points at once: one by one, most of the time goes
+    into beginning.
+    """
+    seen = np.full((len(cameras), len(points), 2), np.nan)
+    straight = []
+    for view, camera in enumerate(cameras):
+        if not camera.sees_once:  # one place of several would pass for the only one
+            continue
+        if getattr(camera, "is_pinhole", False):
+            straight.append(view)
+            continue
+        uv, _, valid = camera.project(points)
+        seen[view][valid] = uv[valid]
+    if straight:
+        seen[straight] = _through_pinholes([cameras[view] for view in straight], points)
+    return seen
 
 
-def _longest_edge(corners: NDArray[np.float64]) -> float:
-    """Return that of a voxel in the middle brick, in pixels; NaN where it is not seen."""
-    middle = tuple(slice((n - 1) // 2, (n - 1) // 2 + 2) for n in corners.shape[:3])
-    edges = np.stack([np.diff(corners[middle], axis=a).reshape(-1, 2) for a in range(3)])
-    return float(np.abs(edges).max() / STEP)
+def _through_pinholes(
+    cameras: Sequence[Camera], points: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return what `Camera.project` does of several cameras without distortion: (views, N, 2)."""
+    matrices = [one.camera_matrix @ np.column_stack([one.R, one.t]) for one in cameras]
+    at_x, at_y, at_z, shift = np.moveaxis(np.array(matrices)[..., None], 2, 0)  # (views, 3, 1)
+    x, y, z = points.T
+    u, v, depth = np.moveaxis(at_x * x + at_y * y + at_z * z + shift, 1, 0)  # (views, N)
+    depth = np.where(depth > 0, depth, np.nan)
+    return np.stack([u / depth, v / depth], axis=-1)
+
+
+def _longest_edges(corners: NDArray[np.float64]) -> list[float]:
+    """Return each view's longest of a voxel in the middle brick, in pixels; NaN out of sight."""
+    middle = tuple(slice((n - 1) // 2, (n - 1) // 2 + 2) for n in corners.shape[1:4])
+    own = corners[:, *middle]
+    edges = [np.diff(own, axis=axis).reshape(len(own), -1) for axis in (1, 2, 3)]
+    return (np.abs(np.concatenate(edges, axis=1)).max(axis=1) / STEP).tolist()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,7 +124,7 @@ def estimate_noise(
     means = level[order].mean(axis=1)
     quarter = order.shape[1] // 4
     spreads = np.partition(fine[order], quarter, axis=1)[:, quarter]
-    return _line(means, (spreads / QUARTER_OF_A_NORMAL) ** 2)
+    return NoiseModel(*_line(means, (spreads / QUARTER_OF_A_NORMAL) ** 2))
 
 
 def _count_of_nine(marked: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -164,15 +165,19 @@ def _filter(image, signal, takes_away, first, width, level, fine) -> None:
         fine[n] = abs(filtered) / 6
 
 
-def _line(level: NDArray[np.float64], variance: NDArray[np.float64]) -> NoiseModel:
-    """Return the model nearest to variances at levels, errors in proportion to the variance."""
-    level = np.maximum(level, 0)
+@compiled()
+def _line(level, variance):
+    """Return the read-out noise and gain nearest to variances (n,) at levels (n,).
+
+    Errors are in proportion to the variance, as the line itself gives it.
+    """
+    level = np.maximum(level, 0.0)
     expected = np.full_like(variance, variance.mean())
-    intercept, slope = float(np.median(variance)), 0.0
+    intercept, slope = np.median(variance), 0.0
     for _ in range(ROUNDS):
-        floor = 1e-6 * expected.max(initial=0.0)
+        floor = 1e-6 * max(expected.max(), 0.0)
         if floor == 0:
-            return NoiseModel(0.0)
+            return 0.0, 0.0
         weight = 1 / np.maximum(expected, floor) ** 2
         total = weight.sum()
         x, y = (weight * level).sum() / total, (weight * variance).sum() / total
@@ -184,4 +189,4 @@ def _line(level: NDArray[np.float64], variance: NDArray[np.float64]) -> NoiseMod
             intercept = 0.0
             slope = (weight * level * variance).sum() / (weight * level**2).sum()
         expected = intercept + slope * level
-    return NoiseModel(float(np.sqrt(intercept)), float(slope))
+    return math.sqrt(intercept), slope

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from rigs import ring
 from rigs.distortion import Distortion
 from tomo import LinearSystem, VoxelGrid, noise
-from tomo.support.carving import UNEXPLAINED, carve
+from tomo.support._margins import UNEXPLAINED
+from tomo.support.carving import carve
 
 GRID = VoxelGrid((16, 24, 18), 0.5, (1.0, -2.0, 0.5))
 SIZE = (60, 72)  # width, height

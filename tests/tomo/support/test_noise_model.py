@@ -77,7 +77,7 @@ def noise_twin(image, mask, expected):
     parts = min(max(len(found) // PIXELS_A_LEVEL, 1), MOST_LEVELS)
     found = np.array(sorted(found)[len(found) % parts :]).reshape(parts, -1, 2)
     spread = np.sort(found[:, :, 1], axis=1)[:, found.shape[1] // 4] / QUARTER_OF_A_NORMAL
-    return _line(found[:, :, 0].mean(axis=1), spread**2)
+    return NoiseModel(*_line(found[:, :, 0].mean(axis=1), spread**2))
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
