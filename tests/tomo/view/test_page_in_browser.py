@@ -9,7 +9,7 @@ from tomo.view import rig_scene, write_html
 from tomo.view.camera_view import camera_views
 from tomo.view.coverage_maps import coverage_maps, coverage_scene
 from tomo.view.rig_page import check_on_grid, check_table
-from tomo.view.rig_scene import Target, up_of
+from tomo.view.rig_scene import Target, up_of, volume_scene
 from tomo.view.thumbnails import image_scene
 
 GRID = VoxelGrid((12, 20, 12), 1.0, (3.0, 0.0, -2.0))
@@ -305,3 +305,26 @@ def test_names_never_overlap_from_wherever_one_looks(open_page, tmp_path):
                 apart = left >= other[2] or right <= other[0]
                 assert apart or top >= other[3] or bottom <= other[1]
     assert [b[1:3] for b in seen[0]] != [b[1:3] for b in seen[1]]  # they followed the orbit
+
+
+@pytest.mark.parametrize("shape", [(20, 20, 20), (8, 40, 8), (40, 8, 8)])
+def test_the_whole_box_is_in_the_pane_at_first_and_after_a_zoom(open_page, tmp_path, shape):
+    grid = VoxelGrid(shape, 1.0, (3.0, 0.0, -2.0))
+    rig = ring(6, distance=400.0, image_size=(64, 64), footprint=0.5, center=grid.center)
+    write_html(tmp_path / "volume.html", volume_scene(grid), grid=grid)
+    write_html(tmp_path / "rig.html", rig_scene(rig, grid), grid=grid)
+    corners = np.stack(np.meshgrid(*zip(grid.lower, grid.upper, strict=True)), -1).reshape(-1, 3)
+    seen = f"""
+        await pause(400);
+        const view = projector();
+        return [view.width, view.height, {corners.tolist()}.map((corner) => view.point(corner))];
+    """
+    press = 'document.querySelectorAll("#zooms button")[1].click();'
+    for size in ((1400, 700), (700, 1000)):
+        for name, before in (("volume", ""), ("rig", press)):
+            opened = open_page(tmp_path / f"{name}.html", size)
+            width, height, points = opened.evaluate(before + seen)
+            assert all(0 < p["x"] < width and 0 < p["y"] < height for p in points)
+            across = np.ptp([p["x"] for p in points]) / width
+            along = np.ptp([p["y"] for p in points]) / height
+            assert max(across, along) > 0.3
