@@ -55,7 +55,7 @@ def _within(position, count):
 
 
 @compiled(inline=True)
-def _set_courses(rays, made, some, shape, before_b, before_c, courses) -> None:
+def _set_courses(rays, made, some, shape, before_b, before_c, courses, first, step) -> None:
     """Write the courses of rays whose long axis is a; no course for any other ray.
 
     There is no branch that depends on data, so that the loop vectorises.
@@ -72,7 +72,9 @@ def _set_courses(rays, made, some, shape, before_b, before_c, courses) -> None:
         Voxels along a, b, c.
     before_b, before_c : bool
         Whether a ray as fast along b, or c, as along a has a for its long axis.
-    courses : (some, 8) float64
+    courses : (N, 8) float64
+        Written in each ``step``-th row from ``first`` on.
+    first, step : int
     """
     n_a, n_b, n_c = float(shape[0]), float(shape[1]), float(shape[2])
     for k in range(some):
@@ -86,8 +88,9 @@ def _set_courses(rays, made, some, shape, before_b, before_c, courses) -> None:
         near, far = _bounds(c, dc, n_c, near, far)
         chord = far - near
         a, b, c = a + da * near, b + db * near, c + dc * near
-        da, db, dc = _moving(a, da, chord), _moving(b, db, chord), _moving(c, dc, chord)
-        valid = ahead_b & ahead_c & (far > near) & (da != 0)
+        moving = _moving(a, da, chord) != 0
+        db, dc = _moving(b, db, chord), _moving(c, dc, chord)
+        valid = ahead_b & ahead_c & (far > near) & moving
         end, per = a + da * chord, 1.0 / da
         slope_b, slope_c = db * per, dc * per
         b, c = b - slope_b * a, c - slope_c * a
@@ -99,8 +102,9 @@ def _set_courses(rays, made, some, shape, before_b, before_c, courses) -> None:
         made[LEAVE, k] = _within(end if a < end else a, n_a) if valid else 0.0
         made[SCALE, k] = rays[7, k] * abs(per)
     for k in range(some):
+        row = np.uint64(first + k * step)
         for part in range(7):
-            courses[k, part] = made[part, k]
+            courses[row, part] = made[part, k]
 
 
 @compiled()
@@ -132,19 +136,69 @@ def of_rays(origins, directions, lengths, weights, box, shape, axes, courses) ->
                 )
                 rays[3 + part, k] = directions[first + k, axis] / box[2, axis]
             rays[6, k], rays[7, k] = lengths[first + k], weights[first + k]
-        _set_courses(rays, made, some, shape, before[0], before[1], courses[first : first + some])
+        _set_courses(rays, made, some, shape, before[0], before[1], courses, first, 1)
+
+
+@compiled(inline=True)
+def _write_numbers(first_pixel, ptr, run, start, some, numbers):
+    """Write pixel numbers from ``start`` on, which is in ``run``; return the run of the last."""
+    k = 0
+    while k < some:
+        while ptr[run + 1] <= start + k:
+            run += 1
+        end = min(ptr[run + 1] - start, some)
+        shift = float(first_pixel[run] + (start - ptr[run]))
+        for m in range(k, end):
+            numbers[m] = shift + m
+        k = end
+    return run
+
+
+@compiled(inline=True)
+def _write_plane(numbers, some, width, lens, step_down, step_right, rays):
+    """Write where pixels are on the plane at distance one: right, down and ahead."""
+    f_x, skew, c_x, f_y, c_y = lens[0], lens[1], lens[2], lens[3], lens[4]
+    per_x, per_y, per_width = 1.0 / f_x, 1.0 / f_y, 1.0 / width
+    for k in range(some):
+        row = np.floor((numbers[k] + 0.5) * per_width)  # faster than by whole numbers
+        down = (row + step_down - c_y) * per_y
+        rays[0, k] = (numbers[k] - row * width + step_right - c_x - skew * down) * per_x
+        rays[1, k] = down
+        rays[2, k] = 1.0
+
+
+@compiled(inline=True)
+def _write_directions(rays, weights, some, to):
+    """Turn right, down and ahead into what `_set_courses` needs of rays from one point."""
+    a, b, c = to[0, 3], to[1, 3], to[2, 3]
+    a_right, a_down, a_ahead = to[0, 0], to[0, 1], to[0, 2]
+    b_right, b_down, b_ahead = to[1, 0], to[1, 1], to[1, 2]
+    c_right, c_down, c_ahead = to[2, 0], to[2, 1], to[2, 2]
+    for k in range(some):
+        right, down, ahead = rays[0, k], rays[1, k], rays[2, k]
+        rays[0, k], rays[1, k], rays[2, k] = a, b, c
+        rays[3, k] = right * a_right + down * a_down + ahead * a_ahead
+        rays[4, k] = right * b_right + down * b_down + ahead * b_ahead
+        rays[5, k] = right * c_right + down * c_down + ahead * c_ahead
+        rays[6, k] = np.inf
+        rays[7, k] = weights[k] * math.sqrt(right * right + down * down + ahead * ahead)
 
 
 @compiled()
 def of_pixels(
-    pixels, bend, width, lens, steps, turned, position, box, shape, axes, courses
+    first_pixel, ptr, run, start, stop, bend, width, lens, steps, turned, position, box, shape,
+    axes, courses,
 ) -> None:  # fmt: skip
     """Write the courses of a camera's pixels with ``axes[0]`` for their long axis.
 
     Parameters
     ----------
-    pixels : (P,) int32 or int64
-        Flat pixel numbers ``row * width + column``.
+    first_pixel, ptr : int32 or int64
+        Flat pixel numbers ``row * width + column`` as runs, as `tomo.trace.pixel_runs` has them.
+    run : int
+        In which run the first of the pixels wanted is.
+    start, stop : int
+        Which pixels are wanted, P in all.
     bend : (P, K², 2) float32, (P, K², 3) float64 or (0, 0, 0)
         What the lens adds to the pinhole's image coordinates, or the ray's direction in the
         camera's axes; NaN where no direction is seen. Nothing for a lens without distortion.
@@ -160,11 +214,10 @@ def of_pixels(
     box, shape, axes, courses
         As in `of_rays`; a pixel's rays stand together.
     """
-    several, per_width = len(steps), 1.0 / width
+    several, bent = len(steps), bend.shape[2]
     before = axes[0] < axes[1], axes[0] < axes[2]
-    bent = bend.shape[2]
-    at_once = max(_TOGETHER // several, 1)
-    rays, made = np.zeros((8, at_once * several)), np.zeros((7, at_once * several))
+    rays, made = np.zeros((8, _TOGETHER)), np.zeros((7, _TOGETHER))
+    numbers, weights = np.zeros(_TOGETHER), np.full(_TOGETHER, 1.0 / several)
     to = np.zeros((3, 4))
     for part in range(3):
         axis = axes[part]
@@ -173,40 +226,25 @@ def of_pixels(
         to[part, 3] = voxel_units(
             position[axis], box[0, axis], box[1, axis], box[2, axis], shape[part]
         )
-    for first in range(0, len(pixels), at_once):
-        some = min(at_once, len(pixels) - first)
-        for part in range(several):
-            for k in range(some):
-                pixel = float(pixels[first + k])
-                row = np.floor((pixel + 0.5) * per_width)  # faster than by whole numbers
-                down = (row + steps[part, 0] - lens[4]) / lens[3]
-                right = pixel - row * width + steps[part, 1] - lens[2] - lens[1] * down
-                rays[0, k * several + part] = right / lens[0]
-                rays[1, k * several + part] = down
-                rays[2, k * several + part] = 1.0
-                rays[7, k * several + part] = 1.0 / several
+    for first in range(0, stop - start, _TOGETHER):
+        some = min(_TOGETHER, stop - start - first)
+        run = _write_numbers(first_pixel, ptr, run, start + first, some, numbers)
         for k in range(some if bent else 0):
             seen = several
             for part in range(several):
-                ray = k * several + part
+                seen -= math.isnan(bend[first + k, part, 0])
+            weights[k] = 1.0 / max(seen, 1)
+        for part in range(several):
+            _write_plane(numbers, some, width, lens, steps[part, 0], steps[part, 1], rays)
+            for k in range(some if bent else 0):
                 if bent == 2:
-                    rays[0, ray] += bend[first + k, part, 0]
-                    rays[1, ray] += bend[first + k, part, 1]
+                    rays[0, k] += bend[first + k, part, 0]
+                    rays[1, k] += bend[first + k, part, 1]
                 else:
-                    rays[0, ray], rays[1, ray] = bend[first + k, part, 0], bend[first + k, part, 1]
-                    rays[2, ray] = bend[first + k, part, 2]
-                seen -= math.isnan(rays[0, ray])
-            for part in range(several if seen else 0):
-                rays[7, k * several + part] = 1.0 / seen
-        for k in range(some * several):
-            right, down, ahead = rays[0, k], rays[1, k], rays[2, k]
-            rays[7, k] *= math.sqrt(right * right + down * down + ahead * ahead)
-            rays[6, k] = np.inf
-            for part in range(3):
-                rays[3 + part, k] = right * to[part, 0] + down * to[part, 1] + ahead * to[part, 2]
-                rays[part, k] = to[part, 3]
-        low = first * several
-        _set_courses(
-            rays, made, some * several, shape, before[0], before[1],
-            courses[low : low + some * several],
-        )  # fmt: skip
+                    rays[0, k], rays[1, k] = bend[first + k, part, 0], bend[first + k, part, 1]
+                    rays[2, k] = bend[first + k, part, 2]
+            _write_directions(rays, weights, some, to)
+            _set_courses(
+                rays, made, some, shape, before[0], before[1], courses, first * several + part,
+                several,
+            )  # fmt: skip

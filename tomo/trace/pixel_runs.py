@@ -49,6 +49,10 @@ class PixelRuns:
         """Name the sizes."""
         return f"<PixelRuns: {len(self)} pixels in {len(self.first)} runs>"
 
+    def run_of(self, number: int) -> int:
+        """Return the run in which the pixel at ``number`` is."""
+        return int(np.searchsorted(self.ptr, number, side="right")) - 1
+
     def between(self, start: int, stop: int) -> NDArray[np.integer]:
         """Return the numbers at ``start:stop``: (stop - start,)."""
         low, high = np.searchsorted(self.ptr[1:-1], [start, stop - 1], side="right")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numba
@@ -13,7 +14,7 @@ from tomo._threads import share_out
 from tomo.grid import VoxelGrid
 from tomo.trace.columns import Axes
 from tomo.trace.courses import WIDTH
-from tomo.trace.sources import PixelSource
+from tomo.trace.sources import PixelSource, Write
 
 RAYS_AT_ONCE = 16_384  # 1 MB of courses, which stays near the core that makes them
 
@@ -37,21 +38,21 @@ class Share:
     spans: tuple[tuple[int, int], ...]
 
     def courses(
-        self, grid: VoxelGrid, axes: Axes, room: NDArray[np.float64]
+        self, writers: Mapping[PixelSource, Write], room: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the courses of all rays, and where each pixel's begin; in ``room`` if it will do.
 
-        ``(N, 8)`` and ``(P + 1,)``; rays with another long axis than ``axes[0]`` get no course.
+        ``(N, 8)`` and ``(P + 1,)``; ``writers`` write the courses of each source.
         """
         ptrs = [source.ray_ptr(start, stop) for source, start, stop in self.pieces]
-        ends = np.cumsum([0] + [int(ptr[-1]) for ptr in ptrs])
-        courses = room[: ends[-1]] if ends[-1] <= len(room) else np.zeros((int(ends[-1]), WIDTH))
-        pixel_ptr = [np.zeros(1, np.int64)]
-        for piece, ptr, low, high in zip(self.pieces, ptrs, ends[:-1], ends[1:], strict=True):
-            source, start, stop = piece
-            source.write(start, stop, grid, axes, courses[low:high])
-            pixel_ptr.append(ptr[1:] + low)
-        return courses, np.concatenate(pixel_ptr)
+        ends = list(itertools.accumulate((int(ptr[-1]) for ptr in ptrs), initial=0))
+        courses = room[: ends[-1]] if ends[-1] <= len(room) else np.zeros((ends[-1], WIDTH))
+        for (source, start, stop), low, high in zip(self.pieces, ends[:-1], ends[1:], strict=True):
+            writers[source](start, stop, courses[low:high])
+        if len(ptrs) == 1:
+            return courses, ptrs[0]
+        rest = [ptr[1:] + low for ptr, low in zip(ptrs, ends[:-1], strict=True)]
+        return courses, np.concatenate([np.zeros(1, np.int64), *rest])
 
     def of(self, images: NDArray) -> NDArray[np.float64]:
         """Return these pixels of images (pixels,)."""
@@ -101,10 +102,12 @@ def follow_all(
     worker : callable
         Called on each thread once; returns what follows a share's rays there.
     """
+    sources = {source for share in shares for source, _, _ in share.pieces}
+    writers = {source: source.writer(grid, axes) for source in sources}
 
     def make() -> Callable[[Share], None]:
         follow = worker()
         room = np.zeros((RAYS_AT_ONCE, WIDTH))  # new memory costs more than what is written to it
-        return lambda share: follow(share, *share.courses(grid, axes, room))
+        return lambda share: follow(share, *share.courses(writers, room))
 
     share_out(shares, numba.get_num_threads(), make)

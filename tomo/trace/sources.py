@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,9 @@ from tomo.trace.pixel_runs import PixelRuns
 PIXELS_AT_ONCE = 65_536  # while the bend of a lens is made
 
 Numbers = slice | NDArray[np.integer]
+
+Write = Callable[[int, int, NDArray[np.float64]], None]
+"""Writes the courses (rays, 8) of the pixels from one number to before another."""
 
 
 def corners_and_spacing(grid: VoxelGrid) -> NDArray[np.float64]:
@@ -59,26 +62,23 @@ class PixelSource(ABC):
         start = 0
         while start < self.n_pixels:
             stop = self.last_within(start, rays)
-            yield start, stop, int(self.ray_ptr(start, stop)[-1])
+            yield start, stop, self.ray_count(start, stop)
             start = stop
+
+    @abstractmethod
+    def ray_count(self, start: int, stop: int) -> int:
+        """Return how many rays the pixels ``start:stop`` have."""
 
     @abstractmethod
     def last_within(self, start: int, rays: int) -> int:
         """Return where to stop for ``rays`` rays from pixel ``start`` on, one pixel at least."""
 
     @abstractmethod
-    def write(
-        self,
-        start: int,
-        stop: int,
-        grid: VoxelGrid,
-        axes: Axes,
-        courses: NDArray[np.float64],
-    ) -> None:
-        """Write the courses of the rays of pixels ``start:stop`` with ``axes[0]`` for long axis.
+    def writer(self, grid: VoxelGrid, axes: Axes) -> Write:
+        """Return what writes the courses of the rays with ``axes[0]`` for long axis.
 
-        ``courses`` (rays, 8) have a row for each ray; one with another long axis, or one that
-        misses the grid, gets none.
+        Every ray has a row; one with another long axis, or one that misses the grid, gets no
+        course.
         """
 
 
@@ -113,29 +113,31 @@ class RayPixels(PixelSource):
         rows = self.rows[start:stop]
         return np.concatenate([np.zeros(1, np.int64), np.cumsum(ptr[rows + 1] - ptr[rows])])
 
+    def ray_count(self, start: int, stop: int) -> int:
+        """Return how many rays pixels have; see `PixelSource`."""
+        return int(self.ray_ptr(start, stop)[-1])
+
     def last_within(self, start: int, rays: int) -> int:
         """Return where to stop; see `PixelSource`."""
         ptr = self.ray_ptr(start, min(start + rays, self.n_pixels))
         return start + max(int(np.searchsorted(ptr, rays, side="right")) - 1, 1)
 
-    def write(
-        self,
-        start: int,
-        stop: int,
-        grid: VoxelGrid,
-        axes: Axes,
-        courses: NDArray[np.float64],
-    ) -> None:
-        """Write courses; see `PixelSource`."""
-        rays = self.rays
-        if self.rows is None:
-            some = slice(int(rays.pixel_ptr[start]), int(rays.pixel_ptr[stop]))
-        else:
-            _, some = take_groups(rays.pixel_ptr, self.rows[start:stop])
-        of_rays(
-            rays.origins[some], rays.directions[some], rays.lengths[some], rays.weight[some],
-            corners_and_spacing(grid), turned(grid.shape, axes), axes, courses,
-        )  # fmt: skip
+    def writer(self, grid: VoxelGrid, axes: Axes) -> Write:
+        """Return what writes courses; see `PixelSource`."""
+        rays, rows = self.rays, self.rows
+        box, shape = corners_and_spacing(grid), turned(grid.shape, axes)
+
+        def write(start: int, stop: int, courses: NDArray[np.float64]) -> None:
+            if rows is None:
+                some = slice(int(rays.pixel_ptr[start]), int(rays.pixel_ptr[stop]))
+            else:
+                _, some = take_groups(rays.pixel_ptr, rows[start:stop])
+            of_rays(
+                rays.origins[some], rays.directions[some], rays.lengths[some], rays.weight[some],
+                box, shape, axes, courses,
+            )  # fmt: skip
+
+        return write
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,32 +204,35 @@ class CameraPixels(PixelSource):
 
     def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
         """Return where the pixels' rays begin; see `PixelSource`."""
-        return np.arange(stop - start + 1, dtype=np.int64) * self.supersample**2
+        several = self.supersample**2
+        return np.arange(0, (stop - start) * several + 1, several, dtype=np.int64)
+
+    def ray_count(self, start: int, stop: int) -> int:
+        """Return how many rays pixels have; see `PixelSource`."""
+        return (stop - start) * self.supersample**2
 
     def last_within(self, start: int, rays: int) -> int:
         """Return where to stop; see `PixelSource`."""
         return min(start + max(rays // self.supersample**2, 1), self.n_pixels)
 
-    def write(
-        self,
-        start: int,
-        stop: int,
-        grid: VoxelGrid,
-        axes: Axes,
-        courses: NDArray[np.float64],
-    ) -> None:
-        """Write courses; see `PixelSource`."""
-        some = slice(start, stop)
-        bend = self.bend
-        if bend.size:
-            bend = bend[some] if self.rows is None else bend[self.rows[some]]
+    def writer(self, grid: VoxelGrid, axes: Axes) -> Write:
+        """Return what writes courses; see `PixelSource`."""
+        runs, bend, rows = self.pixels, self.bend, self.rows
         (fx, skew, cx), (_, fy, cy) = self.camera.camera_matrix[:2]
-        of_pixels(
-            self.pixels.between(start, stop), bend, self.camera.image_size[0],
-            np.array([fx, skew, cx, fy, cy]), _places(self.supersample), self.camera.R,
-            self.camera.position, corners_and_spacing(grid), turned(grid.shape, axes), axes,
-            courses,
-        )  # fmt: skip
+        width, steps = self.camera.image_size[0], _places(self.supersample)
+        lens = np.array([fx, skew, cx, fy, cy])
+        turn, position = self.camera.R, self.camera.position
+        box, shape = corners_and_spacing(grid), turned(grid.shape, axes)
+
+        def write(start: int, stop: int, courses: NDArray[np.float64]) -> None:
+            some = slice(start, stop) if rows is None else rows[start:stop]
+            bent = bend[some] if bend.size else bend
+            of_pixels(
+                runs.first, runs.ptr, runs.run_of(start), start, stop, bent, width, lens, steps,
+                turn, position, box, shape, axes, courses,
+            )  # fmt: skip
+
+        return write
 
 
 def pixel_source(

@@ -76,7 +76,7 @@ def _running_sums(grid: VoxelGrid, rays: Rays, segments: Segments, seed: int) ->
     for axes in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         shape = turned(grid.shape, axes)
         courses = np.zeros((len(rays), WIDTH))
-        RayPixels(rays).write(0, len(rays), grid, axes, courses)
+        RayPixels(rays).writer(grid, axes)(0, len(rays), courses)
         along, b, c = place[:, axes[0]], *axes[1:]
         mine = (courses[:, 5] > courses[:, 4])[ray]  # leaves where it enters: no course
         if not mine.any():

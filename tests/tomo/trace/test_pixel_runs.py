@@ -52,6 +52,6 @@ def test_taken_pixels_have_the_rays_of_those_taken(some):
     numbers = np.arange(5, 60)[some]
     for axes in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         mine, whole = np.zeros((len(numbers), 8)), np.zeros((60, 8))
-        taken.write(0, len(numbers), grid, axes, mine)
-        every.write(0, 60, grid, axes, whole)
+        taken.writer(grid, axes)(0, len(numbers), mine)
+        every.writer(grid, axes)(0, 60, whole)
         assert np.array_equal(mine, whole[numbers])
