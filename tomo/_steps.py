@@ -129,9 +129,10 @@ def reconstruct_as_asked(
     no_ray = system.unseen
     n_unseen = int(np.count_nonzero(no_ray))
     if n_unseen:
+        share = n_unseen / grid.size
+        how_many = f"{share:.1%}" if share >= 0.0005 else "less than 0.1%"
         warnings.append(
-            f"{n_unseen / grid.size:.1%} of the voxels are seen by no camera: their "
-            f"{request.unseen} says nothing"
+            f"{how_many} of the voxels are seen by no camera: their {request.unseen} says nothing"
         )
     names = prepared.rig.names
     return Outcome(

@@ -132,6 +132,14 @@ def test_unseen_part_is_found_with_those_who_miss_it():
     assert found(alone, "a single camera sees").cameras == ("cam01", "cam02")
 
 
+def test_a_part_too_small_for_a_tenth_of_a_per_cent_is_no_nothing():
+    rig = changed(a_ring(3), aimed_aside)
+    unseen = check(rig).coverage.views == 0
+    weights = np.where(unseen, 1e-4 / unseen.sum(), (1 - 1e-4) / (~unseen).sum())
+    finding = found(check(rig, weights=weights), "no camera sees", "warning")
+    assert "no camera sees less than 0.1% of the volume" in finding.text
+
+
 def test_a_camera_inside_the_volume_and_a_single_camera():
     inside = changed(a_ring(), lambda c: replace(c, t=-c.R @ [1.0, 2.0, 3.0]), "cam02")
     assert "cam02" in found(check(inside), "inside the volume", "fault").cameras
