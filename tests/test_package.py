@@ -22,6 +22,7 @@ FLOORS = [
         "tomo._clearance",
         "tomo._compile",
         "tomo._groups",
+        "tomo._inner_product",
         "tomo._kernel_compiler",
         "tomo._memory",
         "tomo._row_sum",

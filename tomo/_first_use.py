@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from rigs import ring
+from tomo._sums import norm
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.on_the_fly import OnTheFlyProjector
@@ -30,7 +31,7 @@ def warm_up(tracer: str, form: str = STORED) -> float:
     else:
         projector = OnTheFlyProjector(rays, grid, live=live)
     for dtype in (np.float32, np.float64):
-        projector.T @ (projector @ np.ones(live.size, dtype))
+        norm(projector.T @ (projector @ np.ones(live.size, dtype)))
     return time.perf_counter() - started
 
 

@@ -103,6 +103,15 @@ class LiveVoxels:
         return brick_places(self.mask) if self.size > _FEW else None
 
     @cached_property
+    def at_place(self) -> NDArray[np.integer] | None:
+        """Which unknown stands at each `place`, ``(size,)``; None where there are none."""
+        if self.place is None:
+            return None
+        unknown = np.zeros_like(self.place)
+        unknown[self.place] = np.arange(self.size, dtype=unknown.dtype)
+        return unknown
+
+    @cached_property
     def box(self) -> LiveVoxels:
         """The unknowns in the smallest box that holds them and a layer around, inside the grid.
 

@@ -119,22 +119,19 @@ class Projector(ViewedOperator):
 
         Only voxels are copied, and only many, where the rows lie one behind the other.
         """
-        segments, place = self._entries.between(self._starts, self._stops), self.live.place
-        if place is None:
+        segments = self._entries.between(self._starts, self._stops)
+        if self.live.at_place is None:
             return segments
-        unknown = np.zeros_like(place)
-        unknown[place] = np.arange(len(place), dtype=place.dtype)
-        return replace(segments, voxel=unknown[segments.voxel])
+        return replace(segments, voxel=self.live.at_place[segments.voxel])
 
     @cached_property
     def _parts(self) -> NDArray[np.int64]:
         return part_bounds(self._stops - self._starts, self.shape[1])
 
     def _matvec(self, x: NDArray) -> NDArray:
-        x, place = as_float(x.ravel()), self.live.place
-        if place is not None:
-            unknowns, x = x, np.zeros_like(x)
-            x[place] = unknowns
+        x = as_float(x.ravel())
+        if self.live.at_place is not None:
+            x = x.take(self.live.at_place)
         images = np.zeros(self.shape[0], x.dtype)
         gather(*self._matrix, x, images)
         return images
@@ -143,7 +140,7 @@ class Projector(ViewedOperator):
         y = as_float(y.ravel())
         volume = np.zeros(self.shape[1], y.dtype)
         scatter(*self._matrix, y, self._parts, volume)
-        return volume if self.live.place is None else volume[self.live.place]
+        return volume if self.live.place is None else volume.take(self.live.place)
 
     def with_lengths(self, length: NDArray[np.floating]) -> Projector:
         """Return the projector with ``length`` (S,), of either sign, in place of its own."""

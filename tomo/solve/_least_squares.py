@@ -104,6 +104,10 @@ class LeastSquares:
         """Return the unknowns to start from, in units of ``unit``."""
         return additive_start(self.projector, start, nonnegative) / self.unit
 
+    def residual(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the right-hand side less all rows times ``x``; nothing is projected of zeros."""
+        return self.target - self.forward(x) if x.any() else self.target
+
     def forward(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return all rows times ``x``."""
         image = self._weighed(self.projector @ x)

@@ -30,7 +30,7 @@ def projected_conjugate_gradients(
     Wright, "Numerical Optimization" (2006), section 16.7.
     """
     x = problem.start(start, nonnegative)
-    residual = problem.target - problem.forward(x)
+    residual = problem.residual(x)
     downhill = problem.adjoint(residual)
     steepest = _free(x, downhill, nonnegative)
     size = first = norm(steepest) ** 2

@@ -74,7 +74,7 @@ def cgls(
 
     def states() -> States:
         x = problem.start(start, nonnegative=False)
-        residual = problem.target - problem.forward(x)
+        residual = problem.residual(x)
         gradient = problem.adjoint(residual)
         direction = gradient
         gamma = gamma_start = norm(gradient) ** 2
