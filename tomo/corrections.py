@@ -27,6 +27,8 @@ class Corrections:
         Its response to equal light, dark already taken off; 1 is nominal. Pixels where it is not
         positive are unusable.
     gain : float, or a mapping to float
+        What the image is multiplied by: 1.02 for a camera that records 2 % too little. It is the
+        inverse of a camera's gain in ``report.json``, which is what the camera records too much.
     mask : Path, or a mapping to Path
         An image that is non-zero where the pixel is usable.
     saturation : float, or a mapping to float
