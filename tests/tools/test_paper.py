@@ -1,5 +1,7 @@
 """The paper's experiments through their command, as small as they get."""
 
+import dataclasses
+import inspect
 import json
 from dataclasses import replace
 
@@ -9,6 +11,7 @@ import pytest
 import torch
 
 from tomo import metrics
+from tomo.wernet import wernet_paper
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -254,3 +257,29 @@ def test_art_not_relaxed_keeps_more_noise(studies):
                 if (row["flame"], row["layout"]) == (flame, layout)
             )
             assert best < plain
+
+
+@pytest.mark.parametrize(
+    ("change", "known"),
+    [
+        ({}, True),
+        ({"inputs": "absolute", "blocks": 2, "variant": "no-bias", "first_bias": None}, True),
+        ({"voxel_learning_rate": 0.1, "normalise_gradient": False}, True),
+        ({"inputs": "unscaled"}, False),
+        ({"norm": "batch"}, False),
+        ({"loss": "absolute"}, False),
+        ({"first_voxels": 1.0}, False),
+    ],
+)
+def test_a_reading_asks_the_solver_for_what_it_takes_and_no_more(change, known):
+    from _paper.training import Reading
+
+    reading = Reading(**change)
+    assert reading.known_to_solver is known
+    taken = set(inspect.signature(wernet_paper).parameters)
+    asked = set(reading.options())
+    assert asked <= taken
+    # what is asked for and what is not make up a reading; the encoder is built by the study
+    left = {field.name for field in dataclasses.fields(Reading)} - asked
+    assert left == {"variant", "blocks", "first_bias", "norm", "loss", "first_voxels"}
+    assert not left & taken - {"variant", "blocks"}

@@ -32,6 +32,10 @@ Progress = Callable[[int, int, str], None]
 PER_MILLE = 1000
 """Cross-sections are kept in thousandths of the truth's maximum."""
 
+_OF_ENCODER = ("variant", "blocks", "first_bias")
+_OF_STUDY = ("norm", "loss", "first_voxels")
+"""Of a reading: what `tomo.wernet.wernet_paper` always does as a reading does unless told."""
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -78,14 +82,14 @@ class Reading:
 
     def options(self) -> dict[str, Any]:
         """Return what `wernet_paper` takes beside the encoder."""
-        ours = ("variant", "blocks", "first_bias", "norm", "loss", "first_voxels")
-        return {name: value for name, value in asdict(self).items() if name not in ours}
+        kept = (*_OF_ENCODER, *_OF_STUDY)
+        return {name: value for name, value in asdict(self).items() if name not in kept}
 
     @property
     def known_to_solver(self) -> bool:
         """Whether `tomo.wernet.wernet_paper` can be asked for it."""
-        known = (self.norm, self.loss, self.first_voxels) == ("ray", "squared", 0.1)
-        return known and self.inputs != "unscaled"
+        as_solver = all(getattr(self, name) == getattr(Reading, name) for name in _OF_STUDY)
+        return as_solver and self.inputs != "unscaled"
 
 
 @dataclass(frozen=True)
