@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _DPI = 200
 _COLOURS = "inferno"
+_THIN = 0.2  # inches: a plane, of few voxels, with no room for words inside or numbers along it
+_SHORTEST_BAR = 0.7  # inches
 # The three views of a technical drawing: (level axis, upright axis, axis looked along).
 _VIEWS = ((0, 1, 2), (2, 1, 0), (0, 2, 1))
 
@@ -206,26 +208,35 @@ def _block(
         axes.yaxis.set_major_locator(MaxNLocator(max(1, int(h / 0.28)), steps=[1, 2, 5, 10]))
         across, at = frame.NAMES[picture[1][2]], picture[3]
         words = f"along {across}" if own_scale else f"{across} = {at:.3g}"
-        axes.text(
-            0.04, 0.985, words, transform=axes.transAxes, fontsize=6, color="white", va="top"
-        )
-        if len(images) == 1:
+        _named(axes, words, min(w, h) < _THIN)
+        if len(images) == 1 or w < _THIN:
             axes.set_xlabel("")
             axes.tick_params(labelbottom=False)
-        if len(images) == 2:
+        if len(images) == 2 or h < _THIN:
             axes.set_ylabel("")
             axes.tick_params(labelleft=False)
     bars = [(images[1], rects[1], quantity)]
     if own_scale:
         bars.append((images[2], rects[2], ""))
     for image, (x, y, w, h), words in bars:
-        rect = ((x + w + 0.1) / width, y / height, 0.09 / width, h / height)
+        tall = max(h, min(_SHORTEST_BAR, y + h - 0.1))
+        rect = ((x + w + 0.1) / width, (y + h - tall) / height, 0.09 / width, tall / height)
         bar = figure.add_axes(rect)
         figure.colorbar(image, cax=bar)
         bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
         bar.set_ylabel(plain(words), fontsize=7.5, color=INK, labelpad=3)
-        bar.yaxis.set_major_locator(MaxNLocator(max(2, int(h / 0.35))))
+        bar.yaxis.set_major_locator(MaxNLocator(max(2, int(tall / 0.35))))
     figure.text(x0 / width, (y0 + 0.16) / height, heading, fontsize=8.5, color=INK, va="center")
+
+
+def _named(axes: Axes, words: str, thin: bool) -> None:
+    """Write which plane it is into its corner, or above it where it is too thin for that."""
+    place, colour = ((1.0, 1.0), INK) if thin else ((0.04, 0.985), "white")
+    axes.annotate(
+        words, place, xycoords="axes fraction", xytext=(0, 1.5 if thin else 0),
+        textcoords="offset points", fontsize=6, color=colour, va="bottom" if thin else "top",
+        ha="right" if thin else "left",
+    )  # fmt: skip
 
 
 def _range(pictures: list) -> tuple[float, float]:

@@ -1,7 +1,10 @@
+import itertools
+
 import numpy as np
+import pytest
 
 from tomo.grid import VoxelGrid
-from tomo.view.volume_picture import line_integrals, middle_planes
+from tomo.view.volume_picture import draw_volume, line_integrals, middle_planes
 
 GRID = VoxelGrid((4, 7, 5), (0.5, 1.0, 2.0), (10.0, 20.0, 30.0))
 
@@ -25,3 +28,37 @@ def test_line_integrals_keep_the_total_emission():
     for values, (level, upright, _), _, _ in line_integrals(data, GRID):
         area = GRID.spacing[level] * GRID.spacing[upright]
         np.testing.assert_allclose(values.sum() * area, total)
+
+
+@pytest.mark.parametrize("shape", [(40, 1, 40), (1, 44, 36), (40, 44, 1), (30, 140, 30)])
+def test_words_and_scales_of_a_slice_can_be_read(shape):
+    """What a plane is called is read against it or beside it; numbers lie apart.
+
+    Every colour scale is long enough, and in the figure.
+    """
+    grid = VoxelGrid(shape, 1.0)
+    data = np.exp(-(grid.centers() ** 2).sum(axis=-1) / 80).astype(np.float32)
+    figure = draw_volume(data, grid, supersample=1)
+    figure.canvas.draw()
+    planes = [axes for axes in figure.axes if axes.axison and axes.get_images()]
+    bars = [axes.get_images()[0].colorbar for axes in planes]
+    bars = [bar.ax for bar in bars if bar is not None]
+    assert len(planes) == 6
+    assert len(bars) == 3
+    for bar in bars:
+        box = bar.get_window_extent()
+        assert box.height > 0.45 * figure.dpi
+        assert box.y0 > 0
+    for axes in planes:
+        (name,) = axes.texts
+        inside, panel = name.get_window_extent(), axes.get_window_extent()
+        if name.get_color() == "white":
+            assert panel.x0 < inside.x0 < inside.x1 < panel.x1
+            assert panel.y0 < inside.y0 < inside.y1 < panel.y1 + 1
+        else:
+            assert not inside.overlaps(panel)
+        low, high = sorted(axes.get_ylim())
+        ticks = [tick for tick in axes.yaxis.get_major_ticks() if low <= tick.get_loc() <= high]
+        labels = [tick.label1 for tick in ticks if tick.label1.get_visible()]
+        spans = sorted((box.y0, box.y1) for box in (one.get_window_extent() for one in labels))
+        assert all(a[1] <= b[0] for a, b in itertools.pairwise(spans))
