@@ -146,10 +146,12 @@ def _unseen(check: RigCheck) -> Iterator[Finding]:
             if is_missing and share < 0.995
         )
         share = check.share(poor)
-        how_much = f"{share:.1%}" if share >= 0.0005 else "less than 0.1%"
+        text = f"{words} sees {share:.1%} of the volume"
+        if share < 0.0005:
+            text = f"less than 0.1% of the volume is seen by {words}"
         yield Finding(
             level if share >= 0.01 else "warning",
-            f"{words} sees {how_much} of the volume, {_where(check, poor)}",
+            f"{text}, {_where(check, poor)}",
             guilty if len(guilty) < len(check.coverage.rig) else (),
         )
     if len(check.coverage.rig) == 1:
