@@ -1,4 +1,4 @@
-"""Trial runs: reconstruct without some views, and measure how well those are predicted."""
+"""Trial runs: reconstruct without some views and pixels; measure how well those are predicted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from tomo import solve
 from tomo._sums import norm
 from tomo.smooth_basis import SmoothBasis
 from tomo.solve._common_start import common_start
+from tomo.solve.mlem import interleaved
 from tomo.viewed import ViewedOperator
+
+FEW_VIEWS = 8
+"""Up to so many views each counts: one of them is left out."""
 
 MULTIPLICATIVE = ("mlem",)
 """Methods that start from `Trial.start`."""
@@ -28,35 +32,45 @@ SETTLED = 1e-4
 PATIENCE = 10
 HOPELESS = 0.05
 """A trial ends when, after so many iterations, it lacks more than this share of what the best
-one gained. Shares of gains, not of errors: the noise of the left-out views is in every error."""
+one gained. Shares of gains, not of errors: the noise of what is left out is in every error."""
+
+CATCHING_UP = 4
+"""So does one that would not reach the best by so many gains like its last one. By two, a wide
+basis was given up with photon noise that was the better one in the end."""
+
+SPARED = 8
+"""With few views a trial also leaves out every so-many-th pixel of the views that it keeps."""
 
 
 def views_to_leave_out(views: Sequence[int]) -> list[list[int]]:
-    """Return the views that each trial leaves out, spread over the rig.
+    """Return the views that each trial leaves out.
 
-    Up to eight views: two trials without one view each, since every view counts. More: one trial
-    without every eighth view.
+    With few views one, else every eighth.
     """
-    if len(views) <= 8:
-        first = len(views) // 4
-        return [[views[first]], [views[first + len(views) // 2]]]
+    if len(views) <= FEW_VIEWS:
+        return [[views[max(len(views) // 4, 1)]]]
     return [list(views[2::8])]
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Some views to reconstruct from, the others to be judged on.
+    """Some pixels to reconstruct from, others to be judged on.
 
     Attributes
     ----------
     training, left_out : ViewedOperator
     training_pixels, left_out_pixels : (pixels,) float32
+    spared : (left-out pixels,) bool
+        Of views that are trained on, else of views left out. What views leave open shows in
+        whole views that are left out; noise shows in both, but where views are few the former
+        hides it there.
     """
 
     training: ViewedOperator
     training_pixels: NDArray[np.float32]
     left_out: ViewedOperator
     left_out_pixels: NDArray[np.float32]
+    spared: NDArray[np.bool_]
 
     @classmethod
     def leaving_out(
@@ -65,20 +79,28 @@ class Trial:
         views: Sequence[int],
         projector: ViewedOperator,
         measured: NDArray[np.float32],
+        *,
+        sparing: bool = False,
     ) -> Trial:
         """Return the trial that trains on those of ``views`` that are not in ``left_out``.
 
-        Left-out pixels that see no voxel are taken for dark: no candidate predicts anything else,
-        and what they show would hide by how much candidates differ.
+        On all of their pixels, or where it is ``sparing`` on those not `SPARED`. Left-out pixels
+        that see no voxel are taken for dark: no candidate predicts anything else, and what they
+        show would hide by how much candidates differ.
         """
-        training = [view for view in views if view not in left_out]
-        judging = projector.subset(left_out)
-        shown = measured[projector.pixels_of(left_out)]
+        pixels = projector.pixels_of([view for view in views if view not in left_out])
+        own = projector.pixels_of(left_out)
+        spared = pixels[interleaved(len(pixels), SPARED)[0]] if sparing else pixels[:0]
+        judged = np.sort(np.concatenate([own, spared]))
+        training = np.setdiff1d(pixels, spared, assume_unique=True)
+        judging = projector.take(judged)
+        shown = measured[judged]
         return cls(
-            projector.subset(training),
-            measured[projector.pixels_of(training)],
+            projector.take(training),
+            measured[training],
             judging,
             np.where(judging.row_sums > 0, shown, np.float32(0)),
+            np.isin(judged, spared, assume_unique=True),
         )
 
     @cached_property
@@ -86,35 +108,58 @@ class Trial:
         """Where multiplicative methods start: `tomo.solve._common_start`."""
         return common_start(self.training, self.training_pixels)
 
+    def squared_error(self, volume: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return the squared errors of live voxels: of views left out, of pixels spared, ``(2,)``.
+
+        The latter as if there were as many of them as of the former: both count alike.
+        """
+        misfit = self.left_out @ volume - self.left_out_pixels
+        of_views, of_spared = norm(misfit[~self.spared]) ** 2, norm(misfit[self.spared]) ** 2
+        return np.array([of_views, of_spared * self._share])
+
+    @cached_property
+    def dark(self) -> NDArray[np.float64]:
+        """`squared_error` of an empty volume."""
+        return self.squared_error(np.zeros(self.left_out.shape[1], np.float32))
+
+    @cached_property
+    def _share(self) -> float:
+        """How many pixels of left-out views there are for one that is spared."""
+        return np.count_nonzero(~self.spared) / max(np.count_nonzero(self.spared), 1)
+
     def squared_errors(
         self,
         method: str,
         width: float,
         settings: Mapping[str, Any],
         best: float = 0.0,
+        *,
+        to_the_end: bool = False,
     ) -> NDArray[np.float64]:
-        """Return the squared error of the left-out views at every checkpoint: (checkpoints,).
+        """Return `squared_error` at every checkpoint: ``(checkpoints, 2)``.
 
-        From the third checkpoint on the run ends when the error hardly falls any more, or is far
-        above ``best``, that of another candidate. Checkpoints not reached are infinite.
+        From the third checkpoint on the run ends when the sum hardly falls any more, unless it is
+        to go ``to_the_end``, or will not come down to ``best``, that of another candidate.
+        Checkpoints not reached are infinite.
         """
-        errors = np.full(len(CHECKPOINTS), np.inf)
+        errors = np.full((len(CHECKPOINTS), 2), np.inf)
         basis = SmoothBasis(self.training, width) if width else None
         run = getattr(solve, method)
         start = self.start if method in MULTIPLICATIVE else None
+        dark = float(self.dark.sum())
 
         def judge(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
             if index not in CHECKPOINTS:
                 return False
             at = CHECKPOINTS.index(index)
-            seen = self.left_out @ (basis.blur(volume) if basis else volume)
-            errors[at] = norm(seen - self.left_out_pixels) ** 2
+            errors[at] = self.squared_error(basis.blur(volume) if basis else volume)
             if at < 2:
                 return False
-            dark = norm(self.left_out_pixels) ** 2  # the error of an empty volume
-            settled = errors[at - 1] - errors[at] < SETTLED * (dark - errors[at])
-            behind = errors[at] - best > HOPELESS * (dark - best)
-            return settled or (index >= PATIENCE and best > 0 and behind)
+            before, now = errors[at - 1 : at + 1].sum(axis=1)
+            settled = before - now < SETTLED * (dark - now)
+            lacking = min(HOPELESS * (dark - best), CATCHING_UP * (before - now))
+            behind = index >= PATIENCE and best > 0 and now - best > lacking
+            return behind or (settled and not to_the_end)
 
         run(basis or self.training, self.training_pixels, start=start, callback=judge, **settings)
         return errors

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from tomo.projector import Projector
 from tomo.solve.stopping import (
-    WIDTHS,
     Choice,
     choose_by_held_out_views,
     residual_of_left_out_views,
@@ -41,15 +40,6 @@ PROMISING = 0.99
 """A new encoder must, by the end of its first round, predict rays that it has not been trained on
 to this share of the misfit without it, or there is nothing for it to learn: to predict left-out
 views better is harder."""
-
-WORTH_NARROWING = 0.97
-"""A narrower basis must predict left-out views to this share of the residual of the width chosen.
-With clean images, where it is nearer to the truth, it made 0.84 to 0.94, with 2 % noise, where it
-is not, 0.99."""
-
-LONGER = 1.5
-"""Both are run for so many times the iterations chosen: stopped early a wide basis is the more
-behind, whatever the images."""
 
 JUDGED_EVERY = 2
 PATIENCE = 4
@@ -222,8 +212,7 @@ class Rounds:
     def _choose(self, learned: Projector, anew: bool) -> Choice:
         """Return how to solve with learned weights, and how well left-out views are predicted."""
         if anew and self.alternation.features.tells_views:
-            choice = choose_by_held_out_views(learned, self.measured)
-            return _narrowed(learned, self.measured, choice)
+            return choose_by_held_out_views(learned, self.measured)
         now = residual_of_left_out_views(learned, self.measured, self.chords)
         return replace(self.chords, held_out_residual=now)
 
@@ -242,24 +231,6 @@ class Rounds:
     def worth(self, residual: float, share: float) -> bool:
         """Say whether left-out views are predicted to ``share`` of the chords' residual."""
         return residual < share * self.chords.held_out_residual
-
-
-def _narrowed(learned: Projector, measured: NDArray[np.float32], choice: Choice) -> Choice:
-    """Return the choice with the next narrower basis where that predicts left-out views better.
-
-    Widths are chosen without the penalty that the solve ends with, which tames what boxes make of
-    clean images and leaves their detail.
-    """
-    if choice.method != "tikhonov" or choice.width not in WIDTHS[1:]:
-        return choice
-    longer = replace(choice, iterations=round(LONGER * choice.iterations))
-    narrower = replace(longer, width=WIDTHS[WIDTHS.index(choice.width) - 1])
-    residual, other = (
-        residual_of_left_out_views(learned, measured, each) for each in (narrower, longer)
-    )
-    if residual < WORTH_NARROWING * other:
-        return replace(narrower, held_out_residual=residual)
-    return choice
 
 
 def reason(ended: str, learned: Learned | None, residuals: Sequence[float]) -> str:

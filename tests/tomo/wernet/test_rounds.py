@@ -1,16 +1,13 @@
 """When the rounds of the default WERNet are worth their time."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
 from tomo.effects import Effects
-from tomo.solve.stopping import Choice, residual_of_left_out_views
 from tomo.wernet import wernet
-from tomo.wernet._rounds import WORTH_NARROWING, _narrowed
 from tomo.wernet.alternation import LAST_STEPS, Training
 
 
@@ -48,27 +45,3 @@ def test_the_share_of_the_misfit_is_of_the_same_rays():
     assert Training(1.0, rays, misfits).share_of(others) == pytest.approx(0.5)
     assert Training(1.0, [], []).share_of(others) == 0
     assert Training(1.0, rays, misfits).share_of(0 * others) == math.inf
-
-
-def test_a_basis_is_narrowed_where_left_out_views_are_predicted_better(scene):
-    one, wide = scene(), Choice("tikhonov", 1.2, 20, 0.1)
-    narrowed = _narrowed(one.projector, one.measured, wide)
-    assert (narrowed.method, narrowed.width, narrowed.iterations) == ("tikhonov", 0.8, 30)
-    both = [
-        residual_of_left_out_views(one.projector, one.measured, replace(narrowed, width=width))
-        for width in (0.8, 1.2)
-    ]
-    assert narrowed.held_out_residual == both[0] < WORTH_NARROWING * both[1]
-
-
-def test_noise_narrows_no_basis(scene):
-    one, wide = scene(), Choice("tikhonov", 1.2, 20, 0.1)
-    noise = np.random.default_rng(2).standard_normal(len(one.measured))
-    noisy = (one.measured + 0.2 * one.measured.max() * noise).astype(np.float32)
-    assert _narrowed(one.projector, noisy, wide) is wide
-
-
-@pytest.mark.parametrize(("method", "width"), [("tikhonov", 0.0), ("nnls", 1.2)])
-def test_without_a_narrower_basis_or_a_penalty_the_choice_stays(scene, method, width):
-    one, chosen = scene(), Choice(method, width, 20, 0.1)
-    assert _narrowed(one.projector, one.measured, chosen) is chosen

@@ -1,0 +1,160 @@
+"""Candidates: methods and widths of a smooth basis, tried on what is left out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo._sums import norm
+from tomo.solve._trials import CHECKPOINTS, FEW_VIEWS, Trial, views_to_leave_out
+from tomo.solve.mlem import interleaved
+from tomo.viewed import ViewedOperator
+
+ITERATIONS = {"mlem": 17, "nnls": 40, "tikhonov": 40}
+"""The most that each candidate is given: Poisson, and least squares without and with a penalty."""
+
+FAINT = 5e-4
+"""Strength of that penalty: it tames what boxes make of clean images and leaves their detail."""
+
+WORTH_WIDENING = 0.1
+"""A wider basis must gain so much of what all smoothing has gained: what it gains less is chance,
+and detail is lost for it."""
+
+SEGMENTS_A_TRIAL = 2_500_000
+PIXELS_AN_UNKNOWN = 8
+"""Pixels of larger systems are thinned evenly to about so many crossings while choosing. Where
+there are more pixels than unknowns, so many an unknown stay: a system that is no longer
+overdetermined would ask for more smoothness than the whole one."""
+
+Candidate = tuple[str, float, int, float]
+"""Method, width, iterations, and the relative residual of the left-out views."""
+
+Told = Callable[[int, int, str], None]
+"""``progress(done, total, where)``."""
+
+
+def further_settings(method: str) -> Mapping[str, Any]:
+    """Return what a method takes beside its iterations."""
+    return {"strength": FAINT} if method == "tikhonov" else {}
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What a method and a width came to, stopped where what was left out is predicted best.
+
+    ``of_views`` and ``spared`` are squared errors as of `Trial.squared_error`, summed over the
+    trials; ``of_trials`` both together for each.
+    """
+
+    method: str
+    width: float
+    iterations: int
+    of_views: float
+    spared: float
+    of_trials: Sequence[float]
+
+    @property
+    def error(self) -> float:
+        """Both together: what smoothness and stop are chosen by."""
+        return self.of_views + self.spared
+
+
+@dataclass(eq=False)
+class Candidates:
+    """The trials that candidates are judged by, and what was tried.
+
+    ``scale`` is the squared norm that left-out views are judged by.
+    """
+
+    trials: Sequence[Trial]
+    scale: float
+    total: int = 0
+    progress: Told | None = None
+    tried: list[Candidate] = field(default_factory=list)
+
+    @classmethod
+    def of(
+        cls,
+        projector: ViewedOperator,
+        measured: NDArray[np.float32],
+        views: Sequence[int],
+        total: int = 0,
+        progress: Told | None = None,
+    ) -> Candidates:
+        """Leave out views, and pixels of the others where views are few; thin large systems."""
+        stride = _stride(projector)
+        if stride > 1:
+            thinned = interleaved(projector.shape[0], stride)[0]
+            projector, measured = projector.take(thinned), measured[thinned]
+        sparing = len(views) <= FEW_VIEWS
+        trials = [
+            Trial.leaving_out(left_out, views, projector, measured, sparing=sparing)
+            for left_out in views_to_leave_out(views)
+        ]
+        scale = sum(float(trial.dark[0]) for trial in trials) or norm(measured) ** 2
+        return cls(trials, max(scale, np.finfo(float).tiny), total, progress)
+
+    def attempt(
+        self,
+        method: str,
+        width: float,
+        best: Sequence[float] = (),
+        *,
+        iterations: int | None = None,
+        to_the_end: bool = False,
+    ) -> Attempt:
+        """Run a candidate in every trial, and stop it where what was left out is predicted best.
+
+        ``best`` are the errors of another, one a trial; what cannot reach them ends early.
+        """
+        if self.progress:
+            where = f"choosing: {method}, smoothness {width:g}"
+            self.progress(len(self.tried), self.total, where)
+        settings = {"iterations": iterations or ITERATIONS[method], **further_settings(method)}
+        errors = np.array(  # (trials, checkpoints, 2)
+            [
+                trial.squared_errors(method, width, settings, rival, to_the_end=to_the_end)
+                for trial, rival in zip(self.trials, best or [0.0] * len(self.trials), strict=True)
+            ]
+        )
+        together = errors.sum(axis=0)
+        stop = int(np.argmin(together.sum(axis=1)))
+        of_views, spared = together[stop].tolist()
+        of_trials = errors[:, stop].sum(axis=1).tolist()
+        found = Attempt(method, width, CHECKPOINTS[stop], of_views, spared, of_trials)
+        self.tried.append(self.candidate(found))
+        return found
+
+    def smoothed(self, method: str, widths: Sequence[float]) -> list[Attempt]:
+        """Try wider and wider bases as long as that helps; return those that did, best last."""
+        helped = [self.attempt(method, widths[0])]
+        for width in widths[1:]:
+            plain, best = helped[0], helped[-1]
+            found = self.attempt(method, width, best.of_trials)
+            if best.error - found.error <= WORTH_WIDENING * (plain.error - best.error):
+                break
+            helped.append(found)
+        return helped
+
+    def candidate(self, found: Attempt) -> Candidate:
+        """Return an attempt as it is told of."""
+        residual = self.residual(found.of_views)
+        return found.method, found.width, found.iterations, residual
+
+    def residual(self, squared: float) -> float:
+        """Return the relative residual of the left-out views."""
+        return math.sqrt(squared / self.scale)
+
+
+def _stride(projector: ViewedOperator) -> int:
+    """Return of how many pixels one takes part while choosing."""
+    pixels, unknowns = projector.shape
+    wanted = math.ceil(projector.n_crossings / SEGMENTS_A_TRIAL)
+    if pixels > unknowns:
+        wanted = min(wanted, pixels // (PIXELS_AN_UNKNOWN * max(unknowns, 1)))
+    return max(wanted, 1)
