@@ -20,10 +20,10 @@ def emission_in_front(start, count, voxel, length, volume, unit, front):
 
 
 @compiled(parallel=True)
-def trend_corrections(start, count, view, depth, front, trend, level, correction):
-    """Write to ``correction`` (S,) what trends (2,) along the rays and levels (views,) make."""
+def trend_corrections(start, count, view, depth, front, off_axis, trend, level, correction):
+    """Write to ``correction`` (S,) what trends (3,) along the rays and levels (views,) make."""
     by_depth, by_front = np.float64(trend[0]), np.float64(trend[1])
     for ray in numba.prange(len(start)):
-        own = np.float64(level[view[ray]])
+        own = np.float64(level[view[ray]]) + np.float64(trend[2]) * off_axis[ray]
         for s in range(start[ray], start[ray] + count[ray]):
             correction[s] = np.expm1(by_depth * depth[s] + by_front * front[s] + own)

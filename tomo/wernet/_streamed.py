@@ -55,6 +55,7 @@ def streamed_corrections(
         _numbers(tokens.hidden),
         _numbers(tokens.trend),
         _numbers(tokens.level),
+        _numbers(features.off_axis),
         found,
     )
     return found
@@ -101,7 +102,7 @@ def _convolve(before, weight, bias, after, rows):
 @compiled(parallel=True, reassociate=True)
 def _follow(
     start, count, view, described, edge, used, weight, bias, last, last_bias, token, trend,
-    level, found,
+    level, off_axis, found,
 ):  # fmt: skip
     """Write to ``found`` (S,). Rays stand one behind another, an empty row around each."""
     channels, depth, front = bias.shape[1], described[7], described[8]
@@ -138,7 +139,7 @@ def _follow(
         _convolve(before[:width], last, last_bias, out, rows)
         row = 1
         for ray in rays:
-            own = level[view[ray]]
+            own = level[view[ray]] + trend[2] * off_axis[ray]
             for s in range(start[ray], start[ray] + count[ray]):
                 exponent = trend[0] * depth[s] + trend[1] * front[s] + own
                 found[s] = (1 + out[row]) * np.exp(exponent) - 1

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tomo.projector import Projector
 from tomo.wernet import _along_rays
-from tomo.wernet._directions import ray_directions
+from tomo.wernet._directions import ray_directions, squared_tangents
 from tomo.wernet.packing import Packing
 
 NAMES = (
@@ -30,7 +30,7 @@ NAMES = (
     "place in the image, up squared",
     "emission in front",
 )
-TRENDS = (NAMES.index("depth in the grid"), NAMES.index("emission in front"))
+TRENDS = ("depth in the grid", "emission in front", "off the axis, squared")
 """Along these what a scene does to its rays is looked for first, see `tomo.wernet.elimination`."""
 
 
@@ -52,6 +52,10 @@ class RayFeatures:
     view : (rays,) int64
     direction : (rays, 3) float32
     place : (rays, 2) float32
+    off_axis : (rays,) float32
+        The squared tangent of a ray's angle from its camera's line to the grid's centre, the
+        largest being one: lenses darken along it. Its axis must be alike in all views, which the
+        view's mean direction is not.
     entry : (rays,) float32
         Where along its direction, measured from the grid's centre, a ray enters the grid.
     midpoint : (S, 3) float32
@@ -74,6 +78,7 @@ class RayFeatures:
     view: torch.Tensor
     direction: torch.Tensor
     place: torch.Tensor
+    off_axis: torch.Tensor
     entry: torch.Tensor
     midpoint: torch.Tensor
     length: torch.Tensor
@@ -109,6 +114,7 @@ class RayFeatures:
         half = (np.asarray(grid.upper) - np.asarray(grid.lower)) / 2
         view = np.repeat(np.arange(projector.n_views), np.diff(projector.view_ptr))
         first = segments.midpoint[np.minimum(segments.ptr[:-1], len(segments) - 1)]
+        off_axis = squared_tangents(first, direction, projector.view_ptr)
         index = np.arange(grid.size) if projector.live.all else projector.live.index
         places = np.stack(np.unravel_index(index, grid.shape), axis=1)
         centre = (places - (np.asarray(grid.shape) - 1) / 2) * np.asarray(grid.spacing)
@@ -122,6 +128,7 @@ class RayFeatures:
             view=move(view, np.int64),
             direction=move(direction),
             place=move(place if tells_views else np.zeros_like(place)),
+            off_axis=move(off_axis if tells_views else np.zeros_like(off_axis)),
             entry=move(_entries(first.astype(np.float64), direction, half)),
             midpoint=move(segments.midpoint),
             length=move(segments.length),
@@ -173,9 +180,10 @@ class RayFeatures:
         entry = torch.repeat_interleave(self.entry, self.count)
         return 2 * ((self.midpoint * direction).sum(dim=1) - entry) / self.shortest - 1
 
-    def trends(self, front: torch.Tensor) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the features `TRENDS` of all segments, ``(S,)`` each."""
-        return self.depth.cpu().numpy(), front.cpu().numpy()
+    def trends(self, front: torch.Tensor) -> tuple[NDArray[np.float32], ...]:
+        """Return `TRENDS` of all segments, ``(S,)`` each."""
+        off_axis = torch.repeat_interleave(self.off_axis, self.count)
+        return tuple(each.cpu().numpy() for each in (self.depth, front, off_axis))
 
     def emission_in_front(self, volume: NDArray[np.float32], unit: float) -> torch.Tensor:
         """Return the emission between each segment's middle and the camera: ``(S,)`` float32.

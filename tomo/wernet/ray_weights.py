@@ -14,7 +14,7 @@ from tomo.wernet._streamed import streamed_corrections
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.packing import Packing
 from tomo.wernet.parts import SEGMENTS_A_PART, Map, cut, on_cores
-from tomo.wernet.ray_features import TRENDS, RayFeatures
+from tomo.wernet.ray_features import RayFeatures
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,9 @@ def correction_of(
     packing, described = features.packed(rays, front)
     view = packing.per_segment(features.view[rays])
     rows = encoder(packing.spread(described), packing.inside, packing.spread(tokens.hidden[view]))
-    exponent = described[:, TRENDS] @ tokens.trend + tokens.level[view]
+    trends = features.depth[packing.entry], front[packing.entry]
+    trends = *trends, packing.per_segment(features.off_axis[rays])
+    exponent = torch.stack(trends, dim=1) @ tokens.trend + tokens.level[view]
     return packing, (1 + rows[packing.row]) * exponent.exp() - 1
 
 
@@ -88,7 +90,7 @@ def trend_corrections(
     """Return the corrections that an encoder of zeros leaves: trends and levels, ``(S,)``."""
     found = np.zeros(len(features.voxel), np.float32)
     tensors = (
-        features.start, features.count, features.view, features.depth, front,
+        features.start, features.count, features.view, features.depth, front, features.off_axis,
         tokens.trend.detach(), tokens.level.detach(),
     )  # fmt: skip
     _along_rays.trend_corrections(*(tensor.cpu().numpy() for tensor in tensors), found)

@@ -105,9 +105,9 @@ def test_views_not_trained_with_take_the_mean():
     with torch.no_grad():
         tokens.hidden += torch.arange(12.0).reshape(3, 4)
         tokens.level += torch.tensor([1.0, 2.0, 6.0])
-        tokens.trend += torch.tensor([-0.5, 0.25])
+        tokens.trend += torch.tensor([-0.5, 0.25, -0.125])
     other = tokens.mean(5)
-    assert other.trend.tolist() == [-0.5, 0.25]  # the scene's, whichever the views
+    assert other.trend.tolist() == [-0.5, 0.25, -0.125]  # the scene's, whichever the views
     assert other.hidden.tolist() == [[4.0, 5.0, 6.0, 7.0]] * 5
     assert other.level.tolist() == [3.0] * 5
     assert tokens.level.tolist() == [1.0, 2.0, 6.0]
@@ -117,10 +117,10 @@ def test_levels_and_trends_are_taken_up_and_the_rest_stays():
     tokens, guess = ViewTokens(3, 4), ViewTokens(3, 1)
     with torch.no_grad():
         guess.level += torch.tensor([1.0, 2.0, 6.0])
-        guess.trend += torch.tensor([-0.5, 0.25])
+        guess.trend += torch.tensor([-0.5, 0.25, -0.125])
         guess.hidden += 7
     tokens.take(guess)
     assert tokens.level.tolist() == [1.0, 2.0, 6.0]
-    assert tokens.trend.tolist() == [-0.5, 0.25]
+    assert tokens.trend.tolist() == [-0.5, 0.25, -0.125]
     assert not tokens.hidden.any()
     assert all(parameter.requires_grad for parameter in tokens.parameters())

@@ -10,9 +10,9 @@ from tomo.solve.stopping import (
     choose_by_held_out_views,
     residual_of_left_out_views,
 )
-from tomo.wernet import CorrectionEncoder, RayWeights, ViewTokens
+from tomo.wernet import CorrectionEncoder, RayFeatures, RayWeights, ViewTokens
 from tomo.wernet._left_out import residuals_of_left_out_patches
-from tomo.wernet._linearised import Thinned
+from tomo.wernet._linearised import Patches, Thinned
 from tomo.wernet.elimination import LEVELS, PRIOR, _gauss_newton, _promising, first_guess
 
 
@@ -60,7 +60,7 @@ def test_rows_are_the_change_of_the_residual_that_voxels_leave(scene):
 def test_what_is_tried_is_what_the_residuals_ask_for(scene, effects, finer, asked):
     tokens = ViewTokens(12, 1)
     now = _linearised(scene(effects=effects, finer=finer), tokens)
-    promising = set(_promising(now, tokens, ()))
+    promising = {part for parts in _promising(now, tokens, ()) for part in parts}
     assert asked <= promising
     if not asked - {LEVELS}:
         assert not promising - {LEVELS}  # no trend but where there is one
@@ -80,7 +80,7 @@ def test_the_gains_of_the_cameras_are_found(scene):
 def test_how_gas_takes_up_its_own_light_is_found(scene):
     strength = 0.2
     tokens, unit = _guess(scene(effects=Effects(self_absorption=strength)))
-    depth, front = tokens.trend.tolist()
+    depth, front, _ = tokens.trend.tolist()
     # exp(-q I) = (1 + c)² with ln(1 + c) = -q I / 2
     assert front == pytest.approx(-strength * unit / 2, rel=0.4)
     assert abs(depth) < 0.02
@@ -90,10 +90,42 @@ def test_how_gas_takes_up_its_own_light_is_found(scene):
 def test_how_gas_takes_up_light_evenly_is_found(scene):
     strength, one = 0.1, scene(effects=Effects(absorption=0.1))
     tokens, _ = _guess(one)
-    depth, front = tokens.trend.tolist()
+    depth, front, _ = tokens.trend.tolist()
     # exp(-k d) of what has d to go to the camera; the depth feature is 2 d / edge - 1
     assert depth == pytest.approx(-strength * one.grid.extent.min() / 4, rel=0.3)
     assert abs(front) < 0.02
+
+
+def test_lenses_that_darken_are_found_where_pixels_are_fine(scene):
+    lens = Effects(vignetting=0.4)
+    one = scene(effects=lens, finer=2, image_size=(42, 60))
+    tokens, _ = _guess(one)
+    depth, front, off_axis = tokens.trend.tolist()
+    assert depth == front == 0
+    assert not tokens.level.any()
+    # (1 + k r²)^-2 of the light is left, (1 + c)² with ln(1 + c) = -k r² near the axis
+    camera, pixels = one.rig[0], one.system.pixels[0]
+    width = camera.image_size[0]
+    least = lens.falloff(camera, np.stack([pixels % width, pixels // width], 1)).min()
+    assert -off_axis == pytest.approx(least**-0.5 - 1, rel=0.2)
+    plain, _ = _guess(scene(finer=2, image_size=(42, 60)))
+    assert plain is None
+
+
+def test_what_changes_from_pixel_to_pixel_cancels_within_a_patch(scene):
+    one = scene(image_size=(42, 60))
+    patches = Patches.of(one.projector, RayFeatures.of(one.projector))
+    random = np.random.default_rng(0)
+    noise = random.standard_normal((200, one.projector.shape[0]))
+    summed = np.array([patches.sum(image) for image in noise])
+    assert np.std(summed) == pytest.approx(1, rel=0.02)  # white noise keeps its size
+    width = one.rig[0].image_size[0]
+    pixels = np.concatenate(one.system.pixels)
+    board = (-1.0) ** (pixels % width + pixels // width)
+    even = patches.sum(np.ones(len(board)))
+    assert np.linalg.norm(patches.sum(board)) < 0.05 * np.linalg.norm(even)
+    one_view = np.flatnonzero(patches.view == 5)
+    assert not patches.tents[one_view][:, : one.projector.view_ptr[5]].nnz
 
 
 def test_noise_that_rules_single_pixels_hides_no_trend(scene):

@@ -9,7 +9,6 @@ from tomo.projector import dot_test
 from tomo.segments import Segments
 from tomo.wernet import CorrectionEncoder, RayFeatures, RayWeights, ViewTokens
 from tomo.wernet._streamed import streamed_corrections
-from tomo.wernet.ray_features import TRENDS
 from tomo.wernet.ray_weights import SEGMENTS_A_PART, correction_of, reweighted, trend_corrections
 
 
@@ -61,7 +60,12 @@ def test_weights_are_chords_times_one_plus_the_correction_squared(scene):
         rows = packing.spread(described)
         with torch.no_grad():
             correction = weights.encoder(rows, packing.inside, token)[packing.row]
-            exponent = weights.tokens.level[view] + described[:, TRENDS] @ weights.tokens.trend
+            trends = (
+                described[:, 6],
+                described[:, 12],
+                features.off_axis[ray].expand(len(described)),
+            )
+            exponent = weights.tokens.level[view] + torch.stack(trends, 1) @ weights.tokens.trend
             correction = (1 + correction) * torch.exp(exponent) - 1
         expected = chords.segments.length[packing.entry] * (1 + correction.numpy()) ** 2
         found = learned.segments.length[packing.entry]
@@ -108,8 +112,10 @@ def test_an_encoder_of_zeros_leaves_trends_and_levels(scene):
     found = simple.projector(chords).segments.length[packing.entry]
     np.testing.assert_allclose(found, lengths, rtol=1e-4, atol=1e-6)
     _, described = features.packed(crossing, front)
-    trends = np.stack(features.trends(front), axis=1)[packing.entry]
-    np.testing.assert_allclose(trends, described[:, TRENDS], atol=1e-5)
+    depth, emission, off_axis = (trend[packing.entry] for trend in features.trends(front))
+    np.testing.assert_allclose(depth, described[:, 6], atol=1e-5)
+    np.testing.assert_allclose(emission, described[:, 12], atol=1e-5)
+    assert np.array_equal(off_axis, packing.per_segment(features.off_axis[crossing]))
 
 
 def test_weights_are_at_least_zero():
