@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.view.figures import INK, MUTED, new_figure, plain
-from tomo.view.volume_picture import middle_planes, show_plane
+from tomo.view.volume_picture import coordinate, middle_planes, show_plane
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,7 +62,10 @@ def draw_deviations(
             )
             axes.locator_params(nbins=3)
             axes.set_title(
-                plain(f"{'xyz'[plane[1][2]]} = {plane[3]:.3g}"), fontsize=6.5, color=MUTED, pad=3
+                plain(f"{'xyz'[plane[1][2]]} = {coordinate(plane[3], plane[2])}"),
+                fontsize=6.5,
+                color=MUTED,
+                pad=3,
             )
             left += width + _BETWEEN
         tallest = heights.max() * inches

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from tomo.metrics import cosine_distance, nrmse
 from tomo.view.figures import INK, MUTED, new_figure, plain, thin_lines
-from tomo.view.volume_picture import middle_planes, show_plane
+from tomo.view.volume_picture import few_ticks, middle_planes, show_plane
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from tomo.view.results import Convergence, Results, View
@@ -215,7 +214,7 @@ def draw_difference(results: Results) -> Figure:
                     axes, picture, unit, lowest=low, highest=high,
                     colours="RdBu_r" if row else "inferno",
                 )  # fmt: skip
-                _few_ticks(axes, w, h)
+                few_ticks(axes, w, h)
                 first_column = number == (1 if row else 0)
                 if k or not first_column:
                     axes.set_ylabel("")
@@ -231,14 +230,6 @@ def draw_difference(results: Results) -> Figure:
         bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
         bar.set_ylabel("difference" if row else "emission", fontsize=7.5, color=INK)
     return figure
-
-
-def _few_ticks(axes: Axes, width: float, height: float) -> None:
-    """Set as many ticks as the panel, measured in inches, has room for."""
-    from matplotlib.ticker import MaxNLocator
-
-    axes.xaxis.set_major_locator(MaxNLocator(max(1, int(width / 0.32)), steps=[1, 2, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(max(1, int(height / 0.3)), steps=[1, 2, 5, 10]))
 
 
 def _short(name: str, most: int = 26) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import TYPE_CHECKING
 
@@ -158,6 +159,7 @@ def show_plane(
         interpolation="nearest",
         aspect="equal",
     )
+    axes.ticklabel_format(style="plain", useOffset=False)
     axes.tick_params(labelsize=6.5, colors=MUTED, length=2.5, pad=2)
     for spine in axes.spines.values():
         spine.set(color="#9aa5b1", linewidth=0.6)
@@ -165,6 +167,23 @@ def show_plane(
     axes.set_xlabel(f"{frame.NAMES[level]} ({length_unit})", fontsize=7.5, color=INK, labelpad=2)
     axes.set_ylabel(f"{frame.NAMES[upright]} ({length_unit})", fontsize=7.5, color=INK, labelpad=1)
     return image
+
+
+def few_ticks(axes: Axes, width: float, height: float) -> None:
+    """Set as many ticks as a plane's panel, measured in inches, has room for."""
+    from matplotlib.ticker import MaxNLocator
+
+    longest = max(len(f"{end:.7g}") for end in axes.get_xlim())
+    across = max(0.32, 0.03 + 0.055 * longest)
+    axes.xaxis.set_major_locator(MaxNLocator(max(1, int(width / across)), steps=[1, 2, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(max(1, int(height / 0.28)), steps=[1, 2, 5, 10]))
+
+
+def coordinate(at: float, extent: tuple[float, float, float, float]) -> str:
+    """Return a coordinate to a thousandth of the picture's size, wherever the origin is."""
+    size = max(extent[1] - extent[0], extent[3] - extent[2])
+    beyond = math.ceil(math.log10(max(abs(at) / size, 1.0)))
+    return f"{at:.{3 + beyond}g}"
 
 
 def _block(
@@ -204,10 +223,9 @@ def _block(
                 axes, picture, length_unit, lowest=lowest, highest=highest, colours=_COLOURS
             )
         )
-        axes.xaxis.set_major_locator(MaxNLocator(max(1, int(w / 0.32)), steps=[1, 2, 5, 10]))
-        axes.yaxis.set_major_locator(MaxNLocator(max(1, int(h / 0.28)), steps=[1, 2, 5, 10]))
+        few_ticks(axes, w, h)
         across, at = frame.NAMES[picture[1][2]], picture[3]
-        words = f"along {across}" if own_scale else f"{across} = {at:.3g}"
+        words = f"along {across}" if own_scale else f"{across} = {coordinate(at, picture[2])}"
         _named(axes, words, min(w, h) < _THIN)
         if len(images) == 1 or w < _THIN:
             axes.set_xlabel("")

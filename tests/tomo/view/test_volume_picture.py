@@ -62,3 +62,25 @@ def test_words_and_scales_of_a_slice_can_be_read(shape):
         labels = [tick.label1 for tick in ticks if tick.label1.get_visible()]
         spans = sorted((box.y0, box.y1) for box in (one.get_window_extent() for one in labels))
         assert all(a[1] <= b[0] for a, b in itertools.pairwise(spans))
+
+
+def test_far_from_the_origin_coordinates_are_written_out():
+    """No plane's numbers are differences from one that stands aside, or rounded beyond use."""
+    grid = VoxelGrid((20, 24, 16), 1.0, (100_000.0, -300_000.0, 200_000.5))
+    data = np.ones(grid.shape, np.float32)
+    figure = draw_volume(data, grid, supersample=1)
+    figure.canvas.draw()
+    planes = [axes for axes in figure.axes if axes.axison and axes.get_images()]
+    names = [axes.texts[0].get_text() for axes in planes[:3]]
+    assert names == ["z = 200000.5", "x = 100000", "y = -300000"]
+    for axes in planes:
+        for axis in (axes.xaxis, axes.yaxis):
+            assert axis.get_offset_text().get_text() == ""
+            low, high = sorted(axis.get_view_interval())
+            ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+            shown = [tick for tick in ticks if tick.label1.get_visible()]
+            for tick in shown:
+                text = tick.label1.get_text().replace("\N{MINUS SIGN}", "-")
+                assert float(text) == tick.get_loc()
+            boxes = [tick.label1.get_window_extent() for tick in shown]
+            assert not any(a.overlaps(b) for a, b in itertools.pairwise(boxes))
