@@ -36,7 +36,7 @@ from tomo.trace._pairs import (
 )
 from tomo.trace.courses import ENTER, LEAVE, SCALE
 
-RAYS_TOGETHER = 16
+RAYS_TOGETHER = 32
 """Rays whose changes are all found before what they pass there is read."""
 
 FETCHED = 2
