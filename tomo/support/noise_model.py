@@ -171,22 +171,35 @@ def _line(level, variance):
 
     Errors are in proportion to the variance, as the line itself gives it.
     """
-    level = np.maximum(level, 0.0)
-    expected = np.full_like(variance, variance.mean())
-    intercept, slope = np.median(variance), 0.0
+    count = len(level)
+    mean = intercept = slope = 0.0
+    for n in range(count):
+        mean += variance[n] / count
+    expected = np.full(count, mean)
     for _ in range(ROUNDS):
-        floor = 1e-6 * max(expected.max(), 0.0)
-        if floor == 0:
+        largest = 0.0
+        for n in range(count):
+            largest = max(largest, expected[n])
+        if largest == 0:
             return 0.0, 0.0
-        weight = 1 / np.maximum(expected, floor) ** 2
-        total = weight.sum()
-        x, y = (weight * level).sum() / total, (weight * variance).sum() / total
-        spread = (weight * (level - x) ** 2).sum()
-        slope = (weight * (level - x) * (variance - y)).sum() / spread if spread > 0 else 0.0
-        slope = max(slope, 0.0)
+        total = x = y = along = across = 0.0
+        for n in range(count):
+            weight = 1 / max(expected[n], 1e-6 * largest) ** 2
+            total += weight
+            x += weight * max(level[n], 0.0)
+            y += weight * variance[n]
+        x, y = x / total, y / total
+        spread = leaning = 0.0
+        for n in range(count):
+            weight, at = 1 / max(expected[n], 1e-6 * largest) ** 2, max(level[n], 0.0)
+            spread += weight * (at - x) ** 2
+            leaning += weight * (at - x) * (variance[n] - y)
+            across += weight * at * variance[n]
+            along += weight * at**2
+        slope = max(leaning / spread, 0.0) if spread > 0 else 0.0
         intercept = y - slope * x
         if intercept < 0:
-            intercept = 0.0
-            slope = (weight * level * variance).sum() / (weight * level**2).sum()
-        expected = intercept + slope * level
+            intercept, slope = 0.0, across / along
+        for n in range(count):
+            expected[n] = intercept + slope * max(level[n], 0.0)
     return math.sqrt(intercept), slope
