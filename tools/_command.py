@@ -201,9 +201,12 @@ def parse_grid(
     from tomo import VoxelGrid
 
     if lower is not None or upper is not None:
-        if lower is None or upper is None or spacing is not None or center is not None:
+        given = {"--lower": lower, "--upper": upper, "--spacing": spacing, "--center": center}
+        found = [name for name, value in given.items() if value is not None]
+        if found != ["--lower", "--upper"]:
             raise ValueError(
-                "--lower and --upper: expected both, without --spacing and --center beside them"
+                f"--lower and --upper: found {', '.join(found)}, expected both, with --grid's "
+                "counts and neither --spacing nor --center"
             )
         shape = parse_grid_shape(shape) if shape else default and default.shape
         if shape is None:

@@ -100,7 +100,11 @@ OPTIONS = {
     ),
     "margin of nothing": (("--no-skip", "--margin", "3"), "margin: found 3.0 with nothing to"),
     "grid": (("--grid", "3x4"), "--grid: found '3x4'"),
-    "lower": (("--lower", "0,0,0"), "--lower and --upper: expected both"),
+    "lower": (("--lower", "0,0,0"), "--lower and --upper: found --lower, expected both"),
+    "lower, upper and spacing": (
+        ("--lower", "0,0,0", "--upper", "1,1,1", "--spacing", "1"),
+        "--lower and --upper: found --lower, --upper, --spacing, expected both",
+    ),
     "order": (("--lower", "1,0,0", "--upper", "0,1,1"), "with upper above lower"),
     "--rig beside": (("--rig", "rig.yaml"), "SCAN: expected either a scan, or --rig"),
 }
