@@ -29,6 +29,10 @@ WORTH_LEARNING = 0.95
 with less an encoder's corrections explain noise and voxels' edges. So must what it adds to the
 first guess. That has shown by patches what it is worth, and must only not predict worse."""
 
+NO_WORSE = 1.02
+"""A first guess may predict single pixels worse by this factor: what a lens takes from the corners
+changes them by less than another stop does."""
+
 SETTLED = 0.99
 """Training ends when the left-out views' residual falls by less than this factor."""
 
@@ -223,7 +227,7 @@ class Rounds:
         """
         if self.best is None:
             return None
-        share = WORTH_LEARNING if self.best.index else 1.0
+        share = WORTH_LEARNING if self.best.index else NO_WORSE
         if not self.alternation.features.tells_views:
             share = few_views_worth
         return self.best if self.worth(self.best.held_out_residual, share) else None
