@@ -44,8 +44,8 @@ this share of its residual: it fills what the views leave open with what all of 
 leaves dark what is dark. With more views least squares have been the better ones throughout."""
 
 WIDTHS = (0.0, 0.5, 0.8, 1.2, 1.8, 2.7)
-"""Standard deviations of the smooth basis tried, in voxels; none is no candidate with few views,
-which do not resolve single voxels."""
+"""Standard deviations of the smooth basis tried, in voxels. With few views, which seldom resolve
+single voxels, none comes last."""
 
 FALLBACK = ("mlem", 1.0, 10)
 """With one or two views nothing can be left out: the method, width and iterations used then."""
@@ -120,7 +120,7 @@ def choose_by_held_out_views(
         reason = "too few views to leave any out" if measured.any() else "the images are dark"
         return Choice(*FALLBACK, math.nan, reason=reason)
     few = len(views) <= FEW_VIEWS
-    total = 2 * len(WIDTHS[1:]) if few else len(WIDTHS) + 3
+    total = 2 * len(WIDTHS) if few else len(WIDTHS) + 3
     candidates = Candidates.of(projector, measured, views, total, progress)
     best = _of_few_views(candidates) if few else _of_many_views(candidates)
     if progress:
@@ -151,13 +151,20 @@ def _of_many_views(candidates: Candidates) -> Attempt:
 
 def _of_few_views(candidates: Candidates) -> Attempt:
     """Return the better of least squares and MLEM."""
-    least_squares, mlem = (
-        candidates.smoothed(method, WIDTHS[1:])[-1] for method in ("tikhonov", "mlem")
-    )
+    least_squares, mlem = (_of_some_width(candidates, each) for each in ("tikhonov", "mlem"))
     noise = min(min(each.spared, each.of_views) for each in (least_squares, mlem))
     if least_squares.of_views - noise > TAMER**2 * (mlem.of_views - noise):
         return mlem
     return least_squares
+
+
+def _of_some_width(candidates: Candidates, method: str) -> Attempt:
+    """Return the best of a method, on plain voxels only where wider and wider does not help."""
+    helped = candidates.smoothed(method, WIDTHS[1:])
+    if len(helped) > 1:
+        return helped[-1]
+    plain = candidates.attempt(method, 0.0, helped[0].of_trials)
+    return plain if plain.error < helped[0].error else helped[0]
 
 
 def residual_of_left_out_views(
