@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from tomo._compile import compiled
+from tomo._threads import threads_worth
 from tomo.live_voxels import LiveVoxels
 
 TRUNCATE = 3.0
 """Standard deviations at which the kernel is cut."""
+
+NANOSECONDS_A_TAP = 0.3  # and voxel, on one thread
 
 _Lines = tuple[NDArray[np.integer], ...]
 """Lines along z: where each begins in what holds all of them (lines + 1,), at which height along z
@@ -161,5 +164,7 @@ class Blur:
         values = np.ascontiguousarray(values)
         room = tuple(np.zeros(int(one[0][-1]), values.dtype) for one in lines)
         out = np.zeros_like(values)
-        _blurred(values, voxels, heights, self._taps.astype(values.dtype), *lines, room, out)
+        taps = self._taps.astype(values.dtype)
+        with threads_worth(NANOSECONDS_A_TAP * len(taps) * values.size):
+            _blurred(values, voxels, heights, taps, *lines, room, out)
         return out

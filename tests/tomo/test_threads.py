@@ -3,9 +3,10 @@
 import threading
 import time
 
+import numba
 import pytest
 
-from tomo._threads import share_out
+from tomo._threads import WORTH_WAKING, share_out, threads_worth
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
@@ -76,3 +77,18 @@ def test_where_no_more_threads_are_to_be_had_those_begun_end(monkeypatch):
     begun[0].join(timeout=5)
     assert not begun[0].is_alive()
     assert len(done) < 1000
+
+
+def test_small_work_wakes_no_thread_and_the_number_comes_back():
+    threads = numba.get_num_threads()
+
+    def fail():
+        with threads_worth(WORTH_WAKING / 2):
+            assert numba.get_num_threads() == 1
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert numba.get_num_threads() == threads
+    with threads_worth(1e12):
+        assert numba.get_num_threads() == threads

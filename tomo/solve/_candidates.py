@@ -63,6 +63,12 @@ class Attempt:
         """Both together: what smoothness and stop are chosen by."""
         return self.of_views + self.spared
 
+    def or_better(self, rival: Attempt | None) -> Sequence[float]:
+        """Return the errors of the trials, those of a rival where they are lower."""
+        if rival is None:
+            return self.of_trials
+        return [min(each) for each in zip(self.of_trials, rival.of_trials, strict=True)]
+
 
 @dataclass(eq=False)
 class Candidates:
@@ -130,12 +136,17 @@ class Candidates:
         self.tried.append(self.candidate(found))
         return found
 
-    def smoothed(self, method: str, widths: Sequence[float]) -> list[Attempt]:
-        """Try wider and wider bases as long as that helps; return those that did, best last."""
-        helped = [self.attempt(method, widths[0])]
+    def smoothed(
+        self, method: str, widths: Sequence[float], rival: Attempt | None = None
+    ) -> list[Attempt]:
+        """Try wider and wider bases as long as that helps; return those that did, best last.
+
+        What cannot reach ``rival``, another method's best, ends early.
+        """
+        helped = [self.attempt(method, widths[0], rival.of_trials if rival else ())]
         for width in widths[1:]:
             plain, best = helped[0], helped[-1]
-            found = self.attempt(method, width, best.of_trials)
+            found = self.attempt(method, width, best.or_better(rival))
             if best.error - found.error <= WORTH_WIDENING * (plain.error - best.error):
                 break
             helped.append(found)

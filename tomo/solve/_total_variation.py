@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compile import compiled
-from tomo.solve._gradient import Gradient, difference, divergence
+from tomo._threads import threads_worth
+from tomo.solve._gradient import NANOSECONDS_ADJOINT, Gradient, difference, divergence
 
 
 @compiled(parallel=True)
@@ -109,13 +110,14 @@ class TotalVariation:
         ahead = self._dual.copy()
         last = 1.0
         metric = self._inverse, np.float32(stretch), self.gradient.factors
-        for _ in range(steps):
-            _lower_primal(center, *metric, self._lowest, ahead, volume)
-            following = (1 + math.sqrt(1 + 4 * last**2)) / 2
-            momentum = np.float32((last - 1) / following)
-            last = following
-            _raise_dual(volume, *metric, np.float32(weight), momentum, self._dual, ahead)
-        _lower_primal(center, *metric, self._lowest, self._dual, volume)
+        with threads_worth(NANOSECONDS_ADJOINT * volume.size):
+            for _ in range(steps):
+                _lower_primal(center, *metric, self._lowest, ahead, volume)
+                following = (1 + math.sqrt(1 + 4 * last**2)) / 2
+                momentum = np.float32((last - 1) / following)
+                last = following
+                _raise_dual(volume, *metric, np.float32(weight), momentum, self._dual, ahead)
+            _lower_primal(center, *metric, self._lowest, self._dual, volume)
         return self.gradient.pick(volume)
 
 

@@ -150,20 +150,21 @@ def _of_many_views(candidates: Candidates) -> Attempt:
 
 
 def _of_few_views(candidates: Candidates) -> Attempt:
-    """Return the better of least squares and MLEM."""
-    least_squares, mlem = (_of_some_width(candidates, each) for each in ("tikhonov", "mlem"))
+    """Return the better of least squares and MLEM, whose iterations are the quicker ones."""
+    mlem = _of_some_width(candidates, "mlem")
+    least_squares = _of_some_width(candidates, "tikhonov", mlem)
     noise = min(min(each.spared, each.of_views) for each in (least_squares, mlem))
     if least_squares.of_views - noise > TAMER**2 * (mlem.of_views - noise):
         return mlem
     return least_squares
 
 
-def _of_some_width(candidates: Candidates, method: str) -> Attempt:
+def _of_some_width(candidates: Candidates, method: str, rival: Attempt | None = None) -> Attempt:
     """Return the best of a method, on plain voxels only where wider and wider does not help."""
-    helped = candidates.smoothed(method, WIDTHS[1:])
+    helped = candidates.smoothed(method, WIDTHS[1:], rival)
     if len(helped) > 1:
         return helped[-1]
-    plain = candidates.attempt(method, 0.0, helped[0].of_trials)
+    plain = candidates.attempt(method, 0.0, helped[0].or_better(rival))
     return plain if plain.error < helped[0].error else helped[0]
 
 
