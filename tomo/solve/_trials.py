@@ -139,8 +139,8 @@ class Trial:
         """Return `squared_error` at every checkpoint: ``(checkpoints, 2)``.
 
         From the third checkpoint on the run ends when the sum hardly falls any more, unless it is
-        to go ``to_the_end``, or will not come down to ``best``, that of another candidate.
-        Checkpoints not reached are infinite.
+        to go ``to_the_end``, or will not come down to ``best``, that of another candidate; at the
+        last checkpoint in any case. Checkpoints not reached are infinite.
         """
         errors = np.full((len(CHECKPOINTS), 2), np.inf)
         basis = SmoothBasis(self.training, width) if width else None
@@ -159,7 +159,7 @@ class Trial:
             settled = before - now < SETTLED * (dark - now)
             lacking = min(HOPELESS * (dark - best), CATCHING_UP * (before - now))
             behind = index >= PATIENCE and best > 0 and now - best > lacking
-            return behind or (settled and not to_the_end)
+            return behind or (settled and not to_the_end) or index == CHECKPOINTS[-1]
 
         run(basis or self.training, self.training_pixels, start=start, callback=judge, **settings)
         return errors

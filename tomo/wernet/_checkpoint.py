@@ -25,7 +25,7 @@ from tomo.wernet.ray_weights import RayWeights
 if TYPE_CHECKING:
     from tomo.projector import Projector
 
-_FORMAT, _VERSION = "wernet-checkpoint", 2
+_FORMAT, _VERSION = "wernet-checkpoint", 3
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,14 +11,10 @@ from numpy.typing import NDArray
 from tomo._sums import dot, norm
 from tomo.solve._trials import Trial, views_to_leave_out
 from tomo.solve.stopping import Choice, solve_as_chosen
-from tomo.wernet._linearised import PATCH, Patches, Thinned
+from tomo.wernet._linearised import Thinned
 
 if TYPE_CHECKING:
     from tomo.projector import Projector
-
-
-SIDES = PATCH, PATCH / 2
-"""Of the patches. What a narrow flame's light loses changes sign across it, within the larger."""
 
 
 def residuals_of_left_out_patches(
@@ -28,6 +24,7 @@ def residuals_of_left_out_patches(
 
     Noise, and what voxels and single rays leave out, mostly cancel within a patch. What light
     loses on its way does not: where single pixels are ruled by the former, patches still tell.
+    What a narrow flame's light loses changes sign across it, within a patch: smaller ones tell it.
     Each view is predicted up to a factor: levels are fitted to all views, those left out too, and
     are to be judged by what they do to the volume.
 
@@ -43,11 +40,11 @@ def residuals_of_left_out_patches(
     Returns
     -------
     (2,) float64
-        For each of `SIDES`.
+        By patches, and by those of half the side.
     """
     views = np.flatnonzero(np.diff(weighted.view_ptr)).tolist()
-    patches = [Patches.of(some.projector, some.features, side) for side in SIDES]
-    apart, light = np.zeros((2, len(SIDES)))
+    patches = some.patches, some.smaller_patches
+    apart, light = np.zeros((2, len(patches)))
     for left_out in views_to_leave_out(views):
         trial = Trial.leaving_out(left_out, views, weighted, some.measured)
         found = solve_as_chosen(trial.training, trial.training_pixels, choice)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,6 +73,11 @@ class Thinned:
     def __repr__(self) -> str:
         """Name the sizes."""
         return f"<Thinned: {len(self.measured)} pixels, {len(self.patches.view)} patches>"
+
+    @cached_property
+    def smaller_patches(self) -> Patches:
+        """Patches of half the side."""
+        return Patches.of(self.projector, self.features, PATCH / 2)
 
     def at(self, tokens: ViewTokens, choice: Choice) -> Linearised:
         """Return how the images change about the levels and trends of ``tokens``."""

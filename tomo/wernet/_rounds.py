@@ -27,7 +27,7 @@ from tomo.wernet.ray_weights import RayWeights, corrections, reweighted, trend_c
 WORTH_LEARNING = 0.95
 """The left-out views' residual must fall below this share of the chord lengths', or these stay:
 with less an encoder's corrections explain noise and voxels' edges. So must what it adds to the
-first guess. That has shown by patches what it is worth, and must only not predict worse."""
+first guess, which itself has shown by patches what it is worth."""
 
 NO_WORSE = 1.02
 """A first guess may predict single pixels worse by this factor: what a lens takes from the corners

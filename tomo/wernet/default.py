@@ -61,7 +61,8 @@ def wernet(
     encoder is trained at fixed voxels (`tomo.wernet.alternation`), and the classic solve is done
     again with the weights that it gives. Every other round method, smoothness and stop are chosen
     anew. What predicts the left-out views best is returned: unless that is clearly better than
-    the chord lengths do, or with few views not clearly worse, the classic solve itself.
+    the chord lengths do, or, of a first guess or with few views, not clearly worse, the classic
+    solve itself.
 
     Parameters
     ----------

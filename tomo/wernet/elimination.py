@@ -91,8 +91,8 @@ def first_guess(
             fitted = _fit(tokens, now, (*chosen, *parts))
             worth = WORTH_OF_LEVELS
             if LEVELS not in parts:
-                explained = norm(fitted.residual) / (norm(now.residual) or 1.0)
-                worth = min(WORTH_OF_TRENDS / (explained or 1.0), 1.0)
+                unexplained = norm(fitted.residual) / (norm(now.residual) or 1.0)
+                worth = min(WORTH_OF_TRENDS / (unexplained or 1.0), 1.0)
             trials.append((*_judged(fitted, residuals, worth), parts, tokens, fitted))
         share, left, choice, parts, tokens, fitted = min(trials, key=lambda trial: trial[0])
         if not share < 1:

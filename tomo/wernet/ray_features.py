@@ -114,7 +114,8 @@ class RayFeatures:
         half = (np.asarray(grid.upper) - np.asarray(grid.lower)) / 2
         view = np.repeat(np.arange(projector.n_views), np.diff(projector.view_ptr))
         first = segments.midpoint[np.minimum(segments.ptr[:-1], len(segments) - 1)]
-        off_axis = squared_tangents(first, direction, projector.view_ptr)
+        crosses = np.diff(segments.ptr)[:, None] > 0  # no other has a point of its own
+        off_axis = squared_tangents(first, np.where(crosses, direction, 0), projector.view_ptr)
         index = np.arange(grid.size) if projector.live.all else projector.live.index
         places = np.stack(np.unravel_index(index, grid.shape), axis=1)
         centre = (places - (np.asarray(grid.shape) - 1) / 2) * np.asarray(grid.spacing)

@@ -78,9 +78,9 @@ def correction_of(
     packing, described = features.packed(rays, front)
     view = packing.per_segment(features.view[rays])
     rows = encoder(packing.spread(described), packing.inside, packing.spread(tokens.hidden[view]))
-    trends = features.depth[packing.entry], front[packing.entry]
-    trends = *trends, packing.per_segment(features.off_axis[rays])
-    exponent = torch.stack(trends, dim=1) @ tokens.trend + tokens.level[view]
+    off_axis = packing.per_segment(features.off_axis[rays])
+    trends = torch.stack((features.depth[packing.entry], front[packing.entry], off_axis), dim=1)
+    exponent = trends @ tokens.trend + tokens.level[view]
     return packing, (1 + rows[packing.row]) * exponent.exp() - 1
 
 

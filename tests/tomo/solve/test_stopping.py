@@ -255,6 +255,41 @@ def test_light_as_rough_as_boxes_is_found_without_a_penalty(projector, cases):
     assert min(errors[:-1]) < errors[-1]
 
 
+class Foretold:
+    """Candidates whose squared errors are told beforehand, by method, width and iterations."""
+
+    def __init__(self, plain, penalised):
+        self.plain, self.penalised, self.tried = plain, penalised, []
+
+    def smoothed(self, method, widths):
+        assert method == "nnls"
+        return [_candidates.Attempt(method, *each, 0.0, each[2:]) for each in self.plain]
+
+    def attempt(self, method, width, best=(), *, iterations, to_the_end=False):
+        self.tried.append((method, width, iterations, to_the_end))
+        error = self.penalised[width, iterations]
+        return _candidates.Attempt(method, width, iterations, error, 0.0, [error])
+
+    def candidate(self, found):
+        return found.method, found.width, found.iterations, found.error
+
+
+@pytest.mark.parametrize(
+    ("narrower", "with_penalty", "taken"),
+    [(1.01, 0.93, (0.5, 30)), (1.01, 0.95, (0.8, 20)), (1.03, 0.5, (0.8, 20))],
+)
+def test_a_narrower_basis_is_taken_where_the_penalty_makes_it_clearly_better(
+    narrower, with_penalty, taken
+):
+    plain = [(0.0, 17, 2.0), (0.5, 17, narrower), (0.8, 20, 1.0)]
+    told = Foretold(plain, {(0.8, 20): 1.1, (0.8, 30): 1.0, (0.5, 30): with_penalty})
+    best = stopping._of_many_views(told)
+    assert (best.method, best.width, best.iterations) == ("tikhonov", *taken)
+    longer = [each for each in told.tried if each[-1] is True]
+    asked = [("tikhonov", 0.8, 30, True), ("tikhonov", 0.5, 30, True)]
+    assert longer == (asked if narrower < stopping.AS_GOOD else [])
+
+
 def test_with_few_views_both_methods_are_tried_and_the_better_one_is_taken():
     grid = VoxelGrid((20, 28, 20), 1.0)
     rig = rigs.ring(4, 30.0, distance=60.0, image_size=(40, 60), footprint=0.5)

@@ -196,6 +196,16 @@ def test_the_place_in_the_image_is_symmetric_and_one_at_most(scene):
     np.testing.assert_allclose(np.abs(np.corrcoef(row, up[starts])[0, 1]), 1, atol=1e-3)
 
 
+def test_pixels_that_see_nothing_turn_no_camera(scene):
+    one = scene()
+    every = LinearSystem.from_rig(one.rig, one.grid, midpoints=True, skip=False).projector
+    whole = RayFeatures.of(every)
+    crosses = whole.count > 0
+    assert 0.01 < 1 - crosses.double().mean() < 0.2
+    assert not whole.off_axis[~crosses].any()
+    assert torch.equal(whole.off_axis[crosses], RayFeatures.of(one.projector).off_axis)
+
+
 def test_views_are_told_apart_only_where_asked_for(scene):
     features = RayFeatures.of(scene().projector, tells_views=False)
     assert not features.place.any()
