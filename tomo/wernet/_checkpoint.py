@@ -197,6 +197,7 @@ def _packed(best: Learned) -> dict[str, Any]:
         "tokens": weights.tokens.state_dict(),
         "seen": torch.from_numpy(weights.volume.copy()),
         "tells_views": bool(weights.tells_views),
+        "widest": weights.widest and list(weights.widest),
     }
 
 
@@ -206,6 +207,9 @@ def _unpacked(content: Mapping[str, Any]) -> Learned:
     tokens.load_state_dict(content["tokens"])
     index, held_out, residual, unit = map(float, content["numbers"])
     seen = _numbers(content["seen"], "seen")
-    weights = RayWeights(encoder, tokens, seen, unit, bool(content["tells_views"]))
+    tells_views, widest = bool(content["tells_views"]), content["widest"]
+    if widest is not None:
+        widest = float(widest[0]), float(widest[1])
+    weights = RayWeights(encoder, tokens, seen, unit, tells_views, widest)
     volume, solved_by = _numbers(content["volume"], "volume"), dict(content["solved_by"])
     return Learned(int(index), held_out, residual, volume, solved_by, weights)

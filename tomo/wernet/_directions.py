@@ -43,11 +43,11 @@ def ray_directions(segments: Segments) -> NDArray[np.float64]:
 def squared_tangents(
     point: NDArray[np.floating], direction: NDArray[np.float64], view_ptr: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return how far rays are off their camera's axis: ``(rays,)``, the largest being one.
+    """Return how far rays are off their camera's axis: ``(rays,)``.
 
     The square of the tangent of the angle between a ray and the line from its camera to the grid's
     centre. The camera stands where the rays of a view meet best; of a view of parallel rays the
-    axis is one of them.
+    axis is one of them, and where all are parallel none is off it.
 
     Parameters
     ----------
@@ -67,8 +67,7 @@ def squared_tangents(
         axis = _axis(point[own][some].astype(np.float64), direction[own][some])
         along = direction[own] @ axis
         tangents[own][some] = np.maximum(1 / np.maximum(along[some], 0.1) ** 2 - 1, 0)
-    largest = tangents.max(initial=0.0)
-    return tangents / largest if largest > _PARALLEL else np.zeros(len(direction))
+    return tangents if tangents.max(initial=0.0) > _PARALLEL else np.zeros(len(direction))
 
 
 def _axis(point: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -62,12 +62,17 @@ class Thinned:
 
     @classmethod
     def of(
-        cls, projector: Projector, measured: NDArray[np.float32], stride: int, unit: float
+        cls,
+        projector: Projector,
+        measured: NDArray[np.float32],
+        stride: int,
+        unit: float,
+        widest: tuple[float, float] | None = None,
     ) -> Thinned:
-        """Take every so many-th pixel."""
+        """Take every so many-th pixel; ``widest`` is that of all, see `RayFeatures`."""
         pixels = np.arange(0, projector.shape[0], stride)
         some = projector.take(pixels)
-        features = RayFeatures.of(some)
+        features = RayFeatures.of(some, widest=widest)
         return cls(some, measured[pixels], features, unit, Patches.of(some, features))
 
     def __repr__(self) -> str:

@@ -112,7 +112,8 @@ class Rounds:
 
         Return whether there is one.
         """
-        guess = first_guess(self.projector, self.measured, self.chords, self.unit)
+        widest = self.alternation.features.widest
+        guess = first_guess(self.projector, self.measured, self.chords, self.unit, widest)
         if guess is None:
             self.previous = self.chords.held_out_residual
             return False
@@ -192,6 +193,7 @@ class Rounds:
                     seen,
                     self.unit,
                     features.tells_views,
+                    features.widest,
                 )
                 self.best = Learned(
                     self.done,

@@ -54,7 +54,11 @@ the turbulent flame's images, and of left-out views, where other things err more
 
 
 def first_guess(
-    projector: Projector, measured: NDArray[np.float32], choice: Choice, unit: float
+    projector: Projector,
+    measured: NDArray[np.float32],
+    choice: Choice,
+    unit: float,
+    widest: tuple[float, float] | None = None,
 ) -> ViewTokens | None:
     """Return levels of the views and trends along the rays that predict left-out views best.
 
@@ -78,9 +82,11 @@ def first_guess(
         what is left once it is explained.
     unit : float
         Of the emission in front.
+    widest : (float, float), optional
+        In which places in the image are counted, see `RayFeatures`.
     """
     stride = max(projector.shape[0] // (PIXELS_AN_UNKNOWN * max(projector.shape[1], 1)), 1)
-    some = Thinned.of(projector, measured, stride, unit)
+    some = Thinned.of(projector, measured, stride, unit, widest)
     best, chosen = ViewTokens(projector.n_views, 1), ()
     now = some.at(best, choice)
     residuals = residuals_of_left_out_patches(some, some.projector, choice)

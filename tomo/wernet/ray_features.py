@@ -42,8 +42,8 @@ class RayFeatures:
     in the voxels, with the loss still falling. So it is told the place *within* the voxel (from -1
     to 1), the ray's direction, how deep in the grid the segment lies as seen from the camera (from
     -1 to 1 over the grid's shortest edge), the chord in voxels, the pixel's place in its image
-    (its angles from the view's mean direction, the largest of all views being one) and how much of
-    what the camera sees lies in front.
+    (its angles from the view's mean direction, in units of ``widest``) and how much of what the
+    camera sees lies in front.
 
     Attributes
     ----------
@@ -53,8 +53,8 @@ class RayFeatures:
     direction : (rays, 3) float32
     place : (rays, 2) float32
     off_axis : (rays,) float32
-        The squared tangent of a ray's angle from its camera's line to the grid's centre, the
-        largest being one: lenses darken along it. Its axis must be alike in all views, which the
+        The squared tangent of a ray's angle from its camera's line to the grid's centre, in units
+        of ``widest``: lenses darken along it. Its axis must be alike in all views, which the
         view's mean direction is not.
     entry : (rays,) float32
         Where along its direction, measured from the grid's centre, a ray enters the grid.
@@ -71,6 +71,8 @@ class RayFeatures:
     tells_views : bool
         Whether views have numbers of their own, and pixels their place in the image: with few
         views what is particular to each would be memorised instead of what is common to all.
+    widest : (float, float)
+        What counts as one in ``place`` and ``off_axis``: the largest of the rays trained with.
     """
 
     start: torch.Tensor
@@ -87,12 +89,20 @@ class RayFeatures:
     spacing: torch.Tensor
     shortest: float
     tells_views: bool
+    widest: tuple[float, float]
 
     @classmethod
     def of(
-        cls, projector: Projector, device: torch.device | str = "cpu", *, tells_views: bool = True
+        cls,
+        projector: Projector,
+        device: torch.device | str = "cpu",
+        *,
+        tells_views: bool = True,
+        widest: tuple[float, float] | None = None,
     ) -> RayFeatures:
         """Return the features of a stored projector whose segments have midpoints.
+
+        ``widest`` is that of the rays that weights were learned from; of these rays when None.
 
         Raises
         ------
@@ -116,6 +126,9 @@ class RayFeatures:
         first = segments.midpoint[np.minimum(segments.ptr[:-1], len(segments) - 1)]
         crosses = np.diff(segments.ptr)[:, None] > 0  # no other has a point of its own
         off_axis = squared_tangents(first, np.where(crosses, direction, 0), projector.view_ptr)
+        if widest is None:
+            widest = float(np.abs(place).max()) or 1.0, float(off_axis.max()) or 1.0
+        place, off_axis = place / widest[0], off_axis / widest[1]
         index = np.arange(grid.size) if projector.live.all else projector.live.index
         places = np.stack(np.unravel_index(index, grid.shape), axis=1)
         centre = (places - (np.asarray(grid.shape) - 1) / 2) * np.asarray(grid.spacing)
@@ -138,6 +151,7 @@ class RayFeatures:
             spacing=move(np.asarray(grid.spacing)),
             shortest=float(2 * half.min()),
             tells_views=tells_views,
+            widest=widest,
         )
 
     def __repr__(self) -> str:
@@ -221,7 +235,7 @@ def _entries(
 
 
 def _places(direction: NDArray[np.float64], view_ptr: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the angles of each ray from its view's mean direction, in units of the largest."""
+    """Return the tangents of each ray's angles from its view's mean direction, ``(rays, 2)``."""
     place = np.zeros((len(direction), 2))
     for start, stop in itertools.pairwise(view_ptr):
         own = direction[start:stop]
@@ -234,4 +248,4 @@ def _places(direction: NDArray[np.float64], view_ptr: NDArray[np.int64]) -> NDAr
         across /= np.linalg.norm(across)
         axes = np.stack([across, np.cross(mean, across)], axis=1)  # (3, 2)
         place[start:stop] = (own @ axes) / np.maximum(own @ mean, 0.1)[:, None]
-    return place / (np.abs(place).max(initial=0.0) or 1.0)
+    return place

@@ -31,7 +31,8 @@ class RayWeights:
     unit : float
         In which that emission is counted.
     tells_views : bool
-        See `RayFeatures`.
+    widest : (float, float), optional
+        See `RayFeatures`. Without it the widest of the rays that weights are asked for counts.
     """
 
     encoder: CorrectionEncoder
@@ -39,6 +40,7 @@ class RayWeights:
     volume: NDArray[np.float32]
     unit: float
     tells_views: bool
+    widest: tuple[float, float] | None = None
 
     def __repr__(self) -> str:
         """Name the sizes."""
@@ -55,7 +57,9 @@ class RayWeights:
             Whether its views are those trained with; others take the mean token.
         """
         device = self.tokens.level.device
-        features = RayFeatures.of(projector, device, tells_views=self.tells_views)
+        features = RayFeatures.of(
+            projector, device, tells_views=self.tells_views, widest=self.widest
+        )
         tokens = self.tokens if same_views else self.tokens.mean(projector.n_views)
         front = features.emission_in_front(self.volume, self.unit)
         with on_cores(device) as over_parts:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numba
 import numpy as np
 import pytest
@@ -153,6 +155,15 @@ def test_other_views_take_the_mean_of_what_is_each_view_s_own(scene):
     assert not np.array_equal(found, weights.projector(chords).segments.length)
     fewer = chords.subset([1, 4])
     assert weights.projector(fewer, same_views=False).n_views == 2
+
+
+def test_a_view_s_weights_do_not_depend_on_the_views_beside_it(scene):
+    chords = scene().projector
+    weights = replace(_weights(chords), widest=RayFeatures.of(chords).widest)
+    whole = weights.projector(chords, same_views=False)
+    for view in (0, 1):
+        alone = weights.projector(chords.subset([view]), same_views=False).segments.length
+        np.testing.assert_allclose(alone, whole.subset([view]).segments.length, rtol=1e-5)
 
 
 def test_without_numbers_of_their_own_views_do_not_matter(scene):
