@@ -84,12 +84,13 @@ class Trial:
     ) -> Trial:
         """Return the trial that trains on those of ``views`` that are not in ``left_out``.
 
-        On all of their pixels, or where it is ``sparing`` on those not `SPARED`. Left-out pixels
-        that see no voxel are taken for dark: no candidate predicts anything else, and what they
-        show would hide by how much candidates differ.
+        On all of their pixels, or where it is ``sparing`` on those not `SPARED`; of fewer than so
+        many none is spared. Left-out pixels that see no voxel are taken for dark: no candidate
+        predicts anything else, and what they show would hide by how much candidates differ.
         """
         pixels = projector.pixels_of([view for view in views if view not in left_out])
         own = projector.pixels_of(left_out)
+        sparing = sparing and len(pixels) >= SPARED
         spared = pixels[interleaved(len(pixels), SPARED)[0]] if sparing else pixels[:0]
         judged = np.sort(np.concatenate([own, spared]))
         training = np.setdiff1d(pixels, spared, assume_unique=True)

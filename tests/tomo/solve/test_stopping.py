@@ -9,6 +9,7 @@ import phantoms
 import rigs
 from tomo import noise
 from tomo.grid import VoxelGrid
+from tomo.linear_system import LinearSystem
 from tomo.projector import Projector
 from tomo.rays import Rays
 from tomo.simulate import simulate
@@ -126,6 +127,16 @@ def test_three_views_are_enough_to_choose(projector, cases):
     choice = choose_by_held_out_views(projector.subset(views), images)
     assert choice.tried
     assert np.isfinite(choice.held_out_residual)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 1), (2, 2)])
+def test_a_choice_is_made_from_a_handful_of_pixels(size):
+    rig = rigs.ring(3, distance=100.0, image_size=size, footprint=1.0)
+    projector = LinearSystem.from_rig(rig, VoxelGrid((2, 2, 2), 1.0)).projector
+    images = np.ones(projector.shape[0], np.float32)
+    choice = choose_by_held_out_views(projector, images)
+    assert choice.held_out_residual < 1
+    assert np.isfinite(solve_as_chosen(projector, images, choice).volume).all()
 
 
 def test_dark_images_get_the_fallback_and_a_dark_volume(projector):
