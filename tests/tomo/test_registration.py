@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from tomo.registration import register, ways_to_shift, ways_to_shift_and_zoom
+from tomo.registration import _Fit, register, ways_to_shift, ways_to_shift_and_zoom
 
 SHAPE = (60, 44)
 ROWS, COLUMNS = np.indices(SHAPE)
@@ -69,3 +69,26 @@ def test_a_single_row_is_shifted_along_itself_alone(shape):
     np.testing.assert_allclose(found.amounts, [1.2], atol=0.05)
     both = register(seen, image, np.ones(shape, bool), ways_to_shift(shape))
     assert np.isinf(both.covariance).all()  # nothing says where it lies across
+
+
+@pytest.mark.parametrize("amounts", [(0.0, 0.0, 0.0), (1.3, -0.6, 2.5), (-60.0, 0.0, 0.0)])
+def test_the_compiled_sums_are_those_of_their_twin(amounts):
+    ways, random = ways_to_shift_and_zoom(SHAPE), np.random.default_rng(1)
+    mask = random.random(SHAPE) < 0.9
+    image = np.where(mask, 3.7 * scene() + 0.1 * random.standard_normal(SHAPE), 0)
+    found = _Fit.of(scene(), image, mask, ways, np.array(amounts))
+
+    right, down = np.tensordot(amounts, ways, 1)
+    shown = map_coordinates(scene(), [ROWS - down, COLUMNS - right], order=1)
+    shown = np.where(mask, shown, 0)
+    gain = (shown * image).sum() / (shown**2).sum() if shown.any() else 1.0
+    left = image - gain * shown
+    assert found.gain == pytest.approx(gain, rel=1e-12)
+    assert found.error == pytest.approx((left**2).sum(), rel=1e-12)
+    slopes = np.stack(np.gradient(shown)[::-1]) * mask  # right, down
+    change = np.stack([shown, *(-gain * (slopes * ways).sum(axis=1))]).reshape(4, -1)
+    weight = (slopes**2).sum(axis=0)
+    squares = np.einsum("ikrc,jkrc,rc->ij", ways, ways, weight) / (weight.sum() or 1.0)
+    expected = change @ change.T, change @ left.ravel(), squares
+    for one, other in zip(found.changes, expected, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-11 * np.abs(other).max(initial=1e-3))
