@@ -132,6 +132,16 @@ def test_several_rays_a_pixel_are_averaged():
     assert dot_test(OnTheFlyProjector(grouped, grid)) < 1e-12
 
 
+def test_places_too_large_for_32_bits_give_the_same_bits(pair, monkeypatch):
+    _, flying = pair
+    random = np.random.default_rng(8)
+    x, y = (random.random(n).astype(np.float32) for n in flying.shape[::-1])
+    images, volume = flying @ x, flying.T @ y
+    monkeypatch.setattr(OnTheFlyProjector, "_number", np.zeros(0, np.int64))
+    assert np.array_equal(flying @ x, images)
+    assert np.array_equal(flying.T @ y, volume)
+
+
 def test_same_bits_on_any_number_of_threads(pair):
     _, flying = pair
     random = np.random.default_rng(6)
