@@ -91,9 +91,10 @@ def gather(
     length: NDArray[np.floating],
     volume: NDArray[np.floating],
     images: NDArray[np.floating],
+    entries: int,
 ) -> None:
-    """Write to ``images`` (P,) the product of the matrix with ``volume`` (n,)."""
-    with threads_worth(NANOSECONDS_GATHERED * len(voxel)):
+    """Write to ``images`` (P,) the product of the matrix, of so many entries, with ``volume``."""
+    with threads_worth(NANOSECONDS_GATHERED * entries):
         _gather(starts, stops, voxel, length, volume, images)
 
 
@@ -105,6 +106,7 @@ def scatter(
     images: NDArray[np.floating],
     bounds: NDArray[np.int64],
     volume: NDArray[np.floating],
+    entries: int,
 ) -> None:
     """Add to ``volume`` (n,) the product of the transposed matrix with ``images`` (P,).
 
@@ -115,5 +117,5 @@ def scatter(
     at_once = min(max(numba.get_num_threads(), small), parts)
     private = np.zeros((at_once, len(volume)), volume.dtype)
     rounds = -(-parts // at_once)
-    with threads_worth(NANOSECONDS_SCATTERED * len(voxel) / rounds):
+    with threads_worth(NANOSECONDS_SCATTERED * entries / rounds):
         _scatter(starts, stops, voxel, length, images, bounds, private, volume)

@@ -133,13 +133,13 @@ class Projector(ViewedOperator):
         if self.live.at_place is not None:
             x = x.take(self.live.at_place)
         images = np.zeros(self.shape[0], x.dtype)
-        gather(*self._matrix, x, images)
+        gather(*self._matrix, x, images, self.n_crossings)
         return images
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
         volume = np.zeros(self.shape[1], y.dtype)
-        scatter(*self._matrix, y, self._parts, volume)
+        scatter(*self._matrix, y, self._parts, volume, self.n_crossings)
         return volume if self.live.place is None else volume.take(self.live.place)
 
     def with_lengths(self, length: NDArray[np.floating]) -> Projector:
