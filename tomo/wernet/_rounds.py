@@ -217,10 +217,19 @@ class Rounds:
         return best.held_out_residual * (1 if best.index else WORTH_LEARNING)
 
     def _choose(self, learned: Projector, anew: bool) -> Choice:
-        """Return how to solve with learned weights, and how well left-out views are predicted."""
+        """Return how to solve with learned weights, and how well left-out views are predicted.
+
+        As for the chord lengths where that is better than a choice made anew which predicts
+        left-out views worse than those did: weights are to be judged, not another stop.
+        """
+        found = None
         if anew and self.alternation.features.tells_views:
-            return choose_by_held_out_views(learned, self.measured)
+            found = choose_by_held_out_views(learned, self.measured)
+            if found.held_out_residual <= self.chords.held_out_residual:
+                return found
         now = residual_of_left_out_views(learned, self.measured, self.chords)
+        if found and found.held_out_residual <= now:
+            return found
         return replace(self.chords, held_out_residual=now)
 
     def kept(self, few_views_worth: float) -> Learned | None:
