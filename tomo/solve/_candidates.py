@@ -105,6 +105,11 @@ class Candidates:
         scale = sum(float(trial.dark[0]) for trial in trials) or norm(measured) ** 2
         return cls(trials, max(scale, np.finfo(float).tiny), total, progress)
 
+    @property
+    def spare(self) -> bool:
+        """Whether pixels of views that are trained on are left out as well."""
+        return any(trial.spared.any() for trial in self.trials)
+
     def attempt(
         self,
         method: str,

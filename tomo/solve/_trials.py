@@ -41,6 +41,10 @@ basis was given up with photon noise that was the better one in the end."""
 SPARED = 8
 """With few views a trial also leaves out every so-many-th pixel of the views that it keeps."""
 
+FEWEST_SPARED = 200
+"""Fewer of them tell nothing for sure, and would be missed: on flames a few voxels wide, seen by
+some hundred pixels, they asked for a smoothness that cost a factor of three."""
+
 
 def views_to_leave_out(views: Sequence[int]) -> list[list[int]]:
     """Return the views that each trial leaves out.
@@ -84,13 +88,14 @@ class Trial:
     ) -> Trial:
         """Return the trial that trains on those of ``views`` that are not in ``left_out``.
 
-        On all of their pixels, or where it is ``sparing`` on those not `SPARED`; of fewer than so
-        many none is spared. Left-out pixels that see no voxel are taken for dark: no candidate
-        predicts anything else, and what they show would hide by how much candidates differ.
+        On all of their pixels, or where it is ``sparing`` on those not `SPARED`; where these would
+        be fewer than `FEWEST_SPARED` none is. Left-out pixels that see no voxel are taken for
+        dark: no candidate predicts anything else, and what they show would hide by how much
+        candidates differ.
         """
         pixels = projector.pixels_of([view for view in views if view not in left_out])
         own = projector.pixels_of(left_out)
-        sparing = sparing and len(pixels) >= SPARED
+        sparing = sparing and len(pixels) >= SPARED * FEWEST_SPARED
         spared = pixels[interleaved(len(pixels), SPARED)[0]] if sparing else pixels[:0]
         judged = np.sort(np.concatenate([own, spared]))
         training = np.setdiff1d(pixels, spared, assume_unique=True)

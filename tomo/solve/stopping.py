@@ -151,8 +151,14 @@ def _of_many_views(candidates: Candidates) -> Attempt:
 
 def _of_few_views(candidates: Candidates) -> Attempt:
     """Return the better of least squares and MLEM, whose iterations are the quicker ones."""
+    if not candidates.spare:
+        return _better(*(candidates.smoothed(each, WIDTHS)[-1] for each in ("mlem", "tikhonov")))
     mlem = _of_some_width(candidates, "mlem")
-    least_squares = _of_some_width(candidates, "tikhonov", mlem)
+    return _better(mlem, _of_some_width(candidates, "tikhonov", mlem))
+
+
+def _better(mlem: Attempt, least_squares: Attempt) -> Attempt:
+    """Return least squares where they predict left-out views clearly better, beyond the noise."""
     noise = min(min(each.spared, each.of_views) for each in (least_squares, mlem))
     if least_squares.of_views - noise > TAMER**2 * (mlem.of_views - noise):
         return mlem
