@@ -45,7 +45,7 @@ leaves dark what is dark. With more views least squares have been the better one
 
 WIDTHS = (0.0, 0.5, 0.8, 1.2, 1.8, 2.7)
 """Standard deviations of the smooth basis tried, in voxels. With few views, which seldom resolve
-single voxels, none comes last."""
+single voxels, none comes last, unless there are too few pixels to leave any out."""
 
 FALLBACK = ("mlem", 1.0, 10)
 """With one or two views nothing can be left out: the method, width and iterations used then."""
@@ -103,8 +103,8 @@ def choose_by_held_out_views(
     basis where that predicts clearly better with the penalty.
 
     With few views least squares have the penalty throughout, MLEM is tried likewise, and pixels
-    of the other views are left out as well. Those tell noise, by which smoothness and stop are
-    chosen with them; the views tell the method.
+    of the other views, where there are enough, are left out as well. Those tell noise, by which
+    smoothness and stop are chosen with them; the views tell the method.
 
     Parameters
     ----------
