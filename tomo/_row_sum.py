@@ -13,7 +13,7 @@ from __future__ import annotations
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-ir = cgutils.ir  # llvmlite's, as numba uses it
+from tomo._lanes import array, ir, load
 
 LANES = 4  # doubles in a vector
 CHAINS = 2  # vectors summed beside each other: an addition takes longer than a load
@@ -22,24 +22,13 @@ _WIDE, _LANE = ir.IntType(64), ir.IntType(32)
 _REAL = ir.VectorType(ir.DoubleType(), LANES)
 
 
-def _several(builder, array, at):
-    """Return the entries ``array[at : at + LANES]``; they stand anywhere."""
-    one = array.data.type.pointee
-    pointer = builder.bitcast(
-        builder.gep(array.data, [at]), ir.VectorType(one, LANES).as_pointer()
-    )
-    found = builder.load(pointer)
-    found.align = 4 if one in (ir.FloatType(), ir.IntType(32)) else 8
-    return found
-
-
-def _picked(builder, array, places):
-    """Return ``array[places]``; the places are not negative."""
-    found = ir.Constant(ir.VectorType(array.data.type.pointee, LANES), ir.Undefined)
+def _picked(builder, numbers, places):
+    """Return ``numbers[places]``; the places are not negative."""
+    found = ir.Constant(ir.VectorType(numbers.data.type.pointee, LANES), ir.Undefined)
     for lane in map(_LANE, range(LANES)):
         place = builder.extract_element(places, lane)
         place = builder.zext(place, _WIDE) if place.type.width < 64 else place
-        value = builder.load(builder.gep(array.data, [place]))
+        value = builder.load(builder.gep(numbers.data, [place]))
         found = builder.insert_element(found, value, lane)
     return found
 
@@ -59,10 +48,12 @@ def row_sum(typing_context, volume, voxel, length, start, count):
     """Sum the whole eights of a row's entries in double precision; the order is fixed."""
 
     def generate(context, builder, signature, args):
-        volume, voxel, length = (
-            context.make_array(kind)(context, builder, value)
-            for kind, value in zip(signature.args[:3], args[:3], strict=True)
-        )
+        volume, voxel, length = (array(context, builder, signature, args, k) for k in range(3))
+
+        def several(numbers, at):
+            kind = ir.VectorType(numbers.data.type.pointee, LANES)
+            return load(builder, builder.gep(numbers.data, [at]), kind)
+
         zero = ir.Constant(_REAL, [0.0] * LANES)
         totals = [cgutils.alloca_once_value(builder, zero) for _ in range(CHAINS)]
         step = _WIDE(LANES * CHAINS)
@@ -70,8 +61,8 @@ def row_sum(typing_context, volume, voxel, length, start, count):
             first = builder.add(args[3], builder.mul(loop.index, step))
             for chain, total in enumerate(totals):
                 at = builder.add(first, _WIDE(chain * LANES))
-                values = _picked(builder, volume, _several(builder, voxel, at))
-                term = _product(builder, _several(builder, length, at), values)
+                values = _picked(builder, volume, several(voxel, at))
+                term = _product(builder, several(length, at), values)
                 builder.store(builder.fadd(builder.load(total), term), total)
         together = builder.load(totals[0])
         for total in totals[1:]:

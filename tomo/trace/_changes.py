@@ -14,7 +14,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from tomo._compile import compiled
-from tomo.trace._lanes import (
+from tomo._lanes import (
     LANES,
     REAL,
     REALS,

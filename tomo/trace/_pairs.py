@@ -1,7 +1,7 @@
 """Two neighbours at a time: differences of running sums, and the transpose.
 
 A processor loads and adds two adjacent numbers as fast as one, but a compiler does not find such
-pairs behind an index. These loops are written in LLVM's own terms for it (`tomo.trace._lanes`);
+pairs behind an index. These loops are written in LLVM's own terms for it (`tomo._lanes`);
 with ``i = index[m]`` and ``j = i + step``, for all ``m`` before ``end``, read::
 
     between_pairs:   f[m] = (1 - f[m]) (x[i] - x[j]) + f[m] (x[i + 1] - x[j + 1])
@@ -19,7 +19,7 @@ from __future__ import annotations
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from tomo.trace._lanes import (
+from tomo._lanes import (
     LANES,
     REALS,
     WIDE,

@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from tomo._compile import compiled
+from tomo._lanes import LANES
 from tomo.trace._changes import (
     changes_of_b,
     changes_of_c,
@@ -25,7 +26,6 @@ from tomo.trace._changes import (
     voxels,
     within,
 )
-from tomo.trace._lanes import LANES
 from tomo.trace._pairs import (
     add_pairs,
     between_pairs,

@@ -1,4 +1,4 @@
-"""Eight numbers side by side, in LLVM's own terms.
+"""Numbers side by side, in LLVM's own terms.
 
 A compiler finds such vectors in some loops and not in others; where a loop over the changes of a
 ray is all the work there is, it is written in them. They are what the processor has: one register,
