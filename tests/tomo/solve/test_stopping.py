@@ -286,19 +286,24 @@ class Foretold:
 
 
 @pytest.mark.parametrize(
-    ("narrower", "with_penalty", "taken"),
-    [(1.01, 0.93, (0.5, 30)), (1.01, 0.95, (0.8, 20)), (1.03, 0.5, (0.8, 20))],
+    ("narrower", "penalised", "with_penalty", "asked_for", "taken"),
+    [
+        (1.2, 1.1, 0.93, True, (0.5, 30)),
+        (1.2, 1.1, 0.95, True, (0.8, 20)),
+        (1.3, 1.1, 0.5, False, (0.8, 20)),  # far worse without the penalty
+        (1.2, 1.05, 0.5, False, (0.8, 20)),  # images without detail
+    ],
 )
 def test_a_narrower_basis_is_taken_where_the_penalty_makes_it_clearly_better(
-    narrower, with_penalty, taken
+    narrower, penalised, with_penalty, asked_for, taken
 ):
     plain = [(0.0, 17, 2.0), (0.5, 17, narrower), (0.8, 20, 1.0)]
-    told = Foretold(plain, {(0.8, 20): 1.1, (0.8, 30): 1.0, (0.5, 30): with_penalty})
+    told = Foretold(plain, {(0.8, 20): penalised, (0.8, 30): 1.0, (0.5, 30): with_penalty})
     best = stopping._of_many_views(told)
     assert (best.method, best.width, best.iterations) == ("tikhonov", *taken)
     longer = [each for each in told.tried if each[-1] is True]
     asked = [("tikhonov", 0.8, 30, True), ("tikhonov", 0.5, 30, True)]
-    assert longer == (asked if narrower < stopping.AS_GOOD else [])
+    assert longer == (asked if asked_for else [])
 
 
 def test_with_few_views_both_methods_are_tried_and_the_better_one_is_taken():
