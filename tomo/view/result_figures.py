@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tomo.metrics import cosine_distance, nrmse
 from tomo.view.figures import INK, MUTED, new_figure, plain, thin_lines
-from tomo.view.volume_picture import few_ticks, middle_planes, show_plane
+from tomo.view.planes import few_ticks, middle_planes, show_plane
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
