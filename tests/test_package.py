@@ -25,6 +25,7 @@ FLOORS = [
         "tomo._inner_product",
         "tomo._kernel_compiler",
         "tomo._memory",
+        "tomo._numbering",
         "tomo._lanes",
         "tomo._row_sum",
         "tomo._sums",

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs import Camera
+from tomo._numbering import numbering
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
@@ -300,7 +301,7 @@ class OnTheFlyProjector(ViewedOperator):
     @property
     def _number(self) -> NDArray[np.integer]:
         """Nothing, of the type in which places of running sums fit."""
-        return np.zeros(0, np.int32 if math.prod(n + 1 for n in self.grid.shape) < 2**31 else int)
+        return np.zeros(0, numbering(math.prod(n + 1 for n in self.grid.shape)))
 
 
 def _overlap(met: tuple[int, int] | None, low: int, high: int) -> bool:
