@@ -53,6 +53,11 @@ class Sieved:
         return self.suspects.left_out if self.suspects else ()
 
     @property
+    def light_beside_grid(self) -> bool:
+        """Whether images show light that the volume cannot explain."""
+        return self.suspects is not None and self.suspects.light_beside_grid
+
+    @property
     def warnings(self) -> list[str]:
         """What the user should know of it."""
         return self.suspects.warnings if self.suspects else []

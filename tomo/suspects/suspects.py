@@ -14,7 +14,7 @@ from tomo.grid import VoxelGrid
 from tomo.linear_system import VolumeNotSeenError
 from tomo.support.noise_model import NoiseModel, estimate_noise
 from tomo.suspects.below_zero import below_zero
-from tomo.suspects.beside_grid import light_beside
+from tomo.suspects.beside_grid import Beside, light_beside
 from tomo.suspects.views import ViewVerdict, judge_views
 from tomo.suspects.wild import wild_pixels
 
@@ -45,7 +45,7 @@ class Suspects:
     below_zero : mapping
         Camera to how far its dark regions lie below zero, in the images' unit; only those that do.
     beside : mapping
-        Camera to the share of its light on lines of sight that miss the grid.
+        Camera to its light on lines of sight that miss the grid.
     """
 
     masks: tuple[NDArray[np.bool_], ...]
@@ -55,7 +55,7 @@ class Suspects:
     held_out: tuple[str, ...] = ()
     noise: tuple[NoiseModel, ...] = ()
     below_zero: Mapping[str, float] = field(default_factory=dict)
-    beside: Mapping[str, float] = field(default_factory=dict)
+    beside: Mapping[str, Beside] = field(default_factory=dict)
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -72,13 +72,23 @@ class Suspects:
             *self._of_views(),
         ]
 
+    @property
+    def light_beside_grid(self) -> bool:
+        """Whether so much of a view's light lies beside the grid that the user is told."""
+        return any(one.share > BESIDE for one in self.beside.values())
+
     def _of_light_beside(self) -> list[str]:
-        worst = max(self.beside, key=self.beside.__getitem__, default=None)
-        if worst is None or self.beside[worst] <= BESIDE:
+        if not self.light_beside_grid:
             return []
+        worst = max(self.beside, key=lambda name: self.beside[name].share)
+        found = self.beside[worst]
+        cause = ": does emission reach beyond the grid, or is there a background in the images?"
+        if found.background:
+            cause = (
+                f", evenly: is there a background of {found.background:.3g} to subtract as dark?"
+            )
         return [
-            f"{self.beside[worst]:.0%} of camera {worst}'s light lies beside the grid: does the "
-            "emission reach beyond the grid, or is there a background in the images? What is "
+            f"{found.share:.0%} of camera {worst}'s light lies beside the grid{cause} What is "
             "inside has to explain what is not, and gains and cameras may seem wrong"
         ]
 
@@ -117,7 +127,8 @@ class Suspects:
         ``left_out`` lists the cameras left out; ``wild_pixels`` counts those of each camera;
         ``below_zero`` has how far dark regions lie below zero, in the images' unit, of the cameras
         where they do; ``light_beside_grid`` has the share of each camera's light on lines of sight
-        that miss the grid; ``views`` has for each camera judged its ``agreement`` with what the
+        that miss the grid, ``background_beside_grid`` how bright these are where they are so
+        evenly, else 0; ``views`` has for each camera judged its ``agreement`` with what the
         others predict, whether it is ``wrong``, and what it ``looks`` like instead, if anything
         fits.
         """
@@ -125,7 +136,8 @@ class Suspects:
             "left_out": list(self.left_out),
             "wild_pixels": dict(self.wild),
             "below_zero": dict(self.below_zero),
-            "light_beside_grid": dict(self.beside),
+            "light_beside_grid": {name: one.share for name, one in self.beside.items()},
+            "background_beside_grid": {n: b.background for n, b in self.beside.items()},
             "views": {view.name: view.report() for view in self.views},
         }
 
@@ -154,7 +166,7 @@ def find_suspects(
     wild = [wild_pixels(i, m, n) for i, m, n in zip(images, masks, noise, strict=True)]
     clean = tuple(m & ~w for m, w in zip(masks, wild, strict=True))
     depths = [below_zero(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
-    shares = light_beside(list(cameras), images, clean, noise, grid)
+    beside_grid = light_beside(list(cameras), images, clean, noise, grid)
     try:
         views = judge_views(cameras, images, clean, grid, trusted=len(rig))
     except VolumeNotSeenError:  # told, in better words, by whoever needs the volume
@@ -167,5 +179,5 @@ def find_suspects(
         tuple(beside[0].names),
         noise,
         {name: depth for name, depth in zip(cameras.names, depths, strict=True) if depth > 0},
-        dict(zip(cameras.names, shares, strict=True)),
+        dict(zip(cameras.names, beside_grid, strict=True)),
     )
