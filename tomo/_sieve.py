@@ -53,6 +53,13 @@ class Sieved:
         return self.suspects.left_out if self.suspects else ()
 
     @property
+    def not_left_out(self) -> Images:
+        """The images that take part and those held out."""
+        names = self.judged.rig.names if self.judged else ()
+        judged = zip(names, self.judged_images, strict=True)
+        return [*self.images, *(image for name, image in judged if name not in self.left_out)]
+
+    @property
     def light_beside_grid(self) -> bool:
         """Whether images show light that the volume cannot explain."""
         return self.suspects is not None and self.suspects.light_beside_grid
