@@ -85,10 +85,14 @@ def few_ticks(axes: Axes, width: float, height: float) -> None:
     """Set as many ticks as a plane's panel, measured in inches, has room for."""
     from matplotlib.ticker import MaxNLocator
 
-    longest = max(len(f"{end:.7g}") for end in axes.get_xlim())
-    across = max(0.32, 0.03 + 0.055 * longest)
-    axes.xaxis.set_major_locator(MaxNLocator(max(1, int(width / across)), steps=[1, 2, 5, 10]))
+    most = max(1, int(width / room_of_number(*axes.get_xlim())))
+    axes.xaxis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
     axes.yaxis.set_major_locator(MaxNLocator(max(1, int(height / 0.28)), steps=[1, 2, 5, 10]))
+
+
+def room_of_number(*ends: float) -> float:
+    """Return the inches that a number takes below an axis between such ends."""
+    return max(0.32, 0.03 + 0.055 * max(len(f"{end:.7g}") for end in ends))
 
 
 def coordinate(at: float, extent: tuple[float, float, float, float]) -> str:
