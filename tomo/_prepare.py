@@ -33,8 +33,8 @@ class Prepared:
         The voxels that may be other than zero.
     alignment, carving, refinement : optional
         How they were found; None where it was not asked for.
-    light_beside_grid : bool
-        Whether images show light that the volume cannot explain, see `tomo.suspects`.
+    strange_light : bool
+        Whether images show light that no volume in the grid explains, see `tomo.suspects`.
     """
 
     rig: Rig
@@ -43,7 +43,7 @@ class Prepared:
     alignment: Alignment | None = None
     carving: Carving | None = None
     refinement: Refinement | None = None
-    light_beside_grid: bool = False
+    strange_light: bool = False
 
     @property
     def warnings(self) -> list[str]:
@@ -86,9 +86,9 @@ class Prepared:
 
     def _advice(self, usual: str) -> str:
         """Return what to do about cameras that seem wrong: they may only seem so."""
-        if not self.light_beside_grid:
+        if not self.strange_light:
             return usual
-        return f"see to the light beside the grid first, and if this stays, {usual}"
+        return f"see to the light that no volume explains first, and if this stays, {usual}"
 
     def report(self, pixels_used: int) -> dict[str, Any]:
         """Return what was left out, and why, for the report."""
@@ -128,7 +128,7 @@ def prepare(
     carving: dict[str, Any] | None,
     refining: dict[str, Any] | None = None,
     noise: Sequence[NoiseModel] | None = None,
-    light_beside_grid: bool = False,
+    strange_light: bool = False,
 ) -> Prepared:
     """Align and refine the cameras and carve the volume, from the images alone.
 
@@ -144,7 +144,7 @@ def prepare(
         Settings of `tomo.refine.refine_cameras`; nothing is refined when None.
     noise : sequence of NoiseModel, optional
         Of each image, where it is known already.
-    light_beside_grid : bool
+    strange_light : bool
         See `Prepared`.
     """
     if refining is not None and set(refining["cameras"]) >= set(rig.names):
@@ -159,6 +159,6 @@ def prepare(
         rig = refinement.rig
     if carving is None:
         live = LiveVoxels(grid)
-        return Prepared(rig, masks, live, alignment, None, refinement, light_beside_grid)
+        return Prepared(rig, masks, live, alignment, None, refinement, strange_light)
     found = carve(tuple(rig), images, masks, grid, noise=noise, **carving)
-    return Prepared(rig, found.pixels, found.live, alignment, found, refinement, light_beside_grid)
+    return Prepared(rig, found.pixels, found.live, alignment, found, refinement, strange_light)

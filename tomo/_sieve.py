@@ -60,9 +60,9 @@ class Sieved:
         return [*self.images, *(image for name, image in judged if name not in self.left_out)]
 
     @property
-    def light_beside_grid(self) -> bool:
-        """Whether images show light that the volume cannot explain."""
-        return self.suspects is not None and self.suspects.light_beside_grid
+    def strange_light(self) -> bool:
+        """Whether images show light that no volume in the grid explains."""
+        return self.suspects is not None and self.suspects.strange_light
 
     @property
     def warnings(self) -> list[str]:

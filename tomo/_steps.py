@@ -73,7 +73,7 @@ def reconstruct_as_asked(
         carving=request.carving,
         refining=refining if refined else None,
         noise=sieved.noise,
-        light_beside_grid=sieved.light_beside_grid,
+        strange_light=sieved.strange_light,
     )
     laps.end("prepare")
     system, judged_system = _traced(prepared, sieved, grid, request, progress)

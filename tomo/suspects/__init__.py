@@ -6,7 +6,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "below_zero": ["below_zero"],
-        "beside_grid": ["Beside", "light_beside"],
+        "background": ["background"],
+        "beside_grid": ["light_beside"],
         "predictions": ["Predictions"],
         "suspects": ["Suspects", "find_suspects"],
         "views": ["ViewVerdict", "judge_views"],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,27 +25,6 @@ REACH = 0.02
 CELLS = 16
 """Along each axis of the box: enough to tell which pixels it touches, whatever the lens."""
 
-EVEN = 0.5
-"""Of the ninth decile of the squares beside the grid, which their first must reach for the light
-there to be a background: white noise leaves 0.59 at five of its standard deviations. Emission
-that reaches beyond the grid fades."""
-
-
-@dataclass(frozen=True)
-class Beside:
-    """An image's light on lines of sight that miss the grid's box.
-
-    Attributes
-    ----------
-    share : float
-        Of the image's light, 0 to 1.
-    background : float
-        Median there, in the image's unit, where the light is even; else 0.
-    """
-
-    share: float = 0.0
-    background: float = 0.0
-
 
 def light_beside(
     cameras: Sequence[Camera],
@@ -54,8 +32,8 @@ def light_beside(
     masks: Sequence[NDArray[np.bool_]],
     noise: Sequence[NoiseModel],
     grid: VoxelGrid,
-) -> list[Beside]:
-    """Return each image's light on lines of sight that miss the grid's box.
+) -> list[float]:
+    """Return the share of each image's light on lines of sight that miss the grid's box.
 
     Parameters
     ----------
@@ -69,9 +47,9 @@ def light_beside(
 
     Returns
     -------
-    found : list of Beside
-        Nothing is said, by 0, of an image that is dark, of one that the box is not in and where
-        the camera's lens does not map all of the box.
+    shares : list of float
+        0 to 1. Nothing is said, by 0, of an image that is dark, of one that the box is not in and
+        where the camera's lens does not map all of the box.
 
     Notes
     -----
@@ -83,22 +61,22 @@ def light_beside(
     shapes = [image.shape for image in images]
     seen = touched(np.ones(box.shape, bool), lattices, shapes)
     return [
-        _beside(np.asarray(image, np.float64), np.asarray(mask, bool), one, pixels)
+        _share_beside(np.asarray(image, np.float64), np.asarray(mask, bool), one, pixels)
         for image, mask, one, pixels in zip(images, masks, noise, seen, strict=True)
     ]
 
 
-def _beside(
+def _share_beside(
     image: NDArray[np.float64],
     usable: NDArray[np.bool_],
     noise: NoiseModel,
     seen: NDArray[np.bool_],
-) -> Beside:
-    """Return an image's light in squares where nothing is ``seen`` of the box."""
+) -> float:
+    """Return the share of an image's light in squares where nothing is ``seen`` of the box."""
     import cv2
 
     if not seen.any() or seen.all():
-        return Beside()
+        return 0.0
     reach = max(1, round(REACH * max(image.shape)))
     near = cv2.dilate(seen.astype(np.uint8), np.ones((2 * reach + 1,) * 2, np.uint8))
     whole = squares_of(usable).all(axis=1)
@@ -107,8 +85,4 @@ def _beside(
     least = SIGMAS / SIDE * np.sqrt(noise.variance(0.0)) + BRIGHT * means.max(initial=0.0)
     light = np.where(means > least, means, 0.0)
     total = light.sum()
-    if total <= 0 or not beside.any():
-        return Beside()
-    lowest, middle, highest = np.quantile(means[beside], (0.1, 0.5, 0.9)).tolist()
-    even = middle > least and lowest >= EVEN * highest
-    return Beside(float(light[beside].sum() / total), middle if even else 0.0)
+    return float(light[beside].sum() / total) if total > 0 else 0.0

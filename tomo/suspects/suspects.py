@@ -13,8 +13,9 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.linear_system import VolumeNotSeenError
 from tomo.support.noise_model import NoiseModel, estimate_noise
+from tomo.suspects.background import background
 from tomo.suspects.below_zero import below_zero
-from tomo.suspects.beside_grid import Beside, light_beside
+from tomo.suspects.beside_grid import light_beside
 from tomo.suspects.views import ViewVerdict, judge_views
 from tomo.suspects.wild import wild_pixels
 
@@ -45,7 +46,9 @@ class Suspects:
     below_zero : mapping
         Camera to how far its dark regions lie below zero, in the images' unit; only those that do.
     beside : mapping
-        Camera to its light on lines of sight that miss the grid.
+        Camera to the share of its light on lines of sight that miss the grid.
+    background : mapping
+        Camera to the level of the even background that its image lies on; only those that do.
     """
 
     masks: tuple[NDArray[np.bool_], ...]
@@ -55,7 +58,8 @@ class Suspects:
     held_out: tuple[str, ...] = ()
     noise: tuple[NoiseModel, ...] = ()
     below_zero: Mapping[str, float] = field(default_factory=dict)
-    beside: Mapping[str, Beside] = field(default_factory=dict)
+    beside: Mapping[str, float] = field(default_factory=dict)
+    background: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -66,6 +70,7 @@ class Suspects:
     def warnings(self) -> list[str]:
         """What the user should know of it."""
         return [
+            *self._of_background(),
             *self._of_light_beside(),
             *self._of_wild_pixels(),
             *self._of_dark_regions(),
@@ -73,22 +78,29 @@ class Suspects:
         ]
 
     @property
-    def light_beside_grid(self) -> bool:
-        """Whether so much of a view's light lies beside the grid that the user is told."""
-        return any(one.share > BESIDE for one in self.beside.values())
+    def strange_light(self) -> bool:
+        """Whether the user is told of light that no volume in the grid explains."""
+        return bool(self._of_background() or self._of_light_beside())
+
+    def _of_background(self) -> list[str]:
+        if not self.background:
+            return []
+        worst = max(self.background, key=self.background.__getitem__)
+        return [
+            f"images of {len(self.background)} of {len(self.wild)} cameras lie on an even "
+            f"background, that of camera {worst} on {self.background[worst]:.3g}: is it to be "
+            "subtracted as dark? The volume has to explain it, and gains and cameras may seem "
+            "wrong"
+        ]
 
     def _of_light_beside(self) -> list[str]:
-        if not self.light_beside_grid:
+        shares = {n: share for n, share in self.beside.items() if n not in self.background}
+        worst = max(shares, key=shares.__getitem__, default=None)
+        if worst is None or shares[worst] <= BESIDE:
             return []
-        worst = max(self.beside, key=lambda name: self.beside[name].share)
-        found = self.beside[worst]
-        cause = ": does emission reach beyond the grid, or is there a background in the images?"
-        if found.background:
-            cause = (
-                f", evenly: is there a background of {found.background:.3g} to subtract as dark?"
-            )
         return [
-            f"{found.share:.0%} of camera {worst}'s light lies beside the grid{cause} What is "
+            f"{shares[worst]:.0%} of camera {worst}'s light lies beside the grid: does the "
+            "emission reach beyond the grid, or is there a background in the images? What is "
             "inside has to explain what is not, and gains and cameras may seem wrong"
         ]
 
@@ -126,18 +138,17 @@ class Suspects:
 
         ``left_out`` lists the cameras left out; ``wild_pixels`` counts those of each camera;
         ``below_zero`` has how far dark regions lie below zero, in the images' unit, of the cameras
-        where they do; ``light_beside_grid`` has the share of each camera's light on lines of sight
-        that miss the grid, ``background_beside_grid`` how bright these are where they are so
-        evenly, else 0; ``views`` has for each camera judged its ``agreement`` with what the
-        others predict, whether it is ``wrong``, and what it ``looks`` like instead, if anything
-        fits.
+        where they do; ``background`` has the even background of those that lie on one, likewise;
+        ``light_beside_grid`` has the share of each camera's light on lines of sight that miss the
+        grid; ``views`` has for each camera judged its ``agreement`` with what the others predict,
+        whether it is ``wrong``, and what it ``looks`` like instead, if anything fits.
         """
         return {
             "left_out": list(self.left_out),
             "wild_pixels": dict(self.wild),
             "below_zero": dict(self.below_zero),
-            "light_beside_grid": {name: one.share for name, one in self.beside.items()},
-            "background_beside_grid": {n: b.background for n, b in self.beside.items()},
+            "background": dict(self.background),
+            "light_beside_grid": dict(self.beside),
             "views": {view.name: view.report() for view in self.views},
         }
 
@@ -166,7 +177,8 @@ def find_suspects(
     wild = [wild_pixels(i, m, n) for i, m, n in zip(images, masks, noise, strict=True)]
     clean = tuple(m & ~w for m, w in zip(masks, wild, strict=True))
     depths = [below_zero(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
-    beside_grid = light_beside(list(cameras), images, clean, noise, grid)
+    levels = [background(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
+    shares = light_beside(list(cameras), images, clean, noise, grid)
     try:
         views = judge_views(cameras, images, clean, grid, trusted=len(rig))
     except VolumeNotSeenError:  # told, in better words, by whoever needs the volume
@@ -179,5 +191,6 @@ def find_suspects(
         tuple(beside[0].names),
         noise,
         {name: depth for name, depth in zip(cameras.names, depths, strict=True) if depth > 0},
-        dict(zip(cameras.names, beside_grid, strict=True)),
+        dict(zip(cameras.names, shares, strict=True)),
+        {name: level for name, level in zip(cameras.names, levels, strict=True) if level > 0},
     )
