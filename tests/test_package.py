@@ -25,6 +25,7 @@ FLOORS = [
         "tomo._inner_product",
         "tomo._kernel_compiler",
         "tomo._memory",
+        "tomo._numbering",
         "tomo._lanes",
         "tomo._row_sum",
         "tomo._sums",
@@ -39,6 +40,7 @@ FLOORS = [
     {
         "tomo._blur",
         "tomo._coarser",
+        "tomo._pixels_of_sources",
         "tomo._products",
         "tomo.linear_system",
         "tomo.on_the_fly",

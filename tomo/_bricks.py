@@ -12,6 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._numbering import numbering
+
 BRICK_BITS = 3
 """Of the place inside a brick, along each axis."""
 
@@ -37,8 +39,7 @@ def brick_places(mask: NDArray[np.bool_]) -> NDArray[np.integer]:
         axis * (BRICK_BITS + 1) + level for level in range(BRICK_BITS + 1) for axis in range(3)
     ]
     by_bricks = padded.reshape(halved).transpose(order)
-    few = mask.size <= np.iinfo(np.int32).max
-    place = np.zeros(halved, np.int32 if few else np.int64)
+    place = np.zeros(halved, numbering(mask.size))
     sequence = np.cumsum(by_bricks.ravel(), dtype=place.dtype) - 1
     place.transpose(order)[...] = sequence.reshape(by_bricks.shape)
     return place.reshape(padded.shape)[padded]

@@ -33,6 +33,8 @@ class Prepared:
         The voxels that may be other than zero.
     alignment, carving, refinement : optional
         How they were found; None where it was not asked for.
+    strange_light : bool
+        Whether images show light that no volume in the grid explains, see `tomo.suspects`.
     """
 
     rig: Rig
@@ -41,6 +43,7 @@ class Prepared:
     alignment: Alignment | None = None
     carving: Carving | None = None
     refinement: Refinement | None = None
+    strange_light: bool = False
 
     @property
     def warnings(self) -> list[str]:
@@ -61,7 +64,12 @@ class Prepared:
             return []
         displacement = found.displacement
         doubt = (
-            [displacement.warning(self.rig.names)]
+            [
+                displacement.warning(
+                    self.rig.names,
+                    self._advice("calibrate again, or refine the cameras from the images"),
+                )
+            ]
             if displacement is not None and displacement.disagrees
             else []
         )
@@ -72,9 +80,15 @@ class Prepared:
         return [
             f"camera {self.rig.names[worst]} looks {lengths[worst]:.1f} pixels beside where the "
             f"rig says, others less: images were shifted to agree ({found.reason}); "
-            "calibrate again",
+            f"{self._advice('calibrate again')}",
             *doubt,
         ]
+
+    def _advice(self, usual: str) -> str:
+        """Return what to do about cameras that seem wrong: they may only seem so."""
+        if not self.strange_light:
+            return usual
+        return f"see to the light that no volume explains first, and if this stays, {usual}"
 
     def report(self, pixels_used: int) -> dict[str, Any]:
         """Return what was left out, and why, for the report."""
@@ -114,6 +128,7 @@ def prepare(
     carving: dict[str, Any] | None,
     refining: dict[str, Any] | None = None,
     noise: Sequence[NoiseModel] | None = None,
+    strange_light: bool = False,
 ) -> Prepared:
     """Align and refine the cameras and carve the volume, from the images alone.
 
@@ -129,6 +144,8 @@ def prepare(
         Settings of `tomo.refine.refine_cameras`; nothing is refined when None.
     noise : sequence of NoiseModel, optional
         Of each image, where it is known already.
+    strange_light : bool
+        See `Prepared`.
     """
     if refining is not None and set(refining["cameras"]) >= set(rig.names):
         align = False  # what a shift would do is done better
@@ -141,6 +158,7 @@ def prepare(
         refinement = refine_cameras(rig, images, grid, masks=masks, skip=skip, **refining)
         rig = refinement.rig
     if carving is None:
-        return Prepared(rig, masks, LiveVoxels(grid), alignment, None, refinement)
+        live = LiveVoxels(grid)
+        return Prepared(rig, masks, live, alignment, None, refinement, strange_light)
     found = carve(tuple(rig), images, masks, grid, noise=noise, **carving)
-    return Prepared(rig, found.pixels, found.live, alignment, found, refinement)
+    return Prepared(rig, found.pixels, found.live, alignment, found, refinement, strange_light)

@@ -53,6 +53,18 @@ class Sieved:
         return self.suspects.left_out if self.suspects else ()
 
     @property
+    def not_left_out(self) -> Images:
+        """The images that take part and those held out."""
+        names = self.judged.rig.names if self.judged else ()
+        judged = zip(names, self.judged_images, strict=True)
+        return [*self.images, *(image for name, image in judged if name not in self.left_out)]
+
+    @property
+    def strange_light(self) -> bool:
+        """Whether images show light that no volume in the grid explains."""
+        return self.suspects is not None and self.suspects.strange_light
+
+    @property
     def warnings(self) -> list[str]:
         """What the user should know of it."""
         return self.suspects.warnings if self.suspects else []

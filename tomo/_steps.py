@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tomo._as_warning import as_warning
 from tomo._first_use import warm_up, warm_up_alignment, warm_up_carving
 from tomo._judging import (
     as_learned,
@@ -55,6 +56,7 @@ def reconstruct_as_asked(
     laps.skip()
 
     sieved = sieve(scan, images, masks, grid, request.hold_out, suspects=request.suspects)
+    brightest = data_range(scan, request.frame, sieved.not_left_out)
     laps.end("suspects")
     refined = tuple(name for name in request.refined(scan) if name not in sieved.left_out)
     refining = {
@@ -71,6 +73,7 @@ def reconstruct_as_asked(
         carving=request.carving,
         refining=refining if refined else None,
         noise=sieved.noise,
+        strange_light=sieved.strange_light,
     )
     laps.end("prepare")
     system, judged_system = _traced(prepared, sieved, grid, request, progress)
@@ -100,32 +103,34 @@ def reconstruct_as_asked(
     laps.end("solve")
     comparisons = []
     for other, count in request.others:
-        try:
+        with as_warning(f"comparison {other.name}", later):
             comparisons.append(run.solve(other, count))
-        except (ValueError, RuntimeError) as error:  # the reconstruction itself stands
-            later.append(f"comparison {other.name}: {error}")
     laps.end("compare")
-    warnings += [*prepared.warnings, *later]  # what is to be said of the cameras takes its time
-    condition = assess(
-        system,
-        measured,
-        found.volume,
-        run.again(request.main, found),
-        repeats=request.repeats,
-        seed=request.seed,
-        progress=progress,
-    )
-    warnings += [f"not to be trusted: {doubt}" for doubt in condition.warnings]
+    prepared = _cameras_judged(prepared, later)  # takes its time
+    warnings += [*prepared.warnings, *later]
+    condition = None
+    with as_warning("condition: how far to trust the volume was not found", warnings):
+        condition = assess(
+            system,
+            measured,
+            found.volume,
+            run.again(request.main, found),
+            repeats=request.repeats,
+            seed=request.seed,
+            progress=progress,
+        )
+        warnings += [f"not to be trusted: {doubt}" for doubt in condition.warnings]
     laps.end("condition")
 
-    seeing = as_learned(system, found, same_views=True)
-    views = views_of(seeing, found.volume, sieved.images, sieved.masks, gains)
-    views += _views_judged(judged_system, found, sieved, request)
-    learned = None
-    if found.weights is not None:
-        comparable = request.supersample == 1
-        ratios = true_ratios(system, effects, truth, gains) if comparable else None
-        learned = summed_up(system, seeing, found, ratios)
+    views, learned = [], None
+    with as_warning("re-projected images: not found", warnings):
+        seeing = as_learned(system, found, same_views=True)
+        views += views_of(seeing, found.volume, sieved.images, sieved.masks, gains)
+        views += _views_judged(judged_system, found, sieved, request)
+        if found.weights is not None:
+            comparable = request.supersample == 1
+            ratios = true_ratios(system, effects, truth, gains) if comparable else None
+            learned = summed_up(system, seeing, found, ratios)
     no_ray = system.unseen
     n_unseen = int(np.count_nonzero(no_ray))
     if n_unseen:
@@ -139,7 +144,7 @@ def reconstruct_as_asked(
         reconstruction=replace(found, peak_memory=peak_memory()),
         rig=scan.rig,
         views=tuple(sorted(views, key=lambda view: scan.rig.names.index(view.name))),
-        data_range=data_range(scan, request.frame, [v.measured for v in views if not v.left_out]),
+        data_range=brightest,
         truth=truth,
         comparisons=tuple(comparisons),
         counts={
@@ -168,6 +173,16 @@ def reconstruct_as_asked(
         learned=learned,
         condition=condition,
     )
+
+
+def _cameras_judged(prepared: Prepared, warnings: list[str]) -> Prepared:
+    """Return it with its cameras' displacement found, or without any where that failed."""
+    if prepared.alignment is None:
+        return prepared
+    with as_warning("cameras: whether images agree with them was not found", warnings):
+        _ = prepared.alignment.displacement
+        return prepared
+    return replace(prepared, alignment=replace(prepared.alignment, judged=None))
 
 
 def _traced(

@@ -181,27 +181,20 @@ class _Round:
     error, registered : float
         Relative errors of the predictions as they are, and as registration makes them.
     predicted : tuple of (rows, columns) float32
-    system : LinearSystem
-        What the cameras, shifted so far, see of voxels that may emit.
-    measured : (pixels,) float32
     """
 
     shifts: NDArray[np.float64]
     error: float
     registered: float
     predicted: tuple[NDArray[np.float32], ...]
-    system: LinearSystem
-    measured: NDArray[np.float32]
 
     @classmethod
     def of(cls, coarse: Coarser, shifts: NDArray[np.float64]) -> Self:
-        rig, images, masks = _shifted(coarse.rig, shifts), coarse.images, coarse.masks
-        found = carve(tuple(rig), images, masks, coarse.grid)
-        system = LinearSystem.from_rig(rig, coarse.grid, masks=found.pixels, live=found.live)
-        measured = system.flatten(images)
-        views = range(len(rig))
-        count = len(rig) if len(rig) <= 6 else GROUPS
-        further, predicted = np.zeros((len(rig), 2)), {}
+        images, masks = coarse.images, coarse.masks
+        system, measured = _seen(coarse, shifts)
+        views = range(len(images))
+        count = len(views) if len(views) <= 6 else GROUPS
+        further, predicted = np.zeros((len(views), 2)), {}
         smears = log_smears(system.projector, measured)
         raw = registered = light = 0.0
         for group in range(count):
@@ -220,9 +213,8 @@ class _Round:
                 light += float(np.sum(np.square(image, dtype=np.float64)[mask]))
         every = tuple(predicted[view] for view in views)
         if light == 0:
-            return cls(further, math.nan, math.nan, every, system, measured)
-        errors = math.sqrt(raw / light), math.sqrt(registered / light)
-        return cls(further, *errors, every, system, measured)
+            return cls(further, math.nan, math.nan, every)
+        return cls(further, math.sqrt(raw / light), math.sqrt(registered / light), every)
 
     def displacement(self, coarse: Coarser) -> Displacement:
         return Displacement.of(self.predicted, coarse.images, coarse.masks, coarse.factor)
@@ -241,10 +233,9 @@ class _Judged:
         found = self.round.displacement(self.coarse)
         if not found.disagrees:
             return found
-        system, views = self.round.system, range(len(self.coarse.rig))
-        volume = quick_volume(
-            system.projector, self.round.measured, views, iterations=2 * ITERATIONS
-        )
+        system, measured = _seen(self.coarse, self.shifts)  # not kept while a volume is solved for
+        views = range(len(self.coarse.rig))
+        volume = quick_volume(system.projector, measured, views, iterations=2 * ITERATIONS)
         seen = system.images((system.projector @ volume).astype(np.float32))
         rehearsed = replace(self.coarse, images=tuple(seen))
         try:
@@ -252,6 +243,16 @@ class _Judged:
         except VolumeNotSeenError:  # an empty volume says nothing of the cameras
             return found
         return replace(found, of_exact=of_exact.pixels)
+
+
+def _seen(
+    coarse: Coarser, shifts: NDArray[np.float64]
+) -> tuple[LinearSystem, NDArray[np.float32]]:
+    """Return what shifted cameras see of voxels that may emit, and their pixels ``(pixels,)``."""
+    rig = _shifted(coarse.rig, shifts)
+    found = carve(tuple(rig), coarse.images, coarse.masks, coarse.grid)
+    system = LinearSystem.from_rig(rig, coarse.grid, masks=found.pixels, live=found.live)
+    return system, system.flatten(coarse.images)
 
 
 def _motion(camera: Camera, grid: VoxelGrid) -> NDArray[np.float64]:

@@ -117,13 +117,13 @@ class Displacement:
         single = self.pixels > np.maximum(np.maximum(SINGLE, SINGLE_NOISE * self.noise), allowed)
         return together or bool(single.any())
 
-    def warning(self, names: Sequence[str]) -> str:
-        """Return what the user should know when they disagree; ``names`` are the cameras'."""
+    def warning(self, names: Sequence[str], advice: str) -> str:
+        """Return what the user should know when they disagree, the cameras ``names``, and do."""
         worst = int(np.argmax(self.pixels))
         return (
             f"cameras and images disagree: camera {names[worst]} sees things "
             f"{self.pixels[worst]:.1f} pixels from where the others predict them, a camera on "
-            f"average {self.typical:.1f}: calibrate again, or refine the cameras from the images"
+            f"average {self.typical:.1f}: {advice}"
         )
 
     def report(self, names: Sequence[str]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo._bricks import brick_places
+from tomo._numbering import numbering
 from tomo.grid import VoxelGrid
 
 _FEW = 4096  # in single precision half of the smallest cache of today's processors
@@ -82,8 +83,7 @@ class LiveVoxels:
     @cached_property
     def number(self) -> NDArray[np.integer]:
         """The unknown of every voxel, -1 where there is none: ``(grid.size,)``."""
-        few = self.grid.size <= np.iinfo(np.int32).max
-        number = np.full(self.grid.size, -1, np.int32 if few else np.int64)
+        number = np.full(self.grid.size, -1, numbering(self.grid.size))
         number[slice(None) if self.index is None else self.index] = np.arange(self.size)
         return number
 

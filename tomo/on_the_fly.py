@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs import Camera
+from tomo._numbering import numbering
+from tomo._pixels_of_sources import pixels_between, pixels_by_source
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
@@ -131,30 +133,12 @@ class OnTheFlyProjector(ViewedOperator):
 
     def rows(self, start: int, stop: int) -> OnTheFlyProjector:
         """Return the projector of pixels ``start:stop`` as one view; rays are shared."""
-        first, last = np.searchsorted(self._ptr, [start, stop], side="right") - 1
-        wanted = []
-        for number in range(first, min(last, len(self._sources) - 1) + 1):
-            low, high = self._ptr[number : number + 2].tolist()
-            if max(start, low) < min(stop, high):
-                wanted.append((number, slice(max(start, low) - low, min(stop, high) - low)))
-        return self._some(wanted, None)
+        return self._some(pixels_between(self._ptr, start, stop), None)
 
     def _taken(
         self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]
     ) -> OnTheFlyProjector:
-        source = np.searchsorted(self._ptr, pixels, side="right") - 1
-        cuts = np.flatnonzero(np.diff(source)) + 1
-        wanted = (
-            [
-                (int(number), some - self._ptr[number])
-                for number, some in zip(
-                    source[np.append(0, cuts)], np.split(pixels, cuts), strict=True
-                )
-            ]
-            if len(pixels)
-            else []
-        )
-        return self._some(wanted, view_ptr)
+        return self._some(pixels_by_source(self._ptr, pixels), view_ptr)
 
     def _some(
         self, wanted: Sequence[tuple[int, Numbers]], view_ptr: NDArray[np.int64] | None
@@ -300,7 +284,7 @@ class OnTheFlyProjector(ViewedOperator):
     @property
     def _number(self) -> NDArray[np.integer]:
         """Nothing, of the type in which places of running sums fit."""
-        return np.zeros(0, np.int32 if math.prod(n + 1 for n in self.grid.shape) < 2**31 else int)
+        return np.zeros(0, numbering(math.prod(n + 1 for n in self.grid.shape)))
 
 
 def _overlap(met: tuple[int, int] | None, low: int, high: int) -> bool:

@@ -226,19 +226,27 @@ def parse_grid(
 
 
 def load_rig_or_preset(text: str) -> Rig:
-    """Return the rig of a preset, a scan's folder, or a file or folder of any known format."""
-    from rigs import formats, preset, preset_names
+    """Return the rig of a preset, a scan, or a file or folder of any known format."""
+    return load_rig_and_grid(text)[0]
 
+
+def load_rig_and_grid(text: str) -> tuple[Rig, VoxelGrid | None]:
+    """Return such a rig and the voxels that the scan, or the rig itself, names; None for none."""
+    from rigs import formats, preset, preset_names
+    from tomo.grid import grid_of_rig
+
+    path, grid = Path(text), None
+    files = [path / name for name in ("transforms.json", "rig.yaml") if (path / name).is_file()]
     if text in preset_names():
-        return preset(text)
-    if (Path(text) / "scan.yaml").is_file():
+        rig = preset(text)
+    elif (path.is_file() and path.name == "scan.yaml") or (path / "scan.yaml").is_file():
         from tomo import Scan
 
-        return Scan.load(text).rig
-    for name in ("transforms.json", "rig.yaml"):
-        if (Path(text) / name).is_file():
-            return formats.load(Path(text) / name)
-    if not Path(text).exists():
+        scan = Scan.load(path)
+        rig, grid = scan.rig, scan.grid
+    elif path.exists():
+        rig = formats.load(files[0] if files else path)
+    else:
         known = ", ".join(preset_names())
         raise FileNotFoundError(f"{text}: no such rig file, and no preset; presets are {known}")
-    return formats.load(text)
+    return rig, grid or grid_of_rig(rig)

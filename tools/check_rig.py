@@ -17,7 +17,7 @@ from _command import (
     bad_input_in_one_line,
     console,
     finite_or_none,
-    load_rig_or_preset,
+    load_rig_and_grid,
     parse_grid,
     print_json,
 )
@@ -77,13 +77,12 @@ def check_rig(
             raise ValueError(
                 f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
             )
-        from tomo.grid import grid_of_rig
         from tomo.view.rig_page import check_on_grid
 
-        loaded = load_rig_or_preset(rig)
+        loaded, default = load_rig_and_grid(rig)
         if not len(loaded):
             raise ValueError(f"{rig}: cameras: found none, expected at least one")
-        voxels = parse_grid(grid, spacing, center, lower, upper, default=grid_of_rig(loaded))
+        voxels = parse_grid(grid, spacing, center, lower, upper, default=default)
         check, coarse = check_on_grid(loaded, voxels, pixel_accuracy=pixel_accuracy)
         need, effort, why = _effort(loaded, voxels, time)
         heading = Path(rig).stem

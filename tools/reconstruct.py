@@ -176,9 +176,8 @@ def reconstruct(
                 uncertainty=_number_or_auto("--uncertainty", uncertainty, int),
                 progress=progress,
             )
-        write_outcome(out, outcome)
-        report = outcome.report()
-    for warning in outcome.warnings:
+        report = write_outcome(out, outcome)
+    for warning in report["warnings"]:
         console.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
     console.print(_summary(report, out), markup=False, soft_wrap=True)
     if json:

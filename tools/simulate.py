@@ -15,7 +15,7 @@ import typer
 from _command import (
     bad_input_in_one_line,
     check_output_volume,
-    load_rig_or_preset,
+    load_rig_and_grid,
     parse_grid,
     print_json,
     progress_bar,
@@ -75,7 +75,6 @@ def simulate(
     started = time.perf_counter()
     with bad_input_in_one_line():
         from tomo.effects import Effects
-        from tomo.grid import grid_of_rig
         from tomo.simulate import simulate as simulate_scan
 
         effects = Effects(
@@ -87,11 +86,10 @@ def simulate(
             focus_distance=focus_distance,
         )
 
-        loaded = load_rig_or_preset(rig)
+        loaded, default = load_rig_and_grid(rig)
         check_output_volume(out, loaded, rig)
         volume = _read_volume(phantom, loaded.length_unit)
-        default = volume[1] if volume else grid_of_rig(loaded)
-        voxels = parse_grid(grid, spacing, center, default=default)
+        voxels = parse_grid(grid, spacing, center, default=volume[1] if volume else default)
         field = _field(phantom, volume, voxels, seed)
         with progress_bar("simulate") as progress:
             scan = simulate_scan(

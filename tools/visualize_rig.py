@@ -16,7 +16,7 @@ from _command import (
     bad_input_in_one_line,
     console,
     finite_or_none,
-    load_rig_or_preset,
+    load_rig_and_grid,
     parse_grid,
     print_json,
 )
@@ -74,8 +74,8 @@ def visualize_rig(
     """Draw a rig's cameras, where they look, and the volume they look at."""
     with bad_input_in_one_line():
         check_outputs(out)
-        loaded = _load(rig)
-        data, voxels = _volume(loaded, volume, grid, spacing, center)
+        loaded, own = _load(rig)
+        data, voxels = _volume(loaded, own, volume, grid, spacing, center)
         heading = title if title is not None else Path(rig).stem
         difference = _difference(loaded, compare, voxels, align)
         beside = _beside(loaded, voxels, difference)
@@ -120,22 +120,24 @@ def visualize_rig(
         print_json(told)
 
 
-def _load(text: str) -> Rig:
-    """Return a rig with at least one camera."""
-    loaded = load_rig_or_preset(text)
+def _load(text: str) -> tuple[Rig, VoxelGrid | None]:
+    """Return a rig with at least one camera, and the voxels that it or its scan names."""
+    loaded, voxels = load_rig_and_grid(text)
     if not len(loaded):
         raise ValueError(f"{text}: cameras: found none, expected at least one to draw")
-    return loaded
+    return loaded, voxels
 
 
 def _volume(
-    rig: Rig, volume: Path | None, grid: str | None, spacing: str | None, center: str | None
+    rig: Rig,
+    default: VoxelGrid | None,
+    volume: Path | None,
+    grid: str | None,
+    spacing: str | None,
+    center: str | None,
 ) -> tuple:
     """Return a volume's data, None without one, and the grid to draw, None without one."""
-    from tomo.grid import grid_of_rig
-
     if volume is None:
-        default = grid_of_rig(rig)
         asked = grid or spacing or center
         return None, parse_grid(grid, spacing, center, default=default) if asked else default
     if grid or spacing or center:
@@ -165,7 +167,7 @@ def _difference(
     else:
         points = Target.of(rig, None).center[None]
     try:
-        return compare_rigs(rig, _load(compare), points, align=align)
+        return compare_rigs(rig, _load(compare)[0], points, align=align)
     except ValueError as error:
         raise ValueError(f"--compare {compare}: {error}") from None
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rigs.calibrate._found import Found, Search, local_axes, smooth_map
 from rigs.calibrate._order import border, lattice, orders
-from rigs.calibrate.targets import CircleGrid
+from rigs.calibrate.circle_grid import CircleGrid
 
 _LEAST = 6.0  # pixels across a circle
 

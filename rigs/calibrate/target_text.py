@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rigs.calibrate.targets import CharucoBoard, Chessboard, CircleGrid, Target
+from rigs.calibrate.circle_grid import CircleGrid
+from rigs.calibrate.targets import CharucoBoard, Chessboard, Target
 
 #: What `parse_target` reads, one form a kind of target.
 TARGET_FORMS = (

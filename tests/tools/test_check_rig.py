@@ -7,8 +7,11 @@ import trimesh
 import yaml
 
 import rigs
+from phantoms import create
 from rigs import ring, save_rig
 from rigs.rig import Volume
+from tomo import VoxelGrid
+from tomo.simulate import simulate
 
 VOLUME = Volume((16, 40, 16), 1.0)
 
@@ -129,3 +132,27 @@ def test_a_rig_without_a_volume_needs_a_grid(run_tool, tmp_path):
     done = run_tool("check_rig", tmp_path / "bare.yaml", "--no-time")
     assert done.exit_code == 2
     assert "--grid and --spacing" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["scan", "scan/scan.yaml"])
+def test_a_scan_says_where_the_volume_is(run_tool, tmp_path, name):
+    """Its own grid, be it named by its folder or its file, and not that of its rig."""
+    grid = VoxelGrid((10, 20, 10), 1.0)
+    rig = ring(5, distance=200.0, image_size=(24, 30), footprint=1.0, volume=VOLUME)
+    simulate(rig, create("jet", 1, grid.extent), grid).save(tmp_path / "scan")
+    done = run_tool("check_rig", tmp_path / name, "--no-time", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["estimate"]["voxels"] == 10 * 20 * 10
+    drawn = run_tool("visualize_rig", tmp_path / name, "-o", tmp_path / "rig.glb", "--json")
+    assert drawn.exit_code == 0, drawn.stderr
+    again = run_tool(
+        "simulate",
+        "--rig",
+        tmp_path / name,
+        "--phantom",
+        "jet",
+        "-o",
+        tmp_path / "other",
+        "--json",
+    )
+    assert json.loads(again.stdout)["grid"]["shape"] == [10, 20, 10]

@@ -150,7 +150,9 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
         "grid": {"shape": [4, 7, 4], "spacing": [2.0, 2.0, 2.4], "center": [10.0, 0.0, -3.0]},
     }
     assert {key: report["settings"][key] for key in expected} == expected
-    assert report["warnings"] == ["truth.npz: the truth is on another grid: no quality figures"]
+    of_truth, of_views = report["warnings"]
+    assert of_truth == "truth.npz: the truth is on another grid: no quality figures"
+    assert of_views.startswith("not to be trusted: few views: ")
     assert report["rays"] == 3 * 12 * 16 * 2**2
 
 

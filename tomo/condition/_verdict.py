@@ -8,8 +8,10 @@ import numpy as np
 
 from tomo.condition._seeing import Seeing
 
-FEW_VIEWS = 3
-"""Fewer views of the typical emitting voxel say next to nothing of where along them light is."""
+FEW_VIEWS = 4
+"""Fewer views of the typical emitting voxel hardly say where along them light is. Clean images of
+three that are spread evenly leave an NRMSE of 0.33 (jet) and 0.44 (turbulent flame), four 0.06 and
+0.25. The gap does not tell: that of eleven views within 110 degrees is wider than theirs."""
 
 WIDE_GAP = 75.0
 """Degrees; two views at right angles leave 90, three evenly spread ones 60."""
@@ -52,7 +54,7 @@ def doubts(
             f"{WIDE_GAP:.0f} or less: shapes are drawn out along the views that there are"
         )
     barely = float(np.mean(seen.views[seen.emitting] < 2)) if seen.emitting.any() else 0.0
-    if barely > BARELY_SEEN and seen.median_views >= FEW_VIEWS:
+    if barely > BARELY_SEEN and seen.median_views > 2:
         lines.append(
             f"partly unseen: {barely:.0%} of the voxels that emit are seen by fewer than two views"
         )

@@ -26,6 +26,14 @@ _DEFLATE = (8, 32946)
 _DENSEST = {1: 1, 5: 1500, 7: 1500, 8: 1100, 32946: 1100, 32773: 64}
 """By kind of compression: the bytes that one stored byte can stand for, at the most."""
 
+_NO_INTENSITIES = {
+    "MINISWHITE": "white stored as zero, expected black as zero",
+    "PALETTE": "numbers of a palette's colours, expected grey values",
+    "CFA": "a mosaic of colour filters, expected grey values",
+    "LOGL": "logarithms, expected values linear in intensity",
+}
+"""By what a page says of it: what its one sample a pixel is instead."""
+
 
 def decoded_tiff(content: bytes) -> NDArray:
     """Return the image ``(rows, columns)`` or ``(rows, columns, channels)`` that a file holds.
@@ -44,8 +52,6 @@ def decoded_tiff(content: bytes) -> NDArray:
         page = file.pages[0]
         if file.pages.get(1, default=page) is not page:  # to count them all may take long
             raise ValueError("found more than one page, expected one")
-        if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
-            raise ValueError("found white stored as zero, expected black as zero")
         _check_page(page)
         _check_strips(page, len(content))
         if page.compression in _LEFT_TO_OPENCV:
@@ -71,7 +77,10 @@ def _unlogged(name: str) -> Iterator[None]:
 
 
 def _check_page(page: tifffile.TiffPage) -> None:
-    """Raise unless a page says of itself what a page can be."""
+    """Raise unless a page says of itself what a page of intensities can be."""
+    kind = getattr(page.photometric, "name", "")
+    if kind in _NO_INTENSITIES:
+        raise ValueError(f"found {_NO_INTENSITIES[kind]}")
     size = (page.imagewidth, page.imagelength)
     if min(size) < 1:
         raise ValueError(f"found {size[0]} x {size[1]} pixels, expected at least one")

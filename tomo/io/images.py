@@ -46,6 +46,11 @@ def read_image(
         If the file is no grey image, is truncated, or holds NaN or infinity in a usable pixel.
     FileNotFoundError
         If there is no such file.
+
+    Notes
+    -----
+    JPEG has no check sum, and its decoder only prints that data inside are corrupt: such a file
+    is read as far as it goes. TIFF and PNG are the formats for measurements.
     """
     path = Path(path)
     if path.suffix.lower() not in IMAGE_SUFFIXES:

@@ -6,6 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "below_zero": ["below_zero"],
+        "background": ["background"],
         "beside_grid": ["light_beside"],
         "predictions": ["Predictions"],
         "suspects": ["Suspects", "find_suspects"],

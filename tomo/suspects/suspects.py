@@ -13,6 +13,7 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.linear_system import VolumeNotSeenError
 from tomo.support.noise_model import NoiseModel, estimate_noise
+from tomo.suspects.background import background
 from tomo.suspects.below_zero import below_zero
 from tomo.suspects.beside_grid import light_beside
 from tomo.suspects.views import ViewVerdict, judge_views
@@ -46,6 +47,8 @@ class Suspects:
         Camera to how far its dark regions lie below zero, in the images' unit; only those that do.
     beside : mapping
         Camera to the share of its light on lines of sight that miss the grid.
+    background : mapping
+        Camera to the level of the even background that its image lies on; only those that do.
     """
 
     masks: tuple[NDArray[np.bool_], ...]
@@ -56,6 +59,7 @@ class Suspects:
     noise: tuple[NoiseModel, ...] = ()
     below_zero: Mapping[str, float] = field(default_factory=dict)
     beside: Mapping[str, float] = field(default_factory=dict)
+    background: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -66,18 +70,36 @@ class Suspects:
     def warnings(self) -> list[str]:
         """What the user should know of it."""
         return [
+            *self._of_background(),
             *self._of_light_beside(),
             *self._of_wild_pixels(),
             *self._of_dark_regions(),
             *self._of_views(),
         ]
 
+    @property
+    def strange_light(self) -> bool:
+        """Whether the user is told of light that no volume in the grid explains."""
+        return bool(self._of_background() or self._of_light_beside())
+
+    def _of_background(self) -> list[str]:
+        if not self.background:
+            return []
+        worst = max(self.background, key=self.background.__getitem__)
+        return [
+            f"images of {len(self.background)} of {len(self.wild)} cameras lie on an even "
+            f"background, that of camera {worst} on {self.background[worst]:.3g}: is it to be "
+            "subtracted as dark? The volume has to explain it, and gains and cameras may seem "
+            "wrong"
+        ]
+
     def _of_light_beside(self) -> list[str]:
-        worst = max(self.beside, key=self.beside.__getitem__, default=None)
-        if worst is None or self.beside[worst] <= BESIDE:
+        shares = {n: share for n, share in self.beside.items() if n not in self.background}
+        worst = max(shares, key=shares.__getitem__, default=None)
+        if worst is None or shares[worst] <= BESIDE:
             return []
         return [
-            f"{self.beside[worst]:.0%} of camera {worst}'s light lies beside the grid: does the "
+            f"{shares[worst]:.0%} of camera {worst}'s light lies beside the grid: does the "
             "emission reach beyond the grid, or is there a background in the images? What is "
             "inside has to explain what is not, and gains and cameras may seem wrong"
         ]
@@ -116,15 +138,16 @@ class Suspects:
 
         ``left_out`` lists the cameras left out; ``wild_pixels`` counts those of each camera;
         ``below_zero`` has how far dark regions lie below zero, in the images' unit, of the cameras
-        where they do; ``light_beside_grid`` has the share of each camera's light on lines of sight
-        that miss the grid; ``views`` has for each camera judged its ``agreement`` with what the
-        others predict, whether it is ``wrong``, and what it ``looks`` like instead, if anything
-        fits.
+        where they do; ``background`` has the even background of those that lie on one, likewise;
+        ``light_beside_grid`` has the share of each camera's light on lines of sight that miss the
+        grid; ``views`` has for each camera judged its ``agreement`` with what the others predict,
+        whether it is ``wrong``, and what it ``looks`` like instead, if anything fits.
         """
         return {
             "left_out": list(self.left_out),
             "wild_pixels": dict(self.wild),
             "below_zero": dict(self.below_zero),
+            "background": dict(self.background),
             "light_beside_grid": dict(self.beside),
             "views": {view.name: view.report() for view in self.views},
         }
@@ -154,6 +177,7 @@ def find_suspects(
     wild = [wild_pixels(i, m, n) for i, m, n in zip(images, masks, noise, strict=True)]
     clean = tuple(m & ~w for m, w in zip(masks, wild, strict=True))
     depths = [below_zero(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
+    levels = [background(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
     shares = light_beside(list(cameras), images, clean, noise, grid)
     try:
         views = judge_views(cameras, images, clean, grid, trusted=len(rig))
@@ -168,4 +192,5 @@ def find_suspects(
         noise,
         {name: depth for name, depth in zip(cameras.names, depths, strict=True) if depth > 0},
         dict(zip(cameras.names, shares, strict=True)),
+        {name: level for name, level in zip(cameras.names, levels, strict=True) if level > 0},
     )

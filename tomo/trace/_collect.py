@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from tomo._numbering import numbering
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
 from tomo.segments import Segments
@@ -12,7 +13,7 @@ from tomo.segments import Segments
 
 def voxel_dtype(grid: VoxelGrid) -> np.dtype:
     """Return the smallest integer type that numbers all voxels of the grid."""
-    return np.dtype(np.int32 if grid.size <= np.iinfo(np.int32).max else np.int64)
+    return numbering(grid.size)
 
 
 def collect_by_pixel(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.view.figures import INK, MUTED, new_figure, plain
-from tomo.view.volume_picture import coordinate, middle_planes, show_plane
+from tomo.view.planes import coordinate, middle_planes, show_plane
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

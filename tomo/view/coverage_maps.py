@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from tomo.grid import VoxelGrid
 from tomo.view.figures import INK, MUTED, new_figure, plain, save_figure
 from tomo.view.maps import map_scene
+from tomo.view.planes import middle_planes
 from tomo.view.scene import ColourScale, Scene
-from tomo.view.volume_picture import middle_planes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

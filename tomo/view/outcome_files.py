@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Sequence
 from itertools import zip_longest
-from pathlib import Path
+from typing import Any
 
 from rigs import save_rig
 from tomo.io import whole_folder, write_volume
@@ -28,18 +28,17 @@ DEVIATION_FILES = ("standard_deviation.npz", "standard_deviation.vti", "standard
 """Beside them where the standard deviation of single voxels is known."""
 
 
-def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
-    """Write everything about a reconstruction into a folder; return the paths.
+def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> dict[str, Any]:
+    """Write everything about a reconstruction into a folder; return what is in ``report.json``.
 
     Until all is written, the folder keeps what stood there before: see `tomo.io.whole_folder`.
     ``report.json`` comes last: where it stands, the rest is complete and of the same run. Where
     cameras were refined, ``refined_rig.yaml`` is the rig with them; where the standard deviation
     of single voxels is known, ``standard_deviation.npz``, ``.vti`` and ``.nrrd`` hold it.
     Pictures, rig and standard deviations of an earlier outcome that this one does not have are
-    removed.
+    removed. The report's ``warnings`` name the pictures that could not be drawn.
     """
     found, report = outcome.reconstruction, outcome.report()
-    names = [*VOLUME_FILES]
     others = (RIG_FILE, *DEVIATION_FILES, *(f"{name}.png" for name in PICTURES))
     with whole_folder(folder, last=(PAGE, FIGURES), others=others) as staging:
         for name in VOLUME_FILES:
@@ -50,16 +49,14 @@ def write_outcome(folder: str | os.PathLike, outcome: Outcome) -> list[Path]:
             for name in DEVIATION_FILES:
                 path = staging / name
                 write_volume(path, results.deviation, found.grid, outcome.rig.length_unit)
-            names += DEVIATION_FILES
-        pictures = draw(results)
-        names += [path.name for path in write_pictures(staging, pictures)]
+        pictures = draw(results, report["warnings"])
+        write_pictures(staging, pictures)
         write_report(staging / PAGE, report, results, pictures)
         if outcome.refined_rig is not None:
             save_rig(outcome.refined_rig, staging / RIG_FILE)
-            names.append(RIG_FILE)
         text = json.dumps(report, indent=2, allow_nan=False) + "\n"
         (staging / FIGURES).write_text(text, "utf-8")
-    return [Path(folder) / name for name in (*names, PAGE, FIGURES)]
+    return report
 
 
 def results_of(outcome: Outcome) -> Results:

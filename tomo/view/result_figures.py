@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tomo.metrics import cosine_distance, nrmse
 from tomo.view.figures import INK, MUTED, new_figure, plain, thin_lines
-from tomo.view.volume_picture import few_ticks, middle_planes, show_plane
+from tomo.view.planes import few_ticks, middle_planes, room_of_number, show_plane
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -173,11 +173,13 @@ def draw_difference(results: Results) -> Figure:
     extent = grid.extent
     pair = extent[0] + extent[2]
     rows = 1 if truth is None else 2
-    left, gap, right, top, between, bottom = 0.6, 0.12, 0.75, 0.62, 0.42, 0.5
-    room = max(1.5, (10.4 - left - right) / len(columns)) - 0.3 - gap
+    left, right, top, between, bottom = 0.6, 0.75, 0.62, 0.42, 0.5
+    gap = room_of_number(*grid.lower[[0, 2]], *grid.upper[[0, 2]])  # neighbours' last and first
+    apart = gap + 0.15
+    room = max(1.5, (10.4 - left - right) / len(columns)) - apart - gap
     drawn = min(room / pair, 3.4 / extent[1])
     w0, w2, h = extent[0] * drawn, extent[2] * drawn, extent[1] * drawn
-    pitch = max(w0 + w2 + gap + 0.3, 1.5)
+    pitch = max(w0 + w2 + gap + apart, 1.5)
     width = left + pitch * len(columns) + right
     height = top + rows * h + (rows - 1) * between + bottom
     figure = new_figure(width, height)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import NDArray
 
 from rigs import Rig
+from tomo._as_warning import as_warning
 from tomo.grid import VoxelGrid
 from tomo.io.atomic import atomic_path
 from tomo.outcome import View
@@ -121,10 +123,12 @@ class Picture:
         return f"<Picture {self.name!r}: {len(self.png)} bytes>"
 
 
-def draw(results: Results) -> tuple[Picture, ...]:
+def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, ...]:
     """Return the figures; those that there is nothing for are left out.
 
-    Rig, slices, views, convergence, difference, learned weights and standard deviations.
+    Rig, slices, views, convergence, difference, learned weights and standard deviations. Of one
+    that cannot be drawn, as where a library of the system is missing, a line joins ``warnings``;
+    it raises where these are None.
     """
     from tomo.view import result_figures
     from tomo.view.condition_picture import draw_deviations
@@ -207,11 +211,13 @@ def draw(results: Results) -> tuple[Picture, ...]:
             "Middle planes of the emission and of its standard deviation side by side.",
         ),
     ]
-    return tuple(
-        Picture(name, png_bytes(make()), caption, alt)
-        for wanted, name, make, caption, alt in recipes
-        if wanted
-    )
+    pictures = []
+    for wanted, name, make, caption, alt in recipes:
+        if wanted:
+            told = warnings is not None
+            with as_warning(f"picture {name}: not drawn", warnings) if told else nullcontext():
+                pictures.append(Picture(name, png_bytes(make()), caption, alt))
+    return tuple(pictures)
 
 
 def write_pictures(folder: str | os.PathLike, pictures: Sequence[Picture]) -> list[Path]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from tomo.grid import VoxelGrid
 from tomo.view import frame
 from tomo.view.figures import INK, MUTED, new_figure, plain, save_figure
 from tomo.view.isosurface import isosurface_scene
+from tomo.view.planes import coordinate, few_ticks, line_integrals, middle_planes, show_plane
 from tomo.view.rig_scene import volume_scene
 from tomo.view.shapes import box_corners
 from tomo.view.still import show_scene
@@ -21,50 +22,13 @@ from tomo.view.viewpoint import Viewpoint
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.image import AxesImage
 
 _DPI = 200
 _COLOURS = "inferno"
 _THIN = 0.2  # inches: a plane, of few voxels, with no room for words inside or numbers along it
 _SHORTEST_BAR = 0.7  # inches
-# The three views of a technical drawing: (level axis, upright axis, axis looked along).
-_VIEWS = ((0, 1, 2), (2, 1, 0), (0, 2, 1))
-
-
-def middle_planes(data: NDArray, grid: VoxelGrid) -> list[tuple[NDArray, tuple, tuple, float]]:
-    """Return the three planes through the grid's middle, as `_VIEWS` orders them.
-
-    Each is ``(values (upright, level), axes, extent, coordinate)``: an odd count shows the
-    middle voxels, an even one the mean of the two planes beside the middle.
-    """
-    planes = []
-    for level, upright, across in _VIEWS:
-        n = grid.shape[across]
-        pair = np.take(data, [(n - 1) // 2, n // 2], axis=across)
-        plane = pair.mean(axis=across)
-        planes.append((_oriented(plane, level, upright), *_place(grid, level, upright, across)))
-    return planes
-
-
-def line_integrals(data: NDArray, grid: VoxelGrid) -> list[tuple[NDArray, tuple, tuple, float]]:
-    """Return the volume's integrals along z, x and y (value times length), as `_VIEWS` orders."""
-    sums = []
-    for level, upright, across in _VIEWS:
-        total = data.sum(axis=across, dtype=np.float64) * grid.spacing[across]
-        sums.append((_oriented(total, level, upright), *_place(grid, level, upright, across)))
-    return sums
-
-
-def _oriented(plane: NDArray, level: int, upright: int) -> NDArray:
-    """Return a plane, given in the order of its axes, as (upright, level)."""
-    return plane.T if level < upright else plane
-
-
-def _place(grid: VoxelGrid, level: int, upright: int, across: int) -> tuple[tuple, tuple, float]:
-    """Return the axes, the extent for imshow, and the coordinate of a middle plane."""
-    lower, upper = grid.lower, grid.upper
-    extent = (lower[level], upper[level], lower[upright], upper[upright])
-    return (level, upright, across), extent, float(grid.center[across])
+_BAR = 0.55  # inches: a colour scale between two pictures
+_APART = 4.0  # times as bright: on one scale the fainter picture would hardly be seen
 
 
 def draw_volume(
@@ -109,8 +73,13 @@ def draw_volume(
     block = max(block_width * drawn, 1.2)
     top, gap, left = 0.95, 0.30, 0.62
     lone = 3.3
+    planes, integrals = middle_planes(data, grid), line_integrals(data, grid)
+    # Seen along its longest edge, a flame is far brighter than from the side, and along an edge
+    # of a voxel far fainter.
+    scales = (1, 1, 2) if _comparable(*integrals[:2]) else (0, 1, 2)
+    more = _BAR if scales[0] == 0 else 0.0
     pitch = block + left + 1.05
-    width = 2 * pitch + lone + 0.1
+    width = 2 * pitch + more + lone + 0.1
     figure = new_figure(width, height, dpi=_DPI)
     place = {"x": 0.12 / width, "va": "center", "parse_math": False}
     figure.text(
@@ -121,16 +90,17 @@ def draw_volume(
     values = f"values {data.min():.3g} to {data.max():.3g}"
     words = f"{sizes} {length_unit}, {counts} voxels, {values}"
     figure.text(**place, y=1 - 0.47 / height, s=words, fontsize=8, color=MUTED)
-    blocks = (
-        ("Middle planes", "emission", middle_planes(data, grid)),
-        ("Line integrals", f"emission × {length_unit}", line_integrals(data, grid)),
-    )
-    for number, (heading, quantity, pictures) in enumerate(blocks):
-        # Seen along its longest edge, a flame is far brighter than from the side.
-        own_scale = number == 1
-        corner = (left + number * pitch, height - top)
-        _block(figure, corner, drawn, gap, pictures, heading, quantity, length_unit, own_scale)
-    x = 2 * pitch + 0.05
+    corner = (left, height - top)
+    names = [
+        f"{frame.NAMES[across]} = {coordinate(at, span)}" for _, (*_, across), span, at in planes
+    ]
+    _block(figure, corner, drawn, (gap, gap), planes, names, "Middle planes", "emission",
+           length_unit, (1, 1, 1))  # fmt: skip
+    corner = (left + pitch, height - top)
+    names = [f"along {frame.NAMES[across]}" for _, (*_, across), _, _ in integrals]
+    _block(figure, corner, drawn, (gap + more, gap), integrals, names, "Line integrals",
+           f"emission × {length_unit}", length_unit, scales)  # fmt: skip
+    x = width - lone - 0.05
     _surfaces(figure, (x, 0.15, lone, height - top - 0.15), data, grid, length_unit, supersample)
     figure.text(x / width, 1 - (top - 0.16) / height, "Surfaces at 15, 40 and 70 % of the maximum",
                 fontsize=8.5, color=INK, va="center")  # fmt: skip
@@ -144,62 +114,22 @@ def write_volume_picture(
     save_figure(draw_volume(data, grid, **how), path)
 
 
-def show_plane(
-    axes: Axes, picture: tuple, length_unit: str, *, lowest: float, highest: float, colours: str
-) -> AxesImage:
-    """Draw one plane to scale, with ticks in world coordinates."""
-    values, (level, upright, _), extent, _ = picture
-    image = axes.imshow(
-        values,
-        origin="lower",
-        extent=extent,
-        vmin=lowest,
-        vmax=highest,
-        cmap=colours,
-        interpolation="nearest",
-        aspect="equal",
-    )
-    axes.ticklabel_format(style="plain", useOffset=False)
-    axes.tick_params(labelsize=6.5, colors=MUTED, length=2.5, pad=2)
-    for spine in axes.spines.values():
-        spine.set(color="#9aa5b1", linewidth=0.6)
-    length_unit = plain(length_unit)
-    axes.set_xlabel(f"{frame.NAMES[level]} ({length_unit})", fontsize=7.5, color=INK, labelpad=2)
-    axes.set_ylabel(f"{frame.NAMES[upright]} ({length_unit})", fontsize=7.5, color=INK, labelpad=1)
-    return image
-
-
-def few_ticks(axes: Axes, width: float, height: float) -> None:
-    """Set as many ticks as a plane's panel, measured in inches, has room for."""
-    from matplotlib.ticker import MaxNLocator
-
-    longest = max(len(f"{end:.7g}") for end in axes.get_xlim())
-    across = max(0.32, 0.03 + 0.055 * longest)
-    axes.xaxis.set_major_locator(MaxNLocator(max(1, int(width / across)), steps=[1, 2, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(max(1, int(height / 0.28)), steps=[1, 2, 5, 10]))
-
-
-def coordinate(at: float, extent: tuple[float, float, float, float]) -> str:
-    """Return a coordinate to a thousandth of the picture's size, wherever the origin is."""
-    size = max(extent[1] - extent[0], extent[3] - extent[2])
-    beyond = math.ceil(math.log10(max(abs(at) / size, 1.0)))
-    return f"{at:.{3 + beyond}g}"
-
-
 def _block(
     figure: Figure,
     corner: tuple[float, float],
     drawn: float,
-    gap: float,
+    gaps: tuple[float, float],
     pictures: list,
+    names: Sequence[str],
     heading: str,
     quantity: str,
     length_unit: str,
-    own_scale: bool,
+    scales: tuple[int, int, int],
 ) -> None:
     """Draw three views that share their axes; ``corner`` is the upper left, in inches.
 
-    With ``own_scale`` the plan view has a colour scale of its own, else all three share one.
+    ``gaps`` are those across and down; ``scales`` says of each view beside which of them its
+    colour scale stands.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -209,12 +139,13 @@ def _block(
     front, side, plan = ((w * drawn, h * drawn) for w, h in spans)
     rects = (
         (x0, y0 - front[1], *front),
-        (x0 + front[0] + gap, y0 - side[1], *side),
-        (x0, y0 - front[1] - gap - plan[1], *plan),
+        (x0 + front[0] + gaps[0], y0 - side[1], *side),
+        (x0, y0 - front[1] - gaps[1] - plan[1], *plan),
     )
-    ranges = [_range(pictures[:2]), _range(pictures[:2]), _range(pictures[2:])]
-    if not own_scale:
-        ranges = [_range(pictures)] * 3
+    ranges = [
+        _range([one for one, its in zip(pictures, scales, strict=True) if its == scale])
+        for scale in scales
+    ]
     images = []
     for picture, (x, y, w, h), (lowest, highest) in zip(pictures, rects, ranges, strict=True):
         axes = figure.add_axes((x / width, y / height, w / width, h / height))
@@ -224,19 +155,15 @@ def _block(
             )
         )
         few_ticks(axes, w, h)
-        across, at = frame.NAMES[picture[1][2]], picture[3]
-        words = f"along {across}" if own_scale else f"{across} = {coordinate(at, picture[2])}"
-        _named(axes, words, min(w, h) < _THIN)
+        _named(axes, names[len(images) - 1], min(w, h) < _THIN)
         if len(images) == 1 or w < _THIN:
             axes.set_xlabel("")
             axes.tick_params(labelbottom=False)
         if len(images) == 2 or h < _THIN:
             axes.set_ylabel("")
             axes.tick_params(labelleft=False)
-    bars = [(images[1], rects[1], quantity)]
-    if own_scale:
-        bars.append((images[2], rects[2], ""))
-    for image, (x, y, w, h), words in bars:
+    for number in sorted(set(scales)):
+        image, (x, y, w, h), words = images[number], rects[number], quantity * (number == 1)
         tall = max(h, min(_SHORTEST_BAR, y + h - 0.1))
         rect = ((x + w + 0.1) / width, (y + h - tall) / height, 0.09 / width, tall / height)
         bar = figure.add_axes(rect)
@@ -255,6 +182,12 @@ def _named(axes: Axes, words: str, thin: bool) -> None:
         textcoords="offset points", fontsize=6, color=colour, va="bottom" if thin else "top",
         ha="right" if thin else "left",
     )  # fmt: skip
+
+
+def _comparable(one: tuple, other: tuple) -> bool:
+    """Say whether two pictures can be read on one colour scale."""
+    highest = [float(np.abs(values).max()) for values, *_ in (one, other)]
+    return max(highest) <= _APART * min(highest)
 
 
 def _range(pictures: list) -> tuple[float, float]:

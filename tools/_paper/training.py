@@ -19,7 +19,7 @@ from _paper.sizes import Problem
 from _paper.steps import epochs as epochs_by_steps
 from _paper.steps import steps
 from tomo import metrics
-from tomo.view.volume_picture import middle_planes
+from tomo.view.planes import middle_planes
 from tomo.wernet import (
     TrainingDivergedError,
     WeightEncoder,

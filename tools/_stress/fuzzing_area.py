@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from _stress.fuzzing_guard import LIMIT, MEMORY
-from _stress.fuzzing_readers import MOST_RAYS, NAMES, OFTEN, in_groups
+from _stress.fuzzing_readers import NAMES, OFTEN, in_groups
+from _stress.fuzzing_rig_readers import MOST_RAYS
 from _stress.row import Progress, Row, Size
 
 FULL, QUICK = 6000, 60  # inputs a reader

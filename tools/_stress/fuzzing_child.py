@@ -17,7 +17,8 @@ from random import Random
 
 from _stress.fuzzing_guard import Guard
 from _stress.fuzzing_mutations import mutated
-from _stress.fuzzing_readers import Reader, reader_of
+from _stress.fuzzing_reader import Reader
+from _stress.fuzzing_readers import reader_of
 
 _ROOM = 4 << 30  # bytes of address space beyond what the process has: bombs stop there
 _KEPT, _LONG = 2000, 1 << 14  # inputs that reached new statements, and bytes of those not kept

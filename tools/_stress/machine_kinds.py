@@ -151,7 +151,7 @@ def _outcome() -> Kind:
         found = outcome.reconstruction
         flat = replace(found, volume=np.full(found.grid.shape, version, np.float32))
         told = {**outcome.settings, "seed": version}
-        with patch.object(outcome_files, "draw", lambda _: pictures):
+        with patch.object(outcome_files, "draw", lambda *_: pictures):
             outcome_files.write_outcome(
                 folder / "out", replace(outcome, reconstruction=flat, settings=told)
             )

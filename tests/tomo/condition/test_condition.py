@@ -6,6 +6,7 @@ from rigs import ring
 from tomo import LinearSystem, VoxelGrid, solve
 from tomo import noise as noises
 from tomo.condition import assess, noise_of_images, resolution, seeing, standard_deviations
+from tomo.condition._verdict import doubts
 from tomo.simulate import simulate
 
 GRID = VoxelGrid((10, 14, 10), 1.0, (1.0, -2.0, 0.5))
@@ -177,6 +178,22 @@ def test_views_and_gaps_of_two_and_of_many_views():
     shares = nine.report()["emitting_share_by_gap"]
     assert sum(shares) == pytest.approx(1)
     assert shares[1] > 0.9
+
+
+@pytest.mark.parametrize(
+    ("views", "few", "wide"),
+    [(2, True, True), (3, True, False), (4, False, True), (5, False, False)],  # 4: opposite pairs
+)
+def test_three_views_are_few_however_well_they_are_spread(views, few, wide):
+    volume = np.ones(GRID.shape, np.float32)
+    found = seeing(system_of(views), volume.ravel())
+    assert found.median_views == views
+    lines = doubts(found, residual=0.01, noise=0.01)
+    assert (
+        any(line.startswith("few views: ") and f"seen by {views}," in line for line in lines)
+        == few
+    )
+    assert any(line.startswith("wide gap: ") for line in lines) == wide
 
 
 def test_only_voxels_that_emit_are_judged():

@@ -100,6 +100,25 @@ def test_other_tiffs_are_refused(tmp_path, name, stored, message):
         read_image(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("photometric", "more", "message"),
+    [
+        ("palette", {"colormap": np.zeros((3, 256), np.uint16)}, "found numbers of a palette"),
+        ("cfa", {}, "found a mosaic of colour filters"),
+        ("logl", {}, "found logarithms"),
+        ("miniswhite", {}, "found white stored as zero"),
+    ],
+)
+@pytest.mark.parametrize("compression", [None, "zlib"])
+def test_a_tiff_whose_numbers_are_no_intensities_is_refused(
+    tmp_path, photometric, more, message, compression
+):
+    kind = {"photometric": photometric, "compression": compression}
+    tifffile.imwrite(tmp_path / "a.tif", RAMP, **kind, **more)
+    with pytest.raises(ValueError, match=rf"a\.tif: not a readable image: {message}"):
+        read_image(tmp_path / "a.tif")
+
+
 def test_bad_arguments_of_write(tmp_path):
     for name, image in [
         ("a.png", np.zeros((3, 4), np.float32)),

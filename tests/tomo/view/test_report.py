@@ -1,4 +1,6 @@
+import itertools
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -7,7 +9,12 @@ import pytest
 from rigs import Camera, Rig, look_at
 from tomo.grid import VoxelGrid
 from tomo.view import Convergence, Results, View, draw, write_pictures, write_report
-from tomo.view.result_figures import draw_convergence, draw_views, views_to_show
+from tomo.view.result_figures import (
+    draw_convergence,
+    draw_difference,
+    draw_views,
+    views_to_show,
+)
 
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75))
 HOSTILE = "<script>alert(1)<"
@@ -208,3 +215,31 @@ def test_the_convergence_of_dark_images_is_drawn():
         ]
     )
     assert len(figure.axes) == 2
+
+
+@pytest.mark.parametrize("center", [0.0, 1e5])
+@pytest.mark.parametrize("with_truth", [True, False])
+def test_numbers_below_neighbouring_planes_lie_apart(results, center, with_truth):
+    grid = VoxelGrid((20, 50, 20), 1.0, (center, 0.0, center))
+    volume = np.ones(grid.shape, np.float32)
+    figure = draw_difference(
+        replace(
+            results,
+            grid=grid,
+            volume=volume,
+            truth=volume if with_truth else None,
+            comparisons=[("other", volume)],
+        )
+    )
+    figure.canvas.draw()
+    rows = {}
+    for axes in figure.axes:
+        low, high = sorted(axes.get_xlim())
+        for tick in axes.xaxis.get_major_ticks():
+            if low <= tick.get_loc() <= high and tick.label1.get_visible() and axes.get_xlabel():
+                box = tick.label1.get_window_extent()
+                rows.setdefault(round(box.y0), []).append((box.x0, box.x1))
+    assert rows
+    for spans in rows.values():
+        assert len(spans) > 3
+        assert all(a[1] < b[0] for a, b in itertools.pairwise(sorted(spans)))
