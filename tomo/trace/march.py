@@ -23,14 +23,16 @@ from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
 from tomo.segments import Segments
 from tomo.trace._collect import voxel_dtype
-from tomo.trace._planes import (
-    course,
-    enter,
-    greater,
-    lesser,
-    most_crossings,
-    passed,
-    passing,
+from tomo.trace._planes import greater, lesser, passed, passing
+from tomo.trace._side_by_side import (
+    RAYS_TOGETHER,
+    WIDTH,
+    clear_ahead,
+    course_of,
+    entry_of,
+    most_of,
+    set_courses,
+    set_layers,
 )
 
 RAYS_A_CHUNK = 256  # one thread's at a time
@@ -57,8 +59,8 @@ def _cut(start, origin, a, b, c, end, weight, pieces):
         at_b = lesser(greater(passing(b0, b), into), out) if b1 > b0 else out
         at_c = lesser(greater(passing(c0, c), into), out) if c1 > c0 else out
         sooner, later = lesser(at_b, at_c), greater(at_b, at_c)
-        first = origin + layer * a[6] + b0 * b[6] + c0 * c[6]
-        step_b, step_c = (b1 - b0) * b[6], (c1 - c0) * c[6]
+        first = origin + layer * a[4] + b0 * b[4] + c0 * c[4]
+        step_b, step_c = (b1 - b0) * b[4], (c1 - c0) * c[4]
         pieces[i] = (sooner - into) * weight
         pieces[LANES + i] = (later - sooner) * weight
         pieces[2 * LANES + i] = (out - later) * weight
@@ -107,23 +109,17 @@ def _pack(layers, is_end, pieces, number, at, voxel, length):
 
 
 @compiled(inline=True)
-def _pack_middles(layers, pieces, number, at, entry, direction, spacing, middle):
-    """Write the middles of the pieces that `_pack` keeps."""
+def _pack_middles(layers, pieces, number, at, entry, direction, spacing, shape, middle):
+    """Write the middles of the pieces that `_pack` keeps, from the grid's centre."""
     for layer in range(layers):
         for piece in range(3):
             own, found = _numbered(pieces, piece, layer, number)
             if found > 0 and own >= 0:
                 time = pieces[(6 + piece) * LANES + layer]
                 for axis in range(3):
-                    middle[at, axis] = (entry[axis] + direction[axis] * time) * spacing[axis]
+                    from_centre = entry[axis] - shape[axis] / 2 + direction[axis] * time
+                    middle[at, axis] = from_centre * spacing[axis]
                 at += np.uint64(1)
-
-
-@compiled(inline=True)
-def _voxel_at(layer, origin, a, b, c, end):
-    """Return the flat number of the voxel in which a ray enters a layer, as `_cut` does."""
-    into = lesser(greater(passing(layer - 1.0, a), 0.0), end)
-    return np.int64(origin + layer * a[6] + passed(into, b) * b[6] + passed(into, c) * c[6])
 
 
 @compiled(parallel=True)
@@ -152,40 +148,43 @@ def _fill(
     middle : (room or 0, 3)
     """
     lower, upper, spacing, shape = box
-    half = (shape[0] / 2, shape[1] / 2, shape[2] / 2)
     for chunk in numba.prange(len(begin)):
-        pieces = np.zeros(9 * LANES)
-        at = np.uint64(begin[chunk])
-        for ray in range(chunk * RAYS_A_CHUNK, min((chunk + 1) * RAYS_A_CHUNK, len(counts))):
-            x, y, z, dx, dy, dz, end = enter(
-                origins[ray], directions[ray], lengths[ray], lower, upper, spacing, shape
+        pieces, courses = np.zeros(9 * LANES), np.zeros((WIDTH, RAYS_TOGETHER))
+        starts, stops = np.zeros(RAYS_TOGETHER, np.int64), np.zeros(RAYS_TOGETHER, np.int64)
+        at, last = np.uint64(begin[chunk]), min((chunk + 1) * RAYS_A_CHUNK, len(counts))
+        for first in range(chunk * RAYS_A_CHUNK, last, RAYS_TOGETHER):
+            some = min(RAYS_TOGETHER, last - first)
+            set_courses(
+                origins, directions, lengths, first, some, lower, upper, spacing, shape, courses
             )
-            if not end > 0:
-                continue
-            origin, a, b, c = course(x, y, z, dx, dy, dz, end, shape)
-            entry, direction = (x - half[0], y - half[1], z - half[2]), (dx, dy, dz)
-            before, start, all_layers = at, np.int64(0), np.int64(passed(end, a)) + 1
             if len(voxel) == 0:
-                counts[ray] = most_crossings(end, a, b, c)
+                for k in range(some):
+                    counts[first + k] = most_of(courses, k)
                 continue
-            while start < all_layers:
-                if len(away) > 0:
-                    # n layers on the ray is within n + 1 voxels, in rounding's doubt n + 2.
-                    clear = np.int64(away[_voxel_at(start, origin, a, b, c, end)]) - 2
-                    if clear > 0:
+            set_layers(courses, some, away, starts, stops)
+            for k in range(some):
+                start, stop, before = starts[k], stops[k], at
+                origin, end, a, b, c = course_of(courses, k)
+                while start < stop:
+                    layers, found = min(LANES, stop - start), at
+                    _cut(start, origin, a, b, c, end, weights[first + k], pieces)
+                    start += layers
+                    if len(middle) > 0:
+                        entry, direction = entry_of(courses, k)
+                        _pack_middles(
+                            layers, pieces, number, at, entry, direction, spacing, shape, middle
+                        )
+                    # the same in both: each is compiled without asking again for every piece
+                    if len(number) > 0:
+                        at = _pack(layers, start == stop, pieces, number, at, voxel, length)
+                    else:
+                        at = _pack(layers, start == stop, pieces, number, at, voxel, length)
+                    while at == found and start < stop:
+                        clear = clear_ahead(away, start, origin, a, b, c, end)
+                        if clear == 0:
+                            break
                         start += clear
-                        continue
-                first, start = start, min(start + LANES, all_layers)
-                _cut(first, origin, a, b, c, end, weights[ray], pieces)
-                some, is_end = start - first, start == all_layers
-                if len(middle) > 0:
-                    _pack_middles(some, pieces, number, at, entry, direction, spacing, middle)
-                # the same in both: each is compiled without asking again for every piece
-                if len(number) > 0:
-                    at = _pack(some, is_end, pieces, number, at, voxel, length)
-                else:
-                    at = _pack(some, is_end, pieces, number, at, voxel, length)
-            counts[ray] = np.int64(at - before)
+                counts[first + k] = np.int64(at - before)
 
 
 @compiled()
