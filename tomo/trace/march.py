@@ -179,7 +179,7 @@ def _fill(
                         at = _pack(layers, start == stop, pieces, number, at, voxel, length)
                     else:
                         at = _pack(layers, start == stop, pieces, number, at, voxel, length)
-                    while at == found and start < stop:
+                    while len(away) > 0 and at == found and start < stop:
                         clear = clear_ahead(away, start, origin, a, b, c, end)
                         if clear == 0:
                             break
