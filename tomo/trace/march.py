@@ -204,10 +204,12 @@ def _move_down(begin, ptr, words, array, moved):
     some = np.zeros(4096, np.uint32)
     for chunk in range(len(begin)):
         shift = words * (begin[chunk] - ptr[chunk])
-        if same and shift == 0:
+        first, last = words * ptr[chunk], words * ptr[chunk + 1]
+        if not same:
+            for i in range(last - first):
+                moved[np.uint64(first + i)] = array[np.uint64(first + shift + i)]
             continue
-        last = words * ptr[chunk + 1]
-        for start in range(words * ptr[chunk], last, len(some)):
+        for start in range(first, last if shift > 0 else first, len(some)):
             count = min(len(some), last - start)
             for i in range(count):
                 some[i] = array[start + shift + i]
