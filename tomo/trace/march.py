@@ -4,8 +4,8 @@ A layer lies across the axis along which the ray moves fastest, in voxels. Insid
 at most one plane of each other axis, so it meets at most three voxels; where they begin and end
 follows from the layer's number alone (`tomo.trace._planes`). Layers are therefore independent: the
 loop over them has no branch and is vectorised, and layers in empty space are left out without any
-influence on the others: as many as the ray's voxel is away from the nearest live one. What has no
-length is dropped when the pieces are packed.
+influence on the others: as many as the ray's voxel is away from the nearest live one, at both ends
+of the ray before any is cut. What has no length is dropped when the pieces are packed.
 
 Jacobs et al., "A fast algorithm to calculate the exact radiological path through a pixel or voxel
 space" (Journal of Computing and Information Technology 6, 1998) count crossings in the same way.
@@ -18,11 +18,13 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from tomo._compile import compiled
+from tomo._lanes import LANES
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
 from tomo.segments import Segments
 from tomo.trace._collect import voxel_dtype
+from tomo.trace._packing import ROOM, pack_numbered, pack_own, picks_lanes
 from tomo.trace._planes import greater, lesser, passed, passing
 from tomo.trace._side_by_side import (
     RAYS_TOGETHER,
@@ -36,7 +38,6 @@ from tomo.trace._side_by_side import (
 )
 
 RAYS_A_CHUNK = 256  # one thread's at a time
-LANES = 8  # layers that are cut at once: a vector of doubles, or some
 
 
 @compiled(inline=True)
@@ -152,6 +153,7 @@ def _fill(
         pieces, courses = np.zeros(9 * LANES), np.zeros((WIDTH, RAYS_TOGETHER))
         starts, stops = np.zeros(RAYS_TOGETHER, np.int64), np.zeros(RAYS_TOGETHER, np.int64)
         at, last = np.uint64(begin[chunk]), min((chunk + 1) * RAYS_A_CHUNK, len(counts))
+        room = np.uint64(begin[chunk + 1] if chunk + 1 < len(begin) else len(voxel))
         for first in range(chunk * RAYS_A_CHUNK, last, RAYS_TOGETHER):
             some = min(RAYS_TOGETHER, last - first)
             set_courses(
@@ -174,11 +176,12 @@ def _fill(
                         _pack_middles(
                             layers, pieces, number, at, entry, direction, spacing, shape, middle
                         )
-                    # the same in both: each is compiled without asking again for every piece
-                    if len(number) > 0:
+                    if not (picks_lanes() and at + np.uint64(ROOM) <= room):
                         at = _pack(layers, start == stop, pieces, number, at, voxel, length)
+                    elif len(number) > 0:
+                        at = pack_numbered(layers, pieces, number, at, voxel, length)
                     else:
-                        at = _pack(layers, start == stop, pieces, number, at, voxel, length)
+                        at = pack_own(layers, pieces, number, at, voxel, length)
                     while len(away) > 0 and at == found and start < stop:
                         clear = clear_ahead(away, start, origin, a, b, c, end)
                         if clear == 0:
