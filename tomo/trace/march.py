@@ -19,6 +19,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from tomo._compile import compiled
 from tomo._lanes import LANES
+from tomo._threads import threads_worth
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
@@ -38,6 +39,8 @@ from tomo.trace._side_by_side import (
 )
 
 RAYS_A_CHUNK = 256  # one thread's at a time
+
+_COUNTING, _FILLING = 15.0, 150.0  # nanoseconds that a ray takes at least
 
 
 @compiled(inline=True)
@@ -252,10 +255,13 @@ class March:
 
     def __call__(self, rays: Rays) -> Segments:
         """Return the crossings of rays with live voxels."""
-        most = self._fill(rays, np.zeros(-(-len(rays) // RAYS_A_CHUNK), np.int64), self._room(0))
+        chunks = np.zeros(-(-len(rays) // RAYS_A_CHUNK), np.int64)
+        with threads_worth(_COUNTING * len(rays)):
+            most = self._fill(rays, chunks, self._room(0))
         begin, needed = most[:-1:RAYS_A_CHUNK].copy(), int(most[-1])
         room = self._room(needed) if self._all or len(self._kept[0]) < needed else self._kept
-        ptr = self._fill(rays, begin, room)
+        with threads_worth(_FILLING * len(rays)):
+            ptr = self._fill(rays, begin, room)
         ends = np.append(ptr[:-1:RAYS_A_CHUNK], ptr[-1])
         if self._all:
             found = room
