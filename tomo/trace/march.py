@@ -232,8 +232,8 @@ class March:
 
     Parameters
     ----------
-    grid, midpoints, dtype, live
-        See `tomo.trace.trace`.
+    grid, midpoints, dtype, live, by_place
+        See `tomo.trace.tracing`.
     """
 
     def __init__(
@@ -243,6 +243,7 @@ class March:
         midpoints: bool = False,
         dtype: DTypeLike = np.float32,
         live: LiveVoxels | None = None,
+        by_place: bool = False,
     ) -> None:
         self._box = tuple(grid.lower), tuple(grid.upper), grid.spacing, grid.shape
         self._types = voxel_dtype(grid), np.dtype(dtype)
@@ -250,7 +251,8 @@ class March:
         self._all = live is None or live.all
         self._away, self._number = np.zeros(0, np.uint8), np.zeros(0, np.int32)
         if not self._all:
-            self._away, self._number = live.clearance.ravel(), live.number
+            self._away = live.clearance.ravel()
+            self._number = live.place_of_voxel if by_place else live.number
         self._kept = self._room(0)
 
     def __call__(self, rays: Rays) -> Segments:
