@@ -45,8 +45,10 @@ def unproject(coefficients: tuple[float, ...], plane: NDArray) -> NDArray[np.flo
         for start in range(0, len(pinhole), _BLOCK):
             block = slice(start, start + _BLOCK)
             pinhole[block] = _undistorted(full, pinhole[block])
-    directions = np.concatenate([pinhole, np.ones((len(pinhole), 1))], axis=1)
-    return directions / np.sqrt(np.einsum("ij,ij->i", directions, directions))[:, None]
+    directions = np.ones((3, len(pinhole)))  # by coordinates: loops over three numbers are slow
+    directions[:2] = pinhole.T
+    x, y, z = directions
+    return (directions / np.sqrt(x * x + z * z + y * y)).T
 
 
 def _padded(coefficients: tuple[float, ...]) -> tuple[float, ...]:

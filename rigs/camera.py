@@ -177,7 +177,7 @@ class Camera:
         y = (uv[:, 1] - cy) / fy
         plane = np.stack([(uv[:, 0] - cx - skew * y) / fx, y], axis=-1)
         directions = self.distortion.unproject(plane) @ self.R
-        return np.tile(self.position, (len(uv), 1)), directions
+        return np.repeat(self.position[None], len(uv), axis=0), directions
 
     def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
         """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels.

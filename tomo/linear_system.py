@@ -112,7 +112,8 @@ class LinearSystem:
         )
         live = LiveVoxels(grid) if live is None else live
         if form == STORED:
-            find = tracing(grid, tracer, midpoints=midpoints, live=live)
+            by_place = not live.all  # there voxels are looked up in a table in any case
+            find = tracing(grid, tracer, midpoints=midpoints, live=live, by_place=by_place)
         parts, pixels = [], []
         for number, camera in enumerate(rig):
             if progress:
@@ -132,7 +133,7 @@ class LinearSystem:
             view_ptr = np.cumsum([0] + [len(kept) for kept in pixels])
             segments = Segments.concatenate(parts)
             parts.clear()
-            projector = Projector(segments, grid, view_ptr, live)
+            projector = Projector(segments, grid, view_ptr, live, by_place=by_place)
         else:
             projector = OnTheFlyProjector.from_sources(parts, grid, live)
         if projector.n_crossings == 0:

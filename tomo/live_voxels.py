@@ -103,6 +103,15 @@ class LiveVoxels:
         return brick_places(self.mask) if self.size > _FEW else None
 
     @cached_property
+    def place_of_voxel(self) -> NDArray[np.integer]:
+        """The `place` of every voxel, else its number; -1 where none is live: ``(grid.size,)``."""
+        if self.place is None:
+            return self.number
+        place = np.full_like(self.number, -1)
+        place[slice(None) if self.index is None else self.index] = self.place
+        return place
+
+    @cached_property
     def at_place(self) -> NDArray[np.integer] | None:
         """Which unknown stands at each `place`, ``(size,)``; None where there are none."""
         if self.place is None:

@@ -38,6 +38,8 @@ class Projector(ViewedOperator):
         Where each view's pixels begin; one view when None.
     live : LiveVoxels, optional
         The voxels that are unknowns; all of the grid when None.
+    by_place : bool
+        Whether ``voxel`` are the unknowns' places (`tomo.LiveVoxels.place`), not their numbers.
 
     Raises
     ------
@@ -68,6 +70,8 @@ class Projector(ViewedOperator):
         grid: VoxelGrid,
         view_ptr: ArrayLike | None = None,
         live: LiveVoxels | None = None,
+        *,
+        by_place: bool = False,
     ) -> None:
         super().__init__(segments.n_pixels, grid, view_ptr, segments.length.dtype, live)
         if len(segments):  # kernels index without checks
@@ -77,7 +81,7 @@ class Projector(ViewedOperator):
                     f"segments voxel: found {low} to {high}, expected the numbers of "
                     f"{self.live.size} unknowns, from 0"
                 )
-        if self.live.place is not None:
+        if self.live.place is not None and not by_place:
             voxel = np.zeros_like(segments.voxel)
             _renumber(segments.voxel, self.live.place, voxel)
             segments = replace(segments, voxel=voxel)

@@ -61,10 +61,10 @@ class Rays:
             object.__setattr__(self, name, np.ascontiguousarray(found))
         if not np.isfinite(self.origins).all():
             raise ValueError("rays origins: found NaN or infinity, expected finite coordinates")
-        norms = np.sqrt(np.einsum("ij,ij->i", self.directions, self.directions))
-        if not (np.abs(norms - 1) < 1e-9).all():
+        squares = (self.directions * self.directions) @ np.ones(3)
+        if not (np.abs(squares - 1) < 2e-9).all():
             raise ValueError("rays directions: expected unit vectors")
-        if (self.lengths < 0).any() or np.isnan(self.lengths).any():
+        if not (self.lengths >= 0).all():
             raise ValueError("rays lengths: found a negative or NaN length, expected >= 0")
         ptr = self.pixel_ptr
         if ptr.dtype != np.int64 or len(ptr) < 1 or ptr[0] != 0 or ptr[-1] != n:
@@ -134,11 +134,12 @@ class Rays:
             raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
         width, height = camera.image_size
         pixels = np.arange(width * height) if pixels is None else np.asarray(pixels)
-        centres = np.stack(np.divmod(pixels, width)[::-1], axis=-1)  # (P, 2)
+        row, column = np.divmod(pixels, width)
         steps = (np.arange(supersample) + 0.5) / supersample - 0.5
-        offsets = np.stack(np.meshgrid(steps, steps, indexing="xy"), axis=-1).reshape(-1, 2)
-        uv = (centres[:, None, :] + offsets).reshape(-1, 2)  # (P * K², 2)
-        origins, directions = camera.rays(uv)
+        uv = np.zeros((len(pixels), supersample**2, 2))
+        uv[..., 0] = column[:, None] + np.tile(steps, supersample)
+        uv[..., 1] = row[:, None] + np.repeat(steps, supersample)
+        origins, directions = camera.rays(uv.reshape(-1, 2))
         weight = np.full(len(origins), 1.0 / supersample**2)
         pixel_ptr = supersample**2 * np.arange(len(pixels) + 1)
         if not np.isfinite(directions).all():

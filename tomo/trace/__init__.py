@@ -65,11 +65,13 @@ def tracing(
     midpoints: bool = False,
     dtype: DTypeLike = np.float32,
     live: LiveVoxels | None = None,
+    by_place: bool = False,
 ) -> Callable[[Rays], Segments]:
     """Return what traces rays as `trace` does, to be called with one camera's after another's.
 
     Its arguments and errors are those of `trace`. The tracer keeps memory from call to call, so
-    that no two threads may call it at once; what it has returned stays as it is.
+    that no two threads may call it at once; what it has returned stays as it is. With ``by_place``
+    the unknowns are numbered as `tomo.LiveVoxels.place` has them, where not all voxels are live.
     """
     if tracer not in TRACERS:
         raise ValueError(f"tracer: found {tracer!r}, expected one of {', '.join(TRACERS)}")
@@ -79,10 +81,12 @@ def tracing(
         raise ValueError(f"grid shape: found {grid.shape}, expected at most 2^53 voxels to trace")
     module = importlib.import_module(f"tomo.trace.{tracer}")
     if tracer == "march":
-        return module.March(grid, midpoints=midpoints, dtype=dtype, live=live)
+        return module.March(grid, midpoints=midpoints, dtype=dtype, live=live, by_place=by_place)
 
     def traced(rays: Rays) -> Segments:
         segments = module.trace(rays, grid, midpoints=midpoints, dtype=dtype)
-        return segments if live is None or live.all else segments.renumbered(live.number)
+        if live is None or live.all:
+            return segments
+        return segments.renumbered(live.place_of_voxel if by_place else live.number)
 
     return traced

@@ -3,7 +3,8 @@
 Planes are counted, not added up: the time at which a ray passes its k-th plane of an axis, and how
 many planes it has passed at a time, follow from the first plane's distance and the ray's speed.
 Time is the world's length along the ray from where it enters the box, so that nothing depends on
-how far away the camera is. The steps are those of `tomo.trace.box.enter_box`.
+how far away the camera is. The steps are those of `tomo.trace.box.enter_box`. Nothing branches on
+data, so that loops over rays vectorise.
 """
 
 from __future__ import annotations
@@ -36,13 +37,13 @@ def voxel_units(point, lower, upper, spacing, count):
 @compiled(inline=True)
 def _clip(position, direction, count, start, stop):
     """Clip the interval ``start, stop`` of a ray to one axis's slab ``0 <= position <= count``."""
-    if abs(direction) < STILL:
-        if position < 0 or position > count:
-            return start, -1.0
-        return start, stop
+    still = abs(direction) < STILL
+    outside = (position < 0) | (position > count)
     lower = (0.0 - position) / direction
     upper = (count - position) / direction
-    return greater(start, lesser(lower, upper)), lesser(stop, greater(lower, upper))
+    near = greater(start, lesser(lower, upper))
+    far = lesser(stop, greater(lower, upper))
+    return (start if still else near), ((-1.0 if outside else stop) if still else far)
 
 
 @compiled(inline=True)
@@ -68,39 +69,27 @@ def along_axis(position, direction, end, count, stride):
 
     ``offset``: voxels to the first plane, above 0 and at most 1 where there is one; ``speed``:
     voxels per world length; ``per_plane``: world length per voxel; ``last``: planes ahead inside
-    the box; ``first``: the voxel that it moves into; ``step``: +1, -1, or 0 when it stays;
-    ``stride``: from one voxel to the next that it enters.
+    the box; ``stride``: from one voxel to the next that it enters, 0 where it stays; ``first``:
+    the voxel that it moves into.
 
     The outer face is no such plane: the chord of the box ends there, and its length is known from
     outside; found again from within, where rays graze the face, it would be off by rounding.
     """
-    if direction == 0 or position + direction * end == position:  # it does not get anywhere
-        first = lesser(greater(np.floor(position), 0.0), count - 1)
-        return 0.0, 0.0, 1.0, 0.0, first, 0.0, 0.0
-    if direction < 0:
-        first = lesser(greater(np.ceil(position) - 1, 0.0), count - 1)
-        return position - first, -direction, -1 / direction, first, first, -1.0, -stride
-    first = lesser(greater(np.floor(position), 0.0), count - 1)
-    return first + 1 - position, direction, 1 / direction, count - 1 - first, first, 1.0, stride
-
-
-@compiled(inline=True)
-def course(x, y, z, dx, dy, dz, end, shape):
-    """Return the flat number of a ray's first voxel, and its course along each axis.
-
-    The axes are those of `along_axis`, the one along which the ray moves fastest first; ``shape``
-    are the numbers of voxels along x, y, z.
-    """
-    nx, ny, nz = shape
-    in_x = along_axis(x, dx, end, nx, ny * nz)
-    in_y = along_axis(y, dy, end, ny, nz)
-    in_z = along_axis(z, dz, end, nz, 1.0)
-    origin = (in_x[4] * ny + in_y[4]) * nz + in_z[4]
-    if in_x[1] >= in_y[1] and in_x[1] >= in_z[1]:
-        return origin, in_x, in_y, in_z
-    if in_y[1] >= in_z[1]:
-        return origin, in_y, in_x, in_z
-    return origin, in_z, in_x, in_y
+    still = (direction == 0) | (position + direction * end == position)  # gets nowhere
+    back = (direction < 0) & (not still)
+    first = np.ceil(position) - 1 if back else np.floor(position)
+    first = lesser(greater(first, 0.0), count - 1)
+    offset = position - first if back else first + 1 - position
+    speed, ahead = abs(direction), first if back else count - 1 - first
+    stride = -stride if back else stride
+    return (
+        0.0 if still else offset,
+        0.0 if still else speed,
+        1.0 if still else 1 / speed,
+        0.0 if still else ahead,
+        0.0 if still else stride,
+        first,
+    )
 
 
 @compiled(inline=True)
@@ -114,9 +103,3 @@ def passed(time, axis):
 def passing(plane, axis):
     """Return when a ray passes a plane of an axis; they are numbered from 0 as it meets them."""
     return (axis[0] + plane) * axis[2]
-
-
-@compiled(inline=True)
-def most_crossings(end, a, b, c):
-    """Return how many voxels a ray crosses, edges and corners aside where it crosses fewer."""
-    return np.int64(passed(end, a) + passed(end, b) + passed(end, c)) + 1

@@ -4,8 +4,8 @@ A layer lies across the axis along which the ray moves fastest, in voxels. Insid
 at most one plane of each other axis, so it meets at most three voxels; where they begin and end
 follows from the layer's number alone (`tomo.trace._planes`). Layers are therefore independent: the
 loop over them has no branch and is vectorised, and layers in empty space are left out without any
-influence on the others: as many as the ray's voxel is away from the nearest live one. What has no
-length is dropped when the pieces are packed.
+influence on the others: as many as the ray's voxel is away from the nearest live one, at both ends
+of the ray before any is cut. What has no length is dropped when the pieces are packed.
 
 Jacobs et al., "A fast algorithm to calculate the exact radiological path through a pixel or voxel
 space" (Journal of Computing and Information Technology 6, 1998) count crossings in the same way.
@@ -18,23 +18,29 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from tomo._compile import compiled
+from tomo._lanes import LANES
+from tomo._threads import threads_worth
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
 from tomo.segments import Segments
 from tomo.trace._collect import voxel_dtype
-from tomo.trace._planes import (
-    course,
-    enter,
-    greater,
-    lesser,
-    most_crossings,
-    passed,
-    passing,
+from tomo.trace._packing import ROOM, pack_numbered, pack_own, picks_lanes
+from tomo.trace._planes import greater, lesser, passed, passing
+from tomo.trace._side_by_side import (
+    RAYS_TOGETHER,
+    WIDTH,
+    clear_ahead,
+    course_of,
+    entry_of,
+    most_of,
+    set_courses,
+    set_layers,
 )
 
 RAYS_A_CHUNK = 256  # one thread's at a time
-LANES = 8  # layers that are cut at once: a vector of doubles, or some
+
+_COUNTING, _FILLING = 15.0, 150.0  # nanoseconds that a ray takes at least
 
 
 @compiled(inline=True)
@@ -57,8 +63,8 @@ def _cut(start, origin, a, b, c, end, weight, pieces):
         at_b = lesser(greater(passing(b0, b), into), out) if b1 > b0 else out
         at_c = lesser(greater(passing(c0, c), into), out) if c1 > c0 else out
         sooner, later = lesser(at_b, at_c), greater(at_b, at_c)
-        first = origin + layer * a[6] + b0 * b[6] + c0 * c[6]
-        step_b, step_c = (b1 - b0) * b[6], (c1 - c0) * c[6]
+        first = origin + layer * a[4] + b0 * b[4] + c0 * c[4]
+        step_b, step_c = (b1 - b0) * b[4], (c1 - c0) * c[4]
         pieces[i] = (sooner - into) * weight
         pieces[LANES + i] = (later - sooner) * weight
         pieces[2 * LANES + i] = (out - later) * weight
@@ -107,23 +113,17 @@ def _pack(layers, is_end, pieces, number, at, voxel, length):
 
 
 @compiled(inline=True)
-def _pack_middles(layers, pieces, number, at, entry, direction, spacing, middle):
-    """Write the middles of the pieces that `_pack` keeps."""
+def _pack_middles(layers, pieces, number, at, entry, direction, spacing, shape, middle):
+    """Write the middles of the pieces that `_pack` keeps, from the grid's centre."""
     for layer in range(layers):
         for piece in range(3):
             own, found = _numbered(pieces, piece, layer, number)
             if found > 0 and own >= 0:
                 time = pieces[(6 + piece) * LANES + layer]
                 for axis in range(3):
-                    middle[at, axis] = (entry[axis] + direction[axis] * time) * spacing[axis]
+                    from_centre = entry[axis] - shape[axis] / 2 + direction[axis] * time
+                    middle[at, axis] = from_centre * spacing[axis]
                 at += np.uint64(1)
-
-
-@compiled(inline=True)
-def _voxel_at(layer, origin, a, b, c, end):
-    """Return the flat number of the voxel in which a ray enters a layer, as `_cut` does."""
-    into = lesser(greater(passing(layer - 1.0, a), 0.0), end)
-    return np.int64(origin + layer * a[6] + passed(into, b) * b[6] + passed(into, c) * c[6])
 
 
 @compiled(parallel=True)
@@ -152,40 +152,45 @@ def _fill(
     middle : (room or 0, 3)
     """
     lower, upper, spacing, shape = box
-    half = (shape[0] / 2, shape[1] / 2, shape[2] / 2)
     for chunk in numba.prange(len(begin)):
-        pieces = np.zeros(9 * LANES)
-        at = np.uint64(begin[chunk])
-        for ray in range(chunk * RAYS_A_CHUNK, min((chunk + 1) * RAYS_A_CHUNK, len(counts))):
-            x, y, z, dx, dy, dz, end = enter(
-                origins[ray], directions[ray], lengths[ray], lower, upper, spacing, shape
+        pieces, courses = np.zeros(9 * LANES), np.zeros((WIDTH, RAYS_TOGETHER))
+        starts, stops = np.zeros(RAYS_TOGETHER, np.int64), np.zeros(RAYS_TOGETHER, np.int64)
+        at, last = np.uint64(begin[chunk]), min((chunk + 1) * RAYS_A_CHUNK, len(counts))
+        room = np.uint64(begin[chunk + 1] if chunk + 1 < len(begin) else len(voxel))
+        for first in range(chunk * RAYS_A_CHUNK, last, RAYS_TOGETHER):
+            some = min(RAYS_TOGETHER, last - first)
+            set_courses(
+                origins, directions, lengths, first, some, lower, upper, spacing, shape, courses
             )
-            if not end > 0:
-                continue
-            origin, a, b, c = course(x, y, z, dx, dy, dz, end, shape)
-            entry, direction = (x - half[0], y - half[1], z - half[2]), (dx, dy, dz)
-            before, start, all_layers = at, np.int64(0), np.int64(passed(end, a)) + 1
             if len(voxel) == 0:
-                counts[ray] = most_crossings(end, a, b, c)
+                for k in range(some):
+                    counts[first + k] = most_of(courses, k)
                 continue
-            while start < all_layers:
-                if len(away) > 0:
-                    # n layers on the ray is within n + 1 voxels, in rounding's doubt n + 2.
-                    clear = np.int64(away[_voxel_at(start, origin, a, b, c, end)]) - 2
-                    if clear > 0:
+            set_layers(courses, some, away, starts, stops)
+            for k in range(some):
+                start, stop, before = starts[k], stops[k], at
+                origin, end, a, b, c = course_of(courses, k)
+                while start < stop:
+                    layers, found = min(LANES, stop - start), at
+                    _cut(start, origin, a, b, c, end, weights[first + k], pieces)
+                    start += layers
+                    if len(middle) > 0:
+                        entry, direction = entry_of(courses, k)
+                        _pack_middles(
+                            layers, pieces, number, at, entry, direction, spacing, shape, middle
+                        )
+                    if not (picks_lanes() and at + np.uint64(ROOM) <= room):
+                        at = _pack(layers, start == stop, pieces, number, at, voxel, length)
+                    elif len(number) > 0:
+                        at = pack_numbered(layers, pieces, number, at, voxel, length)
+                    else:
+                        at = pack_own(layers, pieces, number, at, voxel, length)
+                    while len(away) > 0 and at == found and start < stop:
+                        clear = clear_ahead(away, start, origin, a, b, c, end)
+                        if clear == 0:
+                            break
                         start += clear
-                        continue
-                first, start = start, min(start + LANES, all_layers)
-                _cut(first, origin, a, b, c, end, weights[ray], pieces)
-                some, is_end = start - first, start == all_layers
-                if len(middle) > 0:
-                    _pack_middles(some, pieces, number, at, entry, direction, spacing, middle)
-                # the same in both: each is compiled without asking again for every piece
-                if len(number) > 0:
-                    at = _pack(some, is_end, pieces, number, at, voxel, length)
-                else:
-                    at = _pack(some, is_end, pieces, number, at, voxel, length)
-            counts[ray] = np.int64(at - before)
+                counts[first + k] = np.int64(at - before)
 
 
 @compiled()
@@ -205,10 +210,12 @@ def _move_down(begin, ptr, words, array, moved):
     some = np.zeros(4096, np.uint32)
     for chunk in range(len(begin)):
         shift = words * (begin[chunk] - ptr[chunk])
-        if same and shift == 0:
+        first, last = words * ptr[chunk], words * ptr[chunk + 1]
+        if not same:
+            for i in range(last - first):
+                moved[np.uint64(first + i)] = array[np.uint64(first + shift + i)]
             continue
-        last = words * ptr[chunk + 1]
-        for start in range(words * ptr[chunk], last, len(some)):
+        for start in range(first, last if shift > 0 else first, len(some)):
             count = min(len(some), last - start)
             for i in range(count):
                 some[i] = array[start + shift + i]
@@ -225,8 +232,8 @@ class March:
 
     Parameters
     ----------
-    grid, midpoints, dtype, live
-        See `tomo.trace.trace`.
+    grid, midpoints, dtype, live, by_place
+        See `tomo.trace.tracing`.
     """
 
     def __init__(
@@ -236,6 +243,7 @@ class March:
         midpoints: bool = False,
         dtype: DTypeLike = np.float32,
         live: LiveVoxels | None = None,
+        by_place: bool = False,
     ) -> None:
         self._box = tuple(grid.lower), tuple(grid.upper), grid.spacing, grid.shape
         self._types = voxel_dtype(grid), np.dtype(dtype)
@@ -243,15 +251,19 @@ class March:
         self._all = live is None or live.all
         self._away, self._number = np.zeros(0, np.uint8), np.zeros(0, np.int32)
         if not self._all:
-            self._away, self._number = live.clearance.ravel(), live.number
+            self._away = live.clearance.ravel()
+            self._number = live.place_of_voxel if by_place else live.number
         self._kept = self._room(0)
 
     def __call__(self, rays: Rays) -> Segments:
         """Return the crossings of rays with live voxels."""
-        most = self._fill(rays, np.zeros(-(-len(rays) // RAYS_A_CHUNK), np.int64), self._room(0))
+        chunks = np.zeros(-(-len(rays) // RAYS_A_CHUNK), np.int64)
+        with threads_worth(_COUNTING * len(rays)):
+            most = self._fill(rays, chunks, self._room(0))
         begin, needed = most[:-1:RAYS_A_CHUNK].copy(), int(most[-1])
         room = self._room(needed) if self._all or len(self._kept[0]) < needed else self._kept
-        ptr = self._fill(rays, begin, room)
+        with threads_worth(_FILLING * len(rays)):
+            ptr = self._fill(rays, begin, room)
         ends = np.append(ptr[:-1:RAYS_A_CHUNK], ptr[-1])
         if self._all:
             found = room

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
+from tomo.projector import Projector
 from tomo.rays import Rays
 from tomo.trace import TRACERS, trace, tracing
 
@@ -87,6 +88,29 @@ def test_every_tracer_keeps_to_the_live_voxels(tracer):
         some = trace(rays, grid, tracer, midpoints=True, live=live)
         assert_same_in_live_voxels(some, whole, live)
         assert trace(rays, grid, tracer, live=live).midpoint is None
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+@pytest.mark.parametrize("share", [0.5, 0.05])  # many, and so few that they have no places
+def test_unknowns_are_told_by_their_places_when_asked_for(tracer, share):
+    grid = GRIDS[0]
+    rays = through(grid, 200, seed=7)
+    live = LiveVoxels.from_mask(grid, np.random.default_rng(8).random(grid.shape) < share)
+    plain = trace(rays, grid, tracer, live=live)
+    placed = tracing(grid, tracer, live=live, by_place=True)(rays)
+    assert (live.place is None) == (share == 0.05)
+    expected = plain.voxel if live.place is None else live.place[plain.voxel]
+    np.testing.assert_array_equal(placed.voxel, expected)
+    assert placed.voxel.dtype == plain.voxel.dtype
+    np.testing.assert_array_equal(placed.length, plain.length)
+    one, other = (
+        Projector(plain, grid, live=live),
+        Projector(placed, grid, live=live, by_place=True),
+    )
+    volume = np.random.default_rng(9).random(live.size)
+    np.testing.assert_array_equal(one @ volume, other @ volume)
+    np.testing.assert_array_equal(one.column_sums, other.column_sums)
+    np.testing.assert_array_equal(one.segments.voxel, other.segments.voxel)
 
 
 def test_what_a_tracer_found_before_stays_as_it_is():
