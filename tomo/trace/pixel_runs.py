@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._numbering import numbering
+
 
 @dataclass(frozen=True, eq=False)
 class PixelRuns:
@@ -30,7 +32,7 @@ class PixelRuns:
     @classmethod
     def all_of(cls, count: int) -> PixelRuns:
         """Return the numbers from 0 to ``count - 1``."""
-        kind = _kind(count)
+        kind = numbering(count)
         return cls(np.zeros(1, kind), np.array([0, count], kind))
 
     @classmethod
@@ -38,7 +40,7 @@ class PixelRuns:
         """Return some ``numbers`` (P,), each below ``count``."""
         cuts = np.flatnonzero(np.diff(numbers) != 1) + 1
         begin = np.concatenate([np.zeros(min(len(numbers), 1), np.int64), cuts])
-        kind = _kind(max(count, len(numbers)))
+        kind = numbering(max(count, len(numbers)))
         return cls(numbers[begin].astype(kind), np.append(begin, len(numbers)).astype(kind))
 
     def __len__(self) -> int:
@@ -60,7 +62,3 @@ class PixelRuns:
         ends = np.clip(self.ptr[low : high + 2], start, stop)
         shift = np.repeat(self.first[some] - self.ptr[some], np.diff(ends))
         return np.arange(start, stop, dtype=self.first.dtype) + shift
-
-
-def _kind(count: int) -> type[np.int32] | type[np.int64]:
-    return np.int32 if count <= np.iinfo(np.int32).max else np.int64
