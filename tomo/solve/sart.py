@@ -14,8 +14,9 @@ from tomo.solve._drive import (
     check_measured,
     check_relaxation,
     drive,
+    residual_of,
 )
-from tomo.solve.sirt import Block
+from tomo.solve._sweep import sweep_of
 from tomo.viewed import ViewedOperator
 
 
@@ -50,20 +51,14 @@ def sart(
     measured = check_measured(projector, measured)
     relaxation = check_relaxation(relaxation)
     views = [number for number in range(projector.n_views) if np.diff(projector.view_ptr)[number]]
-    blocks = []
-    for position in spread_order(len(views)):
-        number = views[position]
-        pixels = measured[projector.view_ptr[number] : projector.view_ptr[number + 1]]
-        blocks.append(Block(projector.view(number), pixels, None))
+    parts = [projector.pixels_of([views[n]]) for n in spread_order(len(views))]
+    sweep = sweep_of(projector, measured, parts)
 
     def states() -> States:
         x = additive_start(projector, start, nonnegative)
         while True:
-            yield x, norm(measured - projector @ x)
-            for block in blocks:
-                x = x + relaxation * block.update(block.residual(x))
-                if nonnegative:
-                    x = np.maximum(x, 0)
+            yield x, norm(residual_of(projector, measured, x))
+            x = sweep(x, relaxation, nonnegative)
 
     return drive(
         states(),
