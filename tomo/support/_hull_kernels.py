@@ -166,8 +166,8 @@ def vote(tables, layout, corners, reach, enough, votes):
 def splat(corners, bricks, ptr, shown, slack, layout, steps):
     """Count in ``steps`` for every pixel of every view the voxels' boxes that touch it.
 
-    Brick ``bricks[b]`` (B, 3) has the voxels ``shown[ptr[b]:ptr[b + 1]]`` (V, 3): where in it their
-    middles are, from 0 to 1.
+    Brick ``bricks[b]`` (B, 3) has the voxels ``shown[ptr[b]:ptr[b + 1]]`` (V, 3): where in the
+    brick their middles are, from 0 to 1.
     """
     for view in numba.prange(corners.shape[0]):
         start, height, width = layout[view]
