@@ -32,8 +32,8 @@ from tomo._threads import threads_worth
 from tomo.projector import Projector
 from tomo.viewed import ViewedOperator
 
-Sweep = Callable[[NDArray[np.float32], float, bool], NDArray[np.float32]]
-"""``sweep(x, relaxation, nonnegative)``: the volume after the updates of all blocks."""
+Sweep = Callable[[NDArray[np.float32], float, bool, NDArray[np.int64]], NDArray[np.float32]]
+"""``sweep(x, relaxation, nonnegative, order)``: ``x`` after the updates of blocks ``order``."""
 
 
 def sweep_of(
@@ -49,7 +49,7 @@ def sweep_of(
     projector : ViewedOperator
     measured : (pixels,)
     parts : sequence of (P_b,) int64
-        The ascending numbers of each block's pixels, in the order of the updates.
+        The ascending numbers of each block's pixels.
     weights : (pixels,), optional
         The diagonal of ``W``; ones when None.
     """
@@ -61,8 +61,10 @@ def sweep_of(
         for p in parts
     ]
 
-    def sweep(x: NDArray[np.float32], relaxation: float, nonnegative: bool) -> NDArray[np.float32]:
-        for block in blocks:
+    def sweep(
+        x: NDArray[np.float32], relaxation: float, nonnegative: bool, order: NDArray[np.int64]
+    ) -> NDArray[np.float32]:
+        for block in (blocks[number] for number in order):
             residual = block.measured - block.projector @ x
             x = block.updated(x, residual, relaxation, nonnegative)
         return x
@@ -139,17 +141,21 @@ class _StoredSweep:
         )  # of a part
 
     def __call__(
-        self, x: NDArray[np.float32], relaxation: float, nonnegative: bool
+        self,
+        x: NDArray[np.float32],
+        relaxation: float,
+        nonnegative: bool,
+        order: NDArray[np.int64],
     ) -> NDArray[np.float32]:
-        """Return ``x`` (n,) after the updates of all blocks."""
+        """Return ``x`` (n,) after the updates of blocks ``order``."""
         live = self._live
         x = x.copy() if live.at_place is None else x.take(live.at_place)
         at_once = parts_at_once(self._most, x.nbytes)
         private = np.zeros((at_once, len(x)), np.float32)
         with threads_worth(self._nanoseconds * at_once):
             _sweep(
-                *self._matrix, self._measured, self._per_row, self._per_column, self._part_ptr,
-                self._bounds, np.float32(relaxation), nonnegative, private, x,
+                *self._matrix, self._measured, self._per_row, self._per_column, order,
+                self._part_ptr, self._bounds, np.float32(relaxation), nonnegative, private, x,
             )  # fmt: skip
         return x if live.place is None else x.take(live.place)
 
@@ -173,17 +179,17 @@ def _reciprocal_sums(starts, stops, voxel, length, weights, ptr, per_row, per_co
 
 @compiled(parallel=True)
 def _sweep(
-    starts, stops, voxel, length, measured, per_row, per_column, part_ptr, bounds, relaxation,
-    nonnegative, private, x,
+    starts, stops, voxel, length, measured, per_row, per_column, order, part_ptr, bounds,
+    relaxation, nonnegative, private, x,
 ):  # fmt: skip
-    """Update ``x`` (n,) from every block, whose parts ``part_ptr`` counts.
+    """Update ``x`` (n,) from blocks ``order``, whose parts ``part_ptr`` counts.
 
     Each part's rows ``bounds[p]:bounds[p + 1]`` add into a row of ``private`` (at once, n), which
     is zeros before and after.
     """
     n, at_once = len(x), len(private)
     update = np.zeros(n, np.float32)
-    for block in range(len(per_column)):
+    for block in order:
         end = part_ptr[block + 1]
         for first in range(part_ptr[block], end, at_once):
             last = min(first + at_once, end)

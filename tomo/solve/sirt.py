@@ -82,7 +82,7 @@ def sirt(
             residual = residual_of(projector, measured, x)
             yield x, norm(residual if root is None else root * residual)
             if whole is None:
-                x = sweep(x, relaxation, nonnegative)
+                x = sweep(x, relaxation, nonnegative, np.arange(subsets))
             else:
                 x = whole.updated(x, residual, relaxation, nonnegative)
 

@@ -1,5 +1,6 @@
 """Blocks of pixels one after another, against a slow twin in double precision."""
 
+import itertools
 from types import SimpleNamespace
 
 import numba
@@ -10,6 +11,7 @@ from tomo import LiveVoxels, Projector, SmoothBasis
 from tomo.solve import _sweep, sart, sirt
 from tomo.solve._sweep import sweep_of
 from tomo.solve.mlem import interleaved
+from tomo.solve.sart import view_orders
 
 
 def _reciprocal(sums):
@@ -69,10 +71,11 @@ def test_it_updates_as_its_twin_does(
     start = np.random.default_rng(2).random(projector.shape[1]).astype(np.float32)
     kept = start.copy()
     sweep = sweep_of(projector, measured, parts, weights)
-    found = sweep(sweep(start, relaxation, nonnegative), relaxation, nonnegative)
-    expected = _twin(
-        dense(projector), measured, parts * 2, start, relaxation, nonnegative, weights
-    )
+    order = np.random.default_rng(3).permutation(subsets)
+    found = sweep(start, relaxation, nonnegative, order)
+    found = sweep(found, relaxation, nonnegative, order[::-1].copy())
+    in_order = [parts[number] for number in [*order, *order[::-1]]]
+    expected = _twin(dense(projector), measured, in_order, start, relaxation, nonnegative, weights)
     np.testing.assert_allclose(found, expected, rtol=0, atol=2e-5 * np.abs(expected).max())
     assert (found < 0).any() != nonnegative
     np.testing.assert_array_equal(start, kept)
@@ -101,7 +104,8 @@ def test_the_number_of_threads_changes_no_bit(ring_system, monkeypatch):
         for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
             numba.set_num_threads(threads)
             sweep = sweep_of(ring_system.projector, measured, interleaved(len(measured), 3))
-            found.append(sweep(np.zeros(ring_system.projector.shape[1], np.float32), 1.0, True))
+            x = np.zeros(ring_system.projector.shape[1], np.float32)
+            found.append(sweep(x, 1.0, True, np.arange(3)))
     finally:
         numba.set_num_threads(before)
     np.testing.assert_array_equal(*found)
@@ -111,5 +115,18 @@ def test_what_overflows_does_not_pass_for_zero(ring_system):
     """A voxel that is not a number stays one, so that the solver sees that it diverged."""
     measured = np.full(len(ring_system.measured), np.nan, np.float32)
     x = np.zeros(ring_system.projector.shape[1], np.float32)
-    found = sweep_of(ring_system.projector, measured, [np.arange(len(measured))])(x, 1.0, True)
+    sweep = sweep_of(ring_system.projector, measured, [np.arange(len(measured))])
+    found = sweep(x, 1.0, True, np.arange(1))
     assert np.isnan(found).any()
+
+
+def test_only_sarts_pass_from_zeros_takes_the_views_without_a_pattern(ring_system):
+    first, second, third = (order.tolist() for order in itertools.islice(view_orders(9), 3))
+    assert first != second == third
+    assert sorted(first) == sorted(second) == list(range(9))
+    projector, measured = ring_system.projector, ring_system.measured
+    zeros = np.zeros(projector.shape[1])
+    from_nothing, from_zeros = (
+        sart(projector, measured, iterations=1, start=start).volume for start in (None, zeros)
+    )
+    assert np.abs(from_zeros - from_nothing).max() > 1e-3
