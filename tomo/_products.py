@@ -26,8 +26,26 @@ awaits all threads, and what is beyond the caches is slower."""
 
 NANOSECONDS_GATHERED, NANOSECONDS_SCATTERED = 0.32, 0.5  # an entry, on one thread
 ENTRIES_A_PRIVATE_VOXEL = 2  # to clear and add a voxel of a part costs about as much as an entry
+ADDED_AT_ONCE = 2048  # voxels: what a thread adds stays in its cache
 _AT_ONCE = CHAINS * LANES
-_ADDED_AT_ONCE = 2048  # voxels: what a thread adds stays in its cache
+
+
+@compiled(inline=True)
+def projected(volume, voxel, length, start, stop):
+    """Return the sum over entries ``start:stop`` (int64) in double precision, in lanes."""
+    total = row_sum(volume, voxel, length, start, stop - start)
+    for s in range(np.uint64(stop - (stop - start) % _AT_ONCE), np.uint64(stop)):
+        total += np.float64(length[s] * volume[voxel[s]])
+    return total
+
+
+@compiled(inline=True)
+def spread(pixel, voxel, length, start, stop, volume):
+    """Add to ``volume`` (n,) what entries ``start:stop`` bring of a pixel."""
+    s, end = np.uint64(start), np.uint64(stop)
+    while s < end:
+        volume[voxel[s]] += length[s] * pixel
+        s += np.uint64(1)
 
 
 @compiled(parallel=True)
@@ -38,10 +56,7 @@ def _gather(starts, stops, voxel, length, volume, images):
     """
     for row in numba.prange(len(images)):
         start, stop = np.int64(starts[row]), np.int64(stops[row])
-        total = row_sum(volume, voxel, length, start, stop - start)
-        for s in range(np.uint64(stop - (stop - start) % _AT_ONCE), np.uint64(stop)):
-            total += np.float64(length[s] * volume[voxel[s]])
-        images[row] = total
+        images[row] = projected(volume, voxel, length, start, stop)
 
 
 @compiled(parallel=True)
@@ -55,16 +70,11 @@ def _scatter(starts, stops, voxel, length, images, bounds, private, volume):
             for i in range(len(own)):
                 own[i] = 0
             for row in range(bounds[part], bounds[part + 1]):
-                pixel = images[row]
-                if pixel == 0:
-                    continue
-                s, stop = np.uint64(starts[row]), np.uint64(stops[row])
-                while s < stop:
-                    own[voxel[s]] += length[s] * pixel
-                    s += np.uint64(1)
-        for block in numba.prange((len(volume) + _ADDED_AT_ONCE - 1) // _ADDED_AT_ONCE):
-            start = block * _ADDED_AT_ONCE
-            stop = min(start + _ADDED_AT_ONCE, len(volume))
+                if images[row] != 0:
+                    spread(images[row], voxel, length, starts[row], stops[row], own)
+        for block in numba.prange((len(volume) + ADDED_AT_ONCE - 1) // ADDED_AT_ONCE):
+            start = block * ADDED_AT_ONCE
+            stop = min(start + ADDED_AT_ONCE, len(volume))
             total = volume[start:stop]
             for part in range(last - first):
                 own = private[part, start:stop]
@@ -82,6 +92,14 @@ def part_bounds(counts: NDArray[np.int64], n_unknowns: int) -> NDArray[np.int64]
     parts = min(max(worth, 1), MOST_PARTS)
     cuts = np.searchsorted(before, before[-1] * np.arange(1, parts) // parts)
     return np.concatenate([[0], cuts, [len(counts)]]).astype(np.int64)
+
+
+def parts_at_once(parts: int, nbytes: int) -> int:
+    """Return how many parts have volumes, of so many bytes each, of their own at a time.
+
+    As many as there are threads, or as have small volumes together.
+    """
+    return min(max(numba.get_num_threads(), PRIVATE_BYTES // max(nbytes, 1)), parts)
 
 
 def gather(
@@ -108,13 +126,9 @@ def scatter(
     volume: NDArray[np.floating],
     entries: int,
 ) -> None:
-    """Add to ``volume`` (n,) the product of the transposed matrix with ``images`` (P,).
-
-    As many parts at a time as there are threads, or as have small volumes together.
-    """
+    """Add to ``volume`` (n,) the product of the transposed matrix with ``images`` (P,)."""
     parts = len(bounds) - 1
-    small = PRIVATE_BYTES // max(volume.nbytes, 1)
-    at_once = min(max(numba.get_num_threads(), small), parts)
+    at_once = parts_at_once(parts, volume.nbytes)
     private = np.zeros((at_once, len(volume)), volume.dtype)
     rounds = -(-parts // at_once)
     with threads_worth(NANOSECONDS_SCATTERED * entries / rounds):

@@ -86,6 +86,13 @@ def _as_float32(array: ArrayLike) -> NDArray[np.float32]:
         return np.asarray(array).astype(np.float32, copy=False)
 
 
+def residual_of(
+    projector: ViewedOperator, measured: NDArray[np.float32], x: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return ``b - A x``; nothing is projected of zeros."""
+    return measured - projector @ x if x.any() else measured
+
+
 def unit_of(vector: NDArray[np.float32]) -> np.float32:
     """Return the power of two next below the largest magnitude; 1 for a vector of zeros.
 

@@ -57,8 +57,7 @@ def mlem(
 
     Notes
     -----
-    A voxel that a subset barely sees is kept from running away by `sensitivity`. The subsets hold
-    a second copy of the matrix.
+    A voxel that a subset barely sees is kept from running away by `sensitivity`.
 
     References
     ----------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tomo._sums import norm
 from tomo.reconstruction import Callback, Reconstruction
@@ -13,45 +13,12 @@ from tomo.solve._drive import (
     check_measured,
     check_relaxation,
     drive,
+    residual_of,
 )
 from tomo.solve._least_squares import check_weights
+from tomo.solve._sweep import Block, sweep_of
 from tomo.solve.mlem import interleaved
 from tomo.viewed import ViewedOperator
-
-
-def reciprocal(sums: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Return ``1 / sums`` with zero where a ray meets no voxel or a voxel no ray."""
-    return np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0).astype(np.float32)
-
-
-class Block:
-    """The update ``C A^T W R (b - A x)`` from some of the pixels.
-
-    ``R`` are the reciprocals of the row sums of A and ``C`` those of its column sums, weighted.
-    """
-
-    def __init__(
-        self,
-        projector: ViewedOperator,
-        measured: NDArray[np.float32],
-        weights: NDArray[np.float32] | None,
-    ) -> None:
-        self.projector = projector
-        self.measured = measured
-        self.per_row = reciprocal(projector.row_sums)
-        columns = projector.column_sums
-        if weights is not None:
-            self.per_row = weights * self.per_row
-            columns = projector.T @ weights.astype(np.float64)
-        self.per_column = reciprocal(columns)
-
-    def residual(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return ``b - A x``."""
-        return self.measured - self.projector @ x
-
-    def update(self, residual: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return ``C A^T W R r``."""
-        return self.per_column * (self.projector.T @ (self.per_row * residual))
 
 
 def sirt(
@@ -105,24 +72,19 @@ def sirt(
     relaxation = check_relaxation(relaxation)
     weights = check_weights(projector, weights)
     root = None if weights is None else np.sqrt(weights)
-    whole = Block(projector, measured, weights)
-    blocks = [
-        Block(projector.take(part), measured[part], None if weights is None else weights[part])
-        for part in interleaved(len(measured), subsets)
-        if subsets > 1
-    ] or [whole]
+    whole = Block(projector, measured, weights) if subsets == 1 else None
+    if whole is None:
+        sweep = sweep_of(projector, measured, interleaved(len(measured), subsets), weights)
 
     def states() -> States:
         x = additive_start(projector, start, nonnegative)
         while True:
-            residual = whole.residual(x)
+            residual = residual_of(projector, measured, x)
             yield x, norm(residual if root is None else root * residual)
-            for block in blocks:
-                if block is not whole:
-                    residual = block.residual(x)
-                x = x + relaxation * block.update(residual)
-                if nonnegative:
-                    x = np.maximum(x, 0)
+            if whole is None:
+                x = sweep(x, relaxation, nonnegative, np.arange(subsets))
+            else:
+                x = whole.updated(x, residual, relaxation, nonnegative)
 
     return drive(
         states(),

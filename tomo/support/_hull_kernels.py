@@ -15,6 +15,8 @@ import numpy as np
 from tomo._compile import compiled
 from tomo.support.lattice import STEP
 
+_SAFE = 1e-3  # pixels: more than interpolation rounds by, anywhere in an image
+
 
 @compiled(inline=True)
 def _brick(corners, view, bx, by, bz, axis):
@@ -67,10 +69,25 @@ def _box(low_u, high_u, low_v, high_v, height, width):
 
 
 @compiled(inline=True)
+def _lies_inside(low, high, half, size):
+    """Whether all voxels of a brick lie in the image along one axis, each with what it spans."""
+    return low - half > _SAFE - 0.5 and high + half < size - 0.5 - _SAFE
+
+
+@compiled(inline=True)
+def _pixels(at, half):
+    """Return what `_box` does along one axis, of a voxel that lies in the image."""
+    return np.int64(at - half + 0.5), np.int64(at + half + 0.5) + 1
+
+
+@compiled(inline=True)
 def _count(tables, start, stride, left, right, top, bottom):
     above, below = start + top * stride, start + bottom * stride
     return (
-        tables[below + right] - tables[above + right] - tables[below + left] + tables[above + left]
+        tables[np.uint64(below + right)]
+        - tables[np.uint64(above + right)]
+        - tables[np.uint64(below + left)]
+        + tables[np.uint64(above + left)]
     )
 
 
@@ -114,10 +131,13 @@ def vote(tables, layout, corners, reach, enough, votes):
             if not mixed[view]:
                 continue
             start, height, width = layout[view]
-            u, _, _, half_u = _brick(corners, view, bx, by, bz, 0)
-            v, _, _, half_v = _brick(corners, view, bx, by, bz, 1)
+            u, low_u, high_u, half_u = _brick(corners, view, bx, by, bz, 0)
+            v, low_v, high_v, half_v = _brick(corners, view, bx, by, bz, 1)
             half_u += reach[view]
             half_v += reach[view]
+            inside = _lies_inside(low_u, high_u, half_u, width) and _lies_inside(
+                low_v, high_v, half_v, height
+            )
             for i in range(x0, x1):
                 for j in range(y0, y1):
                     x, y = (i - x0 + 0.5) / STEP, (j - y0 + 0.5) / STEP
@@ -128,52 +148,60 @@ def vote(tables, layout, corners, reach, enough, votes):
                             continue
                         z = (k - z0 + 0.5) / STEP
                         at_u, at_v = u0 + slope_u * z, v0 + slope_v * z
-                        left, right, top, bottom = _box(
-                            at_u - half_u, at_u + half_u, at_v - half_v, at_v + half_v,
-                            height, width,
-                        )  # fmt: skip
-                        if right > 0 and (
-                            _count(tables, start, width + 1, left, right, top, bottom) == 0
-                        ):
-                            votes[i, j, k] += 1
+                        if inside:
+                            left, right = _pixels(at_u, half_u)
+                            top, bottom = _pixels(at_v, half_v)
+                        else:
+                            left, right, top, bottom = _box(
+                                at_u - half_u, at_u + half_u, at_v - half_v, at_v + half_v,
+                                height, width,
+                            )  # fmt: skip
+                            if right == 0:
+                                continue
+                        bright = _count(tables, start, width + 1, left, right, top, bottom)
+                        votes[i, j, k] += bright == 0
 
 
 @compiled(parallel=True)
-def splat(corners, live, runs, slack, layout, steps):
-    """Count in ``steps`` for every pixel of every view the live voxels' boxes that touch it.
+def splat(corners, bricks, ptr, shown, slack, layout, steps):
+    """Count in ``steps`` for every pixel of every view the voxels' boxes that touch it.
 
-    ``runs`` (R, 3): the ``x, y`` and number along z of every brick's column with a live voxel.
+    Brick ``bricks[b]`` (B, 3) has the voxels ``shown[ptr[b]:ptr[b + 1]]`` (V, 3): where in the
+    brick their middles are, from 0 to 1.
     """
-    nz = live.shape[2]
     for view in numba.prange(corners.shape[0]):
         start, height, width = layout[view]
         stride = width + 1
-        for run in range(len(runs)):
-            i, j, bz = runs[run, 0], runs[run, 1], runs[run, 2]
-            bx, by = i // STEP, j // STEP
-            x, y = (i - STEP * bx + 0.5) / STEP, (j - STEP * by + 0.5) / STEP
-            u, _, _, half_u = _brick(corners, view, bx, by, bz, 0)
-            v, _, _, half_v = _brick(corners, view, bx, by, bz, 1)
+        for brick in range(len(bricks)):
+            bx, by, bz = bricks[brick, 0], bricks[brick, 1], bricks[brick, 2]
+            u, low_u, high_u, half_u = _brick(corners, view, bx, by, bz, 0)
+            v, low_v, high_v, half_v = _brick(corners, view, bx, by, bz, 1)
             half_u += slack[view]
             half_v += slack[view]
-            u0, slope_u = _column(u, x, y)
-            v0, slope_v = _column(v, x, y)
-            for k in range(STEP * bz, min(STEP * bz + STEP, nz)):
-                if not live[i, j, k]:
-                    continue
-                z = (k - STEP * bz + 0.5) / STEP
+            inside = _lies_inside(low_u, high_u, half_u, width) and _lies_inside(
+                low_v, high_v, half_v, height
+            )
+            for n in range(ptr[brick], ptr[brick + 1]):
+                x, y, z = shown[n, 0], shown[n, 1], shown[n, 2]
+                u0, slope_u = _column(u, x, y)
+                v0, slope_v = _column(v, x, y)
                 at_u, at_v = u0 + slope_u * z, v0 + slope_v * z
-                left, right, top, bottom = _box(
-                    max(at_u - half_u, -0.5), min(at_u + half_u, width - 0.5),
-                    max(at_v - half_v, -0.5), min(at_v + half_v, height - 0.5),
-                    height, width,
-                )  # fmt: skip
-                if right <= left or bottom <= top:
-                    continue
-                steps[start + top * stride + left] += 1
-                steps[start + bottom * stride + right] += 1
-                steps[start + top * stride + right] -= 1
-                steps[start + bottom * stride + left] -= 1
+                if inside:
+                    left, right = _pixels(at_u, half_u)
+                    top, bottom = _pixels(at_v, half_v)
+                else:
+                    left, right, top, bottom = _box(
+                        max(at_u - half_u, -0.5), min(at_u + half_u, width - 0.5),
+                        max(at_v - half_v, -0.5), min(at_v + half_v, height - 0.5),
+                        height, width,
+                    )  # fmt: skip
+                    if right <= left or bottom <= top:
+                        continue
+                above, below = start + top * stride, start + bottom * stride
+                steps[np.uint64(above + left)] += 1
+                steps[np.uint64(below + right)] += 1
+                steps[np.uint64(above + right)] -= 1
+                steps[np.uint64(below + left)] -= 1
         for row in range(height + 1):
             running = 0
             for column in range(width + 1):

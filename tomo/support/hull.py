@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.support import _hull_kernels as kernels
-from tomo.support.lattice import STEP, Lattice
+from tomo.support.lattice import STEP, Lattice, bricks_of
 
 Shapes = Sequence[tuple[int, int]]
 
@@ -59,8 +59,8 @@ def touched(
     layout = _layout(image_shapes)
     steps = np.zeros(int(layout[-1, 0]), np.int32)
     slack = np.array([lattice.slack for lattice in lattices])
-    corners, shown = np.stack([one.corners for one in lattices]), surface(live)
-    kernels.splat(corners, shown, _runs(shown), slack, layout, steps)
+    corners = np.stack([one.corners for one in lattices])
+    kernels.splat(corners, *_by_brick(surface(live)), slack, layout, steps)
     found = []
     for number, (lattice, (height, width)) in enumerate(zip(lattices, image_shapes, strict=True)):
         counts = steps[layout[number, 0] : layout[number + 1, 0]].reshape(height + 1, width + 1)
@@ -83,10 +83,22 @@ def surface(live: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return live & ~inner
 
 
-def _runs(live: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return ``x, y`` and number along z of every column of a brick with a live voxel: (R, 3)."""
-    padded = np.pad(live, ((0, 0), (0, 0), (0, -live.shape[2] % STEP)))
-    return np.argwhere(padded.reshape(*live.shape[:2], -1, STEP).any(axis=3))
+def _by_brick(
+    live: NDArray[np.bool_],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return the bricks with a live voxel (B, 3), and where in each its live voxels are.
+
+    Brick ``b`` has the voxels ``ptr[b]:ptr[b + 1]``, their middles from 0 to 1 across it: (V, 3).
+    """
+    shape = bricks_of(live.shape)
+    padded = np.pad(live, [(0, STEP * b - n) for b, n in zip(shape, live.shape, strict=True)])
+    cells = padded.reshape(*(size for b in shape for size in (b, STEP)))
+    inside = cells.transpose(0, 2, 4, 1, 3, 5).reshape(-1, STEP**3)
+    counts = np.count_nonzero(inside, axis=1)
+    found = np.flatnonzero(counts)
+    place = np.stack(np.unravel_index(np.flatnonzero(inside) % STEP**3, (STEP,) * 3), axis=1)
+    ptr = np.concatenate([[0], np.cumsum(counts[found])])
+    return np.stack(np.unravel_index(found, shape), axis=1), ptr, (place + 0.5) / STEP
 
 
 def _summed(bright: NDArray[np.bool_]) -> NDArray[np.int32]:

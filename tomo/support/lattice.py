@@ -88,36 +88,31 @@ def _points(grid: VoxelGrid, places: list[NDArray]) -> NDArray[np.float64]:
 
 
 def _projected(cameras: Sequence[Camera], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return pixel coordinates of points (N, 3), NaN where they are not seen: (views, N, 2).
-
-    Cameras without distortion take all their points at once: one by one, most of the time goes
-    into beginning.
-    """
+    """Return pixel coordinates of points (N, 3), NaN where they are not seen: (views, N, 2)."""
     seen = np.full((len(cameras), len(points), 2), np.nan)
-    straight = []
-    for view, camera in enumerate(cameras):
+    along = np.ascontiguousarray(points.T)
+    for camera, own in zip(cameras, seen, strict=True):
         if not camera.sees_once:  # one place of several would pass for the only one
             continue
         if getattr(camera, "is_pinhole", False):
-            straight.append(view)
+            _through_pinhole(camera, along, own)
             continue
         uv, _, valid = camera.project(points)
-        seen[view][valid] = uv[valid]
-    if straight:
-        seen[straight] = _through_pinholes([cameras[view] for view in straight], points)
+        own[valid] = uv[valid]
     return seen
 
 
-def _through_pinholes(
-    cameras: Sequence[Camera], points: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return what `Camera.project` does of several cameras without distortion: (views, N, 2)."""
-    matrices = [one.camera_matrix @ np.column_stack([one.R, one.t]) for one in cameras]
-    at_x, at_y, at_z, shift = np.moveaxis(np.array(matrices)[..., None], 2, 0)  # (views, 3, 1)
-    x, y, z = points.T
-    u, v, depth = np.moveaxis(at_x * x + at_y * y + at_z * z + shift, 1, 0)  # (views, N)
-    depth = np.where(depth > 0, depth, np.nan)
-    return np.stack([u / depth, v / depth], axis=-1)
+def _through_pinhole(
+    camera: Camera, points: NDArray[np.float64], seen: NDArray[np.float64]
+) -> None:
+    """Write to ``seen`` (N, 2) what `Camera.project`, which takes longer, finds of (3, N)."""
+    x, y, z = points
+    matrix = camera.camera_matrix @ np.column_stack([camera.R, camera.t])  # (3, 4)
+    at_x, at_y, at_z, shift = matrix.T[..., None]
+    u, v, depth = at_x * x + at_y * y + at_z * z + shift
+    depth[~(depth > 0)] = np.nan
+    np.divide(u, depth, out=seen[:, 0])
+    np.divide(v, depth, out=seen[:, 1])
 
 
 def _longest_edges(corners: NDArray[np.float64]) -> list[float]:

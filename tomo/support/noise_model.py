@@ -104,20 +104,17 @@ def estimate_noise(
     if image.ndim != 2 or min(image.shape) < 3:
         return NoiseModel(0.0)
     usable = np.isfinite(image) if mask is None else np.isfinite(image) & np.asarray(mask, bool)
-    whole = (_count_of_nine(usable) == 9) & (_count_of_nine(image == 0) < 2)
-    chosen = np.flatnonzero(whole)
-    if not len(chosen):
+    first = _whole_nines(usable, image == 0)
+    if not len(first):
         return NoiseModel(0.0)
     most = PIXELS_A_LEVEL * MOST_LEVELS
-    if len(chosen) > most:  # spread by the golden section: no step falls in with the rows
-        chosen = chosen[golden_section(len(chosen)) < most / len(chosen)]
-    width = image.shape[1]
-    first = chosen + 2 * (chosen // (width - 2))  # of the nine, in the image
-    level, fine = np.zeros(len(chosen)), np.zeros(len(chosen))
+    if len(first) > most:  # spread by the golden section: no step falls in with the rows
+        first = first[golden_section(len(first)) < most / len(first)]
+    level, fine = np.zeros(len(first)), np.zeros(len(first))
     shown = np.asarray(image, np.float64).ravel()
     signal = shown if expected is None else np.asarray(expected, np.float64).ravel()
-    _filter(shown, signal, expected is not None, first, width, level, fine)
-    parts = int(np.clip(len(level) // PIXELS_A_LEVEL, 1, MOST_LEVELS))
+    _filter(shown, signal, expected is not None, first, image.shape[1], level, fine)
+    parts = min(max(len(level) // PIXELS_A_LEVEL, 1), MOST_LEVELS)
     left_over = len(level) % parts
     bounds = np.arange(left_over, len(level), len(level) // parts)
     order = np.argpartition(level, bounds)[left_over:].reshape(parts, -1)
@@ -127,11 +124,26 @@ def estimate_noise(
     return NoiseModel(*_line(means, (spreads / QUARTER_OF_A_NORMAL) ** 2))
 
 
+def _whole_nines(usable: NDArray[np.bool_], zero: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return which 3 x 3 pixels are usable and at most one of them zero, by their upper left.
+
+    Rows follow each other without a gap, which is quicker; what spans the end of one is left out.
+    """
+    height, width = usable.shape
+    inside = np.zeros((height - 2, width), np.bool_)
+    inside[:, :-2] = True
+    whole = inside.ravel()[:-2]
+    if not usable.all():
+        whole &= _count_of_nine(usable) == 9
+    whole &= _count_of_nine(zero) < 2
+    return np.flatnonzero(whole)
+
+
 def _count_of_nine(marked: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return how many of each 3 x 3 pixels are marked, ``(height - 2, width - 2)``."""
-    marked = np.asarray(marked, np.uint8)
-    rows = marked[2:] + marked[1:-1] + marked[:-2]
-    return rows[:, 2:] + rows[:, 1:-1] + rows[:, :-2]
+    """Return how many of each 3 x 3 pixels are marked, by their upper left, as if rows went on."""
+    width, flat = marked.shape[1], marked.ravel().view(np.uint8)
+    rows = flat[: -2 * width] + flat[width:-width] + flat[2 * width :]
+    return rows[:-2] + rows[1:-1] + rows[2:]
 
 
 @compiled()

@@ -10,6 +10,7 @@ from tomo.support.noise_model import NoiseModel
 SIGMAS = 8.0  # beyond the brightest or darkest neighbour
 SHARE = 0.05  # of the image's maximum, likewise
 TIMES = 4.0  # brighter or darker than the nearest of its neighbours
+_DOWN, _RIGHT = (-1, -1, -1, 0, 0, 1, 1, 1), (-1, 0, 1, -1, 1, -1, 0, 1)  # to the neighbours
 
 
 def usable_pixels(
@@ -39,19 +40,24 @@ def usable_pixels(
     usable = np.isfinite(image)
     if mask is not None:
         usable &= np.asarray(mask, bool)
-    largest = float(image.max(initial=0.0, where=usable))
+    untrusted = None if usable.all() else ~usable
+    shown = image if untrusted is None else image[usable]
+    largest = float(shown.max(initial=0.0))
     if largest <= 0 or min(image.shape) < 3:
         return usable
-    high = _of_neighbours(np.where(usable, image, -np.inf), np.maximum)
-    low = _of_neighbours(np.where(usable, image, np.inf), np.minimum)
-    few = _strange(image, high, low, np.float32(SHARE * largest)) & usable & np.isfinite(low)
-    found = np.nonzero(few)
+    # What one neighbour speaks against need not be asked of the others: hardly any is left.
+    high, low = _of_one_neighbour(image, untrusted)
+    found = np.nonzero(_strange(image, high, low, np.float32(SHARE * largest)) & usable)
     if not len(found[0]):
         return usable
+    high = _of_neighbours(np.where(usable, image, -np.inf), found, np.maximum)
+    low = _of_neighbours(np.where(usable, image, np.inf), found, np.minimum)
+    few = _strange(image[found], high, low, np.float32(SHARE * largest)) & np.isfinite(low)
+    found, high, low = tuple(axis[few] for axis in found), high[few], low[few]
     noise = NoiseModel(0.0) if noise is None else noise
-    image, high, low = image[found], high[found], low[found]
     sigma = np.sqrt(noise.variance(np.maximum(low, 0)))
-    usable[found] = ~_strange(image, high, low, np.maximum(SIGMAS * sigma, SHARE * largest))
+    far = np.maximum(SIGMAS * sigma, SHARE * largest)
+    usable[found] = ~_strange(image[found], high, low, far)
     return usable
 
 
@@ -69,12 +75,32 @@ def _strange(
         return hot | (image < np.minimum(low, low / TIMES) - far)
 
 
-def _of_neighbours(image: NDArray[np.float32], extreme: np.ufunc) -> NDArray[np.float32]:
-    """Return the extreme of each pixel's eight neighbours, fewer on the border."""
+def _of_one_neighbour(
+    image: NDArray[np.float32], untrusted: NDArray[np.bool_] | None
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return bounds of the magnitude of the highest, and of the lowest, neighbour of each pixel.
+
+    From below and from above, by the neighbour in the next row, in the last row by that before;
+    one that cannot be trusted, where there are such, bounds nothing.
+    """
+    other = np.concatenate([image[1:], image[-2:-1]])
+    if untrusted is None:
+        return np.maximum(other, 0), other
+    nothing = np.concatenate([untrusted[1:], untrusted[-2:-1]])
+    return (
+        np.maximum(np.where(nothing, np.float32(0), other), 0),
+        np.where(nothing, np.float32(np.inf), other),
+    )
+
+
+def _of_neighbours(
+    image: NDArray[np.float32], places: tuple[NDArray[np.int64], ...], extreme: np.ufunc
+) -> NDArray[np.float32]:
+    """Return the extreme of the eight neighbours of pixels at (row, column), fewer on the border.
+
+    ``places`` are the rows (N,) and columns (N,).
+    """
     nothing = -np.inf if extreme is np.maximum else np.inf
-    padded = np.full((image.shape[0] + 2, image.shape[1] + 2), nothing, image.dtype)
-    padded[1:-1, 1:-1] = image
-    rows = extreme(padded[:-2], padded[2:])  # above and below
-    three = extreme(rows, padded[1:-1])
-    sides = extreme(three[:, :-2], three[:, 2:])
-    return extreme(sides, rows[:, 1:-1])
+    padded = np.pad(image, 1, constant_values=nothing)
+    row, column = (axis[:, None] + 1 for axis in places)
+    return extreme.reduce(padded[row + _DOWN, column + _RIGHT], axis=1)

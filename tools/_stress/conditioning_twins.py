@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
@@ -13,7 +14,7 @@ from _stress.row import Row, relative_error, worst_of
 from _stress.values_scene import run
 from tomo.solve._gradient import Gradient
 from tomo.solve.mlem import sensitivity
-from tomo.solve.sart import spread_order
+from tomo.solve.sart import view_orders
 
 ITERATIONS = 20
 SETTLED = 2_000
@@ -78,7 +79,8 @@ def _sirt(matrix: Dense, measured: Dense, count: int) -> Dense:
 def _sart(matrix: Dense, measured: Dense, count: int) -> Dense:
     ptr = small_scene().stored.view_ptr
     x = np.zeros(matrix.shape[1])
-    for view in spread_order(len(ptr) - 1) * count:
+    orders = itertools.islice(view_orders(len(ptr) - 1), count)
+    for view in itertools.chain.from_iterable(orders):
         own = slice(ptr[view], ptr[view + 1])
         block = matrix[own]
         per_row, per_column = _reciprocal(block.sum(1)), _reciprocal(block.sum(0))

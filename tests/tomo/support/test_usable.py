@@ -69,3 +69,38 @@ def test_the_faintest_and_the_brightest_images_are_judged_like_others(scale):
     expected = usable_pixels(image)
     assert not expected[10, 10]
     assert (usable_pixels(image * np.float32(scale)) == expected).all()
+
+
+def _judged_by_all_neighbours(image, mask, noise):
+    """The same pixel by pixel, each asked of all its neighbours at once."""
+    usable = np.isfinite(image) & mask
+    found, largest = usable.copy(), image[usable].max(initial=0)
+    if largest <= 0:
+        return found
+    for row, column in np.argwhere(usable):
+        around = np.s_[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+        others = usable[around].copy()
+        others[row - around[0].start, column - around[1].start] = False
+        if not others.any():
+            continue
+        high, low = image[around][others].max(), image[around][others].min()
+        sigma = np.sqrt(noise.variance(max(low, 0)))
+        far = np.float32(max(8 * sigma, 0.05 * largest))
+        hot = image[row, column] / 4 > abs(high) + far / 4
+        dead = image[row, column] < min(low, low / 4) - far
+        found[row, column] = not (hot or dead)
+    return found
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_pixels_are_judged_as_by_asking_all_their_neighbours(seed):
+    random = np.random.default_rng(seed)
+    shape = random.integers(3, 12, 2)
+    image = np.exp(3 * random.standard_normal(shape)) - (seed % 2) * random.random(shape)
+    image = (image * 10.0 ** (seed % 5 - 2)).astype(np.float32)
+    image[random.random(shape) < 0.05] = np.nan
+    mask = random.random(shape) < (1.0 if seed % 3 else 0.8)
+    noise = NoiseModel(0.01 * (seed % 7) * float(np.nanmax(image)))
+    found = usable_pixels(image, mask, noise)
+    np.testing.assert_array_equal(found, _judged_by_all_neighbours(image, mask, noise))
+    assert found.any()

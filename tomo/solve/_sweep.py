@@ -1,0 +1,222 @@
+"""A volume brought to agree with one block of pixels after another: views, or ordered subsets.
+
+The update of a block is ``x <- x + r C A^T W R (b - A x)`` over its pixels alone, where ``R`` are
+the reciprocals of the row sums of A and ``C`` those of its column sums, weighted by ``W``.
+
+With a stored matrix a row is projected and, as soon as its residual is known, spread back, while
+its entries are at hand: a block reads them once. Blocks are cut into parts as products are
+(`tomo._products`), and the volume stays in the order of the entries from the first block to the
+last.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo._compile import compiled
+from tomo._products import (
+    ADDED_AT_ONCE,
+    NANOSECONDS_GATHERED,
+    NANOSECONDS_SCATTERED,
+    part_bounds,
+    parts_at_once,
+    projected,
+    spread,
+)
+from tomo._threads import threads_worth
+from tomo.projector import Projector
+from tomo.viewed import ViewedOperator
+
+Sweep = Callable[[NDArray[np.float32], float, bool, NDArray[np.int64]], NDArray[np.float32]]
+"""``sweep(x, relaxation, nonnegative, order)``: ``x`` after the updates of blocks ``order``."""
+
+
+def sweep_of(
+    projector: ViewedOperator,
+    measured: NDArray[np.float32],
+    parts: Sequence[NDArray[np.int64]],
+    weights: NDArray[np.float32] | None = None,
+) -> Sweep:
+    """Return what updates a volume from each of some blocks of pixels, one after another.
+
+    Parameters
+    ----------
+    projector : ViewedOperator
+    measured : (pixels,)
+    parts : sequence of (P_b,) int64
+        The ascending numbers of each block's pixels.
+    weights : (pixels,), optional
+        The diagonal of ``W``; ones when None.
+    """
+    if isinstance(projector, Projector) and parts:
+        return _StoredSweep(projector, measured, parts, weights)
+    rows = projector.row_sums
+    blocks = [
+        Block(projector.take(p), measured[p], None if weights is None else weights[p], rows[p])
+        for p in parts
+    ]
+
+    def sweep(
+        x: NDArray[np.float32], relaxation: float, nonnegative: bool, order: NDArray[np.int64]
+    ) -> NDArray[np.float32]:
+        for block in (blocks[number] for number in order):
+            residual = block.measured - block.projector @ x
+            x = block.updated(x, residual, relaxation, nonnegative)
+        return x
+
+    return sweep
+
+
+class Block:
+    """The update ``C A^T W R (b - A x)`` of all pixels of a projector."""
+
+    def __init__(
+        self,
+        projector: ViewedOperator,
+        measured: NDArray[np.float32],
+        weights: NDArray[np.float32] | None,
+        row_sums: NDArray[np.float64] | None = None,
+    ) -> None:
+        self.projector = projector
+        self.measured = measured
+        self.per_row = _reciprocal(projector.row_sums if row_sums is None else row_sums)
+        columns = projector.column_sums
+        if weights is not None:
+            self.per_row = weights * self.per_row
+            columns = projector.T @ weights.astype(np.float64)
+        self.per_column = _reciprocal(columns)
+
+    def updated(
+        self,
+        x: NDArray[np.float32],
+        residual: NDArray[np.float32],
+        relaxation: float,
+        nonnegative: bool,
+    ) -> NDArray[np.float32]:
+        """Return ``x`` after the update by the residual ``b - A x``."""
+        x = x + relaxation * (self.per_column * (self.projector.T @ (self.per_row * residual)))
+        return np.maximum(x, 0) if nonnegative else x
+
+
+def _reciprocal(sums: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return ``1 / sums`` with zero where a ray meets no voxel or a voxel no ray."""
+    return np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0).astype(np.float32)
+
+
+class _StoredSweep:
+    """The updates of blocks of a stored matrix; its rows are in the order of the blocks here."""
+
+    def __init__(
+        self,
+        projector: Projector,
+        measured: NDArray[np.float32],
+        parts: Sequence[NDArray[np.int64]],
+        weights: NDArray[np.float32] | None,
+    ) -> None:
+        order, n_unknowns = np.concatenate(parts), projector.shape[1]
+        ptr = np.cumsum([0] + [len(pixels) for pixels in parts])
+        starts, stops, voxel, length = projector._matrix
+        self._live = projector.live
+        self._matrix = (starts[order], stops[order], voxel, length)
+        self._measured = measured[order]
+        weights = np.ones(len(order), np.float32) if weights is None else weights[order]
+        self._per_row = np.zeros(len(order), np.float32)
+        self._per_column = np.zeros((len(parts), n_unknowns), np.float32)
+        _reciprocal_sums(*self._matrix, weights, ptr, self._per_row, self._per_column)
+        counts = self._matrix[1] - self._matrix[0]
+        cuts = [
+            first + part_bounds(counts[first:last], n_unknowns)
+            for first, last in itertools.pairwise(ptr)
+        ]
+        self._bounds = np.concatenate([np.zeros(1, np.int64), *(cut[1:] for cut in cuts)])
+        self._part_ptr = np.cumsum([0] + [len(cut) - 1 for cut in cuts])
+        self._most = max(len(cut) - 1 for cut in cuts)
+        self._nanoseconds = (NANOSECONDS_GATHERED + NANOSECONDS_SCATTERED) * (
+            int(counts.sum()) / int(self._part_ptr[-1])
+        )  # of a part
+
+    def __call__(
+        self,
+        x: NDArray[np.float32],
+        relaxation: float,
+        nonnegative: bool,
+        order: NDArray[np.int64],
+    ) -> NDArray[np.float32]:
+        """Return ``x`` (n,) after the updates of blocks ``order``."""
+        live = self._live
+        x = x.copy() if live.at_place is None else x.take(live.at_place)
+        at_once = parts_at_once(self._most, x.nbytes)
+        private = np.zeros((at_once, len(x)), np.float32)
+        with threads_worth(self._nanoseconds * at_once):
+            _sweep(
+                *self._matrix, self._measured, self._per_row, self._per_column, order,
+                self._part_ptr, self._bounds, np.float32(relaxation), nonnegative, private, x,
+            )  # fmt: skip
+        return x if live.place is None else x.take(live.place)
+
+
+@compiled(parallel=True)
+def _reciprocal_sums(starts, stops, voxel, length, weights, ptr, per_row, per_column):
+    """Write ``W R`` of every row, and ``C`` of every block ``ptr[b]:ptr[b + 1]``: (blocks, n)."""
+    for block in numba.prange(len(per_column)):
+        columns = np.zeros(per_column.shape[1])
+        for row in range(ptr[block], ptr[block + 1]):
+            spread(np.float64(weights[row]), voxel, length, starts[row], stops[row], columns)
+            total = 0.0
+            for s in range(np.uint64(starts[row]), np.uint64(stops[row])):
+                total += np.float64(length[s])
+            if total > 0:
+                per_row[row] = weights[row] * np.float32(1 / total)
+        for i in range(len(columns)):
+            if columns[i] > 0:
+                per_column[block, i] = 1 / columns[i]
+
+
+@compiled(parallel=True)
+def _sweep(
+    starts, stops, voxel, length, measured, per_row, per_column, order, part_ptr, bounds,
+    relaxation, nonnegative, private, x,
+):  # fmt: skip
+    """Update ``x`` (n,) from blocks ``order``, whose parts ``part_ptr`` counts.
+
+    Each part's rows ``bounds[p]:bounds[p + 1]`` add into a row of ``private`` (at once, n), which
+    is zeros before and after.
+    """
+    n, at_once = len(x), len(private)
+    update = np.zeros(n, np.float32)
+    for block in order:
+        end = part_ptr[block + 1]
+        for first in range(part_ptr[block], end, at_once):
+            last = min(first + at_once, end)
+            for part in numba.prange(first, last):
+                for row in range(bounds[part], bounds[part + 1]):
+                    start, stop = np.int64(starts[row]), np.int64(stops[row])
+                    image = np.float32(projected(x, voxel, length, start, stop))
+                    pixel = per_row[row] * (measured[row] - image)
+                    if pixel != 0:
+                        spread(pixel, voxel, length, start, stop, private[part - first])
+            for some in numba.prange((n + ADDED_AT_ONCE - 1) // ADDED_AT_ONCE):
+                low = some * ADDED_AT_ONCE
+                high = min(low + ADDED_AT_ONCE, n)
+                total = update[low:high]
+                for part in range(last - first):
+                    own = private[part, low:high]
+                    for i in range(len(total)):
+                        total[i] += own[i]
+                        own[i] = 0
+                if last == end:
+                    _add(relaxation, per_column[block, low:high], total, nonnegative, x[low:high])
+
+
+@compiled(inline=True)
+def _add(relaxation, factor, update, nonnegative, x):
+    """Add ``relaxation * factor * update`` to ``x``, and clear the update."""
+    for i in range(len(x)):
+        moved = x[i] + relaxation * (factor[i] * update[i])
+        update[i] = 0
+        x[i] = np.float32(0) if nonnegative and moved < 0 else moved
