@@ -41,6 +41,12 @@ class Projector(ViewedOperator):
     by_place : bool
         Whether ``voxel`` are the unknowns' places (`tomo.LiveVoxels.place`), not their numbers.
 
+    Attributes
+    ----------
+    matrix : (starts, stops, voxel, length)
+        As compiled products take it: pixel ``p`` owns the entries ``starts[p]:stops[p]`` of
+        ``voxel``, unsigned places of the unknowns, and ``length``; other pixels' lie among them.
+
     Raises
     ------
     ValueError
@@ -91,7 +97,7 @@ class Projector(ViewedOperator):
         """Take the pixels whose entries are ``starts[p]:stops[p]`` of ``entries``."""
         self._entries, self._starts, self._stops = entries, starts, stops
         kind = np.uint32 if entries.voxel.dtype.itemsize == 4 else np.uint64
-        self._matrix = (starts, stops, entries.voxel.view(kind), entries.length)
+        self.matrix = (starts, stops, entries.voxel.view(kind), entries.length)
 
     def _of(
         self,
@@ -137,13 +143,13 @@ class Projector(ViewedOperator):
         if self.live.at_place is not None:
             x = x.take(self.live.at_place)
         images = np.zeros(self.shape[0], x.dtype)
-        gather(*self._matrix, x, images, self.n_crossings)
+        gather(*self.matrix, x, images, self.n_crossings)
         return images
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
         volume = np.zeros(self.shape[1], y.dtype)
-        scatter(*self._matrix, y, self._parts, volume, self.n_crossings)
+        scatter(*self.matrix, y, self._parts, volume, self.n_crossings)
         return volume if self.live.place is None else volume.take(self.live.place)
 
     def with_lengths(self, length: NDArray[np.floating]) -> Projector:

@@ -120,7 +120,7 @@ class _StoredSweep:
     ) -> None:
         order, n_unknowns = np.concatenate(parts), projector.shape[1]
         ptr = np.cumsum([0] + [len(pixels) for pixels in parts])
-        starts, stops, voxel, length = projector._matrix
+        starts, stops, voxel, length = projector.matrix
         self._live = projector.live
         self._matrix = (starts[order], stops[order], voxel, length)
         self._measured = measured[order]
