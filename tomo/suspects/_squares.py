@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 SIDE = 4
 """Pixels along each side."""
+
+
+def means_of_squares(image: ArrayLike, usable: ArrayLike) -> NDArray[np.float64]:
+    """Return the mean of every square of an image whose pixels are all usable."""
+    whole = squares_of(np.asarray(usable, bool)).all(axis=1)
+    return squares_of(np.asarray(image, np.float64))[whole].mean(axis=1)
 
 
 def squares_of(image: NDArray) -> NDArray:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tomo.support.noise_model import NoiseModel
-from tomo.suspects._squares import SIDE, squares_of
+from tomo.suspects._squares import SIDE, means_of_squares
 
 SIGMAS = 5.0  # of the noise of a square's mean
 SHARE = 0.01  # of the image's brightest light, likewise
@@ -36,8 +36,7 @@ def background(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float:
     the darkest on, lie above zero by five standard deviations of a mean and one per cent of the
     brightest square, and differ by no more than three standard deviations and a twentieth.
     """
-    whole = squares_of(np.asarray(mask, bool)).all(axis=1)
-    means = squares_of(np.asarray(image, np.float64))[whole].mean(axis=1)
+    means = means_of_squares(image, mask)
     if not means.size:
         return 0.0
     lowest, level = np.quantile(means, FLOOR).tolist()

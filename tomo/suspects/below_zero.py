@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tomo.support.noise_model import NoiseModel
-from tomo.suspects._squares import SIDE, squares_of
+from tomo.suspects._squares import SIDE, means_of_squares
 
 SIGMAS = 4.0  # of the noise of a square's mean
 SHARE = 0.005  # of the image's brightest light, likewise
@@ -33,8 +33,7 @@ def below_zero(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float:
     deviations and half a per cent of the brightest square. Where a fiftieth of all squares do,
     no noise explains it, and the median of their means is returned, as a positive number.
     """
-    whole = squares_of(np.asarray(mask, bool)).all(axis=1)
-    means = squares_of(np.asarray(image, np.float64))[whole].mean(axis=1)
+    means = means_of_squares(image, mask)
     if not means.size:
         return 0.0
     far = SIGMAS / SIDE * np.sqrt(noise.variance(0.0)) + SHARE * max(means.max(), 0.0)

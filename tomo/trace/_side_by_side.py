@@ -35,7 +35,7 @@ def set_courses(
     lower, upper, spacing, shape : tuple
         Of the grid.
     courses : (WIDTH, RAYS_TOGETHER) float64
-        Written; read by `layers_of`, `most_of`, `course_of` and `entry_of`.
+        Written; read by `set_layers`, `most_of`, `course_of` and `entry_of`.
     """
     for k in range(some):
         for axis in range(3):
