@@ -21,6 +21,7 @@ from tomo import solve
 COARSE, FINE = 1e-3, 1e-6
 MOST_SECONDS = 30.0
 MOST_PASSES = 1500
+REPEATS = 5
 CANDIDATES = (
     ("sirt", False, COARSE),
     ("sirt", True, COARSE),
@@ -74,7 +75,7 @@ def consistent(sizes: Sizes, progress: Progress) -> list[dict[str, Any]]:
         everything = problem(rig, grid, seen.images, skip=False).system
         images = everything.images(everything.projector @ truth.ravel())
         found: dict[tuple, list[tuple[Course, Any]]] = {c: [] for c in candidates}
-        repeats = 1 + (sizes.repeats > 1) * 2
+        repeats = REPEATS if sizes.repeats > 1 else 1
         for turn, candidate in itertools.product(range(repeats), candidates):
             method, skip, until = candidate
             done = number * repeats * len(candidates) + turn * len(candidates)
