@@ -91,6 +91,17 @@ def _bytes(kind: Any) -> int:
     return 4 if narrow else 8
 
 
+def looked_up(builder: Any, numbers: Any, places: Any) -> Any:
+    """Return ``numbers[places]``, lane by lane; the places are not negative."""
+    found = ir.Constant(ir.VectorType(numbers.data.type.pointee, places.type.count), ir.Undefined)
+    for lane in map(_NUMBER, range(places.type.count)):
+        place = builder.extract_element(places, lane)
+        place = builder.zext(place, WIDE) if place.type.width < 64 else place
+        value = builder.load(builder.gep(numbers.data, [place]))
+        found = builder.insert_element(found, value, lane)
+    return found
+
+
 def index(builder: Any, numbers: Any, m: Any) -> Any:
     """Return ``numbers[m]`` as a 64-bit integer."""
     found = builder.load(builder.gep(numbers.data, [m]))

@@ -13,24 +13,13 @@ from __future__ import annotations
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from tomo._lanes import array, ir, load
+from tomo._lanes import WIDE, array, ir, load, looked_up
 
 LANES = 4  # doubles in a vector
 CHAINS = 2  # vectors summed beside each other: an addition takes longer than a load
 
-_WIDE, _LANE = ir.IntType(64), ir.IntType(32)
+_LANE = ir.IntType(32)
 _REAL = ir.VectorType(ir.DoubleType(), LANES)
-
-
-def _picked(builder, numbers, places):
-    """Return ``numbers[places]``; the places are not negative."""
-    found = ir.Constant(ir.VectorType(numbers.data.type.pointee, LANES), ir.Undefined)
-    for lane in map(_LANE, range(LANES)):
-        place = builder.extract_element(places, lane)
-        place = builder.zext(place, _WIDE) if place.type.width < 64 else place
-        value = builder.load(builder.gep(numbers.data, [place]))
-        found = builder.insert_element(found, value, lane)
-    return found
 
 
 def _product(builder, lengths, values):
@@ -56,12 +45,12 @@ def row_sum(typing_context, volume, voxel, length, start, count):
 
         zero = ir.Constant(_REAL, [0.0] * LANES)
         totals = [cgutils.alloca_once_value(builder, zero) for _ in range(CHAINS)]
-        step = _WIDE(LANES * CHAINS)
+        step = WIDE(LANES * CHAINS)
         with cgutils.for_range(builder, builder.sdiv(args[4], step)) as loop:
             first = builder.add(args[3], builder.mul(loop.index, step))
             for chain, total in enumerate(totals):
-                at = builder.add(first, _WIDE(chain * LANES))
-                values = _picked(builder, volume, several(voxel, at))
+                at = builder.add(first, WIDE(chain * LANES))
+                values = looked_up(builder, volume, several(voxel, at))
                 term = _product(builder, several(length, at), values)
                 builder.store(builder.fadd(builder.load(total), term), total)
         together = builder.load(totals[0])

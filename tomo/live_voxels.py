@@ -120,6 +120,14 @@ class LiveVoxels:
         unknown[self.place] = np.arange(self.size, dtype=unknown.dtype)
         return unknown
 
+    def to_places(self, values: NDArray) -> NDArray:
+        """Return the unknowns' values in the order of their places; themselves without such."""
+        return values if self.at_place is None else values.take(self.at_place)
+
+    def from_places(self, values: NDArray) -> NDArray:
+        """Return in the unknowns' order what is in that of their places; undoes `to_places`."""
+        return values if self.place is None else values.take(self.place)
+
     @cached_property
     def box(self) -> LiveVoxels:
         """The unknowns in the smallest box that holds them and a layer around, inside the grid.

@@ -139,9 +139,7 @@ class Projector(ViewedOperator):
         return part_bounds(self._stops - self._starts, self.shape[1])
 
     def _matvec(self, x: NDArray) -> NDArray:
-        x = as_float(x.ravel())
-        if self.live.at_place is not None:
-            x = x.take(self.live.at_place)
+        x = self.live.to_places(as_float(x.ravel()))
         images = np.zeros(self.shape[0], x.dtype)
         gather(*self.matrix, x, images, self.n_crossings)
         return images
@@ -150,7 +148,7 @@ class Projector(ViewedOperator):
         y = as_float(y.ravel())
         volume = np.zeros(self.shape[1], y.dtype)
         scatter(*self.matrix, y, self._parts, volume, self.n_crossings)
-        return volume if self.live.place is None else volume.take(self.live.place)
+        return self.live.from_places(volume)
 
     def with_lengths(self, length: NDArray[np.floating]) -> Projector:
         """Return the projector with ``length`` (S,), of either sign, in place of its own."""

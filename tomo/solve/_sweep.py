@@ -85,8 +85,9 @@ class Block:
         self.projector = projector
         self.measured = measured
         self.per_row = _reciprocal(projector.row_sums if row_sums is None else row_sums)
-        columns = projector.column_sums
-        if weights is not None:
+        if weights is None:
+            columns = projector.column_sums
+        else:
             self.per_row = weights * self.per_row
             columns = projector.T @ weights.astype(np.float64)
         self.per_column = _reciprocal(columns)
@@ -148,8 +149,7 @@ class _StoredSweep:
         order: NDArray[np.int64],
     ) -> NDArray[np.float32]:
         """Return ``x`` (n,) after the updates of blocks ``order``."""
-        live = self._live
-        x = x.copy() if live.at_place is None else x.take(live.at_place)
+        x = np.array(self._live.to_places(x))
         at_once = parts_at_once(self._most, x.nbytes)
         private = np.zeros((at_once, len(x)), np.float32)
         with threads_worth(self._nanoseconds * at_once):
@@ -157,7 +157,7 @@ class _StoredSweep:
                 *self._matrix, self._measured, self._per_row, self._per_column, order,
                 self._part_ptr, self._bounds, np.float32(relaxation), nonnegative, private, x,
             )  # fmt: skip
-        return x if live.place is None else x.take(live.place)
+        return self._live.from_places(x)
 
 
 @compiled(parallel=True)

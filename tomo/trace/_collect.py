@@ -11,11 +11,6 @@ from tomo.rays import Rays
 from tomo.segments import Segments
 
 
-def voxel_dtype(grid: VoxelGrid) -> np.dtype:
-    """Return the smallest integer type that numbers all voxels of the grid."""
-    return numbering(grid.size)
-
-
 def collect_by_pixel(
     rays: Rays,
     grid: VoxelGrid,
@@ -32,7 +27,7 @@ def collect_by_pixel(
     ``counts`` (N,) crossings of each ray, their ``lengths`` (S,), the ``index`` (S, 3) of their
     voxels and their ``middles`` (S, 3) in voxel units.
     """
-    voxel = np.ravel_multi_index(tuple(index.T), grid.shape).astype(voxel_dtype(grid))
+    voxel = np.ravel_multi_index(tuple(index.T), grid.shape).astype(numbering(grid.size))
     ray_ptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     weighted = lengths * np.repeat(rays.weight, counts)
     from_center = (middles - np.asarray(grid.shape) / 2) * grid.spacing

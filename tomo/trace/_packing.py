@@ -8,9 +8,11 @@ AVX-512 moves the lanes of a vector that count to its front, which LLVM has a fu
 
 from __future__ import annotations
 
+import numpy as np
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from tomo._compile import compiled
 from tomo._lanes import (
     LANES,
     REALS,
@@ -22,6 +24,7 @@ from tomo._lanes import (
     counting,
     ir,
     load,
+    looked_up,
     spread,
     store,
 )
@@ -67,7 +70,7 @@ def _packing(numbered):
                 own = builder.fptosi(own, WIDES)
                 if numbered:
                     own = builder.select(counts, own, constant(WIDES, 0))
-                    own = _looked_up(builder, number, own)
+                    own = looked_up(builder, number, own)
                 own = _as(builder, own, whole)
                 owns.append(builder.select(counts, own, constant(own.type, -1)))
                 founds.append(_as(builder, found, real))
@@ -84,15 +87,6 @@ def _packing(numbered):
         return at_type(types.int64, pieces, number, at_type, voxel, length), generate
 
     return pack
-
-
-def _looked_up(builder, number, places):
-    """Return ``number[places]``, lane by lane."""
-    found = ir.Constant(ir.VectorType(number.data.type.pointee, LANES), ir.Undefined)
-    for lane in map(ir.IntType(32), range(LANES)):
-        at = builder.gep(number.data, [builder.extract_element(places, lane)])
-        found = builder.insert_element(found, builder.load(at), lane)
-    return found
 
 
 def _as(builder, vector, element):
@@ -144,3 +138,67 @@ at : uint64
 voxel, length : (at + ROOM or more,)
     Written.
 """
+
+
+@compiled(inline=True)
+def _numbered(pieces, piece, layer, number):
+    """Return the number of a piece's voxel, its own where ``number`` is empty, and its length."""
+    voxel = np.int64(pieces[np.uint64((3 + piece) * LANES + layer)])
+    found = pieces[np.uint64(piece * LANES + layer)]
+    return (number[np.uint64(voxel)] if len(number) > 0 else voxel), found
+
+
+@compiled(inline=True)
+def _pack_one_by_one(layers, is_end, pieces, number, at, voxel, length):
+    """Write the pieces that have a length, in voxels with a number, from index ``at`` on.
+
+    Returns where they end. Others are overwritten by what comes next, without a branch; nothing
+    need come after the last layer of a run.
+    """
+    for layer in range(layers - 1 if is_end else layers):
+        for piece in range(2):
+            own, found = _numbered(pieces, piece, layer, number)
+            voxel[at] = own
+            length[at] = found
+            at += np.uint64((found > 0) & (own >= 0))
+        if pieces[np.uint64(2 * LANES + layer)] > 0:  # rare
+            own, found = _numbered(pieces, 2, layer, number)
+            voxel[at] = own
+            length[at] = found
+            at += np.uint64(own >= 0)
+    if is_end:
+        for piece in range(3):
+            own, found = _numbered(pieces, piece, layers - 1, number)
+            if found > 0 and own >= 0:
+                voxel[at] = own
+                length[at] = found
+                at += np.uint64(1)
+    return at
+
+
+@compiled(inline=True)
+def pack(layers, is_end, pieces, number, at, room, voxel, length):
+    """Write the pieces that have a length, in voxels with a number, from index ``at`` on.
+
+    Returns where they end. Up to ``room`` anything may be written behind them; nothing need come
+    after the last layer of a run, which ``is_end`` tells.
+    """
+    if not (picks_lanes() and at + np.uint64(ROOM) <= room):
+        return _pack_one_by_one(layers, is_end, pieces, number, at, voxel, length)
+    if len(number) > 0:
+        return pack_numbered(layers, pieces, number, at, voxel, length)
+    return pack_own(layers, pieces, number, at, voxel, length)
+
+
+@compiled(inline=True)
+def pack_middles(layers, pieces, number, at, entry, direction, spacing, shape, middle):
+    """Write the middles of the pieces that `pack` keeps, from the grid's centre."""
+    for layer in range(layers):
+        for piece in range(3):
+            own, found = _numbered(pieces, piece, layer, number)
+            if found > 0 and own >= 0:
+                time = pieces[(6 + piece) * LANES + layer]
+                for axis in range(3):
+                    from_centre = entry[axis] - shape[axis] / 2 + direction[axis] * time
+                    middle[at, axis] = from_centre * spacing[axis]
+                at += np.uint64(1)

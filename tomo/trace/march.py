@@ -19,13 +19,13 @@ from numpy.typing import DTypeLike, NDArray
 
 from tomo._compile import compiled
 from tomo._lanes import LANES
+from tomo._numbering import numbering
 from tomo._threads import threads_worth
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
 from tomo.segments import Segments
-from tomo.trace._collect import voxel_dtype
-from tomo.trace._packing import ROOM, pack_numbered, pack_own, picks_lanes
+from tomo.trace._packing import pack, pack_middles
 from tomo.trace._planes import greater, lesser, passed, passing
 from tomo.trace._side_by_side import (
     RAYS_TOGETHER,
@@ -74,56 +74,6 @@ def _cut(start, origin, a, b, c, end, weight, pieces):
         pieces[6 * LANES + i] = (into + sooner) / 2
         pieces[7 * LANES + i] = (sooner + later) / 2
         pieces[8 * LANES + i] = (later + out) / 2
-
-
-@compiled(inline=True)
-def _numbered(pieces, piece, layer, number):
-    """Return the number of a piece's voxel, its own where ``number`` is empty, and its length."""
-    voxel = np.int64(pieces[np.uint64((3 + piece) * LANES + layer)])
-    found = pieces[np.uint64(piece * LANES + layer)]
-    return (number[np.uint64(voxel)] if len(number) > 0 else voxel), found
-
-
-@compiled(inline=True)
-def _pack(layers, is_end, pieces, number, at, voxel, length):
-    """Write the pieces that have a length, in voxels with a number, from index ``at`` on.
-
-    Returns where they end. Others are overwritten by what comes next, without a branch; nothing
-    need come after the last layer of a run.
-    """
-    for layer in range(layers - 1 if is_end else layers):
-        for piece in range(2):
-            own, found = _numbered(pieces, piece, layer, number)
-            voxel[at] = own
-            length[at] = found
-            at += np.uint64((found > 0) & (own >= 0))
-        if pieces[np.uint64(2 * LANES + layer)] > 0:  # rare
-            own, found = _numbered(pieces, 2, layer, number)
-            voxel[at] = own
-            length[at] = found
-            at += np.uint64(own >= 0)
-    if is_end:
-        for piece in range(3):
-            own, found = _numbered(pieces, piece, layers - 1, number)
-            if found > 0 and own >= 0:
-                voxel[at] = own
-                length[at] = found
-                at += np.uint64(1)
-    return at
-
-
-@compiled(inline=True)
-def _pack_middles(layers, pieces, number, at, entry, direction, spacing, shape, middle):
-    """Write the middles of the pieces that `_pack` keeps, from the grid's centre."""
-    for layer in range(layers):
-        for piece in range(3):
-            own, found = _numbered(pieces, piece, layer, number)
-            if found > 0 and own >= 0:
-                time = pieces[(6 + piece) * LANES + layer]
-                for axis in range(3):
-                    from_centre = entry[axis] - shape[axis] / 2 + direction[axis] * time
-                    middle[at, axis] = from_centre * spacing[axis]
-                at += np.uint64(1)
 
 
 @compiled(parallel=True)
@@ -176,15 +126,10 @@ def _fill(
                     start += layers
                     if len(middle) > 0:
                         entry, direction = entry_of(courses, k)
-                        _pack_middles(
+                        pack_middles(
                             layers, pieces, number, at, entry, direction, spacing, shape, middle
                         )
-                    if not (picks_lanes() and at + np.uint64(ROOM) <= room):
-                        at = _pack(layers, start == stop, pieces, number, at, voxel, length)
-                    elif len(number) > 0:
-                        at = pack_numbered(layers, pieces, number, at, voxel, length)
-                    else:
-                        at = pack_own(layers, pieces, number, at, voxel, length)
+                    at = pack(layers, start == stop, pieces, number, at, room, voxel, length)
                     while len(away) > 0 and at == found and start < stop:
                         clear = clear_ahead(away, start, origin, a, b, c, end)
                         if clear == 0:
@@ -246,7 +191,7 @@ class March:
         by_place: bool = False,
     ) -> None:
         self._box = tuple(grid.lower), tuple(grid.upper), grid.spacing, grid.shape
-        self._types = voxel_dtype(grid), np.dtype(dtype)
+        self._types = numbering(grid.size), np.dtype(dtype)
         self._midpoints = midpoints
         self._all = live is None or live.all
         self._away, self._number = np.zeros(0, np.uint8), np.zeros(0, np.int32)

@@ -21,7 +21,6 @@ from tomo import solve
 COARSE, FINE = 1e-3, 1e-6
 MOST_SECONDS = 30.0
 MOST_PASSES = 1500
-REPEATS = 5
 CANDIDATES = (
     ("sirt", False, COARSE),
     ("sirt", True, COARSE),
@@ -75,11 +74,10 @@ def consistent(sizes: Sizes, progress: Progress) -> list[dict[str, Any]]:
         everything = problem(rig, grid, seen.images, skip=False).system
         images = everything.images(everything.projector @ truth.ravel())
         found: dict[tuple, list[tuple[Course, Any]]] = {c: [] for c in candidates}
-        repeats = REPEATS if sizes.repeats > 1 else 1
-        for turn, candidate in itertools.product(range(repeats), candidates):
+        for turn, candidate in itertools.product(range(sizes.repeats), candidates):
             method, skip, until = candidate
-            done = number * repeats * len(candidates) + turn * len(candidates)
-            total = len(sizes.flames) * repeats * len(candidates)
+            done = number * sizes.repeats * len(candidates) + turn * len(candidates)
+            total = len(sizes.flames) * sizes.repeats * len(candidates)
             progress(done + candidates.index(candidate), total, f"{flame}, exact data, {method}")
             ready = problem(rig, grid, images, skip=skip)
             went = course(
