@@ -1,6 +1,9 @@
-"""Where tensors live."""
+"""Where tensors live, and what is done differently there."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
 
 import torch
 
@@ -22,3 +25,12 @@ def usable_device(device: str | torch.device) -> torch.device:
             f"(cpu, cuda, mps): {str(error).splitlines()[0]}"
         ) from error
     return place
+
+
+def adam(groups: Iterable[dict[str, Any]], device: torch.device) -> torch.optim.Adam:
+    """Return Adam over parameters on a device.
+
+    On CUDA it takes a step all at once: to send each of its operations there takes longer than to
+    do it.
+    """
+    return torch.optim.Adam(groups, fused=device.type == "cuda")

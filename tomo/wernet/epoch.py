@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from tomo.wernet.model import WERNet
-from tomo.wernet.parts import SEGMENTS_A_PART, Map, add_gradients, cut
+from tomo.wernet.parts import Map, add_gradients, cut
 from tomo.wernet.samples import PackedBatch, RaySamples, SampleBatch
 
 
@@ -37,7 +37,7 @@ def train_epoch(
         if model.encoder.couples_rays or take == samples.padded:
             done = [of_part(rays)]
         else:
-            parts = [rays[part] for part in cut(samples.count[rays], SEGMENTS_A_PART)]
+            parts = [rays[part] for part in cut(samples.count[rays])]
             done = over_parts(of_part, parts)
         value = sum(loss for loss, _ in done)
         if not np.isfinite(value):

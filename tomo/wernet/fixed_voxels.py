@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import torch
 
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
-from tomo.wernet.parts import SEGMENTS_A_PART, Map, add_gradients, cut
+from tomo.wernet.parts import Map, add_gradients, cut
 from tomo.wernet.ray_features import RayFeatures
 from tomo.wernet.ray_weights import correction_of
 
@@ -72,7 +72,7 @@ class FixedVoxels:
             loss = misfit + self.penalty * correction.square().sum() / n_segments
             return loss.item(), misfit.item(), torch.autograd.grad(loss, parameters)
 
-        done = over_parts(of_part, cut(counts, SEGMENTS_A_PART))
+        done = over_parts(of_part, cut(counts))
         add_gradients(parameters, [gradients for _, _, gradients in done])
         return sum(loss for loss, _, _ in done), sum(misfit for _, misfit, _ in done)
 

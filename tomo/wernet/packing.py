@@ -40,8 +40,10 @@ class Packing:
         start, count : (rays,) int64
         """
         ends = torch.cumsum(count, 0)
-        number = torch.arange(int(count.sum()), device=count.device)  # (E,)
-        ray = torch.repeat_interleave(torch.arange(len(count), device=count.device), count)
+        size = int(count.sum())
+        number = torch.arange(size, device=count.device)  # (E,)
+        rays = torch.arange(len(count), device=count.device)
+        ray = rays.repeat_interleave(count, output_size=size)
         row = number + ray + 1
         inside = torch.zeros(len(number) + len(count) + 1, 1, device=count.device)
         inside[row] = 1
@@ -59,7 +61,7 @@ class Packing:
 
     def per_segment(self, of_ray: torch.Tensor) -> torch.Tensor:
         """Return one value of each ray, ``(rays, ...)``, for each of its segments: (E, ...)."""
-        return torch.repeat_interleave(of_ray, self.count, dim=0)
+        return of_ray.repeat_interleave(self.count, dim=0, output_size=len(self.entry))
 
     def sum(self, values: torch.Tensor) -> torch.Tensor:
         """Return the sum over each ray's segments of ``values`` (E,): ``(rays,)``."""

@@ -10,7 +10,12 @@ from contextlib import contextmanager
 import torch
 
 SEGMENTS_A_PART = 16384
-"""What one thread computes at a time: its layers of 32 channels then stay near the core."""
+"""What one thread of a CPU computes at a time: its layers of 32 channels then stay near the core.
+"""
+
+SEGMENTS_A_PART_ELSEWHERE = 1 << 20
+"""On another device, which works on all of them at once and takes longer to be told than to do it:
+its memory is the bound, of which a part takes some 2 GB."""
 
 Map = Callable[[Callable, Sequence], list]
 """Applies a function to every part and returns the results in the parts' order."""
@@ -35,17 +40,21 @@ def on_cores(device: torch.device) -> Iterator[Map]:
             torch.set_num_threads(threads)
 
 
-def cut(counts: torch.Tensor, segments: int) -> list[slice]:
+def cut(counts: torch.Tensor, segments: int | None = None) -> list[slice]:
     """Cut rays into parts of about ``segments`` segments each.
 
     Parameters
     ----------
     counts : (rays,) int64
         Segments of each ray.
-    segments : int
+    segments : int, optional
+        As many as suit the device of ``counts`` when None.
     """
     if not len(counts):
         return []
+    if segments is None:
+        on_cpu = counts.device.type == "cpu"
+        segments = SEGMENTS_A_PART if on_cpu else SEGMENTS_A_PART_ELSEWHERE
     number = (torch.cumsum(counts, 0) - 1) // segments
     firsts = torch.cat([torch.tensor([0]), torch.diff(number.cpu()).nonzero()[:, 0] + 1])
     ends = [*firsts[1:].tolist(), len(counts)]

@@ -13,7 +13,7 @@ from tomo.wernet import _along_rays
 from tomo.wernet._streamed import streamed_corrections
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.packing import Packing
-from tomo.wernet.parts import SEGMENTS_A_PART, Map, cut, on_cores
+from tomo.wernet.parts import Map, cut, on_cores
 from tomo.wernet.ray_features import RayFeatures
 
 
@@ -121,7 +121,7 @@ def corrections(
             packing, values = correction_of(encoder, tokens, features, front, crossing[part])
         found[packing.entry.cpu().numpy()] = values.cpu().numpy()
 
-    over_parts(fill, cut(features.count[crossing], SEGMENTS_A_PART))
+    over_parts(fill, cut(features.count[crossing]))
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -216,6 +216,11 @@ class RaySamples:
             else None,
             half=half,
         )
+
+    def to(self, device: torch.device | str) -> RaySamples:
+        """Return the same samples on another device."""
+        tensors = {name: value for name, value in vars(self).items() if torch.is_tensor(value)}
+        return replace(self, **{name: value.to(device) for name, value in tensors.items()})
 
     def packed(self, rays: torch.Tensor) -> PackedBatch:
         """Return the rays numbered ``rays`` ``(B,)``, in ``0 .. len(self) - 1``."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tomo.reconstruction import Callback, Iteration, Reconstruction
 from tomo.solve._drive import additive_start
-from tomo.wernet.device import usable_device
+from tomo.wernet.device import adam, usable_device
 from tomo.wernet.encoder import WeightEncoder
 from tomo.wernet.encoder_file import load_encoder
 from tomo.wernet.epoch import train_epoch
@@ -196,7 +196,7 @@ def wernet_paper(
     groups = [{"params": [model.voxels], "lr": voxel_learning_rate}]
     if not freeze_encoder:
         groups.append({"params": encoder.parameters(), "lr": encoder_learning_rate})
-    optimiser = torch.optim.Adam(groups)
+    optimiser = adam(groups, place)
     schedule = torch.optim.lr_scheduler.StepLR(optimiser, halve_every, gamma=0.5)
 
     history: list[Iteration] = []

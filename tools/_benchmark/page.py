@@ -205,6 +205,7 @@ COLUMNS: Mapping[str, list[Column]] = {
         ("encoder", words("variant")),
         ("form", words("layout")),
         ("skip", words("skip")),
+        ("device", words("device")),
         ("rays", number("rays")),
         ("segments (million)", number("segments", 3, 1e-6)),
         ("steps timed", number("steps")),

@@ -1,4 +1,4 @@
-"""What packing and skipping save when WERNet is trained as its paper has it."""
+"""What packing, skipping and a GPU save when WERNet is trained as its paper has it."""
 
 from __future__ import annotations
 
@@ -16,11 +16,16 @@ from _benchmark.sizes import Sizes
 from _benchmark.solvers import Progress
 from _benchmark.timing import in_turn
 from tomo.wernet import RaySamples, WeightEncoder, WERNet
-from tomo.wernet.parts import Map, on_cores
+from tomo.wernet.device import adam
+from tomo.wernet.parts import on_cores
 from tomo.wernet.training import train_epoch
 
-FORMS = (("padded", False), ("packed", False), ("packed", True))
-"""How rays lie in memory, and whether dark pixels and voxels are skipped; the paper's first."""
+FORMS = (("padded", False, "cpu"), ("packed", False, "cpu"), ("packed", True, "cpu"))
+"""How rays lie in memory, whether dark pixels and voxels are skipped, and where training runs; the
+paper's first."""
+
+ELSEWHERE = ("packed", True, "cuda")
+"""Timed as well where PyTorch has such a device."""
 
 VARIANTS = ("batch-norm", "bias-mask")
 RAYS_A_STEP = 3200  # the paper's 32 samples of 100
@@ -36,7 +41,7 @@ class Trained:
 
     Attributes
     ----------
-    variant, layout, skip
+    variant, layout, skip, device
         See `tomo.wernet.wernet_paper` and `FORMS`.
     rays, segments : int
         Of an epoch.
@@ -55,6 +60,7 @@ class Trained:
     variant: str
     layout: str
     skip: bool
+    device: str
     rays: int
     segments: int
     steps: int
@@ -76,10 +82,9 @@ def training(sizes: Sizes, progress: Progress) -> list[dict[str, Any]]:
     kept = random.permutation(np.flatnonzero(np.isin(lit_pixels, pixels[drawn])))
     work = {False: (every, _in_steps(drawn)), True: (lit, _in_steps(kept))}
     rows: list[Trained] = []
-    with on_cores(torch.device("cpu")) as over_parts:
-        for number, variant in enumerate(VARIANTS):
-            progress(number, len(VARIANTS), variant)
-            rows += _compared(variant, work, sizes.repeats, over_parts)
+    for number, variant in enumerate(VARIANTS):
+        progress(number, len(VARIANTS), variant)
+        rows += _compared(variant, work, sizes.repeats)
     progress(len(VARIANTS), len(VARIANTS), "")
     return [asdict(row) for row in rows]
 
@@ -115,6 +120,11 @@ def gradient_difference(variant: str, samples: RaySamples, rays: torch.Tensor) -
     )
 
 
+def forms() -> tuple[tuple[str, bool, str], ...]:
+    """Return `FORMS`, and `ELSEWHERE` where there is such a device."""
+    return (*FORMS, ELSEWHERE) if torch.cuda.is_available() else FORMS
+
+
 def in_double_precision(samples: RaySamples) -> RaySamples:
     """Return the same rays as float64."""
     keys = ("midpoint", "index", "measured")
@@ -122,10 +132,14 @@ def in_double_precision(samples: RaySamples) -> RaySamples:
 
 
 def _compared(
-    variant: str, work: Mapping[bool, tuple[RaySamples, Steps]], repeats: int, over_parts: Map
+    variant: str, work: Mapping[bool, tuple[RaySamples, Steps]], repeats: int
 ) -> list[Trained]:
     seconds = in_turn(
-        {form: _course(variant, form[0], *work[form[1]], over_parts) for form in FORMS}, repeats
+        {
+            (layout, skip, device): _course(variant, layout, device, *work[skip])
+            for layout, skip, device in forms()
+        },
+        repeats,
     )
     every, steps = work[False]
     double, single = (
@@ -134,41 +148,49 @@ def _compared(
     )
     timed = {skip: sum(map(len, steps)) for skip, (_, steps) in work.items()}
     epochs = {
-        (layout, skip): seconds[layout, skip] * len(work[skip][0]) / timed[skip]
-        for layout, skip in FORMS
+        form: taken * len(work[form[1]][0]) / timed[form[1]] for form, taken in seconds.items()
     }
     return [
         Trained(
             variant,
             layout,
             skip,
+            device,
             rays=len(samples),
             segments=len(samples.voxel),
             steps=len(steps),
             timed_rays=timed[skip],
-            seconds=seconds[layout, skip],
-            epoch_seconds=epochs[layout, skip],
-            times_faster=epochs[FORMS[0]] / epochs[layout, skip],
-            gradient_difference=double if (layout, skip) == FORMS[1] else None,
-            gradient_rounding=single if (layout, skip) == FORMS[1] else None,
+            seconds=seconds[form],
+            epoch_seconds=epochs[form],
+            times_faster=epochs[FORMS[0]] / epochs[form],
+            gradient_difference=double if form == FORMS[1] else None,
+            gradient_rounding=single if form == FORMS[1] else None,
         )
-        for layout, skip in FORMS
+        for form in epochs
+        for layout, skip, device in (form,)
         for samples, steps in (work[skip],)
     ]
 
 
 def _course(
-    variant: str, layout: str, samples: RaySamples, steps: Steps, over_parts: Map
+    variant: str, layout: str, device: str, samples: RaySamples, steps: Steps
 ) -> Callable[[], float]:
     """Return what takes the steps, as training does; each call goes on from the one before."""
-    model = _model(variant, samples)
+    place = torch.device(device)
+    samples = samples.to(place)
+    model = _model(variant, samples).to(place)
     groups = [
         {"params": [model.voxels], "lr": 0.01},
         {"params": model.encoder.parameters(), "lr": 0.0005},
     ]
-    optimiser = torch.optim.Adam(groups)
+    optimiser = adam(groups, place)
     take = getattr(samples, layout)
-    return lambda: train_epoch(model, samples, take, iter(steps), optimiser, True, over_parts)
+
+    def train() -> float:
+        with on_cores(place) as over_parts:
+            return train_epoch(model, samples, take, iter(steps), optimiser, True, over_parts)
+
+    return train
 
 
 def _model(variant: str, samples: RaySamples) -> WERNet:

@@ -11,7 +11,8 @@ from tomo.projector import dot_test
 from tomo.segments import Segments
 from tomo.wernet import CorrectionEncoder, RayFeatures, RayWeights, ViewTokens
 from tomo.wernet._streamed import streamed_corrections
-from tomo.wernet.ray_weights import SEGMENTS_A_PART, correction_of, reweighted, trend_corrections
+from tomo.wernet.parts import SEGMENTS_A_PART
+from tomo.wernet.ray_weights import correction_of, reweighted, trend_corrections
 
 
 def _weights(projector, trained=True, tells_views=True):

@@ -96,7 +96,7 @@ def test_packed_and_padded_rays_lead_to_the_same_volume(projector, measured, var
 def test_where_rays_are_apart_the_number_of_threads_changes_no_bit(
     projector, measured, variant, monkeypatch
 ):
-    monkeypatch.setattr("tomo.wernet.epoch.SEGMENTS_A_PART", 200)  # several parts a step
+    monkeypatch.setattr("tomo.wernet.parts.SEGMENTS_A_PART", 200)  # several parts a step
     volumes = []
     for threads in (1, 2, 4):
         torch.set_num_threads(threads)
@@ -109,7 +109,7 @@ def test_where_rays_are_apart_the_number_of_threads_changes_no_bit(
 def test_parts_of_a_step_are_the_step(projector, measured, monkeypatch):
     arguments = {"iterations": 1, "variant": "bias-mask", **SMALL_STEPS}
     whole = wernet_paper(projector, measured, **arguments)
-    monkeypatch.setattr("tomo.wernet.epoch.SEGMENTS_A_PART", 100)
+    monkeypatch.setattr("tomo.wernet.parts.SEGMENTS_A_PART", 100)
     parts = wernet_paper(projector, measured, **arguments)
     assert np.abs(parts.volume - whole.volume).max() < 2e-3 * whole.volume.max()
 
@@ -300,12 +300,3 @@ def test_segments_without_midpoints_are_refused(projector, measured):
     plain = Projector(Segments(s.ptr, s.voxel, s.length), GRID)
     with pytest.raises(ValueError, match="trace with midpoints=True"):
         wernet_paper(plain, measured)
-
-
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
-def test_another_device_gives_nearly_the_same(projector, measured):
-    results = [
-        wernet_paper(projector, measured, iterations=1, device=device, **SMALL_STEPS).volume
-        for device in ("cpu", "cuda")
-    ]
-    assert cosine_distance(*results) < 1e-3

@@ -1,0 +1,143 @@
+"""WERNet where PyTorch has another device: nearly what a CPU gives, and it comes back."""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from tomo.effects import Effects
+from tomo.metrics import cosine_distance
+from tomo.wernet import (
+    CorrectionEncoder,
+    RaySamples,
+    RayWeights,
+    ViewTokens,
+    WeightEncoder,
+    WERNet,
+    load_encoder,
+    save_encoder,
+    wernet,
+    wernet_paper,
+)
+
+GAINS = Effects(gain_spread=0.1)
+OWN_LIGHT = Effects(self_absorption=0.2)
+
+pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+
+
+@pytest.mark.parametrize("layout", ["packed", "padded"])
+@pytest.mark.parametrize("variant", ["no-bias", "bias-mask", "batch-norm"])
+def test_the_papers_network_trains_alike(scene, variant, layout):
+    one = scene()
+    small = {"samples_per_batch": 4, "variant": variant, "layout": layout, "iterations": 2}
+    here, there = (
+        wernet_paper(one.projector, one.measured, device=device, **small)
+        for device in ("cpu", "cuda")
+    )
+    assert cosine_distance(here.volume, there.volume) < 1e-4
+    assert there.relative_residual == pytest.approx(here.relative_residual, rel=1e-2)
+    assert there.settings["device"] == "cuda"
+
+
+@pytest.mark.parametrize("normalised", [True, False])
+@pytest.mark.parametrize(
+    ("layout", "dtype", "bound"),
+    [
+        ("packed", torch.float64, 1e-10),
+        ("padded", torch.float64, 1e-10),
+        ("packed", torch.float32, 1e-4),  # padded ones are convolved in fewer digits there
+    ],
+)
+def test_gradients_are_alike(scene, layout, dtype, bound, normalised):
+    one = scene()
+    samples = RaySamples.from_segments(one.projector.segments, one.grid, one.measured)
+    kinds = {name: getattr(samples, name).to(dtype) for name in ("midpoint", "index", "measured")}
+    samples = replace(samples, **kinds)
+    voxels = torch.rand(len(samples.index), generator=torch.Generator().manual_seed(0))
+    found = []
+    for device in ("cpu", "cuda"):
+        model = WERNet(WeightEncoder("batch-norm", seed=1), voxels, normalised)
+        model = model.to(device=device, dtype=dtype)
+        batch = getattr(samples.to(device), layout)(torch.arange(0, len(samples), 3))
+        loss = (model(batch) - batch.measured).square().mean()
+        found.append([each.cpu() for each in torch.autograd.grad(loss, list(model.parameters()))])
+    for here, there in zip(*found, strict=True):
+        assert float((here - there).abs().max()) < bound * float(here.abs().max())
+
+
+@pytest.mark.parametrize("tells_views", [True, False])
+def test_learned_weights_are_alike(scene, tells_views):
+    chords = scene().projector
+    encoder, tokens = CorrectionEncoder(seed=1), ViewTokens(chords.n_views, 16)
+    generator = torch.Generator().manual_seed(0)
+    for parameter in (encoder.last.weight, tokens.trend, tokens.hidden, tokens.level):
+        torch.nn.init.normal_(parameter, 0, 0.1, generator=generator)
+    volume = np.random.default_rng(2).random(chords.shape[1]).astype(np.float32)
+    here = RayWeights(encoder, tokens, volume, 8.0, tells_views)
+    there = RayWeights(
+        copy.deepcopy(encoder).cuda(), copy.deepcopy(tokens).cuda(), volume, 8.0, tells_views
+    )
+    for same_views in (True, False):
+        lengths = [
+            each.projector(chords, same_views=same_views).segments.length for each in (here, there)
+        ]
+        np.testing.assert_allclose(*lengths, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("effects", [GAINS, OWN_LIGHT], ids=["gains", "own"])
+def test_what_chords_do_not_know_is_learned_there(scene, effects):
+    one = scene(effects=effects)
+    here, there = (
+        wernet(one.projector, one.measured, device=device) for device in ("cpu", "cuda")
+    )
+    assert there.settings["learned"] is True
+    assert cosine_distance(here.volume, there.volume) < 1e-3
+    apart = [cosine_distance(found.volume, one.truth) for found in (here, there)]
+    assert apart[1] < 1.1 * apart[0] + 1e-5
+
+
+def test_a_run_is_gone_on_with_there_and_here(scene, tmp_path):
+    one = scene(effects=OWN_LIGHT)
+    checkpoint = tmp_path / "run.pt"
+
+    def stop(index, volume, residual):
+        return index == 1
+
+    for device in ("cuda", "cpu", "cuda"):
+        found = wernet(
+            one.projector, one.measured, device=device, checkpoint=checkpoint, resume=True,
+            callback=None if device == "cpu" else stop,
+        )  # fmt: skip
+    assert found.settings["learned"] is True
+    assert cosine_distance(found.volume, one.truth) < 1e-2
+
+
+def test_encoders_are_written_and_read_from_there(scene, tmp_path):
+    one = scene()
+    encoder = WeightEncoder("batch-norm", seed=0)
+    path = tmp_path / "encoder.pt"
+    wernet_paper(one.projector, one.measured, iterations=1, encoder=encoder, device="cuda")
+    save_encoder(encoder, path)
+    again = load_encoder(path, WeightEncoder)
+    for written, read in zip(
+        encoder.state_dict().values(), again.state_dict().values(), strict=True
+    ):
+        assert torch.equal(written.cpu(), read)
+    for device in ("cpu", "cuda"):
+        found = wernet_paper(
+            one.projector, one.measured, iterations=1, encoder=path, freeze_encoder=True,
+            device=device,
+        )  # fmt: skip
+        assert np.isfinite(found.volume).all()
+
+
+def test_a_shipped_encoder_is_used_there(scene):
+    one = scene(effects=OWN_LIGHT)
+    frozen = {"encoder": "finite-pixels", "freeze_encoder": True}
+    here, there = (
+        wernet(one.projector, one.measured, device=device, **frozen) for device in ("cpu", "cuda")
+    )
+    assert cosine_distance(here.volume, there.volume) < 1e-5
