@@ -27,6 +27,7 @@ FLOORS = [
         "tomo._memory",
         "tomo._numbering",
         "tomo._lanes",
+        "tomo._lines",
         "tomo._row_sum",
         "tomo._sums",
         "tomo._threads",

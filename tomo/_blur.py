@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from tomo._compile import compiled
+from tomo._lines import add, lay_out, lines_between
 from tomo._threads import threads_worth
 from tomo.live_voxels import LiveVoxels
 
@@ -22,25 +23,6 @@ TRUNCATE = 3.0
 """Standard deviations at which the kernel is cut."""
 
 NANOSECONDS_A_TAP = 0.3  # and voxel, on one thread
-
-_Lines = tuple[NDArray[np.integer], ...]
-"""Lines along z: where each begins in what holds all of them (lines + 1,), at which height along z
-it begins (lines,), its place (lines, 2), and the number of the line at each place, -1 where there
-is none (nx, ny)."""
-
-
-@compiled(inline=True)
-def _add(onto, begin, end, height, weight, added, first, last, at) -> None:
-    """Add ``weight`` times ``added[first:last]`` to ``onto[begin:end]`` where there is both.
-
-    ``height`` and ``at`` are where along z the two begin.
-    """
-    low = max(height, at)
-    count = min(height + end - begin, at + last - first) - low
-    if count > 0:
-        here, there = np.uint64(begin + low - height), np.uint64(first + low - at)
-        for z in range(np.uint64(count)):
-            onto[here + z] += weight * added[there + z]
 
 
 @compiled(parallel=True)
@@ -54,7 +36,7 @@ def _blurred(values, voxels, heights, taps, own, along, across, room, out):
     heights : (n,) int
         Of every voxel along z.
     taps : (2 * reach + 1,)
-    own, along, across : _Lines
+    own, along, across : tomo._lines.Lines
         The lines with live voxels from the lowest of them to the highest; the same as far as a
         blur along z reaches; those near enough along x, as long as their neighbours need.
     room : three vectors
@@ -67,17 +49,15 @@ def _blurred(values, voxels, heights, taps, own, along, across, room, out):
         one, beyond = voxels[number], voxels[number + 1]
         gaps = last - first > beyond - one
         if gaps:
-            plain[first:last] = 0
-            for voxel in range(one, beyond):
-                plain[np.uint64(first + heights[voxel] - low)] = values[voxel]
+            lay_out(values, voxels, heights, own, number, plain)
         begin, end, height = along[0][number], along[0][number + 1], along[1][number]
         blurred[begin:end] = 0
         for tap in range(len(taps)):
             at = low + reach - tap
             if gaps:
-                _add(blurred, begin, end, height, taps[tap], plain, first, last, at)
+                add(blurred, begin, end, height, taps[tap], plain, first, last, at)
             else:
-                _add(blurred, begin, end, height, taps[tap], values, one, beyond, at)
+                add(blurred, begin, end, height, taps[tap], values, one, beyond, at)
     for number in numba.prange(len(across[1])):
         begin, end, height = across[0][number], across[0][number + 1], across[1][number]
         spread[begin:end] = 0
@@ -85,7 +65,7 @@ def _blurred(values, voxels, heights, taps, own, along, across, room, out):
         for other in range(max(0, y - reach), min(along[3].shape[1], y + reach + 1)):
             from_line = along[3][x, other]
             if from_line >= 0:
-                _add(
+                add(
                     spread, begin, end, height, taps[other - y + reach],
                     blurred, along[0][from_line], along[0][from_line + 1], along[1][from_line],
                 )  # fmt: skip
@@ -102,22 +82,12 @@ def _blurred(values, voxels, heights, taps, own, along, across, room, out):
                 weight, at = taps[other - x + reach], across[1][from_line]
                 first, last = across[0][from_line], across[0][from_line + 1]
                 if gaps:
-                    _add(plain, begin, end, height, weight, spread, first, last, at)
+                    add(plain, begin, end, height, weight, spread, first, last, at)
                 else:
-                    _add(out, one, beyond, height, weight, spread, first, last, at)
+                    add(out, one, beyond, height, weight, spread, first, last, at)
         if gaps:
             for voxel in range(one, beyond):
                 out[voxel] = plain[np.uint64(begin + heights[voxel] - height)]
-
-
-def _lines(low: NDArray[np.integer], high: NDArray[np.integer]) -> _Lines:
-    """Return the lines from ``low`` to ``high`` (nx, ny), where ``high`` is above ``low``."""
-    numbers = np.full(low.shape, -1, np.int64)
-    places = np.argwhere(high > low)
-    x, y = places.T
-    numbers[x, y] = np.arange(len(places))
-    begin = np.append(0, np.cumsum(high[x, y] - low[x, y]))
-    return begin, low[x, y], places, numbers
 
 
 class Blur:
@@ -140,23 +110,18 @@ class Blur:
     @cached_property
     def _courses(self) -> tuple:
         """The voxels of the lines, their heights, and the three kinds of lines; see the kernel."""
-        mask, depth = self.live.mask, self.live.grid.shape[2]
-        inside = mask.any(axis=2)  # (nx, ny)
-        low = np.where(inside, mask.argmax(axis=2), depth)
-        high = np.where(inside, depth - mask[:, :, ::-1].argmax(axis=2), 0)
-        voxels = np.append(0, np.cumsum(np.count_nonzero(mask, axis=2)[inside]))
-        heights = np.nonzero(mask)[2].astype(np.int32)
-        own = _lines(low, high)
-        along = _lines(
-            np.where(inside, np.maximum(low - self._reach, 0), depth),
-            np.where(inside, np.minimum(high + self._reach, depth), 0),
+        lines = self.live.lines
+        low, high, depth = lines.low, lines.high, lines.depth
+        along = lines_between(
+            np.where(lines.inside, np.maximum(low - self._reach, 0), depth),
+            np.where(lines.inside, np.minimum(high + self._reach, depth), 0),
         )
         near = 2 * self._reach + 1
-        across = _lines(
+        across = lines_between(
             minimum_filter1d(low, near, axis=0, mode="constant", cval=depth),
             maximum_filter1d(high, near, axis=0, mode="constant", cval=0),
         )
-        return voxels, heights, own, along, across
+        return lines.voxels, lines.heights, lines.own, along, across
 
     def __call__(self, values: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return the blurred live voxels: ``(n,)``, in the type of ``values``."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._bricks import brick_places
 from tomo._numbering import numbering
 from tomo.grid import VoxelGrid
+
+if TYPE_CHECKING:
+    from tomo._lines import LiveLines
 
 _FEW = 4096  # in single precision half of the smallest cache of today's processors
 
@@ -93,6 +97,13 @@ class LiveVoxels:
         from tomo._clearance import clearance  # compiled code
 
         return clearance(self.mask)
+
+    @cached_property
+    def lines(self) -> LiveLines:
+        """The lines along z that hold live voxels."""
+        from tomo._lines import LiveLines  # compiled code
+
+        return LiveLines(self.mask)
 
     @cached_property
     def place(self) -> NDArray[np.integer] | None:

@@ -10,7 +10,40 @@ from numpy.typing import NDArray
 
 from tomo._compile import compiled
 from tomo._threads import threads_worth
-from tomo.solve._gradient import NANOSECONDS_ADJOINT, Gradient, difference, divergence
+from tomo.live_voxels import LiveVoxels
+from tomo.solve._gradient import Gradient
+
+NANOSECONDS_A_STEP = 3.0  # and voxel of the box, on one thread
+
+
+@compiled(inline=True)
+def _difference(volume, i, j, k, factors):
+    """Return the scaled forward differences at a voxel; zero across the grid's upper faces."""
+    here = volume[i, j, k]
+    x = factors[0] * (volume[i + 1, j, k] - here) if i + 1 < volume.shape[0] else np.float32(0)
+    y = factors[1] * (volume[i, j + 1, k] - here) if j + 1 < volume.shape[1] else np.float32(0)
+    z = factors[2] * (volume[i, j, k + 1] - here) if k + 1 < volume.shape[2] else np.float32(0)
+    return x, y, z
+
+
+@compiled(inline=True)
+def _divergence(field, i, j, k, factors):
+    """Return ``(D^T p)`` at a voxel: minus the divergence, by backward differences."""
+    nx, ny, nz = field.shape[0], field.shape[1], field.shape[2]
+    total = np.float32(0)
+    if i + 1 < nx:
+        total -= factors[0] * field[i, j, k, 0]
+    if j + 1 < ny:
+        total -= factors[1] * field[i, j, k, 1]
+    if k + 1 < nz:
+        total -= factors[2] * field[i, j, k, 2]
+    if i > 0:
+        total += factors[0] * field[i - 1, j, k, 0]
+    if j > 0:
+        total += factors[1] * field[i, j - 1, k, 1]
+    if k > 0:
+        total += factors[2] * field[i, j, k - 1, 2]
+    return total
 
 
 @compiled(parallel=True)
@@ -38,7 +71,7 @@ def _raise_dual(volume, inverse, stretch, factors, weight, momentum, dual, ahead
                 if bound == 0:  # nothing here can change
                     continue
                 step = np.float32(1) / bound
-                x, y, z = difference(volume, i, j, k, factors)
+                x, y, z = _difference(volume, i, j, k, factors)
                 x = ahead[i, j, k, 0] + step * x
                 y = ahead[i, j, k, 1] + step * y
                 z = ahead[i, j, k, 2] + step * z
@@ -63,7 +96,7 @@ def _lower_primal(center, inverse, stretch, factors, lowest, field, volume):
         i = np.int64(plane)
         for j in range(volume.shape[1]):
             for k in range(volume.shape[2]):
-                moved = stretch * inverse[i, j, k] * divergence(field, i, j, k, factors)
+                moved = stretch * inverse[i, j, k] * _divergence(field, i, j, k, factors)
                 volume[i, j, k] = max(center[i, j, k] - moved, lowest)
 
 
@@ -72,24 +105,27 @@ class TotalVariation:
 
     Parameters
     ----------
-    gradient : Gradient
-        ``D``.
+    live : LiveVoxels
     inverse : (unknowns,) float32
         ``C``, the inverse of the diagonal metric of the proximal map.
     nonnegative : bool
 
     Notes
     -----
-    The dual field is kept from one call to the next, which then needs few steps.
+    The dual field is kept from one call to the next, which then needs few steps. Fields cover the
+    box around the live voxels, one layer of zeros included where the grid goes on.
     """
 
-    def __init__(
-        self, gradient: Gradient, inverse: NDArray[np.float32], nonnegative: bool
-    ) -> None:
-        self.gradient = gradient
-        self._inverse = gradient.place(inverse)  # zero where no voxel is live: those stay zero
+    def __init__(self, live: LiveVoxels, inverse: NDArray[np.float32], nonnegative: bool) -> None:
+        self._box = live.box
+        self._factors = Gradient(live).factors
+        self._inverse = self._place(inverse)  # zero where no voxel is live: those stay zero
         self._lowest = np.float32(0 if nonnegative else -np.inf)
-        self._dual = np.zeros((*gradient.shape, 3), np.float32)
+        self._dual = np.zeros((*self._inverse.shape, 3), np.float32)
+
+    def _place(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the unknowns in the box, zero where none is: ``(bx, by, bz)``, a copy."""
+        return self._box.expand(values.astype(np.float32)).reshape(self._box.grid.shape)
 
     def proximal(
         self, center: NDArray[np.float32], weight: float, steps: int, stretch: float = 1.0
@@ -105,12 +141,12 @@ class TotalVariation:
         steps : int
         stretch : float
         """
-        center = self.gradient.place(center)
+        center = self._place(center)
         volume = np.zeros_like(center)
         ahead = self._dual.copy()
         last = 1.0
-        metric = self._inverse, np.float32(stretch), self.gradient.factors
-        with threads_worth(NANOSECONDS_ADJOINT * volume.size):
+        metric = self._inverse, np.float32(stretch), self._factors
+        with threads_worth(NANOSECONDS_A_STEP * volume.size):
             for _ in range(steps):
                 _lower_primal(center, *metric, self._lowest, ahead, volume)
                 following = (1 + math.sqrt(1 + 4 * last**2)) / 2
@@ -118,10 +154,10 @@ class TotalVariation:
                 last = following
                 _raise_dual(volume, *metric, np.float32(weight), momentum, self._dual, ahead)
             _lower_primal(center, *metric, self._lowest, self._dual, volume)
-        return self.gradient.pick(volume)
+        return self._box.compress(volume)
 
 
 def total_variation(gradient: Gradient, values: NDArray[np.float32]) -> float:
     """Return the sum over voxels of ``|D x|`` of the unknowns ``x``."""
-    squares = np.square(gradient.forward(values), dtype=np.float64).sum(axis=-1)
+    squares = np.square(gradient.forward(values), dtype=np.float64).sum(axis=0)
     return float(np.sqrt(squares).sum())

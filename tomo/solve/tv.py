@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._sums import dot
 from tomo.reconstruction import Callback, Reconstruction
 from tomo.solve._drive import States, drive
-from tomo.solve._gradient import Gradient
 from tomo.solve._least_squares import LeastSquares, check_strength
 from tomo.solve._total_variation import TotalVariation
 from tomo.viewed import ViewedOperator
@@ -93,7 +92,7 @@ def tv(
         inverse = _inverse(problem.curvature)
         if not inverse.any():  # nothing is seen
             return
-        variation = TotalVariation(Gradient(projector.live), inverse, nonnegative)
+        variation = TotalVariation(projector.live, inverse, nonnegative)
         weight = strength * float(np.abs(problem.adjoint(problem.measured)).max())
         # omega, y, z, theta and zeta of the paper are landed, mapped, center, age and stretch.
         landed = mapped = center = x

@@ -47,7 +47,8 @@ def _on(projector, found):
 
 def _dense_gradient(live):
     gradient = Gradient(live)
-    rows = [gradient.forward(row).ravel() for row in np.eye(live.size, dtype=np.float32)]
+    unit = np.eye(live.size, dtype=np.float32)
+    rows = [gradient.forward(row).T.ravel() for row in unit]  # the three of a place together
     return np.array(rows, np.float64).T
 
 
