@@ -179,8 +179,10 @@ def find_suspects(
     depths = [below_zero(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
     levels = [background(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
     shares = light_beside(list(cameras), images, clean, noise, grid)
+    # No volume in the grid gives an even background, and the attempt would make views disagree.
+    lit = [i - np.float32(level) if level else i for i, level in zip(images, levels, strict=True)]
     try:
-        views = judge_views(cameras, images, clean, grid, trusted=len(rig))
+        views = judge_views(cameras, lit, clean, grid, trusted=len(rig))
     except VolumeNotSeenError:  # told, in better words, by whoever needs the volume
         views = ()
     return Suspects(

@@ -96,3 +96,24 @@ def test_what_to_do_about_it_stands_first(tmp_path, grid):
         assert "see to the light that no volume explains first, and if this stays, cal" in line
     if grid is GRID:
         assert len(told) > 1
+
+
+@pytest.mark.parametrize("phantom", ["jet", "turbulent"])
+def test_views_are_judged_without_it(phantom):
+    """With it honest views of a third of the brightest light seemed to be other cameras'."""
+    grid = VoxelGrid((15, 70, 15), 1.0)
+    rig = rigs.ring(12, distance=800.0, image_size=(60, 160), footprint=0.55)
+    made = simulate(rig, phantoms.create(phantom, 7, grid.extent), grid, supersample=2)
+    images = list(made.images.values())
+    masks = [np.ones(image.shape, bool) for image in images]
+    top = max(image.max() for image in images)
+    turned = [*images[:3], images[3][::-1], *images[4:]]
+    for shown, wrong in ((images, ()), (turned, ("cam03",))):
+        for share in (0.0, 0.1, 0.3, 1.0):
+            lit = [image + np.float32(share * top) for image in shown]
+            found = find_suspects(rig, lit, masks, grid)
+            assert found.left_out == wrong
+            agreement = [view.agreement for view in found.views]
+            if share == 0:
+                expected = agreement
+            assert agreement == pytest.approx(expected, abs=0.005)
