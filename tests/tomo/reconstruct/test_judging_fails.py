@@ -11,6 +11,9 @@ from tomo.view import result_figures
 from tomo.view.outcome_files import write_outcome
 
 
+pytestmark = pytest.mark.usefixtures("coarse_scenes")
+
+
 class OfALibraryError(Exception):
     """Of no kind that anybody expects."""
 

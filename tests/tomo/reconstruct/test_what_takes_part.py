@@ -93,6 +93,7 @@ def test_unseen_voxels_are_counted_and_told(folder, grid):
     assert any(w.startswith(f"{share:.1%} of the voxels are seen by no") for w in found.warnings)
 
 
+@pytest.mark.usefixtures("coarse_scenes")
 def test_unseen_voxels_are_marked_on_request(folder, tmp_path, grid):
     wide = VoxelGrid((60, 20, 10), 1.0, grid.center)
     zero = reconstruct(Scan.load(folder), wide, **SIRT)

@@ -13,6 +13,8 @@ from tomo.view.outcome_files import DEVIATION_FILES, write_outcome
 
 GRID = VoxelGrid((6, 8, 6), 1.0)
 
+pytestmark = pytest.mark.usefixtures("coarse_scenes")
+
 
 @pytest.fixture(scope="module")
 def system():
