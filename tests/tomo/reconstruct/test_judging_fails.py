@@ -10,7 +10,6 @@ from tomo.reconstruct import reconstruct
 from tomo.view import result_figures
 from tomo.view.outcome_files import write_outcome
 
-
 pytestmark = pytest.mark.usefixtures("coarse_scenes")
 
 
