@@ -19,21 +19,32 @@ if TYPE_CHECKING:
     from tomo.projector import Projector
 
 SETTLED = 30
-"""Iterations to judge by, at least. Stopped earlier, patches of noisy images are predicted up to a
+"""Iterations to judge by as well. Stopped earlier, patches of noisy images are predicted up to a
 fifth better or worse from one iteration to the next, and what is compared settles at paces of its
-own."""
+own. Run on, plain voxels of clean images lose sight of what a lens changes."""
 
 
 def residuals_of_left_out_patches(
     some: Thinned, weighted: Projector, choice: Choice
 ) -> NDArray[np.float64]:
+    """Return `residuals_at_a_stop` at that of the choice, and where volumes are `SETTLED`.
+
+    Returns
+    -------
+    (2, 4) float64
+        As they are, and beyond the noise; at either stop by patches and by those of half the side.
+    """
+    settled = replace(choice, iterations=max(choice.iterations, SETTLED))
+    return np.hstack([residuals_at_a_stop(some, weighted, stop) for stop in (choice, settled)])
+
+
+def residuals_at_a_stop(some: Thinned, weighted: Projector, choice: Choice) -> NDArray[np.float64]:
     """Return the residual of left-out views, summed over patches, over their light so summed.
 
     Noise, and what voxels and single rays leave out, mostly cancel within a patch. What light
     loses on its way does not: where single pixels are ruled by the former, patches still tell.
     What a narrow flame's light loses changes sign across it, within a patch: smaller ones tell it.
-    No volume predicts what noise makes of the patches all the same. The volumes are run until they
-    are `SETTLED`, not to where pixels are predicted best.
+    No volume predicts what noise makes of the patches all the same.
     Each view is predicted up to a factor: levels are fitted to all views, those left out too, and
     are to be judged by what they do to the volume.
 
@@ -53,7 +64,6 @@ def residuals_of_left_out_patches(
     """
     views = np.flatnonzero(np.diff(weighted.view_ptr)).tolist()
     patches = some.patches, some.smaller_patches
-    choice = replace(choice, iterations=max(choice.iterations, SETTLED))
     apart, light = np.zeros((2, len(patches)))
     count, mean_square = np.zeros(len(patches), int), []
     for left_out in views_to_leave_out(views):
