@@ -13,10 +13,11 @@ import scipy.sparse
 import torch
 from numpy.typing import NDArray
 
-from tomo._sums import dot
+from tomo._sums import dot, norm
 from tomo.smooth_basis import SmoothBasis
 from tomo.solve import cgls
 from tomo.solve.stopping import Choice, solve_as_chosen
+from tomo.wernet._noise import noise_of_pixels
 from tomo.wernet.correction import ViewTokens
 from tomo.wernet.ray_features import RayFeatures
 from tomo.wernet.ray_weights import reweighted, trend_corrections
@@ -52,6 +53,8 @@ class Thinned:
     unit : float
         Of the emission in front.
     patches : Patches
+    noise : float
+        Its standard deviation in a pixel.
     """
 
     projector: Projector
@@ -59,6 +62,7 @@ class Thinned:
     features: RayFeatures
     unit: float
     patches: Patches
+    noise: float
 
     @classmethod
     def of(
@@ -73,7 +77,8 @@ class Thinned:
         pixels = np.arange(0, projector.shape[0], stride)
         some = projector.take(pixels)
         features = RayFeatures.of(some, widest=widest)
-        return cls(some, measured[pixels], features, unit, Patches.of(some, features))
+        noise = noise_of_pixels(measured)  # of all pixels: neighbours tell it from what they show
+        return cls(some, measured[pixels], features, unit, Patches.of(some, features), noise)
 
     def __repr__(self) -> str:
         """Name the sizes."""
@@ -111,6 +116,7 @@ class Thinned:
             free,
             slope,
             self.features.trends(front),
+            misfit=norm(residual),
             residual=self.patches.sum(residual),
             level=self.patches.sum(level),
         )
@@ -145,6 +151,8 @@ class Linearised:
         The derivative of the weights by the logarithm of ``1 + c``.
     columns : tuple of (S,) float32
         What each trend is along.
+    misfit : float
+        What is left of the pixels, its norm.
     residual, level : (patches,) float64
         Summed over the patches: what is left, and what a view's level changes.
 
@@ -162,6 +170,7 @@ class Linearised:
     free: NDArray[np.float32]
     slope: NDArray[np.float32]
     columns: tuple[NDArray[np.float32], ...]
+    misfit: float
     residual: NDArray[np.float64]
     level: NDArray[np.float64]
     _rows: dict[int, NDArray[np.float64]] = field(default_factory=dict)
@@ -169,6 +178,22 @@ class Linearised:
     def __repr__(self) -> str:
         """Name the sizes."""
         return f"<Linearised: {self.some}, {self.choice.method}>"
+
+    @cached_property
+    def noise(self) -> NDArray[np.float64]:
+        """What voxels leave of a sample of the images' noise, summed over the patches.
+
+        As large as it is expected to be: by chance the sample is itself some per cent larger or
+        smaller. No larger than all that is left of the pixels.
+        """
+        patches = self.some.patches
+        if not self.some.noise:
+            return np.zeros_like(self.residual)
+        sample = np.random.default_rng(0).standard_normal(len(self.some.measured))
+        left = _not_imitated(self.basis, sample.astype(np.float32), self.eliminated)
+        expected = math.sqrt(len(self.residual)) / norm(patches.sum(sample))
+        noise = min(self.some.noise * expected, self.misfit / (norm(left) or 1.0))
+        return noise * patches.sum(left)
 
     @property
     def view(self) -> NDArray[np.int64]:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import copy
 import itertools
-import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tomo._sums import dot, norm
+from tomo._sums import dot
 from tomo.solve.stopping import Choice, choose_by_held_out_views
 from tomo.wernet._left_out import residuals_of_left_out_patches
 from tomo.wernet._linearised import Linearised, Thinned
+from tomo.wernet._noise import beyond_noise, chance_of_a_trend
 from tomo.wernet.correction import ViewTokens
 from tomo.wernet.ray_features import TRENDS
 
@@ -53,6 +53,23 @@ number: what it explains of all views counts as well, and the product of both sh
 low. Left-out views alone see little of some: a lens that darkens explains 0.6 of what is left of
 the turbulent flame's images, and of left-out views, where other things err more, 0.02."""
 
+NO_WORSE = 1.05
+"""By so much, at most, a trend may predict left-out views worse, if it explains enough of all. A
+jet's own absorption beside all else, found as it is, makes 1.02 to 1.04, in clean images as well;
+what the volume errs by for want of views changes by that much."""
+
+
+class Step(NamedTuple):
+    """What a step changes; what of the patches' misfit is known beyond noise, before and after.
+
+    Of the noise less than all: what trends and levels explain of that by chance they have.
+    """
+
+    trends: dict[int, float]
+    levels: NDArray[np.float64]
+    before: float
+    after: float
+
 
 def first_guess(
     projector: Projector,
@@ -66,10 +83,12 @@ def first_guess(
     What dims along a ray, by depth or by the emission in front, the voxels imitate almost: the
     images hardly change, the volume does. Steps of the encoder at fixed voxels see none of that
     and come near very slowly. These few numbers are therefore found with the voxels eliminated:
-    Gauss-Newton steps on the residual of `tomo.wernet._linearised`, summed over patches. Levels
+    Gauss-Newton steps on the residual of `tomo.wernet._linearised`, summed over patches. Shares of
+    misfits are of what is known of them beyond noise (`tomo.wernet._noise`): it does not cancel
+    within patches, rules the misfit of 2 % noisy images, and is explained by nothing. Levels
     and trends are added one by one, or two trends at once where neither stands out alone, of those
-    whose first step promises to explain something, as long as left-out views are predicted better,
-    patch by patch (`tomo.wernet._left_out`). Levels have no right of way: some three dozen numbers
+    whose first step promises to explain something, as long as left-out views, patch by patch
+    (`tomo.wernet._left_out`), speak for it. Levels have no right of way: some three dozen numbers
     take most of what one trend explains, and predict nothing for it. None where nothing is worth
     it.
 
@@ -96,11 +115,12 @@ def first_guess(
         for parts in promising:
             tokens = copy.deepcopy(best)
             fitted = _fit(tokens, now, (*chosen, *parts))
-            worth = WORTH_OF_LEVELS
+            worth, beyond = WORTH_OF_LEVELS, 0
             if LEVELS not in parts:
-                unexplained = norm(fitted.residual) / (norm(now.residual) or 1.0)
-                worth = min(WORTH_OF_TRENDS / (unexplained or 1.0), 1.0)
-            trials.append((*_judged(fitted, residuals, worth), parts, tokens, fitted))
+                left = _step(fitted, tokens, (*chosen, *parts)).after
+                unexplained = left / (_step(now, best, chosen).after or 1.0)
+                worth, beyond = min(WORTH_OF_TRENDS / (unexplained or 1.0), NO_WORSE), 1
+            trials.append((*_judged(fitted, residuals, worth, beyond), parts, tokens, fitted))
         share, left, choice, parts, tokens, fitted = min(trials, key=lambda trial: trial[0])
         if not share < 1:
             break
@@ -110,11 +130,12 @@ def first_guess(
 
 
 def _judged(
-    fitted: Linearised, others: NDArray[np.float64], worth: float
+    fitted: Linearised, others: NDArray[np.float64], worth: float, beyond: int
 ) -> tuple[float, NDArray[np.float64], Choice]:
     """Return the residuals of left-out patches with what was fitted, and how to solve for them.
 
-    Before them, their share of ``others`` over that which is worth it. Solved as before or as
+    Before them, their share of ``others`` over that which is worth it, as they are or ``beyond``
+    the noise. Solved as before or as
     suits what was fitted, whichever predicts patches better: pixels, by which the latter is
     chosen, may ask for another smoothness than patches.
     """
@@ -122,7 +143,7 @@ def _judged(
     anew = choose_by_held_out_views(fitted.learned, some.measured)
     for choice in (before,) if anew.solves_as(before) else (before, anew):
         left = residuals_of_left_out_patches(some, fitted.learned, choice)
-        trials.append((_share(left, others) / worth, left, choice))
+        trials.append((_share(left[beyond], others[beyond]) / worth, left, choice))
     return min(trials, key=lambda trial: trial[0])
 
 
@@ -142,14 +163,17 @@ def _promising(
     if now.some.patches.pixels_each < FINE:
         parts.discard(OFF_AXIS)
 
+    chance = chance_of_a_trend(dot(now.noise, now.noise), len(now.noise))
+
     def asked_for(*some: int) -> bool:
         # Gains hide a trend where levels are not fitted beside it, or take it where they are.
         for others in {tuple(chosen), tuple(sorted({*chosen, LEVELS}.difference(some)))}:
-            without = _step(now, tokens, others)[2]
-            trends, _, left = _step(now, tokens, (*others, *some))
+            without = _step(now, tokens, others).after
+            trends, _, _, left = _step(now, tokens, (*others, *some))
             # Light dims on its way: brightening is what coarse voxels and pixels look like.
             dims = all(trends[part] < 0 for part in some if part != LEVELS)
-            if dims and left < PROMISING[len(some)] * without:
+            clear = LEVELS in some or without**2 - left**2 > len(some) * chance
+            if dims and clear and left < PROMISING[len(some)] * without:
                 return True
         return False
 
@@ -162,8 +186,8 @@ def _fit(tokens: ViewTokens, now: Linearised, parts: Sequence[int]) -> Linearise
     """Fit ``parts`` of the tokens to the images, in place, from ``now``; return how things are."""
     some, choice = now.some, now.choice
     for _ in range(STEPS):
-        trends, levels, left = _step(now, tokens, parts)
-        if left > SETTLED:
+        trends, levels, before, after = _step(now, tokens, parts)
+        if after > SETTLED * before:
             break
         with torch.no_grad():
             for k, change in trends.items():
@@ -174,24 +198,27 @@ def _fit(tokens: ViewTokens, now: Linearised, parts: Sequence[int]) -> Linearise
     return now
 
 
-def _step(
-    now: Linearised, tokens: ViewTokens, parts: Sequence[int]
-) -> tuple[dict[int, float], NDArray[np.float64], float]:
-    """Return the changes of trends and levels, and the share of the misfit that they leave.
-
-    Those that are not among ``parts`` stay as they are.
-    """
+def _step(now: Linearised, tokens: ViewTokens, parts: Sequence[int]) -> Step:
+    """Return a step of ``parts``; other trends and levels stay as they are."""
     trends = [part for part in parts if part != LEVELS]
     rows = [now.row(k) for k in trends]
     level = now.level if LEVELS in parts else np.zeros_like(now.level)
-    step = _gauss_newton(rows, level, now.view, now.residual, tokens)
-    levels = step[len(rows) :]
-    left = now.residual - levels[now.view] * level
-    for row, change in zip(rows, step, strict=False):
-        left = left - change * row
-    share = math.sqrt(dot(left, left) / (dot(now.residual, now.residual) or 1.0))
+
+    def fitted(misfit: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        step = _gauss_newton(rows, level, now.view, misfit, tokens)
+        left = misfit - step[len(rows) :][now.view] * level
+        for row, change in zip(rows, step, strict=False):
+            left = left - change * row
+        return step, left
+
+    step, left = fitted(now.residual)
+    noise = fitted(now.noise)[1]
     changes = {k: float(c) / now.scale(k) for k, c in zip(trends, step, strict=False)}
-    return changes, levels, share
+    before, after = (
+        beyond_noise(dot(misfit, misfit), dot(noise, noise), len(noise))
+        for misfit in (now.residual, left)
+    )
+    return Step(changes, step[len(rows) :], before, after)
 
 
 def _gauss_newton(

@@ -142,7 +142,7 @@ def test_noise_that_rules_single_pixels_hides_no_trend(scene):
     both = one.projector, weights.projector(one.projector)
     pixels = [residual_of_left_out_views(each, noisy, choice) for each in both]
     some = Thinned.of(one.projector, noisy, 1, unit)
-    patches = [residuals_of_left_out_patches(some, each, choice)[0] for each in both]
+    patches = [residuals_of_left_out_patches(some, each, choice)[0, 0] for each in both]
     assert 1 - patches[1] / patches[0] > 2 * (1 - pixels[1] / pixels[0])
 
 
