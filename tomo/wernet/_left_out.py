@@ -27,18 +27,6 @@ own. Run on, plain voxels of clean images lose sight of what a lens changes."""
 def residuals_of_left_out_patches(
     some: Thinned, weighted: Projector, choice: Choice
 ) -> NDArray[np.float64]:
-    """Return `residuals_at_a_stop` at that of the choice, and where volumes are `SETTLED`.
-
-    Returns
-    -------
-    (2, 4) float64
-        As they are, and beyond the noise; at either stop by patches and by those of half the side.
-    """
-    settled = replace(choice, iterations=max(choice.iterations, SETTLED))
-    return np.hstack([residuals_at_a_stop(some, weighted, stop) for stop in (choice, settled)])
-
-
-def residuals_at_a_stop(some: Thinned, weighted: Projector, choice: Choice) -> NDArray[np.float64]:
     """Return the residual of left-out views, summed over patches, over their light so summed.
 
     Noise, and what voxels and single rays leave out, mostly cancel within a patch. What light
@@ -59,28 +47,53 @@ def residuals_at_a_stop(some: Thinned, weighted: Projector, choice: Choice) -> N
 
     Returns
     -------
-    (2, 2) float64
-        As they are, and beyond the noise; by patches, and by those of half the side.
+    (2, 4) float64
+        As they are, and beyond the noise. Stopped as chosen, by patches and by those of half the
+        side; where volumes are `SETTLED`, likewise.
     """
     views = np.flatnonzero(np.diff(weighted.view_ptr)).tolist()
     patches = some.patches, some.smaller_patches
-    apart, light = np.zeros((2, len(patches)))
-    count, mean_square = np.zeros(len(patches), int), []
+    stops = choice.iterations, max(choice.iterations, SETTLED)
+    apart, light = np.zeros((len(stops), len(patches))), np.zeros(len(patches))
+    noise = np.full((len(stops), 1), some.noise**2)  # a sum over a patch has as much as a pixel
+    count = np.zeros(len(patches), int)
     for left_out in views_to_leave_out(views):
         trial = Trial.leaving_out(left_out, views, weighted, some.measured)
-        found = solve_as_chosen(trial.training, trial.training_pixels, choice)
-        pixels, there = weighted.pixels_of(left_out), trial.left_out_pixels
-        misfit, image = np.zeros((2, weighted.shape[0]))
-        seen = trial.left_out @ weighted.live.compress(found.volume)
-        for start, stop in itertools.pairwise(trial.left_out.view_ptr):
-            own = slice(start, stop)
-            seen[own] *= dot(seen[own], there[own]) / (dot(seen[own], seen[own]) or 1.0)
-        misfit[pixels] = seen - there
-        image[pixels] = there
-        apart += [norm(each.sum(misfit)) ** 2 for each in patches]
+        image, misfit = np.zeros((2, weighted.shape[0]))
+        pixels = weighted.pixels_of(left_out)
+        image[pixels] = trial.left_out_pixels
         light += [norm(each.sum(image)) ** 2 for each in patches]
-        mean_square.append(norm(misfit) ** 2 / max(len(pixels), 1))
         count += [np.count_nonzero(np.isin(each.view, left_out)) for each in patches]
-    noise = min(some.noise**2, *mean_square)  # a sum over a patch has as much as a pixel
-    beyond = [beyond_noise(a, noise * n, n) for a, n in zip(apart, count, strict=True)]
-    return np.array([np.sqrt(apart), beyond]) / np.sqrt(np.where(light, light, 1.0))
+        for at, volume in enumerate(_volumes(trial, choice, stops)):
+            misfit[pixels] = _misfit(trial, volume)
+            apart[at] += [norm(each.sum(misfit)) ** 2 for each in patches]
+            noise[at] = np.minimum(noise[at], norm(misfit) ** 2 / max(len(pixels), 1))
+    beyond = np.vectorize(beyond_noise)(apart, noise * count, count)
+    return np.array([np.sqrt(apart), beyond]).reshape(2, -1) / np.tile(
+        np.sqrt(np.where(light, light, 1.0)), len(stops)
+    )
+
+
+def _volumes(
+    trial: Trial, choice: Choice, stops: tuple[int, int]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the live voxels at two numbers of iterations, the second the larger, from one run."""
+    kept = []
+
+    def keep(index: int, volume: NDArray[np.float32], _residual: float) -> None:
+        if index == stops[0]:
+            kept.append(volume.copy())
+
+    longer = replace(choice, iterations=stops[1])
+    found = solve_as_chosen(trial.training, trial.training_pixels, longer, callback=keep)
+    last = trial.training.live.compress(found.volume)
+    return (*kept, last)[0], last
+
+
+def _misfit(trial: Trial, volume: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return by how much left-out views are predicted wrongly, each up to a factor."""
+    seen, there = trial.left_out @ volume, trial.left_out_pixels
+    for start, stop in itertools.pairwise(trial.left_out.view_ptr):
+        own = slice(start, stop)
+        seen[own] *= dot(seen[own], there[own]) / (dot(seen[own], seen[own]) or 1.0)
+    return seen - there

@@ -135,9 +135,8 @@ def _judged(
     """Return the residuals of left-out patches with what was fitted, and how to solve for them.
 
     Before them, their share of ``others`` over that which is worth it, as they are or ``beyond``
-    the noise. Solved as before or as
-    suits what was fitted, whichever predicts patches better: pixels, by which the latter is
-    chosen, may ask for another smoothness than patches.
+    the noise. Solved as before or as suits what was fitted, whichever predicts patches better:
+    pixels, by which the latter is chosen, may ask for another smoothness than patches.
     """
     some, trials, before = fitted.some, [], fitted.choice
     anew = choose_by_held_out_views(fitted.learned, some.measured)
