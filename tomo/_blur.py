@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from tomo._compile import compiled
-from tomo._lines import add, lay_out, lines_between
+from tomo._lines import add, lay_out, lines_between, pick_up
 from tomo._threads import threads_worth
 from tomo.live_voxels import LiveVoxels
 
@@ -86,8 +86,7 @@ def _blurred(values, voxels, heights, taps, own, along, across, room, out):
                 else:
                     add(out, one, beyond, height, weight, spread, first, last, at)
         if gaps:
-            for voxel in range(one, beyond):
-                out[voxel] = plain[np.uint64(begin + heights[voxel] - height)]
+            pick_up(plain, voxels, heights, own, number, out)
 
 
 class Blur:

@@ -36,6 +36,14 @@ def lay_out(values, voxels, heights, own, number, lines) -> None:
         lines[np.uint64(first + heights[voxel] - low)] = values[voxel]
 
 
+@compiled(inline=True)
+def pick_up(lines, voxels, heights, own, number, values) -> None:
+    """Write to the voxels of a line what stands where they are in ``lines``; undoes `lay_out`."""
+    first, low = own[0][number], own[1][number]
+    for voxel in range(voxels[number], voxels[number + 1]):
+        values[voxel] = lines[np.uint64(first + heights[voxel] - low)]
+
+
 class LiveLines:
     """The lines along z that hold live voxels, from the lowest of each to the highest.
 

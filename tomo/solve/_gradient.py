@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compile import compiled
-from tomo._lines import add, lay_out, lines_between
+from tomo._lines import Lines, add, lay_out, lines_between, pick_up
 from tomo._threads import threads_worth
 from tomo.live_voxels import LiveVoxels
 
@@ -64,8 +64,7 @@ def _adjoint(field, voxels, heights, own, around, at, before, beyond, depth, fac
         below_top = min(end, begin + depth - 1 - height)
         _add_line(plain, begin, below_top, height, -factors[2], field[2], around, at[line], 0)
         _add_line(plain, begin, end, height, factors[2], field[2], around, at[line], -1)
-        for voxel in range(voxels[line], voxels[line + 1]):
-            out[voxel] = plain[np.uint64(begin + heights[voxel] - height)]
+        pick_up(plain, voxels, heights, own, line, out)
 
 
 class Gradient:
@@ -100,10 +99,10 @@ class Gradient:
         return 3, int(self._around[0][-1])
 
     @cached_property
-    def _around(self) -> tuple[NDArray[np.integer], ...]:
+    def _around(self) -> Lines:
         lines = self.live.lines
-        below = np.where(lines.inside, np.maximum(lines.low - 1, 0), lines.depth)
-        low, high = below.copy(), lines.high.copy()
+        low = np.where(lines.inside, np.maximum(lines.low - 1, 0), lines.depth)
+        high = lines.high.copy()
         for near_low, near_high in ((low[:-1], high[:-1]), (low[:, :-1], high[:, :-1])):
             x, y = (lines.low.shape[axis] - near_low.shape[axis] for axis in (0, 1))
             np.minimum(near_low, lines.low[x:, y:], out=near_low)

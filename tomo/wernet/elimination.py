@@ -111,14 +111,13 @@ def first_guess(
     now = some.at(best, choice)
     residuals = residuals_of_left_out_patches(some, some.projector, choice)
     while promising := _promising(now, best, chosen):
-        trials = []
+        trials, before = [], _step(now, best, chosen).after or 1.0
         for parts in promising:
             tokens = copy.deepcopy(best)
             fitted = _fit(tokens, now, (*chosen, *parts))
             worth, beyond = WORTH_OF_LEVELS, 0
             if LEVELS not in parts:
-                left = _step(fitted, tokens, (*chosen, *parts)).after
-                unexplained = left / (_step(now, best, chosen).after or 1.0)
+                unexplained = _step(fitted, tokens, (*chosen, *parts)).after / before
                 worth, beyond = min(WORTH_OF_TRENDS / (unexplained or 1.0), NO_WORSE), 1
             trials.append((*_judged(fitted, residuals, worth, beyond), parts, tokens, fitted))
         share, left, choice, parts, tokens, fitted = min(trials, key=lambda trial: trial[0])
@@ -161,7 +160,6 @@ def _promising(
     parts = {*range(len(TRENDS)), LEVELS}.difference(chosen)
     if now.some.patches.pixels_each < FINE:
         parts.discard(OFF_AXIS)
-
     chance = chance_of_a_trend(dot(now.noise, now.noise), len(now.noise))
 
     def asked_for(*some: int) -> bool:
