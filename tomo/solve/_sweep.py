@@ -1,7 +1,9 @@
 """A volume brought to agree with one block of pixels after another: views, or ordered subsets.
 
 The update of a block is ``x <- x + r C A^T W R (b - A x)`` over its pixels alone, where ``R`` are
-the reciprocals of the row sums of A and ``C`` those of its column sums, weighted by ``W``.
+the reciprocals of the row sums of A, damped as `tomo.solve._damping` says, and ``C`` those of its
+column sums, weighted by ``W``. A voxel that of a block's rays only one grazes would have all of
+that one's noise.
 
 With a stored matrix a row is projected and, as soon as its residual is known, spread back, while
 its entries are at hand: a block reads them once. Blocks are cut into parts as products are
@@ -30,6 +32,7 @@ from tomo._products import (
 )
 from tomo._threads import threads_worth
 from tomo.projector import Projector
+from tomo.solve._damping import share_of_median
 from tomo.viewed import ViewedOperator
 
 Sweep = Callable[[NDArray[np.float32], float, bool, NDArray[np.int64]], NDArray[np.float32]]
@@ -53,11 +56,11 @@ def sweep_of(
     weights : (pixels,), optional
         The diagonal of ``W``; ones when None.
     """
+    per_row = _per_row(projector, weights)
     if isinstance(projector, Projector) and parts:
-        return _StoredSweep(projector, measured, parts, weights)
-    rows = projector.row_sums
+        return _StoredSweep(projector, measured, parts, weights, per_row)
     blocks = [
-        Block(projector.take(p), measured[p], None if weights is None else weights[p], rows[p])
+        Block(projector.take(p), measured[p], None if weights is None else weights[p], per_row[p])
         for p in parts
     ]
 
@@ -80,17 +83,18 @@ class Block:
         projector: ViewedOperator,
         measured: NDArray[np.float32],
         weights: NDArray[np.float32] | None,
-        row_sums: NDArray[np.float64] | None = None,
+        per_row: NDArray[np.float32] | None = None,
     ) -> None:
         self.projector = projector
         self.measured = measured
-        self.per_row = _reciprocal(projector.row_sums if row_sums is None else row_sums)
+        self.per_row = _per_row(projector, weights) if per_row is None else per_row
         if weights is None:
             columns = projector.column_sums
         else:
-            self.per_row = weights * self.per_row
             columns = projector.T @ weights.astype(np.float64)
-        self.per_column = _reciprocal(columns)
+        some = np.zeros_like(columns)  # stays zero where a voxel meets no ray
+        np.divide(1.0, columns, out=some, where=columns > 0)
+        self.per_column = some.astype(np.float32)
 
     def updated(
         self,
@@ -104,9 +108,13 @@ class Block:
         return np.maximum(x, 0) if nonnegative else x
 
 
-def _reciprocal(sums: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return ``1 / sums`` with zero where a ray meets no voxel or a voxel no ray."""
-    return np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0).astype(np.float32)
+def _per_row(
+    projector: ViewedOperator, weights: NDArray[np.float32] | None
+) -> NDArray[np.float32]:
+    """Return the diagonal of ``W R``; what it is where a ray meets no voxel does not matter."""
+    sums = projector.row_sums
+    per_row = (1 / np.maximum(sums, share_of_median(sums))).astype(np.float32)
+    return per_row if weights is None else weights * per_row
 
 
 class _StoredSweep:
@@ -118,6 +126,7 @@ class _StoredSweep:
         measured: NDArray[np.float32],
         parts: Sequence[NDArray[np.int64]],
         weights: NDArray[np.float32] | None,
+        per_row: NDArray[np.float32],
     ) -> None:
         order, n_unknowns = np.concatenate(parts), projector.shape[1]
         ptr = np.cumsum([0] + [len(pixels) for pixels in parts])
@@ -126,9 +135,9 @@ class _StoredSweep:
         self._matrix = (starts[order], stops[order], voxel, length)
         self._measured = measured[order]
         weights = np.ones(len(order), np.float32) if weights is None else weights[order]
-        self._per_row = np.zeros(len(order), np.float32)
+        self._per_row = per_row[order]
         self._per_column = np.zeros((len(parts), n_unknowns), np.float32)
-        _reciprocal_sums(*self._matrix, weights, ptr, self._per_row, self._per_column)
+        _per_columns(*self._matrix, weights, ptr, self._per_column)
         counts = self._matrix[1] - self._matrix[0]
         cuts = [
             first + part_bounds(counts[first:last], n_unknowns)
@@ -161,17 +170,12 @@ class _StoredSweep:
 
 
 @compiled(parallel=True)
-def _reciprocal_sums(starts, stops, voxel, length, weights, ptr, per_row, per_column):
-    """Write ``W R`` of every row, and ``C`` of every block ``ptr[b]:ptr[b + 1]``: (blocks, n)."""
+def _per_columns(starts, stops, voxel, length, weights, ptr, per_column):
+    """Write ``C`` of every block ``ptr[b]:ptr[b + 1]``: (blocks, n)."""
     for block in numba.prange(len(per_column)):
         columns = np.zeros(per_column.shape[1])
         for row in range(ptr[block], ptr[block + 1]):
             spread(np.float64(weights[row]), voxel, length, starts[row], stops[row], columns)
-            total = 0.0
-            for s in range(np.uint64(starts[row]), np.uint64(stops[row])):
-                total += np.float64(length[s])
-            if total > 0:
-                per_row[row] = weights[row] * np.float32(1 / total)
         for i in range(len(columns)):
             if columns[i] > 0:
                 per_column[block, i] = 1 / columns[i]

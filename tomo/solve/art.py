@@ -9,6 +9,7 @@ from tomo._compile import compiled
 from tomo._sums import norm
 from tomo.projector import Projector
 from tomo.reconstruction import Callback, Reconstruction
+from tomo.solve._damping import share_of_median
 from tomo.solve._drive import (
     States,
     additive_start,
@@ -17,9 +18,6 @@ from tomo.solve._drive import (
     drive,
 )
 from tomo.solve._rows import merged_rows
-
-BARELY_CROSSED = 0.1
-"""Share of the median row's squared norm below which a step is damped."""
 
 
 @compiled()
@@ -60,9 +58,8 @@ def art(
     follow each other are then nearly independent, which is what makes the method fast. Several
     rays of one pixel form one equation.
 
-    A ray that grazes the grid has next to no length in it, and the noise of its pixel divided by
-    so little would throw its few voxels far off: its step is divided by a tenth of the median
-    row's ``||a||^2`` instead, which leaves every solution of consistent equations as it is.
+    The step of a ray that barely crosses voxels is divided by a tenth of the median row's
+    ``||a||^2`` instead: the noise of its pixel would throw them far off.
 
     Parameters
     ----------
@@ -91,9 +88,7 @@ def art(
     rows = merged_rows(projector)
     squares = np.zeros(len(measured))
     _squared_norms(rows[0], rows[2], squares)
-    crossing = squares[squares > 0]
-    floor = BARELY_CROSSED * float(np.median(crossing)) if len(crossing) else 1.0
-    steps = relaxation / np.maximum(squares, floor)
+    steps = relaxation / np.maximum(squares, share_of_median(squares))
     order = np.random.default_rng(seed).permutation(np.flatnonzero(np.diff(rows[0])))
 
     def states() -> States:

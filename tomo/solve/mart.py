@@ -9,6 +9,7 @@ from tomo._compile import compiled
 from tomo._sums import norm
 from tomo.projector import Projector
 from tomo.reconstruction import Callback, Reconstruction
+from tomo.solve._damping import share_of_median
 from tomo.solve._drive import (
     States,
     check_measured,
@@ -21,19 +22,25 @@ from tomo.solve.mlem import check_nonnegative
 
 
 @compiled()
-def _sweep(ptr, voxel, length, measured, order, relaxation, volume):
+def _longest(ptr, length, longest):
+    """Write the largest entry of every row."""
+    for pixel in range(len(longest)):
+        for slot in range(ptr[pixel], ptr[pixel + 1]):
+            longest[pixel] = max(longest[pixel], np.float64(length[slot]))
+
+
+@compiled()
+def _sweep(ptr, voxel, length, measured, order, powers, volume):
     """Scale the voxels along each pixel's rays in turn towards its measurement, in place."""
     for pixel in order:
         projected = 0.0
-        longest = 0.0
         for slot in range(ptr[pixel], ptr[pixel + 1]):
             projected += np.float64(length[slot]) * volume[voxel[slot]]
-            longest = max(longest, np.float64(length[slot]))
         if projected <= 0.0:
             continue
         quotient = measured[pixel] / projected
         for slot in range(ptr[pixel], ptr[pixel + 1]):
-            volume[voxel[slot]] *= quotient ** (relaxation * length[slot] / longest)
+            volume[voxel[slot]] *= quotient ** (powers[pixel] * length[slot])
 
 
 def mart(
@@ -51,7 +58,9 @@ def mart(
 
     Of all volumes that reproduce the images it tends to that of largest entropy. One iteration is
     one sweep over all pixels in an order drawn once from ``seed``. A pixel that is zero (or
-    negative, which counts as zero) empties every voxel that it sees, for good.
+    negative, which counts as zero) empties every voxel that it sees, for good. Where a ray barely
+    crosses voxels ``max a_p`` is a tenth of the median row's instead: the noise of its pixel would
+    throw them far off.
 
     Parameters
     ----------
@@ -81,6 +90,9 @@ def mart(
     relaxation = check_relaxation(relaxation)
     counts = np.maximum(measured, 0)
     rows = merged_rows(projector)
+    longest = np.zeros(len(counts))
+    _longest(rows[0], rows[2], longest)
+    powers = relaxation / np.maximum(longest, share_of_median(longest))
     order = np.random.default_rng(seed).permutation(np.flatnonzero(np.diff(rows[0])))
 
     def states() -> States:
@@ -88,7 +100,7 @@ def mart(
         while True:
             yield x, norm(measured - projector @ x)
             x = x.copy()
-            _sweep(*rows, counts, order, relaxation, x)
+            _sweep(*rows, counts, order, powers, x)
 
     return drive(
         states(),

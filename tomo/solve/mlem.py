@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._groups import golden_section
 from tomo._sums import norm
 from tomo.reconstruction import Callback, Reconstruction
+from tomo.solve._damping import share_of_median
 from tomo.solve._drive import States, check_measured, drive, multiplicative_start
 from tomo.viewed import ViewedOperator
 
@@ -104,9 +105,7 @@ def sensitivity(
     seen by rays that agree with it: ``x (A^T ratio + m) / (A^T 1 + m)``, which leaves every fixed
     point and every well-seen voxel as it is. A voxel that no ray crosses keeps its value.
     """
-    seen = column_sums[column_sums > 0]
-    floor = BARELY_SEEN * float(np.median(seen)) if len(seen) else 1.0
-    missing = np.maximum(floor - column_sums, 0)
+    missing = np.maximum(share_of_median(column_sums, BARELY_SEEN) - column_sums, 0)
     return 1 / (column_sums + missing), missing
 
 

@@ -35,8 +35,10 @@ def sirt(
 ) -> Reconstruction:
     """Solve by SIRT: ``x <- x + r C A^T W R (b - A x)``.
 
-    ``R`` are the reciprocals of the row sums of A, ``C`` those of ``A^T W 1``. It descends the
-    weighted least squares ``(b - A x)^T W R (b - A x)`` and converges for ``0 < r < 2``.
+    ``R`` are the reciprocals of the row sums of A, or of a tenth of the median one where a ray
+    barely crosses voxels, whose noise would throw them far off; ``C`` those of ``A^T W 1``. It
+    descends the weighted least squares ``(b - A x)^T W R (b - A x)`` and converges for
+    ``0 < r < 2``.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ def twin_rows() -> Iterator[Row]:
 
 
 def _sirt(matrix: Dense, measured: Dense, count: int) -> Dense:
-    per_row, per_column = _reciprocal(matrix.sum(1)), _reciprocal(matrix.sum(0))
+    per_row, per_column = _damped(matrix.sum(1)), _reciprocal(matrix.sum(0))
     x = np.zeros(matrix.shape[1])
     for _ in range(count):
         x = np.maximum(x + per_column * (matrix.T @ (per_row * (measured - matrix @ x))), 0)
@@ -77,14 +77,14 @@ def _sirt(matrix: Dense, measured: Dense, count: int) -> Dense:
 
 
 def _sart(matrix: Dense, measured: Dense, count: int) -> Dense:
-    ptr = small_scene().stored.view_ptr
+    ptr, per_row = small_scene().stored.view_ptr, _damped(matrix.sum(1))
     x = np.zeros(matrix.shape[1])
     orders = itertools.islice(view_orders(len(ptr) - 1), count)
     for view in itertools.chain.from_iterable(orders):
         own = slice(ptr[view], ptr[view + 1])
-        block = matrix[own]
-        per_row, per_column = _reciprocal(block.sum(1)), _reciprocal(block.sum(0))
-        x = np.maximum(x + per_column * (block.T @ (per_row * (measured[own] - block @ x))), 0)
+        block, per_column = matrix[own], _reciprocal(matrix[own].sum(0))
+        pixels = per_row[own] * (measured[own] - block @ x)
+        x = np.maximum(x + per_column * (block.T @ pixels), 0)
     return x
 
 
@@ -127,7 +127,7 @@ def _smart(matrix: Dense, measured: Dense, count: int) -> Dense:
 
 def _art(matrix: Dense, measured: Dense, count: int) -> Dense:
     squares = (matrix**2).sum(1)
-    steps = RELAXATION / np.maximum(squares, 0.1 * np.median(squares[squares > 0]))
+    steps = RELAXATION * _damped(squares)
     order = np.random.default_rng(0).permutation(np.flatnonzero(squares))
     x = np.zeros(matrix.shape[1])
     for pixel in np.tile(order, count):
@@ -137,7 +137,7 @@ def _art(matrix: Dense, measured: Dense, count: int) -> Dense:
 
 
 def _mart(matrix: Dense, measured: Dense, count: int) -> Dense:
-    counts = np.maximum(measured, 0)
+    counts, powers = np.maximum(measured, 0), RELAXATION * _damped(matrix.max(1))
     order = np.random.default_rng(0).permutation(np.flatnonzero(matrix.any(1)))
     x = _even(matrix, counts)
     for pixel in np.tile(order, count):
@@ -146,12 +146,16 @@ def _mart(matrix: Dense, measured: Dense, count: int) -> Dense:
         if projected > 0:
             met = row > 0
             quotient = counts[pixel] / projected
-            x[met] *= quotient ** (RELAXATION * row[met] / row.max())
+            x[met] *= quotient ** (powers[pixel] * row[met])
     return x
 
 
 def _ratio(counts: Dense, projected: Dense) -> Dense:
     return np.divide(counts, projected, out=np.ones_like(counts), where=projected > 0)
+
+
+def _damped(sizes: Dense) -> Dense:
+    return 1 / np.maximum(sizes, 0.1 * np.median(sizes[sizes > 0]))
 
 
 def _reciprocal(sums: Dense) -> Dense:

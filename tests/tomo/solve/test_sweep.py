@@ -14,14 +14,13 @@ from tomo.solve.mlem import interleaved
 from tomo.solve.sart import view_orders
 
 
-def _reciprocal(sums):
-    return np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0)
-
-
 def _twin(matrix, measured, parts, x, relaxation, nonnegative, weights):
+    rows = matrix.sum(1)
+    damped = np.maximum(rows, 0.1 * np.median(rows[rows > 0]))
     for pixels in parts:
-        block, weight = matrix[pixels], weights[pixels]
-        per_row, per_column = _reciprocal(block.sum(1)), _reciprocal(weight @ block)
+        block, weight, per_row = matrix[pixels], weights[pixels], 1 / damped[pixels]
+        columns = weight @ block
+        per_column = np.divide(1.0, columns, out=np.zeros_like(columns), where=columns > 0)
         residual = measured[pixels] - block @ x
         x = x + relaxation * per_column * (block.T @ (weight * per_row * residual))
         x = np.maximum(x, 0) if nonnegative else x
