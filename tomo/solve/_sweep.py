@@ -44,6 +44,8 @@ def sweep_of(
     measured: NDArray[np.float32],
     parts: Sequence[NDArray[np.int64]],
     weights: NDArray[np.float32] | None = None,
+    *,
+    fair: bool = False,
 ) -> Sweep:
     """Return what updates a volume from each of some blocks of pixels, one after another.
 
@@ -55,12 +57,23 @@ def sweep_of(
         The ascending numbers of each block's pixels.
     weights : (pixels,), optional
         The diagonal of ``W``; ones when None.
+    fair : bool
+        Whether a column sum counts as the even share of that over all blocks at least. Blocks that
+        are dealt out at random see some voxels hardly, and would throw them after the few rays
+        that do; views see a voxel or not.
     """
     per_row = _per_row(projector, weights)
+    most = _per_column(_column_sums(projector, weights) / max(len(parts), 1)) if fair else None
     if isinstance(projector, Projector) and parts:
-        return _StoredSweep(projector, measured, parts, weights, per_row)
+        return _StoredSweep(projector, measured, parts, weights, per_row, most)
     blocks = [
-        Block(projector.take(p), measured[p], None if weights is None else weights[p], per_row[p])
+        Block(
+            projector.take(p),
+            measured[p],
+            None if weights is None else weights[p],
+            per_row[p],
+            most,
+        )
         for p in parts
     ]
 
@@ -84,17 +97,14 @@ class Block:
         measured: NDArray[np.float32],
         weights: NDArray[np.float32] | None,
         per_row: NDArray[np.float32] | None = None,
+        most: NDArray[np.float32] | None = None,
     ) -> None:
         self.projector = projector
         self.measured = measured
         self.per_row = _per_row(projector, weights) if per_row is None else per_row
-        if weights is None:
-            columns = projector.column_sums
-        else:
-            columns = projector.T @ weights.astype(np.float64)
-        some = np.zeros_like(columns)  # stays zero where a voxel meets no ray
-        np.divide(1.0, columns, out=some, where=columns > 0)
-        self.per_column = some.astype(np.float32)
+        self.per_column = _per_column(_column_sums(projector, weights))
+        if most is not None:
+            self.per_column = np.minimum(self.per_column, most)
 
     def updated(
         self,
@@ -117,6 +127,18 @@ def _per_row(
     return per_row if weights is None else weights * per_row
 
 
+def _column_sums(
+    projector: ViewedOperator, weights: NDArray[np.float32] | None
+) -> NDArray[np.float64]:
+    """Return ``A^T W 1``."""
+    return projector.column_sums if weights is None else projector.T @ weights.astype(np.float64)
+
+
+def _per_column(sums: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the diagonal of ``C``; zero where a voxel meets no ray."""
+    return np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0).astype(np.float32)
+
+
 class _StoredSweep:
     """The updates of blocks of a stored matrix; its rows are in the order of the blocks here."""
 
@@ -127,6 +149,7 @@ class _StoredSweep:
         parts: Sequence[NDArray[np.int64]],
         weights: NDArray[np.float32] | None,
         per_row: NDArray[np.float32],
+        most: NDArray[np.float32] | None,
     ) -> None:
         order, n_unknowns = np.concatenate(parts), projector.shape[1]
         ptr = np.cumsum([0] + [len(pixels) for pixels in parts])
@@ -138,6 +161,8 @@ class _StoredSweep:
         self._per_row = per_row[order]
         self._per_column = np.zeros((len(parts), n_unknowns), np.float32)
         _per_columns(*self._matrix, weights, ptr, self._per_column)
+        if most is not None:
+            np.minimum(self._per_column, self._live.to_places(most), out=self._per_column)
         counts = self._matrix[1] - self._matrix[0]
         cuts = [
             first + part_bounds(counts[first:last], n_unknowns)

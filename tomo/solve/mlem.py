@@ -69,10 +69,11 @@ def mlem(
     check_nonnegative("mlem", nonnegative)
     measured = check_measured(projector, measured)
     counts = np.maximum(measured, 0)
-    blocks = []
-    for pixels in interleaved(len(counts), subsets):
+    parts = interleaved(len(counts), subsets)
+    blocks, fair = [], projector.column_sums / len(parts)
+    for pixels in parts:
         block = projector.take(pixels) if subsets > 1 else projector
-        blocks.append((block, counts[pixels], *sensitivity(block.column_sums)))
+        blocks.append((block, counts[pixels], *sensitivity(block.column_sums, fair)))
 
     def states() -> States:
         x = multiplicative_start(projector, counts, start)
@@ -96,16 +97,19 @@ def mlem(
 
 
 def sensitivity(
-    column_sums: NDArray[np.float64],
+    column_sums: NDArray[np.float64], fair: NDArray[np.float64] | float = 0.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return what an update is divided by, as a factor, and what it lacks: ``(voxels,)`` each.
 
     A voxel that rays barely graze could grow without bound on noise that it has next to no part
     in. It is treated as if the length that it lacks to a hundredth of the median voxel's were
     seen by rays that agree with it: ``x (A^T ratio + m) / (A^T 1 + m)``, which leaves every fixed
-    point and every well-seen voxel as it is. A voxel that no ray crosses keeps its value.
+    point and every well-seen voxel as it is. So is one whose rays are few in a subset: what its
+    length lacks there to the ``fair`` share of all subsets is taken to agree, or the noise of the
+    one ray that grazes it would be all of its update. A voxel that no ray crosses keeps its value.
     """
-    missing = np.maximum(share_of_median(column_sums, BARELY_SEEN) - column_sums, 0)
+    least = np.maximum(share_of_median(column_sums, BARELY_SEEN), fair)
+    missing = np.maximum(least - column_sums, 0)
     return 1 / (column_sums + missing), missing
 
 

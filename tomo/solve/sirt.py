@@ -58,8 +58,9 @@ def sirt(
     subsets : int
         Above 1, each iteration updates once from each of as many interleaved parts of the pixels
         (every part sees all views), which makes one iteration nearly worth ``subsets``; it then
-        ends in a cycle around the solution, as small as the images are consistent. Whole views
-        as parts: `tomo.solve.sart`.
+        ends in a cycle around the solution, as small as the images are consistent. Of a voxel that
+        a part hardly sees the column sum counts as the even share of all parts. Whole views as
+        parts: `tomo.solve.sart`.
     callback : callable, optional
         ``callback(index, volume, relative_residual)``; returns True to stop.
 
@@ -76,7 +77,8 @@ def sirt(
     root = None if weights is None else np.sqrt(weights)
     whole = Block(projector, measured, weights) if subsets == 1 else None
     if whole is None:
-        sweep = sweep_of(projector, measured, interleaved(len(measured), subsets), weights)
+        parts = interleaved(len(measured), subsets)
+        sweep = sweep_of(projector, measured, parts, weights, fair=True)
 
     def states() -> States:
         x = additive_start(projector, start, nonnegative)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from _stress.conditioning_grazing import grazing_rows
 from _stress.conditioning_long import long_rows
 from _stress.conditioning_rigs import rig_rows
 from _stress.conditioning_stops import stop_rows
@@ -16,6 +17,7 @@ def rows(size: Size, progress: Progress) -> Iterator[Row]:
     parts = (
         ("rigs", rig_rows(size.quick)),
         ("stops", stop_rows(size.quick)),
+        ("grazing rays", grazing_rows(size.quick)),
         ("double precision", twin_rows()),
         ("long runs", long_rows(size.quick)),
     )

@@ -14,12 +14,12 @@ from tomo.solve.mlem import interleaved
 from tomo.solve.sart import view_orders
 
 
-def _twin(matrix, measured, parts, x, relaxation, nonnegative, weights):
+def _twin(matrix, measured, parts, x, relaxation, nonnegative, weights, least):
     rows = matrix.sum(1)
     damped = np.maximum(rows, 0.1 * np.median(rows[rows > 0]))
     for pixels in parts:
         block, weight, per_row = matrix[pixels], weights[pixels], 1 / damped[pixels]
-        columns = weight @ block
+        columns = np.where(block.any(0), np.maximum(weight @ block, least), 0)
         per_column = np.divide(1.0, columns, out=np.zeros_like(columns), where=columns > 0)
         residual = measured[pixels] - block @ x
         x = x + relaxation * per_column * (block.T @ (weight * per_row * residual))
@@ -51,9 +51,9 @@ def _noisy(measured, seed=0):
 
 @pytest.mark.parametrize("subsets", [2, 9])
 @pytest.mark.parametrize(("relaxation", "nonnegative"), [(1.0, True), (0.3, False)])
-@pytest.mark.parametrize("cut", [1, 5])
+@pytest.mark.parametrize(("cut", "fair"), [(1, False), (1, True), (5, True)])
 def test_it_updates_as_its_twin_does(
-    case, dense, subsets, relaxation, nonnegative, cut, monkeypatch
+    case, dense, subsets, relaxation, nonnegative, cut, fair, monkeypatch
 ):
     """Also where blocks are cut into more parts than have a volume of their own at a time."""
     if cut > 1:
@@ -69,12 +69,14 @@ def test_it_updates_as_its_twin_does(
     weights[::7] = 0
     start = np.random.default_rng(2).random(projector.shape[1]).astype(np.float32)
     kept = start.copy()
-    sweep = sweep_of(projector, measured, parts, weights)
+    sweep = sweep_of(projector, measured, parts, weights, fair=fair)
     order = np.random.default_rng(3).permutation(subsets)
     found = sweep(start, relaxation, nonnegative, order)
     found = sweep(found, relaxation, nonnegative, order[::-1].copy())
     in_order = [parts[number] for number in [*order, *order[::-1]]]
-    expected = _twin(dense(projector), measured, in_order, start, relaxation, nonnegative, weights)
+    matrix = dense(projector)
+    least = weights @ matrix / subsets * fair
+    expected = _twin(matrix, measured, in_order, start, relaxation, nonnegative, weights, least)
     np.testing.assert_allclose(found, expected, rtol=0, atol=2e-5 * np.abs(expected).max())
     assert (found < 0).any() != nonnegative
     np.testing.assert_array_equal(start, kept)

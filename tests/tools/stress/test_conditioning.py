@@ -4,7 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from _stress import conditioning_long, conditioning_rigs, conditioning_stops, conditioning_twins
+from _stress import (
+    conditioning_grazing,
+    conditioning_long,
+    conditioning_rigs,
+    conditioning_stops,
+    conditioning_twins,
+)
 
 RUN = conditioning_long.run
 
@@ -58,6 +64,19 @@ def test_growth_that_no_stop_ends_shows(monkeypatch):
     monkeypatch.setattr(conditioning_long, "run", growing)
     names = [row.stress for row in conditioning_long.long_rows(quick=True) if not row.holds]
     assert any("residual at the end" in name for name in names)
+
+
+def test_rays_that_graze_throw_no_voxel_off_and_one_that_is_shows(monkeypatch):
+    (found,) = conditioning_grazing.grazing_rows(quick=True)
+    assert found.holds
+
+    def thrown(*arguments, **settings):
+        done = RUN(*arguments, **settings)
+        return replace(done, volume=np.where(done.volume == done.volume.max(), 1e9, done.volume))
+
+    monkeypatch.setattr(conditioning_grazing, "run", thrown)
+    (found,) = conditioning_grazing.grazing_rows(quick=True)
+    assert not found.holds
 
 
 def test_the_error_turns_and_the_chosen_stop_is_near_its_lowest():
