@@ -22,14 +22,6 @@ from tomo.solve.mlem import check_nonnegative
 
 
 @compiled()
-def _longest(ptr, length, longest):
-    """Write the largest entry of every row."""
-    for pixel in range(len(longest)):
-        for slot in range(ptr[pixel], ptr[pixel + 1]):
-            longest[pixel] = max(longest[pixel], np.float64(length[slot]))
-
-
-@compiled()
 def _sweep(ptr, voxel, length, measured, order, powers, volume):
     """Scale the voxels along each pixel's rays in turn towards its measurement, in place."""
     for pixel in order:
@@ -90,10 +82,12 @@ def mart(
     relaxation = check_relaxation(relaxation)
     counts = np.maximum(measured, 0)
     rows = merged_rows(projector)
+    crossing = np.flatnonzero(np.diff(rows[0]))
     longest = np.zeros(len(counts))
-    _longest(rows[0], rows[2], longest)
+    if len(crossing):
+        longest[crossing] = np.maximum.reduceat(rows[2], rows[0][crossing])
     powers = relaxation / np.maximum(longest, share_of_median(longest))
-    order = np.random.default_rng(seed).permutation(np.flatnonzero(np.diff(rows[0])))
+    order = np.random.default_rng(seed).permutation(crossing)
 
     def states() -> States:
         x = multiplicative_start(projector, counts, start)
