@@ -14,7 +14,7 @@ BARELY_CROSSED = 0.1
 """Share of the median row's size below which a row's step is damped."""
 
 
-def share_of_median(sizes: NDArray[np.floating], share: float = BARELY_CROSSED) -> float:
-    """Return a share of the median of those sizes that are above zero; 1 where none is."""
+def damped(sizes: NDArray[np.floating], share: float = BARELY_CROSSED) -> NDArray[np.floating]:
+    """Return sizes, each at least a share of the median of those above zero; 1 where none is."""
     above = sizes[sizes > 0]
-    return share * float(np.median(above)) if len(above) else 1.0
+    return np.maximum(sizes, share * float(np.median(above)) if len(above) else 1.0)

@@ -32,7 +32,7 @@ from tomo._products import (
 )
 from tomo._threads import threads_worth
 from tomo.projector import Projector
-from tomo.solve._damping import share_of_median
+from tomo.solve._damping import damped
 from tomo.viewed import ViewedOperator
 
 Sweep = Callable[[NDArray[np.float32], float, bool, NDArray[np.int64]], NDArray[np.float32]]
@@ -63,7 +63,7 @@ def sweep_of(
         that do; views see a voxel or not.
     """
     per_row = _per_row(projector, weights)
-    most = _per_column(_column_sums(projector, weights) / max(len(parts), 1)) if fair else None
+    most = _per_column(_column_sums(projector, weights) / len(parts)) if fair else None
     if isinstance(projector, Projector) and parts:
         return _StoredSweep(projector, measured, parts, weights, per_row, most)
     blocks = [
@@ -122,8 +122,7 @@ def _per_row(
     projector: ViewedOperator, weights: NDArray[np.float32] | None
 ) -> NDArray[np.float32]:
     """Return the diagonal of ``W R``; what it is where a ray meets no voxel does not matter."""
-    sums = projector.row_sums
-    per_row = (1 / np.maximum(sums, share_of_median(sums))).astype(np.float32)
+    per_row = (1 / damped(projector.row_sums)).astype(np.float32)
     return per_row if weights is None else weights * per_row
 
 

@@ -9,7 +9,7 @@ from tomo._compile import compiled
 from tomo._sums import norm
 from tomo.projector import Projector
 from tomo.reconstruction import Callback, Reconstruction
-from tomo.solve._damping import share_of_median
+from tomo.solve._damping import damped
 from tomo.solve._drive import (
     States,
     additive_start,
@@ -88,7 +88,7 @@ def art(
     rows = merged_rows(projector)
     squares = np.zeros(len(measured))
     _squared_norms(rows[0], rows[2], squares)
-    steps = relaxation / np.maximum(squares, share_of_median(squares))
+    steps = relaxation / damped(squares)
     order = np.random.default_rng(seed).permutation(np.flatnonzero(np.diff(rows[0])))
 
     def states() -> States:

@@ -9,7 +9,7 @@ from tomo._compile import compiled
 from tomo._sums import norm
 from tomo.projector import Projector
 from tomo.reconstruction import Callback, Reconstruction
-from tomo.solve._damping import share_of_median
+from tomo.solve._damping import damped
 from tomo.solve._drive import (
     States,
     check_measured,
@@ -86,7 +86,7 @@ def mart(
     longest = np.zeros(len(counts))
     if len(crossing):
         longest[crossing] = np.maximum.reduceat(rows[2], rows[0][crossing])
-    powers = relaxation / np.maximum(longest, share_of_median(longest))
+    powers = relaxation / damped(longest)
     order = np.random.default_rng(seed).permutation(crossing)
 
     def states() -> States:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._groups import golden_section
 from tomo._sums import norm
 from tomo.reconstruction import Callback, Reconstruction
-from tomo.solve._damping import share_of_median
+from tomo.solve._damping import damped
 from tomo.solve._drive import States, check_measured, drive, multiplicative_start
 from tomo.viewed import ViewedOperator
 
@@ -108,8 +108,7 @@ def sensitivity(
     length lacks there to the ``fair`` share of all subsets is taken to agree, or the noise of the
     one ray that grazes it would be all of its update. A voxel that no ray crosses keeps its value.
     """
-    least = np.maximum(share_of_median(column_sums, BARELY_SEEN), fair)
-    missing = np.maximum(least - column_sums, 0)
+    missing = np.maximum(damped(column_sums, BARELY_SEEN), fair) - column_sums
     return 1 / (column_sums + missing), missing
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tomo._sums import dot
 from tomo.reconstruction import Callback, Reconstruction
-from tomo.solve._damping import share_of_median
+from tomo.solve._damping import damped
 from tomo.solve._drive import States, drive
 from tomo.solve._least_squares import LeastSquares, check_strength
 from tomo.solve._total_variation import TotalVariation
@@ -141,4 +141,4 @@ def _inverse(curvature: NDArray[np.float32]) -> NDArray[np.float32]:
     """
     if not curvature.any():
         return np.zeros_like(curvature)
-    return 1 / np.maximum(curvature, np.float32(share_of_median(curvature, BARELY_SEEN)))
+    return 1 / damped(curvature, BARELY_SEEN)

@@ -35,11 +35,11 @@ def grazing_rows(quick: bool) -> Iterator[Row]:
         system = LinearSystem.from_rig(
             seen.rig, seen.grid, masks=carving.pixels, live=carving.live, form="stored"
         )
-        rows = system.projector.row_sums
+        measured, rows = system.flatten(images), system.projector.row_sums
         grazing.append(rows[rows > 0].min() / np.median(rows))
         for method, settings in CASES:
             name = ", ".join([f"{method}, jet {seed}", *(f"{k} {v}" for k, v in settings.items())])
-            found = run(method, system.projector, system.flatten(images), ITERATIONS, **settings)
+            found = run(method, system.projector, measured, ITERATIONS, **settings)
             figures.append((name, found.volume.max() / seen.truth.max()))
     worst, where = worst_of(figures)
     yield Row(
