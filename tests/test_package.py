@@ -42,6 +42,7 @@ FLOORS = [
         "tomo._blur",
         "tomo._coarser",
         "tomo._pixels_of_sources",
+        "tomo.defocus",
         "tomo._products",
         "tomo.linear_system",
         "tomo.on_the_fly",

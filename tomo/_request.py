@@ -8,6 +8,7 @@ from os import PathLike
 from typing import Any
 
 from tomo._asked import (
+    blur_of,
     cameras_to_refine,
     check_carving,
     check_device,
@@ -64,6 +65,7 @@ class Request:
     refine_cameras: Sequence[str] | None
     refine_prior: float | None
     fit_gain: bool | None
+    blur: float | str
     unseen: str
     supersample: int
     device: str
@@ -98,6 +100,7 @@ class Request:
             votes=self.votes,
             views=len(scan.rig) - len(set(self.hold_out)),
         )
+        _ = self.diameter
         self.refined(scan)
         check_grid(grid, scan)
         choose_form(  # before coarser grids, or single steps, are refused in its place
@@ -138,6 +141,11 @@ class Request:
     def repeats(self) -> int:
         """How often to repeat the solve with new noise."""
         return repeats_of(self.uncertainty, self.main)
+
+    @property
+    def diameter(self) -> float | None:
+        """The diameter of the discs that images are blurred by; None: to be found in them."""
+        return blur_of(self.blur, self.methods)
 
     def refined(self, scan: Scan) -> tuple[str, ...]:
         """Return the cameras to refine."""

@@ -25,6 +25,7 @@ from tomo._run import Run
 from tomo._sieve import Sieved, sieve
 from tomo._true_weights import true_effects, true_ratios
 from tomo.condition import assess
+from tomo.defocus import blur_of_images
 from tomo.gains import Gains, gains_worth_correcting
 from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
@@ -77,10 +78,19 @@ def reconstruct_as_asked(
     )
     laps.end("prepare")
     system, judged_system = _traced(prepared, sieved, grid, request, progress)
+    blur = _blur(system, sieved, request)
+    if blur:
+        system = system.out_of_focus(blur)
+        judged_system = judged_system and judged_system.out_of_focus(blur)
     if system.form != STORED:
         first_use += warm_up(request.tracer, system.form)
     warnings += sieved.warnings
     later = _warnings_of_views(system, judged_system)
+    if blur and request.diameter is None:
+        later.append(
+            f"images are out of focus: they show discs of {blur:.3g} {scan.rig.length_unit}, "
+            "through which they were reconstructed"
+        )
     laps.end("trace")
 
     measured = system.flatten(sieved.images)
@@ -168,6 +178,7 @@ def reconstruct_as_asked(
             "tracer": request.tracer if system.form == STORED else "column changes",
             "projector": {"form": system.form, "reason": system.reason},
             "refine_cameras": list(refined) or None,
+            "blur": blur,
         },
         cosine_distances=tuple(run.cosine_distances),
         learned=learned,
@@ -216,6 +227,17 @@ def _traced(
         raise VolumeNotSeenError(f"{sieved.training.source}: {error}{held_out}") from None
     how |= {"live": system.projector.live, "midpoints": request.main.needs_midpoints}
     return system, held_out_system(sieved.judged, grid, sieved.judged_masks, how)
+
+
+def _blur(system: LinearSystem, sieved: Sieved, request: Request) -> float:
+    """Return the diameter of the discs that the images that take part are blurred by."""
+    if request.diameter is not None:
+        return request.diameter
+    images = [
+        np.where(mask, image, np.float32(0))
+        for image, mask in zip(sieved.images, sieved.masks, strict=True)
+    ]
+    return blur_of_images(system.rig, images, system.projector.grid) or 0.0
 
 
 def _views_judged(

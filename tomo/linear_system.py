@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Camera, Rig
+from tomo.defocus import Defocused, spread_of
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.on_the_fly import OnTheFlyProjector
@@ -38,7 +39,7 @@ class LinearSystem:
 
     Attributes
     ----------
-    projector : Projector or OnTheFlyProjector
+    projector : Projector, OnTheFlyProjector or Defocused
         One row a pixel, grouped by view.
     rig : Rig
         The cameras, one a view.
@@ -139,6 +140,22 @@ class LinearSystem:
         if projector.n_crossings == 0:
             raise VolumeNotSeenError(_not_seen(rig, grid))
         return cls(projector, rig, tuple(pixels), form, reason)
+
+    def out_of_focus(self, blur: float) -> LinearSystem:
+        """Return the same equations for lenses that spread light over discs.
+
+        Parameters
+        ----------
+        blur : float
+            Diameter at the grid's centre, see `tomo.defocus.spread_of`.
+
+        Raises
+        ------
+        ValueError
+            If the blur is not a number above 0.
+        """
+        spread = spread_of(self.rig, self.pixels, self.projector.grid, blur)
+        return replace(self, projector=Defocused(self.projector, spread))
 
     @property
     def blind(self) -> tuple[str, ...]:

@@ -34,6 +34,7 @@ def reconstruct(
     refine_cameras: Sequence[str] | None = None,
     refine_prior: float | None = None,
     fit_gain: bool | None = None,
+    blur: float | str = AUTO,
     unseen: str = ZERO,
     supersample: int = 1,
     device: str = "cpu",
@@ -93,6 +94,10 @@ def reconstruct(
     fit_gain : bool, optional
         Whether to fit each camera's gain and offset, see `tomo.gains`; when the views disagree
         if None.
+    blur : float or "auto"
+        Diameter, at the grid's centre and in the rig's length unit, of the discs that lenses out
+        of focus make of points: images are projected through them, see `tomo.defocus`. 0: in
+        focus. ``auto``: what the images' spectra show for method ``wernet``, else 0.
     unseen : {"zero", "nan"}
         What `Outcome.volume` and the files hold where no usable ray crosses a voxel.
     supersample : int
@@ -141,6 +146,7 @@ def reconstruct(
         refine_cameras=refine_cameras,
         refine_prior=refine_prior,
         fit_gain=fit_gain,
+        blur=blur,
         unseen=unseen,
         supersample=supersample,
         device=device,

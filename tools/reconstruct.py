@@ -106,6 +106,13 @@ def reconstruct(
             help="Fit each camera's gain and offset; by default when the views disagree.",
         ),
     ] = None,
+    blur: Annotated[
+        str,
+        typer.Option(
+            help="Diameter at the grid's centre of the discs that lenses out of focus make of "
+            "points, in the rig's length unit; 0: in focus; auto: found in the images for WERNet."
+        ),
+    ] = "auto",
     unseen: Annotated[
         str, typer.Option(help="What stands where no ray crosses a voxel: zero or nan.")
     ] = "zero",
@@ -164,6 +171,7 @@ def reconstruct(
                 refine_cameras=_cameras(refine_cameras, loaded.rig),
                 refine_prior=refine_prior,
                 fit_gain=fit_gain,
+                blur=_number_or_auto("--blur", blur, float),
                 unseen=unseen,
                 supersample=supersample,
                 device=device,

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike
 
+from tomo.defocus import Defocused
 from tomo.reconstruction import Callback, Iteration, Reconstruction
 from tomo.solve._drive import additive_start, check_measured
 from tomo.solve.stopping import FEW_VIEWS, choose_by_held_out_views, solve_as_chosen
@@ -39,7 +40,7 @@ explain is detail that the basis lacks."""
 
 
 def wernet(
-    projector: Projector,
+    projector: Projector | Defocused,
     measured: ArrayLike,
     *,
     iterations: int = 8,
@@ -66,8 +67,9 @@ def wernet(
 
     Parameters
     ----------
-    projector : Projector
-        Stored, of chord lengths, its segments with midpoints.
+    projector : Projector or Defocused
+        Stored, of chord lengths, its segments with midpoints. Out of focus, levels and trends are
+        found through the lens; an encoder, which sees single lines, is not trained then.
     measured : (pixels,)
     iterations : int
         Rounds; none with a frozen encoder.
@@ -166,6 +168,7 @@ def wernet(
         ended = f"nothing to judge by: {chord_choice.reason}"
     elif not tells_views and chord_choice.width > WIDEST_WITH_FEW_VIEWS and not freeze_encoder:
         ended = "few views, which allow no detail: smoothness would be taken for optics"
+    out_of_focus = isinstance(projector, Defocused) and not freeze_encoder
 
     def note(index: int, residual: float) -> bool:
         """Add what was just solved for to the history; return whether the callback stops."""
@@ -197,6 +200,8 @@ def wernet(
                 saved.save(rounds.state())
             if not math.isnan(residual) and note(1, residual):
                 rounds.ended = "stopped by the callback after the first guess"
+        if out_of_focus and not rounds.ended:
+            rounds.ended = "out of focus, where single lines teach an encoder nothing"
         while not rounds.ended and (rounds.done < last or (freeze_encoder and not rounds.done)):
             residual = rounds.round(train=not freeze_encoder)
             if math.isnan(residual):

@@ -12,6 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from tomo._sums import dot
+from tomo.defocus import Defocused
 from tomo.solve.stopping import Choice, choose_by_held_out_views
 from tomo.wernet._left_out import residuals_of_left_out_patches
 from tomo.wernet._linearised import Linearised, Thinned
@@ -94,7 +95,7 @@ def first_guess(
 
     Parameters
     ----------
-    projector : Projector
+    projector : Projector or Defocused
         Of chord lengths, with midpoints.
     measured : (pixels,) float32
     choice : Choice
@@ -106,6 +107,8 @@ def first_guess(
         In which places in the image are counted, see `RayFeatures`.
     """
     stride = max(projector.shape[0] // (PIXELS_AN_UNKNOWN * max(projector.shape[1], 1)), 1)
+    if isinstance(projector, Defocused):
+        stride = 1  # every pixel needs the lines of its neighbours
     some = Thinned.of(projector, measured, stride, unit, widest)
     best, chosen = ViewTokens(projector.n_views, 1), ()
     now = some.at(best, choice)

@@ -16,6 +16,7 @@ from _benchmark.problems import Problem
 from _benchmark.sizes import TINY, Sizes
 from _benchmark.solvers import Progress, Rows
 from tomo import metrics
+from tomo.defocus import blur_of_images
 
 Candidate = tuple[str, float, Mapping[str, Any]]
 """A method, the width of its blobs in voxels (0: boxes), and its settings."""
@@ -171,12 +172,14 @@ def _least(course: Course) -> float:
 
 
 def _learned(scene: MismatchScene) -> dict[str, float]:
-    """Return what WERNet reaches, without the truth."""
+    """Return what WERNet reaches, without the truth, as `tomo.reconstruct` calls it."""
     from tomo.wernet import wernet
 
     started = time.perf_counter()
     ready = scene.problem(midpoints=True)
-    found = wernet(ready.system.projector, ready.measured, seed=scene.seed)
+    blur = blur_of_images(scene.rig, scene.images, scene.grid)
+    system = ready.system.out_of_focus(blur) if blur else ready.system
+    found = wernet(system.projector, ready.measured, seed=scene.seed)
     seconds = time.perf_counter() - started
     return {
         "wernet_cosine_distance": metrics.cosine_distance(found.volume, scene.truth),

@@ -89,6 +89,12 @@ OPTIONS = {
     "scale": (("--scale", "13"), "camera cam00: scale: found 13, expected at most 12"),
     "dark level": (("--dark-level", "-1"), "dark_level: found -1.0, expected auto or a number"),
     "endless dark level": (("--dark-level", "inf"), "dark_level: found inf"),
+    "blur": (("--blur", "-2"), "blur: found -2.0, expected auto or a diameter >= 0"),
+    "blur in words": (("--blur", "much"), "--blur: found 'much', expected"),
+    "blur line by line": (
+        ("--blur", "2", "--method", "art"),
+        "blur: found 2, expected 0 for method art: it goes line by line",
+    ),
     "more votes than views": (
         ("--hold-out", "cam00", "--votes", "3"),
         "votes: found 3, expected auto or a whole number from 1 to 2, the cameras to reconstruct",

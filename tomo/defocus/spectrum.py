@@ -1,0 +1,150 @@
+"""How far images are out of focus, found in their spectra."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.fft
+import scipy.special
+from numpy.typing import NDArray
+
+from rigs import Camera, Rig
+from tomo.grid import VoxelGrid
+
+BINS_A_PIXEL = 200
+"""Radial bins of the spectrum up to one cycle a pixel."""
+
+PADDED = 4
+"""Times its own side an image is padded to: rings cut through narrow flames' spectra evenly."""
+
+LOWEST, HIGHEST = 0.05, 0.4
+"""Cycles a pixel between which spectra are looked at. Below, the shape of the flame rules; above,
+the pixels' own area."""
+
+NARROWEST, WIDEST, WIDTHS = 3.3, 12.0, 80
+"""Pixels across the discs that are tried: of narrower ones no zero lies below `HIGHEST`, of wider
+ones most of the spectrum lies beyond it."""
+
+DEGREE = 3
+"""Of the polynomial in the logarithm of the frequency that a spectrum in focus is taken for."""
+
+SMEARED = np.linspace(0.96, 1.04, 5)
+LEFT_AT_ZERO = 3e-3
+"""The zeros of a real disc are filled in: its width is not the same at all depths, nor quite the
+same for all cameras."""
+
+ABOVE_NOISE = 3.0
+"""Times the power of the noise that a frequency must have to be looked at."""
+
+PAST_ZERO = 1.2
+"""Times the first zero's frequency up to which the spectrum must be seen: only a rise past it
+tells a zero from a slope."""
+
+CLEAR = 0.65
+"""A disc is found where it leaves less than this share of what the polynomial alone leaves of the
+logarithm of the spectrum. Discs of 4 pixels leave 0.25 to 0.48 on jets and turbulent flames, with
+and without gains, absorption and vignetting beside them; flames in focus 1.6 or more."""
+
+
+def pixel_size(camera: Camera, grid: VoxelGrid) -> float:
+    """Return how far apart neighbouring pixels look at the depth of the grid's centre."""
+    depth = float(camera.R[2] @ np.asarray(grid.center) + camera.t[2])
+    return depth / math.sqrt(camera.camera_matrix[0, 0] * camera.camera_matrix[1, 1])
+
+
+def blur_of_images(
+    rig: Rig, images: Sequence[NDArray[np.floating]], grid: VoxelGrid
+) -> float | None:
+    """Return the diameter of the disc that images are blurred by, in the rig's length unit.
+
+    A lens out of focus spreads a point over the image of its pupil, a disc. Its transfer function
+    ``2 J1(x) / x``, ``x = pi k d``, is zero on rings, the first at ``k = 1.22 / d``, and no flame
+    has zeros of its own there. What no projection tells, since an even blur of all images is one
+    of the flame, their spectra do: the mean over cameras falls to the first ring and rises past
+    it. The diameter is that which makes, with a smooth spectrum in front of it, the best of the
+    logarithm of the power, and None where a smooth spectrum alone is hardly worse.
+
+    Parameters
+    ----------
+    rig : Rig
+        The cameras are taken to be out of focus alike: by one diameter at the grid's centre.
+    images : sequence of (height, width)
+        One a camera.
+    grid : VoxelGrid
+
+    Returns
+    -------
+    float or None
+        None as well where noise hides a zero: white noise of 1e-3 of the brightest pixel leaves
+        nothing to see of one at a third of a cycle a pixel. Half a brightness level of 16 bits
+        does not hide it, one of 8 bits does.
+
+    References
+    ----------
+    Gennery, "Determination of optical transfer function by inspection of frequency-domain plot",
+    Journal of the Optical Society of America 63 (1973).
+    """
+    sizes = [pixel_size(camera, grid) for camera in rig]
+    ahead = [size for size in sizes if size > 0]
+    if not ahead:
+        return None
+    pixel = float(np.median(ahead))
+    power, noise = _mean_spectrum(images, sizes, pixel)
+    frequency = np.arange(len(power)) / BINS_A_PIXEL
+    seen = (frequency >= LOWEST) & (frequency <= HIGHEST) & (power > (1 + ABOVE_NOISE) * noise)
+    if np.count_nonzero(seen) < 4 * (DEGREE + 1):
+        return None
+    frequency, logarithm = frequency[seen], np.log(power[seen] - noise)
+    widths = np.geomspace(NARROWEST, WIDEST, WIDTHS)
+    first_zero = scipy.special.jn_zeros(1, 1)[0] / np.pi / widths
+    widths = widths[PAST_ZERO * first_zero <= frequency[-1]]
+    smooth = np.vander(np.log(frequency), DEGREE + 1)
+    left = [_left_by(smooth, logarithm - np.log(_disc(frequency, width))) for width in widths]
+    in_focus = _left_by(smooth, logarithm)
+    if not left or not min(left) < CLEAR * in_focus:
+        return None
+    return float(widths[int(np.argmin(left))]) * pixel
+
+
+def _mean_spectrum(
+    images: Sequence[NDArray[np.floating]], sizes: Sequence[float], pixel: float
+) -> tuple[NDArray[np.float64], float]:
+    """Return the mean power of all images in rings of the frequency plane, and the noise's.
+
+    Rings in cycles a ``pixel``, whatever the size of a camera's own; every image counts alike,
+    whatever its light. The noise's is what is left past half a cycle a pixel, in the corners.
+    """
+    rings = BINS_A_PIXEL // 2 + 1
+    total, count, corner = np.zeros(rings), np.zeros(rings), [0.0, 0.0]
+    for image, size in zip(images, sizes, strict=True):
+        height, width = image.shape
+        window = np.hanning(height)[:, None] * np.hanning(width)
+        padded = [scipy.fft.next_fast_len(PADDED * side) for side in image.shape]
+        spectrum = scipy.fft.fft2(np.asarray(image, np.float64) * window, padded)
+        power = spectrum.real**2 + spectrum.imag**2
+        light = float(power[0, 0])
+        if not (size > 0 and light > 0):
+            continue
+        own = np.hypot(*np.meshgrid(*map(scipy.fft.fftfreq, padded), indexing="ij"))
+        ring = np.rint(own * (BINS_A_PIXEL * pixel / size)).astype(np.int64).ravel()
+        within = ring < rings
+        total += np.bincount(ring[within], power.ravel()[within] / light, rings)
+        count += np.bincount(ring[within], minlength=rings)
+        beyond = own > 0.5
+        corner[0] += float(power[beyond].sum()) / light
+        corner[1] += float(np.count_nonzero(beyond))
+    return total / np.maximum(count, 1), corner[0] / max(corner[1], 1.0)
+
+
+def _disc(frequency: NDArray[np.float64], width: float) -> NDArray[np.float64]:
+    """Return the power that a disc of so many pixels lets through, its zeros filled in."""
+    x = np.pi * width * frequency[:, None] * SMEARED
+    return np.mean((2 * scipy.special.j1(x) / x) ** 2, axis=1) + LEFT_AT_ZERO
+
+
+def _left_by(smooth: NDArray[np.float64], logarithm: NDArray[np.float64]) -> float:
+    """Return the root mean square of what the columns of ``smooth`` do not explain."""
+    fitted = smooth @ np.linalg.lstsq(smooth, logarithm, rcond=None)[0]
+    return float(np.sqrt(np.mean((logarithm - fitted) ** 2)))

@@ -1,0 +1,104 @@
+"""How the light of a pixel's line is spread over its neighbours by a lens out of focus."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+
+from rigs import Camera, Rig
+from tomo.defocus.spectrum import pixel_size
+from tomo.grid import VoxelGrid
+
+ACROSS = 32
+"""Points along the side of a pixel, by which the disc's share of it is measured."""
+
+BOX = 4 / 3
+"""The square of a disc's diameter over that of a box's side that spreads as much: a disc's
+variance along an axis is ``d² / 16``, a box's ``h² / 12``."""
+
+
+def spread_of(
+    rig: Rig, pixels: Sequence[NDArray[np.integer]], grid: VoxelGrid, blur: float
+) -> scipy.sparse.csr_array:
+    """Return which share of the light of each pixel's line reaches which pixel.
+
+    Parameters
+    ----------
+    rig : Rig
+    pixels : sequence of (P_v,) int
+        Of each camera the flat numbers ``row * width + column`` of the pixels that take part. The
+        lines of others are taken to be dark.
+    grid : VoxelGrid
+        Of the voxels to be projected. These are boxes and blur by themselves what is projected:
+        the disc is smaller by as much.
+    blur : float
+        Diameter of the disc at the grid's centre, in the rig's length unit, see `blur_of_images`.
+        It is the same at all depths: of a flame, far smaller than its distance, it nearly is.
+
+    Returns
+    -------
+    (pixels, pixels) float32
+        View after view; nothing passes between views.
+
+    Raises
+    ------
+    ValueError
+        If the blur is not a number above 0, or a camera's plane runs through the grid's centre.
+    """
+    if not (math.isfinite(blur) and blur > 0):
+        raise ValueError(f"blur: found {blur}, expected a diameter above 0")
+    by_itself = BOX * float(np.mean(np.square(grid.spacing)))
+    width = math.sqrt(max(blur**2 - by_itself, 0.0))
+    views = [_of_view(camera, kept, grid, width) for camera, kept in zip(rig, pixels, strict=True)]
+    return scipy.sparse.csr_array(scipy.sparse.block_diag(views, format="csr", dtype=np.float32))
+
+
+def _of_view(
+    camera: Camera, pixels: NDArray[np.integer], grid: VoxelGrid, width: float
+) -> scipy.sparse.csr_array:
+    """Return the shares within one view."""
+    size = pixel_size(camera, grid)
+    if not size > 0:
+        raise ValueError(
+            f"blur: camera {camera.name}: found the grid's centre behind it, expected it ahead"
+        )
+    apart, share = disc(width / size)
+    reach = int(np.abs(apart).max())
+    columns, rows = camera.image_size
+    number = np.full((rows + 2 * reach, columns + 2 * reach), -1)
+    row, column = pixels // columns + reach, pixels % columns + reach
+    number[row, column] = np.arange(len(pixels))
+    near = number[row[:, None] + apart[:, 1], column[:, None] + apart[:, 0]]  # (pixels, offsets)
+    there = near >= 0
+    shares = np.broadcast_to(share, near.shape)[there]
+    pointers = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
+    return scipy.sparse.csr_array((shares, near[there], pointers), (len(pixels), len(pixels)))
+
+
+def disc(width: float) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Return the pixels that a disc about a pixel's centre reaches, and its share in each.
+
+    Parameters
+    ----------
+    width : float
+        Its diameter in pixels; 0: all of it is in its own pixel.
+
+    Returns
+    -------
+    apart : (n, 2) int64
+        Columns and rows from that pixel.
+    share : (n,) float32
+    """
+    reach = math.ceil(width / 2 - 0.5) if width > 1 else 0
+    points = (np.arange((2 * reach + 1) * ACROSS) + 0.5) / ACROSS - 0.5 - reach  # from its centre
+    inside = np.square(points)[:, None] + np.square(points) <= (max(width, 1e-9) / 2) ** 2
+    cells = inside.reshape(2 * reach + 1, ACROSS, 2 * reach + 1, ACROSS).sum(axis=(1, 3))
+    if not cells.any():  # narrower than the points are apart
+        cells[reach, reach] = 1
+    rows, columns = np.nonzero(cells)
+    share = cells[rows, columns] / cells.sum()
+    return np.stack([columns, rows], axis=1) - reach, share.astype(np.float32)
