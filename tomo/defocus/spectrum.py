@@ -16,8 +16,9 @@ from tomo.grid import VoxelGrid
 BINS_A_PIXEL = 200
 """Radial bins of the spectrum up to one cycle a pixel."""
 
-PADDED = 4
-"""Times its own side an image is padded to: rings cut through narrow flames' spectra evenly."""
+PADDED = 512
+"""Pixels a side that an image is padded to at least, for rings to cut through its spectrum evenly:
+those of small images hold few frequencies."""
 
 LOWEST, HIGHEST = 0.05, 0.4
 """Cycles a pixel between which spectra are looked at. Below, the shape of the flame rules; above,
@@ -121,7 +122,7 @@ def _mean_spectrum(
     for image, size in zip(images, sizes, strict=True):
         height, width = image.shape
         window = np.hanning(height)[:, None] * np.hanning(width)
-        padded = [scipy.fft.next_fast_len(PADDED * side) for side in image.shape]
+        padded = [scipy.fft.next_fast_len(max(side, PADDED)) for side in image.shape]
         spectrum = scipy.fft.fft2(np.asarray(image, np.float64) * window, padded)
         power = spectrum.real**2 + spectrum.imag**2
         light = float(power[0, 0])
