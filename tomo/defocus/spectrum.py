@@ -79,8 +79,8 @@ def blur_of_images(
     -------
     float or None
         None as well where noise hides a zero: white noise of 1e-3 of the brightest pixel leaves
-        nothing to see of one at a third of a cycle a pixel. Half a brightness level of 16 bits
-        does not hide it, one of 8 bits does.
+        nothing to see of one at a third of a cycle a pixel. Levels of 16 bits do not hide it, of 8
+        bits do.
 
     References
     ----------
@@ -88,10 +88,9 @@ def blur_of_images(
     Journal of the Optical Society of America 63 (1973).
     """
     sizes = [pixel_size(camera, grid) for camera in rig]
-    ahead = [size for size in sizes if size > 0]
-    if not ahead:
+    if not min(sizes) > 0:  # the grid's centre is not ahead of all
         return None
-    pixel = float(np.median(ahead))
+    pixel = float(np.median(sizes))
     power, noise = _mean_spectrum(images, sizes, pixel)
     frequency = np.arange(len(power)) / BINS_A_PIXEL
     seen = (frequency >= LOWEST) & (frequency <= HIGHEST) & (power > (1 + ABOVE_NOISE) * noise)
@@ -126,7 +125,7 @@ def _mean_spectrum(
         spectrum = scipy.fft.fft2(np.asarray(image, np.float64) * window, padded)
         power = spectrum.real**2 + spectrum.imag**2
         light = float(power[0, 0])
-        if not (size > 0 and light > 0):
+        if not light > 0:
             continue
         own = np.hypot(*np.meshgrid(*map(scipy.fft.fftfreq, padded), indexing="ij"))
         ring = np.rint(own * (BINS_A_PIXEL * pixel / size)).astype(np.int64).ravel()

@@ -10,11 +10,17 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from rigs import Camera, Rig
+from tomo._memory import available_memory
 from tomo.defocus.spectrum import pixel_size
 from tomo.grid import VoxelGrid
 
 ACROSS = 32
-"""Points along the side of a pixel, by which the disc's share of it is measured."""
+MOST_POINTS = 256
+"""Points along the side of a pixel, by which the disc's share of it is measured, and along the
+disc: of a large one few pixels are cut by its edge."""
+
+BYTES = 24
+"""That a pixel within the disc of another takes while they are found."""
 
 BOX = 4 / 3
 """The square of a disc's diameter over that of a box's side that spreads as much: a disc's
@@ -47,26 +53,52 @@ def spread_of(
     Raises
     ------
     ValueError
-        If the blur is not a number above 0, or a camera's plane runs through the grid's centre.
+        If the blur is not a number above 0, a camera has the grid's centre behind it, a disc is
+        larger than its image, or all of them would not fit in memory.
     """
     if not (math.isfinite(blur) and blur > 0):
         raise ValueError(f"blur: found {blur}, expected a diameter above 0")
     by_itself = BOX * float(np.mean(np.square(grid.spacing)))
     width = math.sqrt(max(blur**2 - by_itself, 0.0))
-    views = [_of_view(camera, kept, grid, width) for camera, kept in zip(rig, pixels, strict=True)]
+    discs = [_disc_of(camera, grid, width) for camera in rig]
+    reached = [len(kept) * len(share) for kept, (_, share) in zip(pixels, discs, strict=True)]
+    needed, available = BYTES * (max(reached) + sum(reached)), available_memory()
+    if needed > available:
+        raise ValueError(
+            f"blur: found {blur:g}: its discs would take about {needed / 1e9:.1f} GB, expected at "
+            f"most {available / 1e9:.1f} GB: use smaller images (--scale)"
+        )
+    views = [
+        _of_view(camera, kept, *disc)
+        for camera, kept, disc in zip(rig, pixels, discs, strict=True)
+    ]
     return scipy.sparse.csr_array(scipy.sparse.block_diag(views, format="csr", dtype=np.float32))
 
 
-def _of_view(
-    camera: Camera, pixels: NDArray[np.integer], grid: VoxelGrid, width: float
-) -> scipy.sparse.csr_array:
-    """Return the shares within one view."""
+def _disc_of(
+    camera: Camera, grid: VoxelGrid, width: float
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Return the `disc` of a diameter at the grid's centre, in a camera's image."""
     size = pixel_size(camera, grid)
     if not size > 0:
         raise ValueError(
             f"blur: camera {camera.name}: found the grid's centre behind it, expected it ahead"
         )
-    apart, share = disc(width / size)
+    if width > size * max(camera.image_size):
+        raise ValueError(
+            f"blur: camera {camera.name}: found a disc of {width / size:.0f} pixels, expected one "
+            f"within its image of {camera.image_size[0]} x {camera.image_size[1]}"
+        )
+    return disc(width / size)
+
+
+def _of_view(
+    camera: Camera,
+    pixels: NDArray[np.integer],
+    apart: NDArray[np.int64],
+    share: NDArray[np.float32],
+) -> scipy.sparse.csr_array:
+    """Return the shares within one view, those in each of the pixels of its disc given."""
     reach = int(np.abs(apart).max())
     columns, rows = camera.image_size
     number = np.full((rows + 2 * reach, columns + 2 * reach), -1)
@@ -94,9 +126,10 @@ def disc(width: float) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     share : (n,) float32
     """
     reach = math.ceil(width / 2 - 0.5) if width > 1 else 0
-    points = (np.arange((2 * reach + 1) * ACROSS) + 0.5) / ACROSS - 0.5 - reach  # from its centre
+    across = min(ACROSS, max(MOST_POINTS // (2 * reach + 1), 1))
+    points = (np.arange((2 * reach + 1) * across) + 0.5) / across - 0.5 - reach  # from its centre
     inside = np.square(points)[:, None] + np.square(points) <= (max(width, 1e-9) / 2) ** 2
-    cells = inside.reshape(2 * reach + 1, ACROSS, 2 * reach + 1, ACROSS).sum(axis=(1, 3))
+    cells = inside.reshape(2 * reach + 1, across, 2 * reach + 1, across).sum(axis=(1, 3))
     if not cells.any():  # narrower than the points are apart
         cells[reach, reach] = 1
     rows, columns = np.nonzero(cells)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rigs._text import shortened
 from rigs._unpacked import errors_of_libraries
+from tomo.defocus import Defocused
 from tomo.io.atomic import atomic_path
 from tomo.solve.stopping import Choice
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
@@ -89,7 +90,7 @@ class Checkpoint:
         cls,
         path: str | Path | None,
         settings: Mapping[str, Any],
-        projector: Projector,
+        projector: Projector | Defocused,
         measured: NDArray[np.float32],
     ) -> Checkpoint | None:
         """Return the checkpoint of a problem; None without a path."""
@@ -98,7 +99,10 @@ class Checkpoint:
         images = zlib.crc32(np.ascontiguousarray(measured))
         segments = projector.segments
         rays = 0
-        for part in (projector.view_ptr, segments.ptr, segments.voxel, segments.length):
+        parts = [projector.view_ptr, segments.ptr, segments.voxel, segments.length]
+        if isinstance(projector, Defocused):
+            parts += [projector.spread.indices, projector.spread.data]
+        for part in parts:
             rays = zlib.crc32(np.ascontiguousarray(part), rays)
         told = {key: value for key, value in settings.items() if key != "device"}
         return cls(Path(path), f"{projector.shape} {images:08x} {rays:08x} {told}")

@@ -7,7 +7,7 @@ from tomo.defocus import spread_of
 from tomo.defocus.spectrum import pixel_size
 from tomo.defocus.spread import disc
 
-WIDTHS = pytest.mark.parametrize("width", [0.0, 0.02, 0.7, 1.0, 1.001, 1.5, 3.3, 4.0, 9.6])
+WIDTHS = pytest.mark.parametrize("width", [0.0, 0.02, 0.7, 1.0, 1.001, 1.5, 3.3, 4.0, 9.6, 61.3])
 
 
 @WIDTHS
@@ -23,12 +23,12 @@ def test_a_disc_is_even_and_all_there(width):
         assert shares == {(0, 0): 1.0}
 
 
-@pytest.mark.parametrize("width", [2.0, 3.3, 4.0, 9.6])
+@pytest.mark.parametrize("width", [2.0, 3.3, 4.0, 9.6, 300.0])
 def test_a_disc_spreads_as_much_as_its_variance_says(width):
     """``d² / 16`` along an axis, and about that of the pixel that it is laid out in."""
     apart, share = disc(width)
     variance = float(share @ apart[:, 0] ** 2)
-    assert variance == pytest.approx(width**2 / 16 + 1 / 12, abs=0.06)
+    assert variance == pytest.approx(width**2 / 16 + 1 / 12, abs=0.06, rel=1e-4)
 
 
 def test_light_stays_in_its_view_and_what_misses_the_pixels_is_lost(out_of_focus):
@@ -63,6 +63,17 @@ def test_voxels_blur_by_themselves(out_of_focus):
 def test_no_diameter_is_refused(out_of_focus, blur):
     with pytest.raises(ValueError, match=r"^blur: found .*, expected a diameter above 0$"):
         spread_of(out_of_focus.rig, out_of_focus.system.pixels, out_of_focus.grid, blur)
+
+
+def test_what_is_no_blur_of_an_image_is_refused(out_of_focus, monkeypatch):
+    one = out_of_focus
+    words = "blur: camera cam00: found a disc of 148 pixels, expected one within its image of 64 x"
+    with pytest.raises(ValueError, match=words):
+        spread_of(one.rig, one.system.pixels, one.grid, 37.0)
+    monkeypatch.setattr("tomo.defocus.spread.available_memory", lambda: 10**8)
+    with pytest.raises(ValueError, match=r"^blur: found 20: its discs would take about .* GB"):
+        spread_of(one.rig, one.system.pixels, one.grid, 20.0)
+    assert spread_of(one.rig, one.system.pixels, one.grid, 1.0).nnz
 
 
 def test_a_grid_behind_a_camera_is_refused(out_of_focus):

@@ -192,7 +192,13 @@ def _other_views(one):
     return Projector(one.projector.segments, one.grid, view_ptr), one.measured
 
 
-@pytest.mark.parametrize("change", [_other_images, _other_rays, _other_lengths, _other_views])
+def _through_a_lens(one):
+    return one.system.out_of_focus(3.0).projector, one.measured
+
+
+@pytest.mark.parametrize(
+    "change", [_other_images, _other_rays, _other_lengths, _other_views, _through_a_lens]
+)
 def test_a_checkpoint_of_another_problem_is_refused(scene, checkpoint, change):
     one = scene(effects=GAINS)
     wernet(one.projector, one.measured, iterations=1, checkpoint=checkpoint)
