@@ -69,8 +69,8 @@ def spread_of(
             f"most {available / 1e9:.1f} GB: use smaller images (--scale)"
         )
     views = [
-        _of_view(camera, kept, *disc)
-        for camera, kept, disc in zip(rig, pixels, discs, strict=True)
+        _of_view(camera, kept, apart, share)
+        for camera, kept, (apart, share) in zip(rig, pixels, discs, strict=True)
     ]
     return scipy.sparse.csr_array(scipy.sparse.block_diag(views, format="csr", dtype=np.float32))
 
