@@ -60,16 +60,14 @@ def repeats_of(uncertainty: int | str, method: Method) -> int:
 
 def blur_of(blur: float | str, methods: Sequence[Method]) -> float | None:
     """Return the diameter of the discs that images are blurred by; None: to be found in them."""
-    if blur == AUTO:
-        return None if methods[0].finds_blur else 0.0
-    if isinstance(blur, str) or not (math.isfinite(blur) and blur >= 0):
+    if blur != AUTO and (isinstance(blur, str) or not (math.isfinite(blur) and blur >= 0)):
         raise ValueError(f"blur: found {blur!r}, expected auto or a diameter >= 0")
     by_lines = [one.name for one in methods if not one.through_lenses]
     if blur and by_lines:
         raise ValueError(
-            f"blur: found {blur:g}, expected 0 for method {by_lines[0]}: it goes line by line"
+            f"blur: found {blur}, expected 0 for method {by_lines[0]}: it goes line by line"
         )
-    return float(blur)
+    return None if blur == AUTO else float(blur)
 
 
 def check_carving(

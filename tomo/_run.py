@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from tomo import metrics
 from tomo.condition import Solve
-from tomo.defocus import Defocused
 from tomo.linear_system import Progress
 from tomo.methods import AUTO, Method
 from tomo.outcome import quality
@@ -50,9 +49,6 @@ class Run:
     def solve(self, method: Method, iterations: int | None) -> Reconstruction:
         """Run one method; its quality against the truth comes with it."""
         started = time.perf_counter()
-        projector = self.projector
-        if isinstance(projector, Defocused) and not method.through_lenses:
-            projector = projector.lines
         distances: list[float] = []
 
         def watch(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
@@ -77,7 +73,7 @@ class Run:
             arguments = method.arguments(**learning, seed=self.seed, iterations=iterations)
             total = method.default_iterations if iterations is None else iterations
             name, solving = method.name, started
-            found = method.solver(projector, self.measured, callback=watch, **arguments)
+            found = method.solver(self.projector, self.measured, callback=watch, **arguments)
             extra = {}
         self.cosine_distances.append(tuple(distances))
         live = self.projector.live

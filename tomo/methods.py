@@ -33,14 +33,9 @@ class Method:
     needs_matrix: bool = False
 
     @property
-    def finds_blur(self) -> bool:
-        """Whether it is for images whose optics nobody has told, how far out of focus too."""
-        return self.name == "wernet"
-
-    @property
     def through_lenses(self) -> bool:
         """Whether it can go through lenses that spread the light of single lines."""
-        return self.finds_blur or not self.needs_matrix
+        return self.name == "wernet" or not self.needs_matrix
 
     @property
     def solver(self) -> Callable[..., Reconstruction]:

@@ -34,7 +34,7 @@ def reconstruct(
     refine_cameras: Sequence[str] | None = None,
     refine_prior: float | None = None,
     fit_gain: bool | None = None,
-    blur: float | str = AUTO,
+    blur: float | str = 0.0,
     unseen: str = ZERO,
     supersample: int = 1,
     device: str = "cpu",
@@ -97,7 +97,8 @@ def reconstruct(
     blur : float or "auto"
         Diameter, at the grid's centre and in the rig's length unit, of the discs that lenses out
         of focus make of points: images are projected through them, see `tomo.defocus`. 0: in
-        focus. ``auto``: what the images' spectra show for method ``wernet``, else 0.
+        focus. ``auto``: what the images' spectra show; clean images of a smooth flame may look as
+        if they were out of focus.
     unseen : {"zero", "nan"}
         What `Outcome.volume` and the files hold where no usable ray crosses a voxel.
     supersample : int

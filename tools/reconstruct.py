@@ -110,9 +110,9 @@ def reconstruct(
         str,
         typer.Option(
             help="Diameter at the grid's centre of the discs that lenses out of focus make of "
-            "points, in the rig's length unit; 0: in focus; auto: found in the images for WERNet."
+            "points, in the rig's length unit; 0: in focus; auto: found in the images."
         ),
-    ] = "auto",
+    ] = "0",
     unseen: Annotated[
         str, typer.Option(help="What stands where no ray crosses a voxel: zero or nan.")
     ] = "zero",

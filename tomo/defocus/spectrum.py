@@ -46,7 +46,7 @@ tells a zero from a slope."""
 CLEAR = 0.65
 """A disc is found where it leaves less than this share of what the polynomial alone leaves of the
 logarithm of the spectrum. Discs of 4 pixels leave 0.25 to 0.48 on jets and turbulent flames, with
-and without gains, absorption and vignetting beside them; flames in focus 1.6 or more."""
+and without gains, absorption and vignetting beside them; these in focus 1.6 or more."""
 
 
 def pixel_size(camera: Camera, grid: VoxelGrid) -> float:
@@ -61,11 +61,11 @@ def blur_of_images(
     """Return the diameter of the disc that images are blurred by, in the rig's length unit.
 
     A lens out of focus spreads a point over the image of its pupil, a disc. Its transfer function
-    ``2 J1(x) / x``, ``x = pi k d``, is zero on rings, the first at ``k = 1.22 / d``, and no flame
-    has zeros of its own there. What no projection tells, since an even blur of all images is one
-    of the flame, their spectra do: the mean over cameras falls to the first ring and rises past
-    it. The diameter is that which makes, with a smooth spectrum in front of it, the best of the
-    logarithm of the power, and None where a smooth spectrum alone is hardly worse.
+    ``2 J1(x) / x``, ``x = pi k d``, is zero on rings, the first at ``k = 1.22 / d``. What no
+    projection tells, since an even blur of all images is one of the flame, their spectra may: the
+    mean over cameras falls to the first ring and rises, or falls less, past it. The diameter is
+    that which, with a smooth spectrum behind it, leaves least of the logarithm of the power; None
+    where a smooth spectrum alone is hardly worse.
 
     Parameters
     ----------
@@ -81,6 +81,13 @@ def blur_of_images(
         None as well where noise hides a zero: white noise of 1e-3 of the brightest pixel leaves
         nothing to see of one at a third of a cycle a pixel. Levels of 16 bits do not hide it, of 8
         bits do.
+
+    Notes
+    -----
+    Only for images that may well be out of focus, and flames with detail as fine as their pixels.
+    Where the spectrum of a smooth flame falls steeply to what its voxels' edges or rounding leave,
+    it bends as it does at a ring: 7 of 24 sets of clean images of Gaussian blobs in focus showed
+    discs, with 0.53 to 0.64 of `CLEAR`'s measure. Noise hides such bends as it hides rings.
 
     References
     ----------

@@ -172,7 +172,7 @@ def _least(course: Course) -> float:
 
 
 def _learned(scene: MismatchScene) -> dict[str, float]:
-    """Return what WERNet reaches, without the truth, as `tomo.reconstruct` calls it."""
+    """Return what WERNet reaches, without the truth, asked to look for discs out of focus."""
     from tomo.wernet import wernet
 
     started = time.perf_counter()

@@ -93,7 +93,7 @@ OPTIONS = {
     "blur in words": (("--blur", "much"), "--blur: found 'much', expected"),
     "blur line by line": (
         ("--blur", "2", "--method", "art"),
-        "blur: found 2, expected 0 for method art: it goes line by line",
+        "blur: found 2.0, expected 0 for method art: it goes line by line",
     ),
     "more votes than views": (
         ("--hold-out", "cam00", "--votes", "3"),
