@@ -9,7 +9,6 @@ import scipy.sparse
 from numpy.typing import ArrayLike, NDArray
 
 from tomo._products import gather, part_bounds, scatter
-from tomo.projector import Projector
 from tomo.segments import Segments
 from tomo.viewed import ViewedOperator, as_float
 
@@ -19,8 +18,9 @@ class Defocused(ViewedOperator):
 
     Parameters
     ----------
-    lines : Projector
-        ``A``: of chord lengths, or weights learned in their place.
+    lines : Projector or OnTheFlyProjector
+        ``A``: of chord lengths, or weights learned in their place. `segments` and `with_lengths`
+        are there for stored ones.
     spread : (pixels, lines) sparse
         ``B``: the share of each line's light in each pixel, see `spread_of`.
     view_ptr : (views + 1,) int, optional
@@ -39,7 +39,7 @@ class Defocused(ViewedOperator):
 
     def __init__(
         self,
-        lines: Projector,
+        lines: ViewedOperator,
         spread: scipy.sparse.csr_array,
         view_ptr: ArrayLike | None = None,
     ) -> None:
@@ -59,8 +59,8 @@ class Defocused(ViewedOperator):
     def _entries(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """The spread as compiled products take it: starts, stops, lines and shares."""
         pointers = self.spread.indptr.astype(np.int64)
-        indices = self.spread.indices.astype(np.uint32)
-        return pointers[:-1], pointers[1:], indices, self.spread.data
+        indices = self.spread.indices
+        return pointers[:-1], pointers[1:], indices.view(f"u{indices.itemsize}"), self.spread.data
 
     @cached_property
     def _parts(self) -> NDArray[np.int64]:

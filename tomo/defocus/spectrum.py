@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,7 +9,7 @@ import scipy.fft
 import scipy.special
 from numpy.typing import NDArray
 
-from rigs import Camera, Rig
+from rigs import Rig
 from tomo.grid import VoxelGrid
 
 BINS_A_PIXEL = 200
@@ -47,12 +46,6 @@ CLEAR = 0.65
 """A disc is found where it leaves less than this share of what the polynomial alone leaves of the
 logarithm of the spectrum. Discs of 4 pixels leave 0.25 to 0.48 on jets and turbulent flames, with
 and without gains, absorption and vignetting beside them; these in focus 1.6 or more."""
-
-
-def pixel_size(camera: Camera, grid: VoxelGrid) -> float:
-    """Return how far apart neighbouring pixels look at the depth of the grid's centre."""
-    depth = float(camera.R[2] @ np.asarray(grid.center) + camera.t[2])
-    return depth / math.sqrt(camera.camera_matrix[0, 0] * camera.camera_matrix[1, 1])
 
 
 def blur_of_images(
@@ -94,8 +87,8 @@ def blur_of_images(
     Gennery, "Determination of optical transfer function by inspection of frequency-domain plot",
     Journal of the Optical Society of America 63 (1973).
     """
-    sizes = [pixel_size(camera, grid) for camera in rig]
-    if not min(sizes) > 0:  # the grid's centre is not ahead of all
+    sizes = rig.footprint(grid.center)
+    if not sizes.min() > 0:  # the grid's centre is not ahead of all
         return None
     pixel = float(np.median(sizes))
     power, noise = _mean_spectrum(images, sizes, pixel)
@@ -116,7 +109,7 @@ def blur_of_images(
 
 
 def _mean_spectrum(
-    images: Sequence[NDArray[np.floating]], sizes: Sequence[float], pixel: float
+    images: Sequence[NDArray[np.floating]], sizes: NDArray[np.float64], pixel: float
 ) -> tuple[NDArray[np.float64], float]:
     """Return the mean power of all images in rings of the frequency plane, and the noise's.
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from rigs import Camera, Rig
 from tomo._memory import available_memory
-from tomo.defocus.spectrum import pixel_size
 from tomo.grid import VoxelGrid
 
 ACROSS = 32
@@ -60,7 +59,8 @@ def spread_of(
         raise ValueError(f"blur: found {blur}, expected a diameter above 0")
     by_itself = BOX * float(np.mean(np.square(grid.spacing)))
     width = math.sqrt(max(blur**2 - by_itself, 0.0))
-    discs = [_disc_of(camera, grid, width) for camera in rig]
+    sizes = rig.footprint(grid.center)
+    discs = [_disc_of(camera, size, width) for camera, size in zip(rig, sizes, strict=True)]
     reached = [len(kept) * len(share) for kept, (_, share) in zip(pixels, discs, strict=True)]
     needed, available = BYTES * (max(reached) + sum(reached)), available_memory()
     if needed > available:
@@ -76,10 +76,9 @@ def spread_of(
 
 
 def _disc_of(
-    camera: Camera, grid: VoxelGrid, width: float
+    camera: Camera, size: float, width: float
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Return the `disc` of a diameter at the grid's centre, in a camera's image."""
-    size = pixel_size(camera, grid)
+    """Return the `disc` of a diameter where a camera's pixels have a size."""
     if not size > 0:
         raise ValueError(
             f"blur: camera {camera.name}: found the grid's centre behind it, expected it ahead"

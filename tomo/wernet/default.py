@@ -168,7 +168,6 @@ def wernet(
         ended = f"nothing to judge by: {chord_choice.reason}"
     elif not tells_views and chord_choice.width > WIDEST_WITH_FEW_VIEWS and not freeze_encoder:
         ended = "few views, which allow no detail: smoothness would be taken for optics"
-    out_of_focus = isinstance(projector, Defocused) and not freeze_encoder
 
     def note(index: int, residual: float) -> bool:
         """Add what was just solved for to the history; return whether the callback stops."""
@@ -200,7 +199,7 @@ def wernet(
                 saved.save(rounds.state())
             if not math.isnan(residual) and note(1, residual):
                 rounds.ended = "stopped by the callback after the first guess"
-        if out_of_focus and not rounds.ended:
+        if isinstance(projector, Defocused) and not (freeze_encoder or rounds.ended):
             rounds.ended = "out of focus, where single lines teach an encoder nothing"
         while not rounds.ended and (rounds.done < last or (freeze_encoder and not rounds.done)):
             residual = rounds.round(train=not freeze_encoder)

@@ -6,7 +6,6 @@ import pytest
 from rigs import Rig
 from tomo import VoxelGrid, noise
 from tomo.defocus import blur_of_images
-from tomo.defocus.spectrum import pixel_size
 
 
 def test_the_disc_of_a_lens_is_found(out_of_focus):
@@ -48,7 +47,7 @@ def test_cameras_that_see_coarser_pixels_count_as_well(out_of_focus):
         cameras.append(camera)
         images.append(image)
     grid = out_of_focus.grid
-    sizes = [pixel_size(camera, grid) for camera in cameras]
+    sizes = Rig(tuple(cameras)).footprint(grid.center)
     assert sizes[1] == pytest.approx(sizes[0] / 0.875)
     found = blur_of_images(Rig(tuple(cameras)), images, grid)
     assert found == pytest.approx(out_of_focus.blur, rel=0.08)
