@@ -64,7 +64,7 @@ def test_a_kernel_gives_the_bits_that_numba_alone_gives(kernel):
     assert found[2].any()
 
 
-def test_of_all_parts_the_kernel_alone_is_optimised(kernel, monkeypatch):
+def test_of_all_parts_the_kernel_alone_is_optimised(monkeypatch):
     optimised = []
     optimise = CPUCodeLibrary._optimize_final_module
 
@@ -72,11 +72,10 @@ def test_of_all_parts_the_kernel_alone_is_optimised(kernel, monkeypatch):
         optimised.append(library.name)
         optimise(library)
 
-    kernel.compile(tuple(numba.typeof(one) for one in data()))  # numba's own helpers, once
     monkeypatch.setattr(CPUCodeLibrary, "_optimize_final_module", noting)
-    another = rows(compiled(inline=True)(wave), compiled(parallel=True))
-    another(*data())
-    assert optimised == [another.py_func.__qualname__]
+    afresh = rows(compiled(inline=True)(wave), compiled(parallel=True))  # not from the cache
+    afresh(*data())
+    assert optimised == [afresh.py_func.__qualname__]
 
 
 def test_helpers_have_no_machine_code_and_kernels_have(kernel):
@@ -101,6 +100,46 @@ def test_other_code_of_numba_is_compiled_as_ever(kernel):
     assert wave_of_numba(0.5, 2.0) == pytest.approx(wave(0.5, 2.0))
     codegen = next(iter(plain.overloads.values())).library.codegen
     assert not {"create_library", "set_env"} & set(vars(codegen))
+    assert numba.core.compiler.Flags is not linked.KernelFlags
+
+
+def test_what_numba_made_for_kernels_is_not_given_to_others():
+    def powers(base, count):
+        if count > 3:
+            raise ValueError("count: more than three")
+        found = np.zeros(count)
+        for k in range(count):
+            found[k] = base**k
+        return found.sum()
+
+    @compiled()
+    def kernel(base, count):
+        return powers_of_kernels(base, count)
+
+    powers_of_kernels = compiled(inline=True)(powers)
+    plain = numba.njit(powers)
+    assert kernel(3, 3) == plain(3, 3) == 13
+    (made,) = plain.overloads.values()
+    parts = made.library._linking_libraries
+    assert parts
+    assert not any(isinstance(part, linked.LinkedLibrary) for part in parts)
+    for function in kernel, plain:
+        with pytest.raises(ValueError, match="count: more than three"):
+            function(3, 4)
+
+
+def test_flags_of_kernels_are_alike_by_what_they_set_and_no_others():
+    flags = linked.KernelFlags()
+    assert flags == linked.KernelFlags()
+    assert hash(flags) == hash(linked.KernelFlags())
+    flags.nrt = False  # as by default
+    assert flags == linked.KernelFlags()
+    flags.nrt = True
+    assert flags != linked.KernelFlags()
+    assert flags == flags.copy()
+    plain = numba.core.compiler.Flags()
+    assert linked.KernelFlags() != plain
+    assert plain != linked.KernelFlags()
 
 
 def test_what_does_not_compile_says_so_and_leaves_nothing_behind(kernel):
