@@ -8,6 +8,7 @@ each of which takes the next piece when it has done its last (`share_out`).
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -48,6 +49,8 @@ def share_out(
 ) -> None:
     """Do all pieces of some work on several threads, this one among them.
 
+    Inside a piece there are no more threads to be had: `numba.get_num_threads` is 1.
+
     Parameters
     ----------
     pieces : iterable
@@ -63,23 +66,28 @@ def share_out(
         What a thread raised first; pieces not begun by then are not done.
     """
     pieces = list(pieces)
+    threads = min(threads, len(pieces))
+    if threads <= 1:
+        do = worker()
+        for piece in pieces:
+            do(piece)
+        return
     left, lock, failed = iter(pieces), threading.Lock(), []
 
     def work() -> None:
         try:
-            do = worker()
-            while not failed:
-                with lock:
-                    piece = next(left, None)
-                if piece is None:
-                    return
-                do(piece)
+            with threads_worth(0):
+                do = worker()
+                while not failed:
+                    with lock:
+                        piece = next(left, None)
+                    if piece is None:
+                        return
+                    do(piece)
         except BaseException as error:  # an interrupt as well: the others have to end
             failed.append(error)
 
-    others = [
-        threading.Thread(target=work, daemon=True) for _ in range(min(threads, len(pieces)) - 1)
-    ]
+    others = [threading.Thread(target=work, daemon=True) for _ in range(threads - 1)]
     try:
         for other in others:
             other.start()
@@ -91,3 +99,14 @@ def share_out(
         raise
     if failed:
         raise failed[0]
+
+
+def share_range(count: int, work: Callable[[int, int], None]) -> None:
+    """Call ``work(start, stop)`` for parts of ``range(count)`` that make up all of it.
+
+    On as many threads as numba has here. On one it is called once.
+    """
+    threads = numba.get_num_threads()
+    parts = max(min(4 * threads, count), 1) if threads > 1 else 1
+    cuts = [part * count // parts for part in range(parts + 1)]
+    share_out(itertools.pairwise(cuts), threads, lambda: lambda cut: work(*cut))

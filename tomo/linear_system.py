@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera, Rig
+from rigs import Rig
+from tomo._threads import share_out
 from tomo.defocus import Defocused, spread_of
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
@@ -26,7 +30,7 @@ from tomo.viewed import ViewedOperator
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, where)``."""
 
-RAYS_AT_ONCE = 1_000_000  # bounds the rays' own memory to some 100 MB
+RAYS_AT_ONCE = 16_384  # traced by one thread: they stay near its core, and threads end together
 
 
 class VolumeNotSeenError(ValueError):
@@ -112,22 +116,17 @@ class LinearSystem:
             midpoints=midpoints,
         )
         live = LiveVoxels(grid) if live is None else live
+        usable = [np.arange(math.prod(camera.image_size)) for camera in rig]
+        if masks is not None:
+            usable = [np.flatnonzero(mask) for mask in masks]
         if form == STORED:
             by_place = not live.all  # there voxels are looked up in a table in any case
-            find = tracing(grid, tracer, midpoints=midpoints, live=live, by_place=by_place)
-        parts, pixels = [], []
-        for number, camera in enumerate(rig):
-            if progress:
-                progress(number, len(rig), camera.name)
-            usable = np.arange(math.prod(camera.image_size))
-            if masks is not None:
-                usable = np.flatnonzero(masks[number])
-            if form == STORED:
-                found, kept = _traced(camera, usable, find, skip, supersample)
-            else:
-                found, kept = _followed(camera, usable, live, skip, supersample)
-            parts += found
-            pixels.append(kept)
+            how = {"midpoints": midpoints, "live": live, "by_place": by_place}
+            threads = numba.get_num_threads() if tracer == "march" else 1  # or its own
+            tracers = [tracing(grid, tracer, **how) for _ in range(threads)]
+            parts, pixels = _traced(rig, usable, tracers, skip, supersample, progress)
+        else:
+            parts, pixels = _followed(rig, usable, live, skip, supersample, progress)
         if progress:
             progress(len(rig), len(rig), "")
         if form == STORED:
@@ -209,35 +208,72 @@ class LinearSystem:
 
 
 def _traced(
-    camera: Camera,
-    usable: NDArray[np.int64],
-    find: Callable[[Rays], Segments],
+    rig: Rig,
+    usable: list[NDArray[np.int64]],
+    tracers: list[Callable[[Rays], Segments]],
     skip: bool,
     supersample: int,
-) -> tuple[list[Segments], NDArray[np.int64]]:
-    """Return the crossings of a camera's pixels with live voxels, and the pixels."""
-    parts, kept = [], []
+    progress: Progress | None,
+) -> tuple[list[Segments], list[NDArray[np.int64]]]:
+    """Return the crossings of the cameras' pixels with live voxels, and each camera's pixels.
+
+    Some rays at a time, by each of the tracers on a thread of its own.
+    """
     at_once = max(RAYS_AT_ONCE // max(supersample, 1) ** 2, 1)
-    for first in range(0, max(len(usable), 1), at_once):
-        some = usable[first : first + at_once]
-        part = find(Rays.from_camera(camera, some, supersample))
-        if skip:
-            part, seeing = part.without_empty()
-            some = some[seeing]
-        parts.append(part)
-        kept.append(some)
-    return parts, np.concatenate(kept)
+    pieces = [
+        (view, first)
+        for view, pixels in enumerate(usable)
+        for first in range(0, max(len(pixels), 1), at_once)
+    ]
+    found: dict[tuple[int, int], tuple[Segments, NDArray[np.int64]]] = {}
+    free, begun, one_at_a_time = iter(tracers), itertools.count(), threading.Lock()
+
+    def worker() -> Callable[[tuple[int, int]], None]:
+        find = next(free)
+
+        def trace(piece: tuple[int, int]) -> None:
+            view, first = piece
+            if progress and first == 0:
+                with one_at_a_time:
+                    number = next(begun)
+                    progress(number, len(rig), rig[number].name)
+            some = usable[view][first : first + at_once]
+            part = find(Rays.from_camera(rig[view], some, supersample))
+            if skip:
+                part, seeing = part.without_empty()
+                some = some[seeing]
+            found[piece] = part, some
+
+        return trace
+
+    share_out(pieces, len(tracers), worker)
+    in_order = [found.pop(piece) for piece in pieces]
+    pixels = [[] for _ in rig]
+    for (view, _), (_, some) in zip(pieces, in_order, strict=True):
+        pixels[view].append(some)
+    return [part for part, _ in in_order], [np.concatenate(some) for some in pixels]
 
 
 def _followed(
-    camera: Camera, usable: NDArray[np.int64], live: LiveVoxels, skip: bool, supersample: int
-) -> tuple[list[PixelSource], NDArray[np.int64]]:
-    """Return the pixels of a camera to follow through the grid at every product."""
-    source = pixel_source(camera, usable, supersample)
-    if not skip:
-        return [source], usable
-    seeing = np.flatnonzero(survey(source, live.grid).meets)
-    return [source.take(seeing)], usable[seeing]
+    rig: Rig,
+    usable: list[NDArray[np.int64]],
+    live: LiveVoxels,
+    skip: bool,
+    supersample: int,
+    progress: Progress | None,
+) -> tuple[list[PixelSource], list[NDArray[np.int64]]]:
+    """Return the pixels of the cameras to follow through the grid at every product."""
+    sources, kept = [], []
+    for view, (camera, pixels) in enumerate(zip(rig, usable, strict=True)):
+        if progress:
+            progress(view, len(rig), camera.name)
+        source = pixel_source(camera, pixels, supersample)
+        if skip:
+            seeing = np.flatnonzero(survey(source, live.grid).meets)
+            source, pixels = source.take(seeing), pixels[seeing]
+        sources.append(source)
+        kept.append(pixels)
+    return sources, kept
 
 
 def _not_seen(rig: Rig, grid: VoxelGrid) -> str:

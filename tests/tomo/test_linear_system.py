@@ -1,3 +1,4 @@
+import numba
 import numpy as np
 import pytest
 
@@ -81,6 +82,24 @@ def test_tracing_in_chunks_changes_nothing(monkeypatch, share):
         np.testing.assert_array_equal(getattr(chunked.segments, name), expected)
     assert chunked.segments.midpoint.shape == (len(whole.segments), 3)
     assert whole.segments.midpoint is None
+
+
+@pytest.mark.parametrize("rays", [7, 1000])
+def test_any_number_of_threads_traces_the_same(monkeypatch, rays):
+    monkeypatch.setattr("tomo.linear_system.RAYS_AT_ONCE", rays)
+    most, found = numba.get_num_threads(), []
+    try:
+        for threads in (1, most):
+            numba.set_num_threads(threads)
+            found.append(LinearSystem.from_rig(RIG, GRID, midpoints=True))
+    finally:
+        numba.set_num_threads(most)
+    one, other = found
+    for name in ("ptr", "voxel", "length", "midpoint"):
+        pair = (getattr(system.projector.segments, name) for system in found)
+        np.testing.assert_array_equal(*pair)
+    for own, others in zip(one.pixels, other.pixels, strict=True):
+        np.testing.assert_array_equal(own, others)
 
 
 @pytest.mark.parametrize("tracer", ["raycast", "reference"])

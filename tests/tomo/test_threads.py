@@ -6,7 +6,7 @@ import time
 import numba
 import pytest
 
-from tomo._threads import WORTH_WAKING, share_out, threads_worth
+from tomo._threads import WORTH_WAKING, share_out, share_range, threads_worth
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
@@ -27,6 +27,29 @@ def test_every_piece_is_done_once(threads, count):
 def test_pieces_are_done_at_the_same_time():
     together = threading.Barrier(3, timeout=10)
     share_out(range(3), 3, lambda: lambda piece: together.wait())
+
+
+@pytest.mark.skipif(numba.get_num_threads() < 2, reason="one thread is all there are")
+def test_pieces_have_one_thread_each_and_what_comes_after_them_all():
+    before, inside = numba.get_num_threads(), []
+    share_out(range(8), 2, lambda: lambda piece: inside.append(numba.get_num_threads()))
+    assert inside == [1] * 8
+    share_out(range(2), 1, lambda: lambda piece: inside.append(numba.get_num_threads()))
+    assert inside[8:] == [before] * 2
+    assert numba.get_num_threads() == before
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("count", [0, 1, 3, 100])
+def test_parts_make_up_the_range(threads, count):
+    most, parts = numba.get_num_threads(), []
+    try:
+        numba.set_num_threads(min(threads, most))
+        share_range(count, lambda start, stop: parts.append((start, stop)))
+    finally:
+        numba.set_num_threads(most)
+    assert sorted(number for part in parts for number in range(*part)) == list(range(count))
+    assert len(parts) == 1 or threads > 1
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])

@@ -12,16 +12,13 @@ whole numbers, for which that sum is exact: what cancels, cancels to zero.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compile import compiled
-from tomo._threads import share_out
+from tomo._threads import share_range
 
 Axes = tuple[int, int, int]
 """Which of x, y and z (0, 1, 2) are a, b and c."""
@@ -110,7 +107,7 @@ def running_sums(
     n_a, n_b, n_c = turned(shape, axes)
     sums = np.zeros(n_b * n_c * (n_a + 1) + 1, volume.dtype)
     walk = _walk(shape, axes, n_b)
-    _on_threads(walk, lambda first, end: _sum_up(volume, walk, first, end, sums))
+    share_range(walk.shape[1], lambda first, end: _sum_up(volume, walk, first, end, sums))
     if sums.dtype == np.float32:
         return sums, np.zeros(0)
     return np.zeros(0, np.float32), sums
@@ -140,8 +137,9 @@ def add_differences(
     n_a, _, n_c = turned(shape, axes)
     walk = _walk(shape, axes, differences.shape[1] // (n_c * (n_a + 1)))
     start = first_b * _strides(shape, axes)[1]
-    _on_threads(
-        walk, lambda first, end: _sum_down(differences, walk, first, end, start, unit, volume)
+    share_range(
+        walk.shape[1],
+        lambda first, end: _sum_down(differences, walk, first, end, start, unit, volume),
     )
 
 
@@ -156,11 +154,3 @@ def _walk(shape: tuple[int, int, int], axes: Axes, some_b: int) -> _Walk:
     if c < b:
         return _Walk((n_a, some_b, n_c), (a, b, c), (n_c, 1))
     return _Walk((n_a, n_c, some_b), (a, c, b), (1, n_c))
-
-
-def _on_threads(walk: _Walk, work: Callable[[int, int], None]) -> None:
-    """Call ``work`` for ranges of the columns that are not side by side, on all threads."""
-    threads, count = numba.get_num_threads(), walk.shape[1]
-    parts = min(4 * threads, count) if threads > 1 else 1
-    cuts = [part * count // parts for part in range(parts + 1)]
-    share_out(itertools.pairwise(cuts), threads, lambda: lambda cut: work(*cut))

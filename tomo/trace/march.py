@@ -13,14 +13,13 @@ space" (Journal of Computing and Information Technology 6, 1998) count crossings
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from tomo._compile import compiled
 from tomo._lanes import LANES
 from tomo._numbering import numbering
-from tomo._threads import threads_worth
+from tomo._threads import share_range, threads_worth
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
@@ -76,12 +75,12 @@ def _cut(start, origin, a, b, c, end, weight, pieces):
         pieces[8 * LANES + i] = (later + out) / 2
 
 
-@compiled(parallel=True)
+@compiled()
 def _fill(
-    origins, directions, lengths, weights, box, away, number, begin,
+    origins, directions, lengths, weights, box, away, number, begin, first_chunk, last_chunk,
     counts, voxel, length, middle,
 ):  # fmt: skip
-    """Write the crossings of every chunk of rays from index ``begin[chunk]`` on; count them.
+    """Write the crossings of some chunks of rays, each from index ``begin[chunk]`` on; count them.
 
     Where ``voxel`` has no room, write to ``counts`` how many there can be at most, and no more:
     in one kernel with the other, for what both need takes long to compile.
@@ -97,14 +96,16 @@ def _fill(
     number : (voxels,) int
         The number of each live voxel, negative for others; nothing where all are live.
     begin : (chunks,) int64
+    first_chunk, last_chunk : int
+        Which chunks, the last excluded.
     counts : (rays,) int64
     voxel, length : (room,)
     middle : (room or 0, 3)
     """
     lower, upper, spacing, shape = box
-    for chunk in numba.prange(len(begin)):
-        pieces, courses = np.zeros(9 * LANES), np.zeros((WIDTH, RAYS_TOGETHER))
-        starts, stops = np.zeros(RAYS_TOGETHER, np.int64), np.zeros(RAYS_TOGETHER, np.int64)
+    pieces, courses = np.zeros(9 * LANES), np.zeros((WIDTH, RAYS_TOGETHER))
+    starts, stops = np.zeros(RAYS_TOGETHER, np.int64), np.zeros(RAYS_TOGETHER, np.int64)
+    for chunk in range(first_chunk, last_chunk):
         at, last = np.uint64(begin[chunk]), min((chunk + 1) * RAYS_A_CHUNK, len(counts))
         room = np.uint64(begin[chunk + 1] if chunk + 1 < len(begin) else len(voxel))
         for first in range(chunk * RAYS_A_CHUNK, last, RAYS_TOGETHER):
@@ -229,10 +230,14 @@ class March:
     ) -> NDArray[np.int64]:
         """Write the crossings to room, return where each ray's begin; see the kernel."""
         counts = np.zeros(len(rays), np.int64)
-        _fill(
-            rays.origins, rays.directions, rays.lengths, rays.weight,
-            self._box, self._away, self._number, begin, counts, *room,
-        )  # fmt: skip
+
+        def fill(first: int, last: int) -> None:
+            _fill(
+                rays.origins, rays.directions, rays.lengths, rays.weight,
+                self._box, self._away, self._number, begin, first, last, counts, *room,
+            )  # fmt: skip
+
+        share_range(len(begin), fill)
         return np.append(0, np.cumsum(counts))
 
 
