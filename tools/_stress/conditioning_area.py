@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from _stress.conditioning_focus import focus_rows
 from _stress.conditioning_grazing import grazing_rows
 from _stress.conditioning_long import long_rows
 from _stress.conditioning_rigs import rig_rows
@@ -18,6 +19,7 @@ def rows(size: Size, progress: Progress) -> Iterator[Row]:
         ("rigs", rig_rows(size.quick)),
         ("stops", stop_rows(size.quick)),
         ("grazing rays", grazing_rows(size.quick)),
+        ("out of focus", focus_rows(size.quick)),
         ("double precision", twin_rows()),
         ("long runs", long_rows(size.quick)),
     )
