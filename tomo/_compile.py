@@ -54,6 +54,12 @@ def compiled(
     reassociate : bool
         Whether sums may be taken in another order, so that a loop over one vectorises; NaN and
         infinity keep their meaning. The order is fixed by the compiled code, not by the threads.
+
+    Notes
+    -----
+    Kernels are loops: comprehensions, functions inside them, ``with`` and errors with values in
+    their text are not to be had, since the passes of numba that such take are left out
+    (`tomo._kernel_compiler`).
     """
     options = dict(_HOW)
     if parallel:

@@ -122,7 +122,7 @@ class LinearSystem:
         if form == STORED:
             by_place = not live.all  # there voxels are looked up in a table in any case
             how = {"midpoints": midpoints, "live": live, "by_place": by_place}
-            threads = numba.get_num_threads() if tracer == "march" else 1  # or its own
+            threads = numba.get_num_threads() if tracer == "march" else 1  # raycast has its own
             tracers = [tracing(grid, tracer, **how) for _ in range(threads)]
             parts, pixels = _traced(rig, usable, tracers, skip, supersample, progress)
         else:

@@ -153,6 +153,41 @@ def test_what_does_not_compile_says_so_and_leaves_nothing_behind(kernel):
     kernel(*data())
 
 
+def comprehension(values):
+    return np.array([2 * value for value in values])
+
+
+def inner_function(values):
+    def twice(value):
+        return 2 * value
+
+    return twice(values[0])
+
+
+def text_with_a_value(values):
+    if values[0] > 0:
+        raise ValueError("found", values[0])
+    return 0.0
+
+
+@pytest.mark.parametrize("function", [comprehension, inner_function, text_with_a_value])
+def test_what_is_left_out_for_kernels_is_refused(function):
+    with pytest.raises(numba.core.errors.NumbaError):
+        compiled()(function)(np.ones(3))
+
+
+def test_whole_arrays_are_what_they_are():
+    @compiled()
+    def whole(values, none, out):
+        if none is None:
+            out[:] = 2 * values + out[0]
+        return out.shape
+
+    out = np.ones(3)
+    assert whole(np.arange(3.0), None, out) == (3,)
+    np.testing.assert_array_equal(out, [1, 3, 5])
+
+
 CACHED = """
 import numba
 import numpy as np
