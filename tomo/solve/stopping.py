@@ -131,7 +131,13 @@ def choose_by_held_out_views(
     if progress:
         progress(total, total, "")
     residual = candidates.residual(best.of_views)
+    least = min(tried[3] for tried in candidates.tried)
     reason = f"left-out views are predicted best so (relative residual {residual:.4f})"
+    if least < residual:
+        reason = (
+            f"left-out views are predicted nearly best so, by a tamer volume (relative residual "
+            f"{residual:.4f}, the best {least:.4f})"
+        )
     return Choice(*candidates.candidate(best), reason=reason, tried=tuple(candidates.tried))
 
 

@@ -87,6 +87,9 @@ def test_the_choice_predicts_as_well_as_any_tried_and_is_the_least_smooth_that_d
         worth = stopping.WORTH_ITS_DETAIL if choice.method == "tikhonov" else 1.0
         assert worth * choice.held_out_residual**2 <= 1.04 * best[3] ** 2
         assert f"{choice.held_out_residual:.4f}" in choice.reason
+        least = min(residual for *_, residual in choice.tried)
+        assert ("predicted best so" in choice.reason) == (choice.held_out_residual == least)
+        assert f"{least:.4f}" in choice.reason
 
 
 def test_the_choice_is_the_same_each_time_and_for_every_brightness(projector, cases):
