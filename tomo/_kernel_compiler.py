@@ -113,10 +113,9 @@ class KernelCompiler(numba_compiler.Compiler):
         """Compile a function, the parts of it into libraries that are linked alone."""
         codegen = self.state.targetctx.codegen()
         is_helper = self.state.flags.forceinline
-        kind = LinkedLibrary if is_helper else JITCodeLibrary
-        library = self.state.library = kind(codegen, function.__qualname__)
         if not is_helper:
-            library.enable_object_caching()
+            self.state.library = JITCodeLibrary(codegen, function.__qualname__)
+            self.state.library.enable_object_caching()
         with _parts_linked(codegen):
             compiled = super().compile_extra(function)
         if not is_helper:  # now there is a place for what the parts refer to

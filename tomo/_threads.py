@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TypeVar
 
 import numba
@@ -49,7 +49,7 @@ def share_out(
 ) -> None:
     """Do all pieces of some work on several threads, this one among them.
 
-    Inside a piece there are no more threads to be had: `numba.get_num_threads` is 1.
+    On several threads there are no more to be had inside a piece: `numba.get_num_threads` is 1.
 
     Parameters
     ----------
@@ -67,16 +67,11 @@ def share_out(
     """
     pieces = list(pieces)
     threads = min(threads, len(pieces))
-    if threads <= 1:
-        do = worker()
-        for piece in pieces:
-            do(piece)
-        return
     left, lock, failed = iter(pieces), threading.Lock(), []
 
     def work() -> None:
         try:
-            with threads_worth(0):
+            with threads_worth(0) if threads > 1 else nullcontext():
                 do = worker()
                 while not failed:
                     with lock:

@@ -116,8 +116,9 @@ class LinearSystem:
             midpoints=midpoints,
         )
         live = LiveVoxels(grid) if live is None else live
-        usable = [np.arange(math.prod(camera.image_size)) for camera in rig]
-        if masks is not None:
+        if masks is None:
+            usable = [np.arange(math.prod(camera.image_size)) for camera in rig]
+        else:
             usable = [np.flatnonzero(mask) for mask in masks]
         if form == STORED:
             by_place = not live.all  # there voxels are looked up in a table in any case
@@ -247,11 +248,12 @@ def _traced(
         return trace
 
     share_out(pieces, len(tracers), worker)
-    in_order = [found.pop(piece) for piece in pieces]
-    pixels = [[] for _ in rig]
-    for (view, _), (_, some) in zip(pieces, in_order, strict=True):
-        pixels[view].append(some)
-    return [part for part, _ in in_order], [np.concatenate(some) for some in pixels]
+    parts, kept = [], [[] for _ in rig]
+    for view, first in pieces:
+        part, some = found[view, first]
+        parts.append(part)
+        kept[view].append(some)
+    return parts, [np.concatenate(some) for some in kept]
 
 
 def _followed(

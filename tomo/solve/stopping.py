@@ -130,15 +130,16 @@ def choose_by_held_out_views(
     best = _of_few_views(candidates) if few else _of_many_views(candidates)
     if progress:
         progress(total, total, "")
-    residual = candidates.residual(best.of_views)
+    chosen = candidates.candidate(best)
+    residual = chosen[3]
     least = min(tried[3] for tried in candidates.tried)
     reason = f"left-out views are predicted best so (relative residual {residual:.4f})"
     if least < residual:
         reason = (
-            f"left-out views are predicted nearly best so, by a tamer volume (relative residual "
+            "left-out views are predicted nearly best so, by a tamer volume (relative residual "
             f"{residual:.4f}, the best {least:.4f})"
         )
-    return Choice(*candidates.candidate(best), reason=reason, tried=tuple(candidates.tried))
+    return Choice(*chosen, reason=reason, tried=tuple(candidates.tried))
 
 
 def _of_many_views(candidates: Candidates) -> Attempt:

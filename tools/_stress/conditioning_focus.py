@@ -27,14 +27,14 @@ def focus_rows(quick: bool) -> Iterator[Row]:
     methods = [name for name in solve.METHODS if method_named(name).through_lenses]
     adjoints: dict[type, list[tuple[str, float]]] = {np.float64: [], np.float32: []}
     brightest = []
-    for width in widths:
-        for form in ("stored", "on-the-fly"):
-            sharp = LinearSystem.from_rig(seen.rig, seen.grid, form=form)
+    for form in ("stored", "on-the-fly"):
+        sharp = LinearSystem.from_rig(seen.rig, seen.grid, form=form)
+        measured = sharp.flatten(images)
+        for width in widths:
             system = sharp.out_of_focus(width * pixel)
             for dtype, figures in adjoints.items():
                 error = dot_test(system.projector, dtype=dtype)
                 figures.append((f"{width:g} pixels, {form}", error))
-            measured = system.flatten(images)
             for method in methods if form == "stored" else ():
                 found = run(method, system.projector, measured, ITERATIONS)
                 figure = found.volume.max() / seen.truth.max()
