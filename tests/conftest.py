@@ -35,6 +35,29 @@ def coarse_scenes():
         yield
 
 
+@contextmanager
+def number_of_threads(count):
+    """Run kernels on so many threads, or as many as there are, and torch where it is loaded."""
+    import numba
+
+    libraries = [module for module in (numba, sys.modules.get("torch")) if module]
+    before = [module.get_num_threads() for module in libraries]
+    try:
+        for module in libraries:
+            most = numba.config.NUMBA_NUM_THREADS if module is numba else count
+            module.set_num_threads(min(count, most))
+        yield
+    finally:
+        for module, threads in zip(libraries, before, strict=True):
+            module.set_num_threads(threads)
+
+
+@pytest.fixture(scope="session")
+def on_threads():
+    """Return `number_of_threads`: ``with on_threads(2): ...``."""
+    return number_of_threads
+
+
 @pytest.fixture(scope="session")
 def run_tool():
     """Return a function that runs ``tools/NAME.py`` in this process.

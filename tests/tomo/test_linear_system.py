@@ -1,4 +1,3 @@
-import numba
 import numpy as np
 import pytest
 
@@ -85,15 +84,12 @@ def test_tracing_in_chunks_changes_nothing(monkeypatch, share):
 
 
 @pytest.mark.parametrize("rays", [7, 1000])
-def test_any_number_of_threads_traces_the_same(monkeypatch, rays):
+def test_any_number_of_threads_traces_the_same(monkeypatch, rays, on_threads):
     monkeypatch.setattr("tomo.linear_system.RAYS_AT_ONCE", rays)
-    most, found = numba.get_num_threads(), []
-    try:
-        for threads in (1, most):
-            numba.set_num_threads(threads)
+    found = []
+    for threads in (1, 2):
+        with on_threads(threads):
             found.append(LinearSystem.from_rig(RIG, GRID, midpoints=True))
-    finally:
-        numba.set_num_threads(most)
     one, other = found
     for name in ("ptr", "voxel", "length", "midpoint"):
         pair = (getattr(system.projector.segments, name) for system in found)

@@ -142,19 +142,15 @@ def test_places_too_large_for_32_bits_give_the_same_bits(pair, monkeypatch):
     assert np.array_equal(flying.T @ y, volume)
 
 
-def test_same_bits_on_any_number_of_threads(pair):
+def test_same_bits_on_any_number_of_threads(pair, on_threads):
     _, flying = pair
     random = np.random.default_rng(6)
     x = random.random(flying.shape[1]).astype(np.float32)
     y = random.random(flying.shape[0]).astype(np.float32)
-    threads = numba.get_num_threads()
-    try:
-        results = []
-        for count in range(1, threads + 1):
-            numba.set_num_threads(count)
+    results = []
+    for threads in range(1, numba.get_num_threads() + 1):
+        with on_threads(threads):
             results.append((flying @ x, flying.T @ y))
-    finally:
-        numba.set_num_threads(threads)
     for images, volume in results[1:]:
         assert np.array_equal(images, results[0][0])
         assert np.array_equal(volume, results[0][1])

@@ -1,7 +1,6 @@
 import tracemalloc
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 import scipy.sparse
@@ -154,17 +153,13 @@ def test_pixels_that_are_zero_add_nothing_whatever_their_lengths(projector, dtyp
 
 
 @DTYPES
-def test_the_number_of_threads_changes_no_bit(projector, dtype):
+def test_the_number_of_threads_changes_no_bit(projector, dtype, on_threads):
     x, y = volume(4, dtype), images(projector, 5, dtype)
-    before = numba.get_num_threads()
     results = []
-    try:
-        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
-            numba.set_num_threads(threads)
+    for threads in (1, 2):
+        with on_threads(threads):
             again = make()
             results.append((again @ x, again.T @ y, again.segments.length, again.column_sums))
-    finally:
-        numba.set_num_threads(before)
     for one, two in zip(*results, strict=True):
         np.testing.assert_array_equal(one, two)
 

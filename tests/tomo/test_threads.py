@@ -41,13 +41,10 @@ def test_pieces_have_one_thread_each_and_what_comes_after_them_all():
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("count", [0, 1, 3, 100])
-def test_parts_make_up_the_range(threads, count):
-    most, parts = numba.get_num_threads(), []
-    try:
-        numba.set_num_threads(min(threads, most))
+def test_parts_make_up_the_range(threads, count, on_threads):
+    parts = []
+    with on_threads(threads):
         share_range(count, lambda start, stop: parts.append((start, stop)))
-    finally:
-        numba.set_num_threads(most)
     assert sorted(number for part in parts for number in range(*part)) == list(range(count))
     assert len(parts) == 1 or threads > 1
 

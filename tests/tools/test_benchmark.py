@@ -3,7 +3,6 @@
 import json
 
 import cv2
-import numba
 import numpy as np
 import pytest
 
@@ -11,14 +10,11 @@ from tomo import solve
 
 
 @pytest.fixture(scope="module", autouse=True)
-def quiet_threads():
+def quiet_threads(on_threads):
     """Threads that spin while they wait for each other take most of a busy machine's time."""
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, on_threads(1):
         patch.setenv("OMP_WAIT_POLICY", "passive")  # of processes that the benchmark starts
-        threads = numba.get_num_threads()
-        numba.set_num_threads(1)
         yield
-        numba.set_num_threads(threads)
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,10 @@ import torch
 
 
 @pytest.fixture(scope="module", autouse=True)
-def one_thread():
+def one_thread(on_threads):
     """Tiny arrays are slower on several threads."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+    with on_threads(1):
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ import inspect
 import json
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 import torch
@@ -15,14 +14,10 @@ from tomo.wernet import wernet_paper
 
 
 @pytest.fixture(scope="module", autouse=True)
-def one_thread():
+def one_thread(on_threads):
     """Threads that spin while they wait for each other take most of a busy machine's time."""
-    threads = torch.get_num_threads(), numba.get_num_threads()
-    torch.set_num_threads(1)
-    numba.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads[0])
-    numba.set_num_threads(threads[1])
+    with on_threads(1):
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,3 @@
-import numba
 import numpy as np
 import pytest
 import scipy.sparse
@@ -87,16 +86,13 @@ def test_other_weights_are_spread_as_the_chords_are(defocused, lines, spread):
     assert np.array_equal(defocused.segments.length, lines.segments.length)
 
 
-def test_the_bits_do_not_depend_on_the_threads(defocused):
+def test_the_bits_do_not_depend_on_the_threads(defocused, on_threads):
     x = np.random.default_rng(6).random(defocused.shape[1]).astype(np.float32)
     y = np.random.default_rng(7).random(400).astype(np.float32)
-    before, found = numba.get_num_threads(), []
-    try:
-        for threads in (1, before):
-            numba.set_num_threads(threads)
+    found = []
+    for threads in (1, 2):
+        with on_threads(threads):
             found.append(((defocused @ x).tobytes(), (defocused.T @ y).tobytes()))
-    finally:
-        numba.set_num_threads(before)
     assert found[0] == found[1]
 
 

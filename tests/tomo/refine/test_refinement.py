@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 
@@ -65,14 +64,10 @@ def test_the_report_is_plain_and_complete(found):
         assert 0 < own["moved_pixels"] < 5
 
 
-def test_the_same_bits_for_any_number_of_threads(scene, found):
+def test_the_same_bits_for_any_number_of_threads(scene, found, on_threads):
     rig, images = scene
-    threads = numba.get_num_threads()
-    try:
-        numba.set_num_threads(1)
+    with on_threads(1):
         again = refine_cameras(disturbed(rig, 3), images, GRID)
-    finally:
-        numba.set_num_threads(threads)
     assert np.array_equal(again.parameters, found.parameters)
 
 

@@ -1,6 +1,5 @@
 from types import SimpleNamespace
 
-import numba
 import numpy as np
 import pytest
 
@@ -13,12 +12,10 @@ from tomo.trace import trace
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _one_thread():
+def _one_thread(on_threads):
     """Run small kernels on one thread: waiting for a second costs more, most of all when busy."""
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(threads)
+    with on_threads(1):
+        yield
 
 
 @pytest.fixture(scope="session")

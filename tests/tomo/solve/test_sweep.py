@@ -3,7 +3,6 @@
 import itertools
 from types import SimpleNamespace
 
-import numba
 import numpy as np
 import pytest
 
@@ -97,18 +96,15 @@ def test_a_matrix_that_is_not_stored_as_it_is_gives_the_same(ring_system):
         )
 
 
-def test_the_number_of_threads_changes_no_bit(ring_system, monkeypatch):
+def test_the_number_of_threads_changes_no_bit(ring_system, monkeypatch, on_threads):
     monkeypatch.setattr("tomo._threads.WORTH_WAKING", 1e-3)
     measured = _noisy(ring_system.measured)
-    before, found = numba.get_num_threads(), []
-    try:
-        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
-            numba.set_num_threads(threads)
+    found = []
+    for threads in (1, 2):
+        with on_threads(threads):
             sweep = sweep_of(ring_system.projector, measured, interleaved(len(measured), 3))
             x = np.zeros(ring_system.projector.shape[1], np.float32)
             found.append(sweep(x, 1.0, True, np.arange(3)))
-    finally:
-        numba.set_num_threads(before)
     np.testing.assert_array_equal(*found)
 
 

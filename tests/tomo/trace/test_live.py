@@ -1,6 +1,5 @@
 """Tracing some of the voxels gives what tracing all of them gives there, bit for bit."""
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -144,17 +143,14 @@ def test_a_tracer_goes_on_after_rays_that_meet_nothing(dtype):
             assert rays not in (none, past) or len(found) == 0
 
 
-def test_the_bits_do_not_depend_on_the_number_of_threads():
+def test_the_bits_do_not_depend_on_the_number_of_threads(on_threads):
     grid = GRIDS[0]
     live, rays = LiveVoxels.from_mask(grid, masks(grid, 2)[1]), through(grid, 2000, seed=4)
-    before, found = numba.get_num_threads(), []
-    try:
-        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
-            numba.set_num_threads(threads)
+    found = []
+    for threads in (1, 2):
+        with on_threads(threads):
             segments = trace(rays, grid, midpoints=True, live=live)
             found.append([getattr(segments, name) for name in PARTS])
-    finally:
-        numba.set_num_threads(before)
     assert len(found[0][1]) > 0
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one, other)

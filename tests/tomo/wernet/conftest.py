@@ -6,10 +6,8 @@ from types import SimpleNamespace
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # as tomo does, if loaded before torch is
 
-import numba
 import numpy as np
 import pytest
-import torch
 
 import rigs
 from phantoms import GaussianBlobs
@@ -20,14 +18,10 @@ GRID = VoxelGrid((10, 16, 10), 1.0, (4.0, -2.0, 1.0))
 
 
 @pytest.fixture(autouse=True)
-def _one_thread():
+def _one_thread(on_threads):
     # Tiny arrays are slower on several threads; tests of their number set it themselves.
-    before = torch.get_num_threads(), numba.get_num_threads()
-    torch.set_num_threads(1)
-    numba.set_num_threads(1)
-    yield
-    torch.set_num_threads(before[0])
-    numba.set_num_threads(before[1])
+    with on_threads(1):
+        yield
 
 
 def flames(grid):

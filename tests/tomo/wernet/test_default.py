@@ -1,6 +1,5 @@
 from functools import lru_cache
 
-import numba
 import numpy as np
 import pytest
 import torch
@@ -101,14 +100,13 @@ def test_voxels_and_pixels_of_some_size_are_no_reason_to_learn_what_is_wrong(sce
     assert apart < 1.05 * cosine_distance(_classic(one).volume, one.truth)
 
 
-def test_the_same_bits_again_and_for_any_number_of_threads(scene):
+def test_the_same_bits_again_and_for_any_number_of_threads(scene, on_threads):
     one = scene(effects=GAINS)
     found = []
     for threads in (1, 2, 4):
-        torch.set_num_threads(threads)
-        numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
-        found.append(wernet(one.projector, one.measured, iterations=2))
-        assert torch.get_num_threads() == threads
+        with on_threads(threads):
+            found.append(wernet(one.projector, one.measured, iterations=2))
+            assert torch.get_num_threads() == threads
     assert found[0].weights is not None
     lengths = [each.weights.projector(one.projector).segments.length for each in found]
     for each, length in zip(found[1:], lengths[1:], strict=True):

@@ -29,17 +29,16 @@ def test_parts_have_about_the_size_asked_for():
 
 
 @pytest.mark.parametrize("threads", [1, 2, 4])
-def test_parts_run_on_one_thread_each_and_the_number_comes_back(threads):
-    torch.set_num_threads(threads)
-    with on_cores(CPU) as over_parts:
-        found = over_parts(lambda part: (part, torch.get_num_threads()), list(range(20)))
-        assert found == [(part, 1) for part in range(20)]
-    assert torch.get_num_threads() == threads
+def test_parts_run_on_one_thread_each_and_the_number_comes_back(threads, on_threads):
+    with on_threads(threads):
+        with on_cores(CPU) as over_parts:
+            found = over_parts(lambda part: (part, torch.get_num_threads()), list(range(20)))
+            assert found == [(part, 1) for part in range(20)]
+        assert torch.get_num_threads() == threads
 
 
 @pytest.mark.parametrize("threads", [1, 2, 4])
-def test_an_exception_in_a_part_comes_out_and_the_number_comes_back(threads):
-    torch.set_num_threads(threads)
+def test_an_exception_in_a_part_comes_out_and_the_number_comes_back(threads, on_threads):
     before = threading.active_count()
 
     def fail(part):
@@ -47,15 +46,16 @@ def test_an_exception_in_a_part_comes_out_and_the_number_comes_back(threads):
             raise ZeroDivisionError("part 3")
         return part
 
-    with pytest.raises(ZeroDivisionError, match="part 3"), on_cores(CPU) as over_parts:
-        over_parts(fail, list(range(8)))
-    with pytest.raises(KeyError, match="in the block"), on_cores(CPU):
-        raise KeyError("in the block itself")
-    assert torch.get_num_threads() == threads
+    with on_threads(threads):
+        with pytest.raises(ZeroDivisionError, match="part 3"), on_cores(CPU) as over_parts:
+            over_parts(fail, list(range(8)))
+        with pytest.raises(KeyError, match="in the block"), on_cores(CPU):
+            raise KeyError("in the block itself")
+        assert torch.get_num_threads() == threads
     assert threading.active_count() == before
 
 
-def test_sums_over_parts_are_the_same_bits_for_any_number_of_threads():
+def test_sums_over_parts_are_the_same_bits_for_any_number_of_threads(on_threads):
     generator = torch.Generator().manual_seed(0)
     rows = torch.randn(60_000, 32, generator=generator)
     weight = torch.randn(32, 32, generator=generator).requires_grad_()
@@ -67,8 +67,7 @@ def test_sums_over_parts_are_the_same_bits_for_any_number_of_threads():
 
     found = []
     for threads in (1, 2, 4):
-        torch.set_num_threads(threads)
-        with on_cores(CPU) as over_parts:
+        with on_threads(threads), on_cores(CPU) as over_parts:
             add_gradients([weight], over_parts(gradient, cut(counts, 4096)))
         found.append(weight.grad)
     assert all(torch.equal(found[0], other) for other in found[1:])

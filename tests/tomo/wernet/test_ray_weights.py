@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 import torch
@@ -134,15 +133,14 @@ def test_weights_are_at_least_zero():
     assert chords.segments.length.tolist() == [1.0, 1.0, 1.0]
 
 
-def test_the_same_bits_for_any_number_of_threads(scene):
+def test_the_same_bits_for_any_number_of_threads(scene, on_threads):
     chords = scene(image_size=(21, 30)).projector
     assert chords.n_crossings > 4 * SEGMENTS_A_PART
     found = []
     for threads in (1, 2, 4):
-        torch.set_num_threads(threads)
-        numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
-        found.append(_weights(chords).projector(chords).segments.length)
-        assert torch.get_num_threads() == threads
+        with on_threads(threads):
+            found.append(_weights(chords).projector(chords).segments.length)
+            assert torch.get_num_threads() == threads
     assert all(np.array_equal(found[0], other) for other in found[1:])
 
 

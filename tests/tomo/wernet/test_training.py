@@ -94,15 +94,15 @@ def test_packed_and_padded_rays_lead_to_the_same_volume(projector, measured, var
 
 @pytest.mark.parametrize("variant", ["no-bias", "bias-mask"])
 def test_where_rays_are_apart_the_number_of_threads_changes_no_bit(
-    projector, measured, variant, monkeypatch
+    projector, measured, variant, monkeypatch, on_threads
 ):
     monkeypatch.setattr("tomo.wernet.parts.SEGMENTS_A_PART", 200)  # several parts a step
     volumes = []
     for threads in (1, 2, 4):
-        torch.set_num_threads(threads)
-        found = wernet_paper(projector, measured, iterations=1, variant=variant, **SMALL_STEPS)
+        with on_threads(threads):
+            found = wernet_paper(projector, measured, iterations=1, variant=variant, **SMALL_STEPS)
+            assert torch.get_num_threads() == threads
         volumes.append(found.volume)
-        assert torch.get_num_threads() == threads
     assert all(np.array_equal(volumes[0], other) for other in volumes[1:])
 
 
