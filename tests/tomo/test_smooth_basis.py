@@ -7,17 +7,7 @@ from tomo.rays import Rays
 from tomo.smooth_basis import SmoothBasis
 from tomo.trace import trace
 
-GRID = VoxelGrid((9, 14, 7), (0.5, 0.4, 0.6), (0.3, -0.2, 0.1))
 WIDTHS = pytest.mark.parametrize("width", [0.3, 0.8, 2.5])
-
-
-@pytest.fixture(scope="module")
-def projector():
-    rng = np.random.default_rng(0)
-    directions = rng.standard_normal((400, 3))
-    points = rng.uniform(GRID.lower - 0.5, GRID.upper + 0.5, (400, 3))
-    segments = trace(Rays.from_lines(points - 20 * directions, directions), GRID)
-    return Projector(segments, GRID, [0, 100, 100, 250, 400])
 
 
 def kernel(width):
@@ -38,30 +28,30 @@ def slow_blur(volume, width):
     return volume
 
 
-def derived(projector, width):
-    smooth = SmoothBasis(projector, width)
+def derived(lines, width):
+    smooth = SmoothBasis(lines, width)
     pixels = np.arange(0, 400, 3)
     return {
-        "whole": (smooth, projector),
-        "subset": (smooth.subset([3, 0]), projector.subset([3, 0])),
-        "take": (smooth.take(pixels), projector.take(pixels)),
-        "view": (smooth.view(2), projector.view(2)),
+        "whole": (smooth, lines),
+        "subset": (smooth.subset([3, 0]), lines.subset([3, 0])),
+        "take": (smooth.take(pixels), lines.take(pixels)),
+        "view": (smooth.view(2), lines.view(2)),
     }
 
 
 @WIDTHS
 @pytest.mark.parametrize("name", ["whole", "subset", "take", "view"])
 @pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-6)])
-def test_the_adjoint_matches(projector, width, name, dtype, bound):
-    smooth, _ = derived(projector, width)[name]
+def test_the_adjoint_matches(lines, width, name, dtype, bound):
+    smooth, _ = derived(lines, width)[name]
     assert max(dot_test(smooth, seed, dtype) for seed in range(20)) < bound
 
 
 @WIDTHS
 @pytest.mark.parametrize("name", ["whole", "subset", "take", "view"])
-def test_it_projects_the_blurred_coefficients(projector, width, name):
-    smooth, plain = derived(projector, width)[name]
-    coefficients = np.random.default_rng(1).random(GRID.shape)
+def test_it_projects_the_blurred_coefficients(lines, width, name):
+    smooth, plain = derived(lines, width)[name]
+    coefficients = np.random.default_rng(1).random(lines.grid.shape)
     expected = plain @ slow_blur(coefficients, width).ravel()
     np.testing.assert_allclose(smooth @ coefficients.ravel(), expected, rtol=0, atol=1e-12)
     assert smooth.shape == plain.shape
@@ -70,9 +60,9 @@ def test_it_projects_the_blurred_coefficients(projector, width, name):
 
 
 @WIDTHS
-def test_a_blob_stands_at_its_voxels_centre_and_loses_nothing_inside(projector, width):
+def test_a_blob_stands_at_its_voxels_centre_and_loses_nothing_inside(lines, width):
     grid = VoxelGrid((41, 41, 41), 1.0)
-    smooth = SmoothBasis(Projector(projector.segments.rows(0, 0), grid), width)
+    smooth = SmoothBasis(Projector(lines.segments.rows(0, 0), grid), width)
     point = np.zeros(grid.shape)
     point[20, 19, 22] = 5.0
     blob = smooth.blur(point)
@@ -86,14 +76,14 @@ def test_a_blob_stands_at_its_voxels_centre_and_loses_nothing_inside(projector, 
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_the_result_has_the_type_of_the_argument(projector, dtype):
-    smooth = SmoothBasis(projector, 1.0)
-    assert (smooth @ np.ones(GRID.size, dtype)).dtype == dtype
+def test_the_result_has_the_type_of_the_argument(lines, dtype):
+    smooth = SmoothBasis(lines, 1.0)
+    assert (smooth @ np.ones(lines.grid.size, dtype)).dtype == dtype
     assert (smooth.T @ np.ones(400, dtype)).dtype == dtype
 
 
-def test_row_sums_and_column_sums(projector):
-    smooth = SmoothBasis(projector, 0.8)
+def test_row_sums_and_column_sums(lines):
+    smooth = SmoothBasis(lines, 0.8)
     matrix = np.stack([smooth.T @ row for row in np.eye(400)])  # (pixels, voxels)
     np.testing.assert_allclose(smooth.row_sums, matrix.sum(axis=1), atol=1e-10)
     np.testing.assert_allclose(smooth.column_sums, matrix.sum(axis=0), atol=1e-10)
@@ -108,10 +98,10 @@ def test_a_grid_one_voxel_thin():
 
 
 @pytest.mark.parametrize("width", [0, -1, float("nan")])
-def test_a_width_that_is_none_is_refused(projector, width):
+def test_a_width_that_is_none_is_refused(lines, width):
     with pytest.raises(ValueError, match="smooth basis width: found"):
-        SmoothBasis(projector, width)
+        SmoothBasis(lines, width)
 
 
-def test_its_repr_names_the_width(projector):
-    assert repr(SmoothBasis(projector, 0.75)).endswith("width=0.75)")
+def test_its_repr_names_the_width(lines):
+    assert repr(SmoothBasis(lines, 0.75)).endswith("width=0.75)")

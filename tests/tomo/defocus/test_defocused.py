@@ -2,32 +2,18 @@ import numpy as np
 import pytest
 import scipy.sparse
 
-from tomo import LinearSystem, Projector, VoxelGrid
+from tomo import LinearSystem
 from tomo.defocus import Defocused
 from tomo.projector import dot_test
-from tomo.rays import Rays
-from tomo.trace import trace
-
-GRID = VoxelGrid((9, 14, 7), (0.5, 0.4, 0.6), (0.3, -0.2, 0.1))
-VIEWS = [0, 100, 100, 250, 400]
 
 
 @pytest.fixture(scope="module")
-def lines():
-    rng = np.random.default_rng(0)
-    directions = rng.standard_normal((400, 3))
-    points = rng.uniform(GRID.lower - 0.5, GRID.upper + 0.5, (400, 3))
-    segments = trace(Rays.from_lines(points - 20 * directions, directions), GRID)
-    return Projector(segments, GRID, VIEWS)
-
-
-@pytest.fixture(scope="module")
-def spread():
+def spread(lines):
     """Each view's own shares, about a dozen a pixel, none the same."""
     random = np.random.default_rng(1)
     parts = [
         scipy.sparse.random_array((n, n), density=12 / max(n, 1), rng=random, format="csr")
-        for n in np.diff(VIEWS)
+        for n in np.diff(lines.view_ptr)
         if n
     ]
     return scipy.sparse.csr_array(
