@@ -70,6 +70,11 @@ def shortened(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def breaks_a_line(text: str) -> bool:
+    """Say whether a text holds what ends a line, be it its last character."""
+    return text.splitlines() not in ([], [text])
+
+
 def read_yaml_mapping(path: str | os.PathLike) -> dict[str, Any]:
     """Return the plain data of a YAML file whose top level is a mapping.
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rigs._text import shortened, write_bytes
+from rigs._text import breaks_a_line, shortened, write_bytes
 from rigs._unpacked import read_arrays
 from rigs.optics import Optics
 from rigs.ray_table import RayTable
@@ -84,7 +84,7 @@ def save_ray_table(camera: RayTable, path: str | os.PathLike) -> None:
 def _inside(file: str, folder: Path, where: str) -> Path:
     """Return the path of a file, or raise if it leaves the folder."""
     message = f"{where}: found {shortened(file)}, expected a path inside the rig's folder"
-    if not file.strip() or "\0" in file or len(file.splitlines()) > 1 or Path(file).is_absolute():
+    if not file.strip() or "\0" in file or breaks_a_line(file) or Path(file).is_absolute():
         raise ValueError(message)
     path = folder / file.replace("\\", "/")
     try:

@@ -13,6 +13,7 @@ import yaml
 from numpy.typing import ArrayLike
 
 from rigs import Rig, formats, load_rig, save_rig
+from rigs._text import breaks_a_line
 from tomo._scan_schema import parse_scan_file
 from tomo.corrections import Corrections
 from tomo.grid import VoxelGrid, grid_of_rig
@@ -109,7 +110,7 @@ def _inside(scan_file: Path, text: str, field: str) -> Path:
     try:
         leaves = leaves or not (folder / text).resolve().is_relative_to(folder.resolve())
         (folder / text).exists()  # a name that no file system can hold raises here
-        if len(text.splitlines()) > 1:
+        if breaks_a_line(text):
             raise ValueError
     except (OSError, ValueError, RuntimeError):
         raise ValueError(

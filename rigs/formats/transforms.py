@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rigs._text import read_json_mapping, shortened, write_text
+from rigs._text import breaks_a_line, read_json_mapping, shortened, write_text
 from rigs._units import UNKNOWN
 from rigs.camera import Camera
 from rigs.formats._entry import camera_entry, entry_camera
@@ -183,7 +183,7 @@ def _relative(image: Path, folder: Path) -> PurePosixPath:
 def _image_path(entry: Mapping[str, Any], folder: Path) -> PurePosixPath:
     """Return an entry's image relative to ``folder``, or raise if it leaves it."""
     found = entry.get("file_path")
-    if not isinstance(found, str) or not found.strip() or "\0" in found or _breaks(found):
+    if not isinstance(found, str) or not found.strip() or "\0" in found or breaks_a_line(found):
         raise ValueError(f"file_path: found {shortened(found)}, expected an image's path")
     relative = os.path.normpath(found.replace("\\", "/"))
     is_inside = not os.path.isabs(relative) and relative.split("/")[0] not in ("..", ".")
@@ -194,11 +194,6 @@ def _image_path(entry: Mapping[str, Any], folder: Path) -> PurePosixPath:
     if not is_inside:
         raise ValueError(f"file_path: found {shortened(found)}, expected a path inside the folder")
     return PurePosixPath(relative)
-
-
-def _breaks(text: str) -> bool:
-    """Say whether a text takes more than one line."""
-    return len(text.splitlines()) > 1
 
 
 def _is_neutral(value: object) -> bool:

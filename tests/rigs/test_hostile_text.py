@@ -86,7 +86,7 @@ def test_telling_formats_apart_takes_time_in_proportion(tmp_path, suffix, text):
     assert time.process_time() - began < 2
 
 
-@pytest.mark.parametrize("name", ["a\nb.npz", "a\u2028b.npz"])
+@pytest.mark.parametrize("name", ["a\nb.npz", "a\u2028b.npz", "a.npz\n"])
 def test_a_path_of_two_lines_is_no_path(tmp_path, name):
     path = tmp_path / "rig.yaml"
     text = name.encode("unicode_escape").decode()

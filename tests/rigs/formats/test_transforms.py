@@ -171,6 +171,7 @@ def mirrored():
         ({"file_path": "a/../../0.png"}, "expected a path inside the folder"),
         ({"file_path": "/etc/0.png"}, "expected a path inside the folder"),
         ({"file_path": 5}, "file_path: found 5, expected an image's path"),
+        ({"file_path": "b/0.png\n"}, r"file_path: found 'b/0.png\n', expected an image's path"),
         ({"camera": 3}, "camera: found 3, expected text"),
         ({"camera": "a/b"}, "camera name: found 'a/b'"),
     ],

@@ -51,6 +51,10 @@ from tomo import Scan
         (lambda c: c.update(corrections={"bit_depth": 17}), ["corrections.bit_depth", "17"]),
         (lambda c: c.update(corrections={"mask": True}), ["corrections.mask", "True"]),
         (lambda c: c.update(truth="a\0b"), ["truth"]),
+        (
+            lambda c: c.update(corrections={"dark": "a\r"}),
+            ["corrections.dark: found 'a\\r', expected a path"],
+        ),
         (lambda c: c.update(truth="x" * 5000), ["truth"]),
         (lambda c: c.update(effects={"heat": 1.0}), ["effects.heat", "unknown field"]),
         (lambda c: c.update(effects={"absorption": "k"}), ["effects.absorption", "found 'k'"]),
