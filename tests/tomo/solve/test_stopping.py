@@ -302,11 +302,52 @@ def test_a_narrower_basis_is_taken_where_the_penalty_makes_it_clearly_better(
 ):
     plain = [(0.0, 17, 2.0), (0.5, 17, narrower), (0.8, 20, 1.0)]
     told = Foretold(plain, {(0.8, 20): penalised, (0.8, 30): 1.0, (0.5, 30): with_penalty})
-    best = stopping._of_many_views(told)
+    best = stopping._of_many_views(told, tame=False)
     assert (best.method, best.width, best.iterations) == ("tikhonov", *taken)
     longer = [each for each in told.tried if each[-1] is True]
     asked = [("tikhonov", 0.8, 30, True), ("tikhonov", 0.5, 30, True)]
     assert longer == (asked if asked_for else [])
+
+
+@pytest.mark.parametrize(
+    ("width", "iterations", "share", "left_out"),
+    [
+        (0.5, 20, 0.69, True),
+        (0.5, 20, 0.71, False),
+        (0.0, 20, 0.79, True),  # as rough as boxes
+        (0.0, 20, 0.81, False),
+        (0.0, 40, 0.81, False),  # boxes go on making up for their width
+        (0.5, 28, 0.96, True),  # not stopped early: nothing to tame
+        (0.5, 28, 0.98, False),
+    ],
+)
+def test_the_penalty_is_left_out_where_left_out_views_speak_against_it(
+    width, iterations, share, left_out
+):
+    for tame in (False, True):
+        told = Foretold([(width, iterations, share)], {(width, iterations): 1.0})
+        best = stopping._of_many_views(told, tame=tame)
+        assert best.method == ("nnls" if left_out and not tame else "tikhonov")
+        assert (best.width, best.iterations) == (width, iterations)
+
+
+def test_where_rays_leave_voxels_out_the_volume_stays_tame():
+    grid = VoxelGrid((18, 28, 18), 1.0)
+    rig = rigs.ring(12, distance=300.0, image_size=(20, 24), footprint=1.5)
+    field = phantoms.create("jet", seed=1, extent=grid.extent)
+    scan = simulate(rig, field, grid, supersample=3, refine=2)
+    system = LinearSystem.from_rig(rig, grid)
+    images = system.flatten(list(scan.images.values()))
+    choice = choose_by_held_out_views(system.projector, images)
+    alike = ("nnls", choice.width, choice.iterations)
+    plain = next(Choice(*each) for each in choice.tried if each[:3] == alike)
+    assert choice.method == "tikhonov"
+    assert plain.held_out_residual < 0.8 * choice.held_out_residual
+    tame, wild = (
+        np.linalg.norm(solve_as_chosen(system.projector, images, one).volume - scan.truth)
+        for one in (choice, plain)
+    )
+    assert tame < 0.8 * wild
 
 
 def test_with_few_views_both_methods_are_tried_and_the_better_one_is_taken():
