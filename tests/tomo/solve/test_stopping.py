@@ -317,8 +317,8 @@ def test_a_narrower_basis_is_taken_where_the_penalty_makes_it_clearly_better(
         (0.0, 20, 0.79, True),  # as rough as boxes
         (0.0, 20, 0.81, False),
         (0.0, 40, 0.81, False),  # boxes go on making up for their width
-        (0.5, 28, 0.96, True),  # not stopped early: nothing to tame
-        (0.5, 28, 0.98, False),
+        (0.5, 34, 0.96, True),  # not stopped early: nothing to tame
+        (0.5, 34, 0.98, False),
     ],
 )
 def test_the_penalty_is_left_out_where_left_out_views_speak_against_it(
