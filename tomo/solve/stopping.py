@@ -40,11 +40,11 @@ that many, nothing has been fitted that is to be tamed: of 14 scenes the penalty
 from the truth, by 1.23 in the mean. Of 28 iterations it made little difference, of fewer its
 volumes were at 0.92."""
 
-UNSEEN = 0.01
-"""With this share of voxels that no ray crosses, the penalty stays: what left-out views do not see
-either, they say nothing of, and rays so far apart leave much open of what they do see. A jet seen
-by a level ring of cameras with pixels of a voxel and a half was half as far again from the truth
-without it, though left-out views were predicted to 0.4 of their squared error."""
+IN_GAPS = 0.01
+"""With this share of voxels in gaps between rays the penalty stays. Left-out views do not see them
+either, and rays so far apart leave much open of what they do see: a jet seen by a level ring of
+cameras, with pixels of a voxel and a half, was half as far again from the truth without it, though
+left-out views were predicted to 0.4 of their squared error."""
 
 DETAILED = 0.92
 NEARLY_AS_GOOD = 1.25
@@ -121,7 +121,7 @@ def choose_by_held_out_views(
     Least squares are tried on plain voxels and then smoother, as long as that helps; the number of
     iterations comes with each. With noise or imperfect cameras a smooth basis predicts left-out
     views better; with clean images it does not. They are then given a faint penalty on
-    differences of neighbours, unless all voxels are seen and the left-out views speak clearly
+    differences of neighbours, unless rays leave no gaps and the left-out views speak clearly
     against it, or ask for many iterations of a smooth basis and are predicted better without; and
     a narrower basis where that predicts clearly better with the penalty.
 
@@ -148,8 +148,7 @@ def choose_by_held_out_views(
     if few:
         best = _of_few_views(candidates)
     else:
-        unseen = np.count_nonzero(projector.column_sums == 0)
-        best = _of_many_views(candidates, tame=unseen >= UNSEEN * projector.shape[1])
+        best = _of_many_views(candidates, tame=_share_in_gaps(projector) >= IN_GAPS)
     if progress:
         progress(total, total, "")
     chosen = candidates.candidate(best)
@@ -162,6 +161,21 @@ def choose_by_held_out_views(
             f"{residual:.4f}, the best {least:.4f})"
         )
     return Choice(*chosen, reason=reason, tried=tuple(candidates.tried))
+
+
+def _share_in_gaps(projector: ViewedOperator) -> float:
+    """Return the share of voxels that no ray crosses though rays cross others on both sides.
+
+    Corners of the grid that no camera sees are no gaps.
+    """
+    live, crossed = projector.live, projector.column_sums > 0
+    seen, unseen = (live.expand(some).reshape(live.grid.shape) for some in (crossed, ~crossed))
+    between = np.zeros_like(seen)
+    for axis in range(3):
+        before = np.logical_or.accumulate(seen, axis)
+        behind = np.flip(np.logical_or.accumulate(np.flip(seen, axis), axis), axis)
+        between |= before & behind
+    return np.count_nonzero(between & unseen) / len(crossed)
 
 
 def _of_many_views(candidates: Candidates, *, tame: bool) -> Attempt:

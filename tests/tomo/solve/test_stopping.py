@@ -331,7 +331,7 @@ def test_the_penalty_is_left_out_where_left_out_views_speak_against_it(
         assert (best.width, best.iterations) == (width, iterations)
 
 
-def test_where_rays_leave_voxels_out_the_volume_stays_tame():
+def test_where_rays_leave_gaps_the_volume_stays_tame():
     grid = VoxelGrid((18, 28, 18), 1.0)
     rig = rigs.ring(12, distance=300.0, image_size=(20, 24), footprint=1.5)
     field = phantoms.create("jet", seed=1, extent=grid.extent)
@@ -348,6 +348,16 @@ def test_where_rays_leave_voxels_out_the_volume_stays_tame():
         for one in (choice, plain)
     )
     assert tame < 0.8 * wild
+
+
+def test_gaps_are_between_rays_and_not_beside_them(projector):
+    grid = VoxelGrid((6, 5, 4), 1.0)
+    points = np.meshgrid([-2.5, -1.5, 1.5], [-2.0, -1.0, 0.0], [-9.0])
+    rays = Rays.from_lines(np.stack(points, -1).reshape(-1, 3), [0, 0, 1])
+    lines = Projector(trace(rays, grid), grid)
+    # Of six columns along x two are passed over; the sixth, and two of five along y, lie beside.
+    assert stopping._share_in_gaps(lines) == 2 * 3 * 4 / grid.size
+    assert stopping._share_in_gaps(projector) == 0
 
 
 def test_with_few_views_both_methods_are_tried_and_the_better_one_is_taken():
