@@ -80,6 +80,28 @@ def new_view(
     return vectors[:, -1] if values[-1] > 1e-12 else None
 
 
+def lines_of_sight(
+    directions: NDArray[np.float64], seen: NDArray[np.bool_], apart: float
+) -> NDArray[np.int64]:
+    """Return along how many lines each point is seen, ``(N,)``.
+
+    Parameters
+    ----------
+    directions : (N, C, 3) float64
+        Unit vectors between each of N points and C cameras; the sign does not matter.
+    seen : (N, C) bool
+        Which cameras see the point.
+    apart : float
+        Degrees between two lines, of which less than so many count as one.
+    """
+    counted = np.zeros_like(seen)
+    for number in range(seen.shape[1]):
+        cosines = np.abs(directions[:, :number] @ directions[:, number, :, None])[..., 0]
+        near = (counted[:, :number] & (cosines > np.cos(np.radians(apart)))).any(axis=1)
+        counted[:, number] = seen[:, number] & ~near
+    return np.count_nonzero(counted, axis=1)
+
+
 def angles_between(lines: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the angles in degrees, 0 to 90, between lines along ``(C, 3)``: ``(C, C)``.
 

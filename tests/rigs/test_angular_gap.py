@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
-from rigs.angular_gap import angles_between, largest_gap, new_view
+from rigs.angular_gap import angles_between, largest_gap, lines_of_sight, new_view
 
 
 def ring_lines(degrees):
@@ -86,3 +86,16 @@ def test_angles_between_lines_are_modulo_a_straight_angle_and_fine():
 def test_a_wrong_shape_is_told():
     with pytest.raises(ValueError, match=r"directions: found shape \(4, 3\)"):
         largest_gap(np.zeros((4, 3)))
+
+
+def test_views_from_both_ends_of_a_line_count_once():
+    angles = np.radians([0.0, 60.0, 120.0, 180.0, 243.0, 300.0])  # 63 is 3 degrees off 60
+    ring = np.stack([np.cos(angles), np.zeros(6), np.sin(angles)], axis=-1)
+    seen = np.ones((3, 6), bool)
+    seen[1, 3] = False  # its line is seen from the other end
+    seen[2, :3] = False
+    directions = np.stack([ring] * 3)
+    assert lines_of_sight(directions, seen, 5.0).tolist() == [3, 3, 3]
+    assert lines_of_sight(directions, seen, 2.0).tolist() == [4, 4, 3]
+    assert lines_of_sight(-directions, seen, 2.0).tolist() == [4, 4, 3]
+    assert lines_of_sight(directions, np.zeros((3, 6), bool), 5.0).tolist() == [0, 0, 0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.angular_gap import largest_gap
+from rigs.angular_gap import largest_gap, lines_of_sight
 from rigs.coverage import coverage
 from tomo.linear_system import LinearSystem
 
@@ -18,6 +19,10 @@ EMITTING = 0.01
 
 SAMPLED = 150
 """Emitting voxels, spread evenly, at which angular gaps and pixel sizes are computed."""
+
+SAME_LINE = 5.0
+"""Degrees up to which two views see a voxel along the same line: from both ends of one the
+integral is the same, and an even number of cameras in a full ring looks along half as many."""
 
 GAP_EDGES = (0.0, 15.0, 30.0, 45.0, 60.0, 90.0, 180.0)
 """Degrees between which the voxels are counted."""
@@ -33,14 +38,17 @@ class Seeing:
         How many views have a usable pixel whose rays cross the voxel.
     emitting : (unknowns,) bool
         Which voxels emit: above `EMITTING` of the brightest.
+    lines : (samples,) int64
+        Along how many lines some emitting voxels are seen, see `SAME_LINE`.
     gap : (samples,) float64
-        Largest angular gap in degrees of some emitting voxels, see `rigs.angular_gap`.
+        Largest angular gap in degrees of the same, see `rigs.angular_gap`.
     pixel : float
         Median size of a pixel there, across the line of sight, in the rig's unit; NaN if unknown.
     """
 
     views: NDArray[np.int64]
     emitting: NDArray[np.bool_]
+    lines: NDArray[np.int64]
     gap: NDArray[np.float64]
     pixel: float
 
@@ -49,6 +57,11 @@ class Seeing:
         """Median number of views of the emitting voxels; NaN where none emits."""
         seen = self.views[self.emitting]
         return float(np.median(seen)) if len(seen) else float("nan")
+
+    @property
+    def median_lines(self) -> float:
+        """Median number of lines that emitting voxels are seen along; NaN where none emits."""
+        return float(np.median(self.lines)) if len(self.lines) else float("nan")
 
     @property
     def median_gap(self) -> float:
@@ -65,6 +78,7 @@ class Seeing:
             "by_views": dict(zip(numbers.tolist(), counts.tolist(), strict=True)),
             "emitting_by_views": dict(zip(bright.tolist(), bright_counts.tolist(), strict=True)),
             "median_views": self.median_views,
+            "median_lines": self.median_lines,
             "gap_edges_degrees": list(GAP_EDGES),
             "emitting_share_by_gap": shares.tolist(),
             "median_gap_degrees": self.median_gap,
@@ -93,13 +107,15 @@ def seeing(system: LinearSystem, volume: NDArray[np.float32]) -> Seeing:
         views += crossed
         seen[:, number] = crossed[sample]
     if not len(sample):
-        return Seeing(views, emitting, np.zeros(0), float("nan"))
+        return Seeing(views, emitting, np.zeros(0, np.int64), np.zeros(0), float("nan"))
     points = _centers(system, sample)
     found = coverage(system.rig, points)
+    lines = lines_of_sight(found.directions, seen, SAME_LINE)
     gap, _ = largest_gap(found.directions, seen)
     sizes = found.median_footprint
     known = np.isfinite(sizes)
-    return Seeing(views, emitting, gap, float(np.median(sizes[known])) if known.any() else np.nan)
+    pixel = float(np.median(sizes[known])) if known.any() else math.nan
+    return Seeing(views, emitting, lines, gap, pixel)
 
 
 def _centers(system: LinearSystem, unknowns: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -8,10 +8,10 @@ import numpy as np
 
 from tomo.condition._seeing import Seeing
 
-FEW_VIEWS = 4
-"""Fewer views of the typical emitting voxel hardly say where along them light is. Clean images of
-three that are spread evenly leave an NRMSE of 0.33 (jet) and 0.44 (turbulent flame), four 0.06 and
-0.25. The gap does not tell: that of eleven views within 110 degrees is wider than theirs."""
+FEW_LINES = 4
+"""Fewer lines through the typical emitting voxel hardly say where along them light is. Clean
+images of three that are spread evenly leave an NRMSE of 0.33 (jet) and 0.44 (turbulent flame), of
+four 0.06 and 0.25. The gap does not tell: that of eleven views within 110 degrees is wider."""
 
 WIDE_GAP = 75.0
 """Degrees; two views at right angles leave 90, three evenly spread ones 60."""
@@ -43,10 +43,13 @@ def doubts(
         Root mean square standard deviation over that of the emission; NaN where not known.
     """
     lines = []
-    if seen.median_views < FEW_VIEWS:
+    if seen.median_lines < FEW_LINES:
+        found = f"{seen.median_views:g}"
+        if seen.median_lines < seen.median_views:
+            found += f", from both ends of lines of sight of which there are {seen.median_lines:g}"
         lines.append(
-            f"few views: the typical voxel that emits is seen by {seen.median_views:g}, expected "
-            f"{FEW_VIEWS} or more: what lies along their lines of sight is guessed"
+            f"few views: the typical voxel that emits is seen by {found}, expected {FEW_LINES} or "
+            "more: what lies along their lines of sight is guessed"
         )
     if seen.median_gap > WIDE_GAP:
         lines.append(

@@ -48,8 +48,8 @@ def _of_views(voxels: Mapping) -> list[str]:
         return ["No voxel emits."]
     return [
         f"{voxels['emitting']:,} voxels emit (above a hundredth of the brightest). The typical "
-        f"one is seen by {voxels['median_views']:g} views, which leave "
-        f"{voxels['median_gap_degrees']:.0f} degrees open at most."
+        f"one is seen by {voxels['median_views']:g} views along {voxels['median_lines']:g} lines "
+        f"of sight, which leave {voxels['median_gap_degrees']:.0f} degrees open at most."
     ]
 
 

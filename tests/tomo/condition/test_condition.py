@@ -181,19 +181,22 @@ def test_views_and_gaps_of_two_and_of_many_views():
 
 
 @pytest.mark.parametrize(
-    ("views", "few", "wide"),
-    [(2, True, True), (3, True, False), (4, False, True), (5, False, False)],  # 4: opposite pairs
+    ("views", "lines", "wide"),
+    [(2, 1, True), (3, 3, False), (4, 2, True), (5, 5, False), (6, 3, False), (8, 4, False)],
 )
-def test_three_views_are_few_however_well_they_are_spread(views, few, wide):
+def test_few_lines_of_sight_are_told_of_however_many_views_look_along_them(views, lines, wide):
+    """Of an even number in a ring each looks along the line of the one opposite."""
     volume = np.ones(GRID.shape, np.float32)
     found = seeing(system_of(views), volume.ravel())
-    assert found.median_views == views
-    lines = doubts(found, residual=0.01, noise=0.01)
-    assert (
-        any(line.startswith("few views: ") and f"seen by {views}," in line for line in lines)
-        == few
-    )
-    assert any(line.startswith("wide gap: ") for line in lines) == wide
+    assert (found.median_views, found.median_lines) == (views, lines)
+    assert found.report()["median_lines"] == lines
+    told = doubts(found, residual=0.01, noise=0.01)
+    few = [line for line in told if line.startswith("few views: ")]
+    assert len(few) == (lines < 4)
+    for line in few:
+        assert f"seen by {views}," in line
+        assert (f"of which there are {lines}," in line) == (lines < views)
+    assert any(line.startswith("wide gap: ") for line in told) == wide
 
 
 def test_only_voxels_that_emit_are_judged():

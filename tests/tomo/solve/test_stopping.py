@@ -309,26 +309,16 @@ def test_a_narrower_basis_is_taken_where_the_penalty_makes_it_clearly_better(
     assert longer == (asked if asked_for else [])
 
 
-@pytest.mark.parametrize(
-    ("width", "iterations", "share", "left_out"),
-    [
-        (0.5, 20, 0.69, True),
-        (0.5, 20, 0.71, False),
-        (0.0, 20, 0.79, True),  # as rough as boxes
-        (0.0, 20, 0.81, False),
-        (0.0, 40, 0.81, False),  # boxes go on making up for their width
-        (0.5, 34, 0.96, True),  # not stopped early: nothing to tame
-        (0.5, 34, 0.98, False),
-    ],
-)
-def test_the_penalty_is_left_out_where_left_out_views_speak_against_it(
-    width, iterations, share, left_out
+@pytest.mark.parametrize("width", [0.0, 0.5])
+@pytest.mark.parametrize(("share", "left_out"), [(0.69, True), (0.71, False)])
+def test_the_penalty_is_left_out_where_left_out_views_speak_clearly_against_it(
+    width, share, left_out
 ):
     for tame in (False, True):
-        told = Foretold([(width, iterations, share)], {(width, iterations): 1.0})
+        told = Foretold([(width, 20, share)], {(width, 20): 1.0})
         best = stopping._of_many_views(told, tame=tame)
         assert best.method == ("nnls" if left_out and not tame else "tikhonov")
-        assert (best.width, best.iterations) == (width, iterations)
+        assert (best.width, best.iterations) == (width, 20)
 
 
 def test_where_rays_leave_gaps_the_volume_stays_tame():
