@@ -44,12 +44,14 @@ def doubts(
     """
     lines = []
     if seen.median_lines < FEW_LINES:
-        found = f"{seen.median_views:g}"
+        found, what = f"{seen.median_views:g}", "what lies along their lines of sight is guessed"
         if seen.median_lines < seen.median_views:
-            found += f", from both ends of lines of sight of which there are {seen.median_lines:g}"
+            ending = "" if seen.median_lines == 1 else "s"
+            found += f", along {seen.median_lines:g} line{ending} of sight"
+            what = "opposite views, or neighbours, share one; what lies along it is guessed"
         lines.append(
             f"few views: the typical voxel that emits is seen by {found}, expected {FEW_LINES} or "
-            "more: what lies along their lines of sight is guessed"
+            f"more: {what}"
         )
     if seen.median_gap > WIDE_GAP:
         lines.append(

@@ -28,7 +28,7 @@ WORTH_ITS_DETAIL = 0.7
 """The penalty is left out where without it the left-out views' squared error is below this share.
 Boxes alone predict clean images a little better and are further from the truth: they make up for
 their width by contrast. Where the light itself is as rough as boxes they predict far better: of
-twelve such scenes four made 0.28 to 0.55, the others 0.75 or more. Flames have made 0.72."""
+some twenty such scenes eight made 0.28 to 0.55, others 0.75 or more. Flames have made 0.72."""
 
 IN_GAPS = 0.01
 """With this share of voxels in gaps between rays the penalty stays. Left-out views do not see them

@@ -195,7 +195,8 @@ def test_few_lines_of_sight_are_told_of_however_many_views_look_along_them(views
     assert len(few) == (lines < 4)
     for line in few:
         assert f"seen by {views}," in line
-        assert (f"of which there are {lines}," in line) == (lines < views)
+        words = "line of sight" if lines == 1 else "lines of sight"
+        assert (f", along {lines} {words}, expected 4" in line) == (lines < views)
     assert any(line.startswith("wide gap: ") for line in told) == wide
 
 
