@@ -94,12 +94,15 @@ def lines_of_sight(
     apart : float
         Degrees between two lines, of which less than so many count as one.
     """
-    counted = np.zeros_like(seen)
-    for number in range(seen.shape[1]):
-        cosines = np.abs(directions[:, :number] @ directions[:, number, :, None])[..., 0]
-        near = (counted[:, :number] & (cosines > np.cos(np.radians(apart)))).any(axis=1)
-        counted[:, number] = seen[:, number] & ~near
-    return np.count_nonzero(counted, axis=1)
+    counts = np.zeros(len(seen), np.int64)
+    for point, (lines, sees) in enumerate(zip(directions, seen, strict=True)):
+        same = angles_between(lines[sees]) < apart
+        own: list[int] = []
+        for view in range(len(same)):
+            if not same[view, own].any():
+                own.append(view)
+        counts[point] = len(own)
+    return counts
 
 
 def angles_between(lines: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from rigs._schema import CameraEntry, RigEntry, parse_rig
-from rigs._text import read_yaml_mapping, write_text
+from rigs._text import breaks_a_line, read_yaml_mapping, write_text
 from rigs.camera import Camera, look_at
 from rigs.distortion import Distortion
 from rigs.optics import Optics
@@ -278,7 +278,7 @@ class _Dumper(yaml.SafeDumper):
 
     def _text(self, data: str) -> yaml.Node:
         # PyYAML would write line breaks as they are, and read some of them as others.
-        style = '"' if len(data.splitlines()) > 1 or data != data.rstrip() else None
+        style = '"' if breaks_a_line(data) or data != data.rstrip() else None
         return self.represent_scalar("tag:yaml.org,2002:str", data, style=style)
 
 

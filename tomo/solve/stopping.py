@@ -134,10 +134,7 @@ def choose_by_held_out_views(
     few = len(views) <= FEW_VIEWS
     total = 2 * len(WIDTHS) if few else len(WIDTHS) + 3
     candidates = Candidates.of(projector, measured, views, total, progress)
-    if few:
-        best = _of_few_views(candidates)
-    else:
-        best = _of_many_views(candidates, tame=_share_in_gaps(projector) >= IN_GAPS)
+    best = _of_few_views(candidates) if few else _of_many_views(candidates, projector)
     if progress:
         progress(total, total, "")
     chosen = candidates.candidate(best)
@@ -167,13 +164,14 @@ def _share_in_gaps(projector: ViewedOperator) -> float:
     return np.count_nonzero(between & unseen) / max(len(crossed), 1)
 
 
-def _of_many_views(candidates: Candidates, *, tame: bool) -> Attempt:
-    """Return the best of least squares; with the penalty in any case where it is to be tame."""
+def _of_many_views(candidates: Candidates, projector: ViewedOperator) -> Attempt:
+    """Return the best of least squares; ``projector`` is that of all views."""
     helped = candidates.smoothed("nnls", WIDTHS)
     plain = helped[-1]
     # Iterations stay: the penalty is to make a volume tamer, not to go on for longer.
     penalised = candidates.attempt("tikhonov", plain.width, iterations=plain.iterations)
-    if not tame and plain.error < WORTH_ITS_DETAIL * penalised.error:
+    clearly = plain.error < WORTH_ITS_DETAIL * penalised.error
+    if clearly and _share_in_gaps(projector) < IN_GAPS:  # in this order: gaps take a product
         return plain
     penalised = replace(penalised, iterations=plain.iterations)
     candidates.tried[-1] = candidates.candidate(penalised)
