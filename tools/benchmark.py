@@ -8,6 +8,7 @@ if __name__ == "__main__":
     run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -38,6 +39,12 @@ def benchmark(
     data: Annotated[
         Path | None, typer.Option(help="A folder of real image sets, for skipping.")
     ] = None,
+    processes: Annotated[
+        int,
+        typer.Option(
+            min=1, max=999, help="Work on so many scenes of mismatch at a time, a thread each."
+        ),
+    ] = 1,
     tiny: Annotated[bool, typer.Option("--tiny", hidden=True)] = False,
     json: Annotated[bool, typer.Option("--json", help="Print what was wanted and found.")] = False,
 ) -> None:
@@ -54,6 +61,7 @@ def benchmark(
         from _benchmark import plume, results, sizes
         from _benchmark.machine import load, machine
         from _benchmark.parts import PARTS as RUN
+        from _benchmark.parts import Asked
         from _benchmark.warm import warm_up
 
         if data is not None:
@@ -69,20 +77,25 @@ def benchmark(
         "parts": {},
     }
     done = {name: record for name, record in result["parts"].items() if name not in again}
+    begun = {name: rows for name, rows in result.get("begun", {}).items() if name not in again}
     console.print("warming up compiled code")
     result["first_use_seconds"] = warm_up()
     for name in asked:
         if name in done:
             continue
         started, loaded = time.perf_counter(), load()
+        keep = partial(results.keep, out, {**result, "begun": begun}, name)
         with progress_bar(name) as progress:
-            studies, notes = RUN[name](size, data, progress)
+            part = Asked(size, progress, data, processes, begun.get(name, ()), keep)
+            studies, notes = RUN[name](part)
         done[name] = {
             "seconds": time.perf_counter() - started,
             "load_at_start": loaded,
             "notes": notes,
             "studies": studies,
         }
+        begun.pop(name, None)
+        result |= {"begun": begun}
         result["parts"] = {name: done[name] for name in PARTS if name in done}
         results.save(out, result)
         console.print(f"{name}: {done[name]['seconds']:.0f} s", highlight=False)

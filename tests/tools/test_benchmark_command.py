@@ -18,7 +18,7 @@ def stubs(run_tool, monkeypatch):
     ran = []
 
     def stub(name):
-        def run(sizes, data, progress):
+        def run(asked):
             ran.append(name)
             return {"threads": []}, [f"run {len(ran)}"]
 
@@ -32,7 +32,7 @@ def stubs(run_tool, monkeypatch):
 def test_an_interrupted_run_goes_on(run_tool, stubs, monkeypatch, tmp_path):
     from _benchmark import PARTS, parts
 
-    def fail(sizes, data, progress):
+    def fail(asked):
         raise RuntimeError("the machine went away")
 
     working = dict(parts.PARTS)
@@ -51,6 +51,32 @@ def test_an_interrupted_run_goes_on(run_tool, stubs, monkeypatch, tmp_path):
     assert all(after[name] == before[name] for name in before)
 
 
+def test_a_part_goes_on_between_its_rows(run_tool, stubs, monkeypatch, tmp_path):
+    from _benchmark import parts
+
+    def two_rows_at_most(asked):
+        rows = [*asked.kept]
+        while len(rows) < 3:
+            if len(rows) == len(asked.kept) + 2:
+                raise RuntimeError("the machine went away")
+            rows.append({"row": len(rows)})
+            asked.keep(rows)
+        return {"mismatch": rows}, []
+
+    monkeypatch.setitem(parts.PARTS, "mismatch", two_rows_at_most)
+    arguments = ("benchmark", "--quick", "--part", "mismatch", "-o", tmp_path)
+    assert run_tool(*arguments).exit_code == 1
+    kept = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))
+    assert kept["begun"] == {"mismatch": [{"row": 0}, {"row": 1}]}
+    assert kept["parts"] == {}
+    assert run_tool(*arguments, "--resume").exit_code == 0
+    ended = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))
+    assert ended["begun"] == {}
+    assert ended["parts"]["mismatch"]["studies"]["mismatch"] == [{"row": n} for n in range(3)]
+    # asked for again, a part begins anew
+    assert run_tool(*arguments, "--resume", "--redo", "mismatch").exit_code == 1
+
+
 def test_only_what_is_asked_runs(run_tool, stubs, tmp_path):
     arguments = ("benchmark", "--quick", "-o", tmp_path)
     assert run_tool(*arguments, "--part", "startup", "--part", "scaling").exit_code == 0
@@ -66,7 +92,7 @@ def test_only_what_is_asked_runs(run_tool, stubs, tmp_path):
 def test_a_failing_study_is_no_bad_input(run_tool, stubs, monkeypatch, tmp_path):
     from _benchmark import parts
 
-    def fail(sizes, data, progress):
+    def fail(asked):
         raise ValueError("shapes differ")
 
     monkeypatch.setitem(parts.PARTS, "solvers", fail)

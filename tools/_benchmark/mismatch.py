@@ -6,7 +6,7 @@ import collections
 import itertools
 import statistics
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from _benchmark.mismatch_scenes import NOISES, MismatchScene, mismatch_scene
 from _benchmark.problems import Problem
 from _benchmark.sizes import TINY, Sizes
 from _benchmark.solvers import Progress, Rows
+from _benchmark.workers import results_of
 from tomo import metrics
 from tomo.defocus import blur_of_images
 
@@ -58,7 +59,11 @@ class MismatchRow:
         Of the best of `INFORMED` and ``classic``, so stopped, with the true weights in place of
         chords: about what the images allow.
     wernet_cosine_distance, wernet_nrmse, wernet_seconds : float
-        Of WERNet as it stops by itself.
+        Of WERNet as it stops by itself, asked to look for discs out of focus.
+    blur : float
+        The diameter of those that it found; 0 for none.
+    default_cosine_distance : float
+        Of WERNet not so asked.
     """
 
     effect: str
@@ -76,23 +81,54 @@ class MismatchRow:
     wernet_cosine_distance: float
     wernet_nrmse: float
     wernet_seconds: float
+    blur: float
+    default_cosine_distance: float
+
+    @property
+    def scene(self) -> tuple[str, str, str, int]:
+        """What the row is of, as `mismatch_row` takes it."""
+        return self.effect, self.flame, self.noise, self.seed
 
 
-def mismatch(sizes: Sizes, progress: Progress) -> Rows:
-    """Return ``mismatch``, one row a scene, and ``mismatch_mean``, over the seeds."""
-    # Both noises of a flame one behind the other: its clean images are kept.
-    scenes = list(
-        itertools.product(sizes.flames, sizes.mismatch_seeds, sizes.mismatch_effects, NOISES)
-    )
-    progress(0, len(scenes), "first use")
+def mismatch(
+    sizes: Sizes,
+    progress: Progress,
+    *,
+    kept: Sequence[Mapping[str, Any]] = (),
+    keep: Callable[[list[dict[str, Any]]], None] = lambda rows: None,
+    processes: int = 1,
+) -> Rows:
+    """Return ``mismatch``, one row a scene, and ``mismatch_mean``, over the seeds.
+
+    Parameters
+    ----------
+    sizes : Sizes
+    progress : callable
+    kept : sequence of mapping
+        Rows of an interrupted run: their scenes are left out.
+    keep : callable
+        Is given all rows after each that is new.
+    processes : int
+        How many work on scenes side by side, see `_benchmark.workers.results_of`.
+    """
+    # Means need every seed of a noise: those without noise, which the aims are for, come first.
+    order = [
+        (effect, flame, noise, seed)
+        for noise in NOISES
+        for seed in sizes.mismatch_seeds
+        for effect, flame in itertools.product(sizes.mismatch_effects, sizes.flames)
+    ]
+    rows = [MismatchRow(**row) for row in kept]
+    had = {row.scene for row in rows}
+    missing = [scene for scene in order if scene not in had]
+    progress(len(rows), len(order), "first use")
     mismatch_row("gains", "jet", "clean", 0, TINY)
-    rows = []
-    for number, (flame, seed, effect, noise) in enumerate(scenes):
-        progress(number, len(scenes), f"{effect}, {flame}, {noise}, seed {seed}")
-        rows.append(mismatch_row(effect, flame, noise, seed, sizes))
-    progress(len(scenes), len(scenes), "")
-    order = [*itertools.product(sizes.mismatch_effects, sizes.flames, NOISES)]
-    rows.sort(key=lambda row: (order.index((row.effect, row.flame, row.noise)), row.seed))
+    for row in results_of(mismatch_row, [(*scene, sizes) for scene in missing], processes):
+        rows.append(row)
+        progress(len(rows), len(order), "{}, {}, {}, seed {}".format(*row.scene))
+        keep([asdict(row) for row in rows])
+    shown = [*itertools.product(sizes.mismatch_effects, sizes.flames, NOISES)]
+    rows.sort(key=lambda row: (shown.index(row.scene[:3]), row.seed))
     return {"mismatch": [asdict(row) for row in rows], "mismatch_mean": means(rows)}
 
 
@@ -140,10 +176,10 @@ def means(rows: Sequence[MismatchRow]) -> list[dict[str, Any]]:
             "classic": " / ".join(name for name, _ in won.most_common()),
         }
         for key in asdict(group[0]):
-            if key.startswith(("classic_", "informed_", "wernet_")):
+            if key.startswith(("classic_", "informed_", "wernet_", "default_")):
                 mean[key] = statistics.fmean(getattr(row, key) for row in group)
         classic = mean["classic_cosine_distance"]
-        for name in ("informed", "wernet"):
+        for name in ("informed", "wernet", "default"):
             mean[f"{name}_of_classic"] = mean[f"{name}_cosine_distance"] / classic
         found.append(mean)
     return found
@@ -172,7 +208,7 @@ def _least(course: Course) -> float:
 
 
 def _learned(scene: MismatchScene) -> dict[str, float]:
-    """Return what WERNet reaches, without the truth, asked to look for discs out of focus."""
+    """Return what WERNet reaches, without the truth, with and without looking for discs."""
     from tomo.wernet import wernet
 
     started = time.perf_counter()
@@ -181,8 +217,11 @@ def _learned(scene: MismatchScene) -> dict[str, float]:
     system = ready.system.out_of_focus(blur) if blur else ready.system
     found = wernet(system.projector, ready.measured, seed=scene.seed)
     seconds = time.perf_counter() - started
+    default = wernet(ready.system.projector, ready.measured, seed=scene.seed) if blur else found
     return {
         "wernet_cosine_distance": metrics.cosine_distance(found.volume, scene.truth),
         "wernet_nrmse": metrics.nrmse(found.volume, scene.truth),
         "wernet_seconds": seconds,
+        "blur": blur or 0.0,
+        "default_cosine_distance": metrics.cosine_distance(default.volume, scene.truth),
     }

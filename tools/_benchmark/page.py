@@ -82,8 +82,9 @@ ABOUT: Mapping[str, tuple[str, str]] = {
         "Classic is the best of CGLS, non-negative least squares (plain and smooth), SIRT, MLEM "
         "and total variation, each stopped where it is nearest to the truth; informed is the "
         "best of the first two and of that one, so stopped, with the true weights: about what the "
-        "images allow; WERNet stops by itself. Means over the seeds; seconds since the images "
-        "were in memory.",
+        "images allow; WERNet stops by itself. It is asked to look for discs out of focus in the "
+        "images (`--blur auto`); beside it stands what it comes to when it is not. Means over "
+        "the seeds; seconds since the images were in memory.",
     ),
     "training": (
         "Time of an epoch",
@@ -200,6 +201,7 @@ COLUMNS: Mapping[str, list[Column]] = {
         ("s", number("wernet_seconds", 2)),
         ("informed / classic", number("informed_of_classic", 2)),
         ("WERNet / classic", number("wernet_of_classic", 2)),
+        ("not looking for discs", number("default_of_classic", 2)),
     ],
     "training": [
         ("encoder", words("variant")),

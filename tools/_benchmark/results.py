@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,14 @@ def load(folder: Path, size: str, machine: Mapping[str, Any]) -> dict[str, Any]:
     """
     wanted = {"size": size, "machine": {key: machine[key] for key in ("cpu", "cores")}}
     return earlier_run(folder / JSON, (FORMAT, VERSION), wanted, of="a benchmark")
+
+
+def keep(
+    folder: Path, result: Mapping[str, Any], part: str, rows: Sequence[Mapping[str, Any]]
+) -> None:
+    """Write the rows of a part that is under way, for a run that goes on; the JSON alone."""
+    begun = {**result["begun"], part: rows}
+    write_json(folder / JSON, plain({**result, "begun": begun}))
 
 
 def save(folder: Path, result: Mapping[str, Any]) -> dict[str, Any]:
