@@ -95,7 +95,7 @@ def benchmark(
             "studies": studies,
         }
         begun.pop(name, None)
-        result |= {"begun": begun}
+        result["begun"] = begun
         result["parts"] = {name: done[name] for name in PARTS if name in done}
         results.save(out, result)
         console.print(f"{name}: {done[name]['seconds']:.0f} s", highlight=False)

@@ -201,7 +201,7 @@ COLUMNS: Mapping[str, list[Column]] = {
         ("s", number("wernet_seconds", 2)),
         ("informed / classic", number("informed_of_classic", 2)),
         ("WERNet / classic", number("wernet_of_classic", 2)),
-        ("not looking for discs", number("default_of_classic", 2)),
+        ("not looking for discs / classic", number("default_of_classic", 2)),
     ],
     "training": [
         ("encoder", words("variant")),

@@ -5,10 +5,10 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from typing import Any, TypeVar
+from unittest import mock
 
 Result = TypeVar("Result")
 
@@ -39,7 +39,7 @@ def results_of(
         yield from (function(*call) for call in calls)
         return
     context = multiprocessing.get_context("spawn")
-    with _environment(_ONE_THREAD):
+    with mock.patch.dict(os.environ, _ONE_THREAD):  # libraries have read theirs in this process
         pool = ProcessPoolExecutor(processes, context, initializer=_use_one_thread)
         try:
             for done in as_completed([pool.submit(function, *call) for call in calls]):
@@ -58,18 +58,3 @@ def _use_one_thread() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     numba.set_num_threads(1)
     torch.set_num_threads(1)
-
-
-@contextmanager
-def _environment(variables: Mapping[str, str]) -> Iterator[None]:
-    """Set variables for the processes started meanwhile: libraries here have read them."""
-    before = {name: os.environ.get(name) for name in variables}
-    os.environ.update(variables)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
