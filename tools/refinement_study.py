@@ -37,7 +37,7 @@ def refinement_study(
         check_output_folder(out)
         from _benchmark.machine import machine
         from _refinement.page import claims, page
-        from _refinement.study import disturbed_rigs, plume
+        from _refinement.study import ERROR, plume, rigs_refined
         from _results import write_json, write_text
 
         data = Path(os.environ.get("TOMO_TEST_DATA", ROOT.parent / "shared" / "data"))
@@ -45,7 +45,8 @@ def refinement_study(
         result = {
             "machine": machine(),
             "options": " --quick" if quick else f" --seeds {seeds}" if seeds != 6 else "",
-            "disturbed_rigs": disturbed_rigs(numbers, _say, tiny=quick),
+            "disturbed_rigs": rigs_refined(numbers, _say, error=ERROR, tiny=quick),
+            "true_rigs": rigs_refined(numbers, _say, error=0.0, tiny=quick),
             "plume": [] if quick else plume(data, _say),
         }
         result["missed"] = claims(result)

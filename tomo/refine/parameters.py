@@ -89,37 +89,3 @@ def volume_gradient(volume: NDArray, grid: VoxelGrid) -> NDArray[np.float64]:
         ahead[axis], behind[axis] = slice(2, None), slice(None, -2)
         parts.append((padded[tuple(ahead)] - padded[tuple(behind)]).ravel() / (2 * spacing))
     return np.stack(parts, axis=-1)
-
-
-def without_common_motion(
-    rig: Rig, grid: VoxelGrid, parameters: NDArray[np.float64], lengths: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return parameters less what only moves, turns or enlarges the volume, or brightens it.
-
-    Images say nothing of a motion that all cameras share, of a scale of the whole scene about the
-    grid's middle, or of a common gain, and next to nothing of a common change of focal lengths,
-    which is one of the scene's size but for perspective. Of all parameters that say the same,
-    those are returned that depart least from the cameras as given, in units of ``lengths``
-    ``(cameras, 8)``.
-    """
-    middle, modes = np.asarray(grid.center), []
-    for axis in np.eye(3):
-        modes.append([np.r_[camera.R @ axis, np.zeros(5)] for camera in rig])
-        modes.append(
-            [
-                np.r_[
-                    camera.R @ np.cross(axis, camera.position - middle),
-                    -camera.R @ axis,
-                    np.zeros(2),
-                ]
-                for camera in rig
-            ]
-        )
-    modes.append([np.r_[c.R @ (c.position - middle), np.zeros(5)] for c in rig])
-    modes += [[np.eye(COUNT)[which]] * len(rig) for which in (FOCAL, GAIN)]
-    basis = np.array(modes) / lengths  # (modes, cameras, 8)
-    basis = basis.reshape(len(modes), -1)
-    basis /= np.linalg.norm(basis, axis=1, keepdims=True)
-    weighed = (parameters / lengths).ravel()
-    shares = np.linalg.lstsq(basis.T, weighed, rcond=1e-9)[0]
-    return (weighed - shares @ basis).reshape(parameters.shape) * lengths

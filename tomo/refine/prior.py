@@ -49,8 +49,7 @@ def units(camera: Camera, grid: VoxelGrid) -> NDArray[np.float64]:
     Position and turn are parts of their own: seen from the volume a camera that is aside and
     turned back is in another direction, which the prior allows only as far as each part.
     """
-    corners = box_points([-0.5] * 3, [0.5] * 3, 2)
-    points = np.asarray(grid.center) + corners * (np.asarray(grid.shape) * grid.spacing)
+    points = box_points(grid.lower, grid.upper, 2)
     focal = float(np.sqrt(camera.camera_matrix[0, 0] * camera.camera_matrix[1, 1]))
     depth = abs(float(camera.R[2] @ np.asarray(grid.center) + camera.t[2]))
     seen, _, valid = camera.project(points)

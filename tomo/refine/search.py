@@ -25,7 +25,8 @@ from rigs import RayTable, Rig
 from tomo._coarser import coarsening
 from tomo.grid import VoxelGrid
 from tomo.linear_system import VolumeNotSeenError
-from tomo.refine.parameters import COUNT, without_common_motion
+from tomo.refine.common_motion import without_common_motion
+from tomo.refine.parameters import COUNT
 from tomo.refine.prior import prior_lengths
 from tomo.refine.refinement import Refinement
 from tomo.refine.task import Task

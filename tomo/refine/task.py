@@ -118,9 +118,7 @@ class Task:
 
 def _moves(rig: Rig, other: Rig, grid: VoxelGrid) -> NDArray[np.float64]:
     """Return how far points of the volume move in the images of each camera, RMS: (cameras,)."""
-    places = box_points([-0.5] * 3, [0.5] * 3, 5)
-    points = np.asarray(grid.center) + places * (np.asarray(grid.shape) * grid.spacing)
-    moves = []
+    points, moves = box_points(grid.lower, grid.upper, 5), []
     for camera, changed in zip(rig, other, strict=True):
         (here, _, valid), (there, _, still) = camera.project(points), changed.project(points)
         apart = np.sum(np.square(there - here), axis=1)[valid & still]

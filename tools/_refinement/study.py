@@ -34,8 +34,10 @@ POINTS = 5  # along each side of the volume, where ray-miss is judged
 Say = Callable[[str], None]
 
 
-def disturbed_rigs(seeds: Iterable[int], say: Say, *, tiny: bool = False) -> list[dict[str, Any]]:
-    """Return ray-miss before and after refining rigs whose poses are wrong, a row a seed."""
+def rigs_refined(
+    seeds: Iterable[int], say: Say, *, error: float, tiny: bool = False
+) -> list[dict[str, Any]]:
+    """Return ray-miss before and after refining rigs whose poses are so wrong, a row a seed."""
     grid = VoxelGrid((16, 40, 16), 0.8) if tiny else VoxelGrid((30, 140, 30), 0.5)
     size, footprint = ((40, 64), 0.6) if tiny else ((100, 200), 0.4)
     true = rigs.ring(
@@ -47,10 +49,10 @@ def disturbed_rigs(seeds: Iterable[int], say: Say, *, tiny: bool = False) -> lis
     )
     rows = []
     for seed in seeds:
-        say(f"disturbed rig, seed {seed}")
+        say(f"poses {error:g} px wrong, seed {seed}")
         flame = phantoms.create("turbulent", extent=grid.extent, seed=seed)
         scan = simulate(true, flame, grid, supersample=3, refine=2, noise=NOISE, seed=seed)
-        given = _disturbed(true, grid, seed)
+        given = _disturbed(true, grid, seed, error)
         began = time.perf_counter()
         found = refine_cameras(given, list(scan.images.values()), grid)
         seconds = time.perf_counter() - began
@@ -112,10 +114,10 @@ def _psnr(outcome: Any, name: str) -> float:
     return outcome.report()["held_out"][name]["psnr"]
 
 
-def _disturbed(rig: Rig, grid: VoxelGrid, seed: int) -> Rig:
-    """Return the rig with every camera shifted and turned at random."""
+def _disturbed(rig: Rig, grid: VoxelGrid, seed: int, error: float) -> Rig:
+    """Return the rig with every camera shifted and turned at random, so many pixels each."""
     random = np.random.default_rng(seed)
     steps = np.zeros((len(rig), COUNT))
     for number, camera in enumerate(rig):
-        steps[number, :6] = random.normal(size=6) * ERROR * units(camera, grid)[:6]
+        steps[number, :6] = random.normal(size=6) * error * units(camera, grid)[:6]
     return moved_rig(rig, steps)

@@ -5,13 +5,9 @@ import rigs
 from tomo import VoxelGrid
 from tomo.refine.parameters import (
     COUNT,
-    FOCAL,
-    GAIN,
     image_derivatives,
     moved,
-    moved_rig,
     volume_gradient,
-    without_common_motion,
 )
 from tomo.refine.prior import prior_lengths, units
 
@@ -89,39 +85,6 @@ def test_gradient_of_a_linear_field_is_exact_inside():
     field = centers @ [1.0, -2.0, 0.5]
     found = volume_gradient(field, GRID).reshape(*GRID.shape, 3)[1:-1, 1:-1, 1:-1]
     assert np.allclose(found, [1.0, -2.0, 0.5])
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_common_motion_of_all_cameras_is_none(seed):
-    """The world turned and shifted a little: what is left is second order."""
-    random = np.random.default_rng(seed)
-    rig, size = ring(), 1e-4
-    vector, shift = random.normal(size=(2, 3)) * size * [[1.0], [100]]
-    lengths = np.array([units(camera, GRID) for camera in rig])
-    common = np.zeros((len(rig), COUNT))
-    for index, camera in enumerate(rig):
-        common[index, :3] = camera.R @ (shift + np.cross(vector, camera.position))
-        common[index, 3:6] = -camera.R @ vector
-    common[:, FOCAL] += 0.01
-    common[:, GAIN] += 0.3
-    assert np.abs(without_common_motion(rig, GRID, common, lengths) / lengths).max() < 1e-9
-    # as a motion of the world says the same
-    points = GRID.centers().reshape(-1, 3)[::531]
-    common[:, FOCAL] = 0
-    for before, after in zip(rig, moved_rig(rig, common), strict=True):
-        world = points + shift + np.cross(vector, points)
-        assert np.abs(after.project(world)[0] - before.project(points)[0]).max() < 1e-3
-
-
-def test_what_no_common_motion_explains_stays():
-    rig = ring()
-    lengths = np.array([units(camera, GRID) for camera in rig])
-    own = np.zeros((len(rig), COUNT))
-    own[0, 3] = lengths[0, 3]
-    found = without_common_motion(rig, GRID, own, lengths)
-    assert found[0, 3] > 0.5 * own[0, 3]
-    again = without_common_motion(rig, GRID, found, lengths)
-    assert np.allclose(again, found, atol=1e-12)
 
 
 def test_priors_come_from_calibration_and_status():
