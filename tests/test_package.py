@@ -35,7 +35,7 @@ FLOORS = [
         "tomo.metrics",
         "tomo.noise",
     },
-    {"phantoms", "tomo.io", "tomo.live_voxels"},
+    {"phantoms", "tomo._pinhole", "tomo.io", "tomo.live_voxels"},
     {"tomo.rays", "tomo.segments"},
     {"tomo.trace", "tomo._visible"},
     {

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compile import compiled
 from tomo._numbering import numbering
 
 BRICK_BITS = 3
@@ -33,20 +34,34 @@ def brick_places(mask: NDArray[np.bool_]) -> NDArray[np.integer]:
     (n,) int32 or int64
         The place of each, 0 to n - 1, the voxels in the order of the flat volume.
     """
-    padded = _padded(mask)
-    halved = [part for n in padded.shape for part in (n // _EDGE, *(2,) * BRICK_BITS)]
-    order = [
-        axis * (BRICK_BITS + 1) + level for level in range(BRICK_BITS + 1) for axis in range(3)
-    ]
-    by_bricks = padded.reshape(halved).transpose(order)
-    place = np.zeros(halved, numbering(mask.size))
-    sequence = np.cumsum(by_bricks.ravel(), dtype=place.dtype) - 1
-    place.transpose(order)[...] = sequence.reshape(by_bricks.shape)
-    return place.reshape(padded.shape)[padded]
+    mask = np.ascontiguousarray(mask)
+    places = np.zeros(mask.shape, numbering(mask.size))
+    _place(mask, _HALVES, places)
+    return places[mask]
 
 
-def _padded(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return a mask of whole bricks, nothing chosen in what is added."""
-    padded = np.zeros([-(-n // _EDGE) * _EDGE for n in mask.shape], np.bool_)
-    padded[tuple(slice(0, n) for n in mask.shape)] = mask
-    return padded
+def _halves_of_halves() -> NDArray[np.int64]:
+    """Return the places inside a brick in their order, ``(8³, 3)``."""
+    number, place = np.arange(_EDGE**3), np.zeros((_EDGE**3, 3), np.int64)
+    for bit in range(BRICK_BITS):
+        for axis in range(3):
+            place[:, axis] |= (number >> 3 * bit + 2 - axis & 1) << bit
+    return place
+
+
+_HALVES = _halves_of_halves()
+
+
+@compiled()
+def _place(mask, halves, places):
+    """Count the chosen voxels brick by brick, and in each in the order of ``halves`` (8³, 3)."""
+    nx, ny, nz = mask.shape
+    count = 0
+    for x in range(0, nx, _EDGE):
+        for y in range(0, ny, _EDGE):
+            for z in range(0, nz, _EDGE):
+                for n in range(len(halves)):
+                    i, j, k = x + halves[n, 0], y + halves[n, 1], z + halves[n, 2]
+                    if i < nx and j < ny and k < nz and mask[i, j, k]:
+                        places[i, j, k] = count
+                        count += 1

@@ -23,13 +23,15 @@ def warm_up(tracer: str, form: str = STORED) -> float:
     started = time.perf_counter()
     grid = VoxelGrid((17, 17, 17), 1.0)  # so many that they are sorted by bricks
     live = LiveVoxels(grid, np.arange(1, grid.size))
-    rays = Rays.from_lines([[-9, 0.5, 0.5], [-9, -0.5, 0.5]], [1.0, 0.0, 0.0])
+    (camera,) = ring(1, distance=50.0, image_size=(2, 1), footprint=1.0)
+    rays = Rays.from_camera(camera)
     if form == STORED:
         for midpoints in (False, True):
             segments = trace(rays, grid, tracer, midpoints=midpoints, live=live)
             projector = Projector(segments, grid, live=live)
     else:
         projector = OnTheFlyProjector(rays, grid, live=live)
+    norm(projector.row_sums)
     for dtype in (np.float32, np.float64):
         norm(projector.T @ (projector @ np.ones(live.size, dtype)))
     return time.perf_counter() - started

@@ -59,6 +59,16 @@ def _gather(starts, stops, voxel, length, volume, images):
         images[row] = projected(volume, voxel, length, start, stop)
 
 
+@compiled(parallel=True, reassociate=True)
+def _add_up(starts, stops, length, sums):
+    """Write to ``sums`` (P,) the product of the matrix with ones: no voxel need be looked at."""
+    for row in numba.prange(len(sums)):
+        total = 0.0
+        for s in range(np.uint64(starts[row]), np.uint64(stops[row])):
+            total += np.float64(length[s])
+        sums[row] = total
+
+
 @compiled(parallel=True)
 def _scatter(starts, stops, voxel, length, images, bounds, private, volume):
     """Sum each part's rows in ``private`` (at once, n), and add these to ``volume`` (n,)."""
@@ -87,9 +97,11 @@ def part_bounds(counts: NDArray[np.int64], n_unknowns: int) -> NDArray[np.int64]
 
     As many as clearing and adding up the parts' volumes is worth: fewer for few entries.
     """
+    worth = int(counts.sum()) // (ENTRIES_A_PRIVATE_VOXEL * max(n_unknowns, 1))
+    parts = min(worth, MOST_PARTS)
+    if parts <= 1:
+        return np.array([0, len(counts)])
     before = np.concatenate([[0], np.cumsum(counts)])
-    worth = int(before[-1]) // (ENTRIES_A_PRIVATE_VOXEL * max(n_unknowns, 1))
-    parts = min(max(worth, 1), MOST_PARTS)
     cuts = np.searchsorted(before, before[-1] * np.arange(1, parts) // parts)
     return np.concatenate([[0], cuts, [len(counts)]]).astype(np.int64)
 
@@ -114,6 +126,19 @@ def gather(
     """Write to ``images`` (P,) the product of the matrix, of so many entries, with ``volume``."""
     with threads_worth(NANOSECONDS_GATHERED * entries):
         _gather(starts, stops, voxel, length, volume, images)
+
+
+def sums_of_rows(
+    starts: NDArray[np.int64],
+    stops: NDArray[np.int64],
+    length: NDArray[np.floating],
+    entries: int,
+) -> NDArray[np.float64]:
+    """Return the sum of every row's entries, of so many in all: (P,)."""
+    sums = np.zeros(len(starts))
+    with threads_worth(NANOSECONDS_GATHERED * entries):
+        _add_up(starts, stops, length, sums)
+    return sums
 
 
 def scatter(

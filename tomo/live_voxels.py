@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._bricks import brick_places
 from tomo._numbering import numbering
 from tomo.grid import VoxelGrid
 
@@ -111,6 +110,8 @@ class LiveVoxels:
 
         None where they are so few that a cache holds them all in any order.
         """
+        from tomo._bricks import brick_places  # compiled code
+
         return brick_places(self.mask) if self.size > _FEW else None
 
     @cached_property

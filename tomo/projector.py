@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from tomo._compile import compiled
-from tomo._products import gather, part_bounds, scatter
+from tomo._products import gather, part_bounds, scatter, sums_of_rows
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.segments import Segments
@@ -24,6 +24,11 @@ def _renumber(voxel, number, renumbered) -> None:
     """Write ``number[voxel]``."""
     for s in numba.prange(len(voxel)):
         renumbered[s] = number[np.uint64(voxel[s])]
+
+
+def _unsigned(voxel: NDArray[np.integer]) -> NDArray[np.unsignedinteger]:
+    """Return the same bits without a sign."""
+    return voxel.view(np.uint32 if voxel.dtype.itemsize == 4 else np.uint64)
 
 
 class Projector(ViewedOperator):
@@ -80,13 +85,13 @@ class Projector(ViewedOperator):
         by_place: bool = False,
     ) -> None:
         super().__init__(segments.n_pixels, grid, view_ptr, segments.length.dtype, live)
-        if len(segments):  # kernels index without checks
+        # kernels index without checks; negative numbers are the largest of all without their sign
+        if len(segments) and _unsigned(segments.voxel).max() >= self.live.size:
             low, high = int(segments.voxel.min()), int(segments.voxel.max())
-            if not 0 <= low <= high < self.live.size:
-                raise ValueError(
-                    f"segments voxel: found {low} to {high}, expected the numbers of "
-                    f"{self.live.size} unknowns, from 0"
-                )
+            raise ValueError(
+                f"segments voxel: found {low} to {high}, expected the numbers of "
+                f"{self.live.size} unknowns, from 0"
+            )
         if self.live.place is not None and not by_place:
             voxel = np.zeros_like(segments.voxel)
             _renumber(segments.voxel, self.live.place, voxel)
@@ -96,8 +101,7 @@ class Projector(ViewedOperator):
     def _set(self, entries: Segments, starts: NDArray[np.int64], stops: NDArray[np.int64]) -> None:
         """Take the pixels whose entries are ``starts[p]:stops[p]`` of ``entries``."""
         self._entries, self._starts, self._stops = entries, starts, stops
-        kind = np.uint32 if entries.voxel.dtype.itemsize == 4 else np.uint64
-        self.matrix = (starts, stops, entries.voxel.view(kind), entries.length)
+        self.matrix = (starts, stops, _unsigned(entries.voxel), entries.length)
 
     def _of(
         self,
@@ -122,6 +126,11 @@ class Projector(ViewedOperator):
     def n_crossings(self) -> int:
         """How many crossings of rays with voxels are stored."""
         return int((self._stops - self._starts).sum())
+
+    @cached_property
+    def row_sums(self) -> NDArray[np.float64]:
+        """Length of every pixel's rays inside the grid, ``(pixels,)``: ``A 1``."""
+        return sums_of_rows(self._starts, self._stops, self._entries.length, self.n_crossings)
 
     @cached_property
     def segments(self) -> Segments:

@@ -10,9 +10,28 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo._groups import take_groups
+from tomo._pinhole import FINE, NOT_FINITE, NOT_LONG, NOT_UNIT, lines_of_sight, what_is_wrong
 
 if TYPE_CHECKING:
     from rigs import Camera
+
+_WRONG = {
+    NOT_FINITE: "rays origins: found NaN or infinity, expected finite coordinates",
+    NOT_UNIT: "rays directions: expected unit vectors",
+    NOT_LONG: "rays lengths: found a negative or NaN length, expected >= 0",
+}
+
+
+def places_in_pixel(supersample: int) -> NDArray[np.float64]:
+    """Return where a pixel's rays are, down and right of its centre, ``(K², 2)``."""
+    steps = steps_in_pixel(supersample)
+    down, right = np.meshgrid(steps, steps, indexing="ij")
+    return np.stack([down.ravel(), right.ravel()], axis=1)
+
+
+def steps_in_pixel(supersample: int) -> NDArray[np.float64]:
+    """Return the places of a pixel's rays along one side of it, from its centre, ``(K,)``."""
+    return (np.arange(supersample) + 0.5) / supersample - 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +78,9 @@ class Rays:
                 )
             # kernels are compiled anew for another order in memory
             object.__setattr__(self, name, np.ascontiguousarray(found))
-        if not np.isfinite(self.origins).all():
-            raise ValueError("rays origins: found NaN or infinity, expected finite coordinates")
-        squares = (self.directions * self.directions) @ np.ones(3)
-        if not (np.abs(squares - 1) < 2e-9).all():
-            raise ValueError("rays directions: expected unit vectors")
-        if not (self.lengths >= 0).all():
-            raise ValueError("rays lengths: found a negative or NaN length, expected >= 0")
+        wrong = what_is_wrong(self.origins, self.directions, self.lengths)
+        if wrong != FINE:
+            raise ValueError(_WRONG[wrong])
         ptr = self.pixel_ptr
         if ptr.dtype != np.int64 or len(ptr) < 1 or ptr[0] != 0 or ptr[-1] != n:
             raise ValueError(f"rays pixel_ptr: expected int64 from 0 to the number of pieces, {n}")
@@ -133,13 +148,14 @@ class Rays:
         if supersample < 1:
             raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
         width, height = camera.image_size
-        pixels = np.arange(width * height) if pixels is None else np.asarray(pixels)
-        row, column = np.divmod(pixels, width)
-        steps = (np.arange(supersample) + 0.5) / supersample - 0.5
-        uv = np.zeros((len(pixels), supersample**2, 2))
-        uv[..., 0] = column[:, None] + np.tile(steps, supersample)
-        uv[..., 1] = row[:, None] + np.repeat(steps, supersample)
-        origins, directions = camera.rays(uv.reshape(-1, 2))
+        pixels = np.arange(width * height) if pixels is None else np.asarray(pixels, np.int64)
+        places = places_in_pixel(supersample)
+        if camera.is_pinhole:
+            origins, directions = lines_of_sight(camera, pixels, places)
+        else:
+            row, column = np.divmod(pixels, width)
+            v, u = row[:, None] + places[:, 0], column[:, None] + places[:, 1]  # (pixels, K²)
+            origins, directions = camera.rays(np.stack([u, v], axis=-1).reshape(-1, 2))
         weight = np.full(len(origins), 1.0 / supersample**2)
         pixel_ptr = supersample**2 * np.arange(len(pixels) + 1)
         if not np.isfinite(directions).all():

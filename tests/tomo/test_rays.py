@@ -42,6 +42,22 @@ def test_one_ray_a_pixel_looks_along_its_centre(camera):
     assert (rays.lengths == np.inf).all()
 
 
+@pytest.mark.parametrize("supersample", [1, 3])
+def test_without_distortion_the_compiled_rays_are_the_cameras(supersample):
+    matrix = [[900.0, 3.5, 3.2], [0, 870.0, 2.9], [0, 0, 1]]
+    R, t = rigs.look_at([31, 17, -25], [0.3, -0.2, 0.1], up=(0.2, 1, 0.1))
+    pinhole = rigs.Camera("p", (8, 6), matrix, R=R, t=t)
+    pixels = np.array([47, 0, 13, 13])
+    rays = Rays.from_camera(pinhole, pixels, supersample)
+    steps = (np.arange(supersample) + 0.5) / supersample - 0.5
+    row, column = np.divmod(pixels, 8)
+    down, right = (a.ravel() for a in np.meshgrid(steps, steps, indexing="ij"))
+    uv = np.stack([column[:, None] + right, row[:, None] + down], axis=-1)
+    origins, directions = pinhole.rays(uv.reshape(-1, 2))
+    np.testing.assert_array_equal(rays.origins, origins)
+    np.testing.assert_allclose(rays.directions, directions, rtol=0, atol=4e-16)
+
+
 @pytest.mark.parametrize("supersample", [2, 3])
 def test_rays_sit_at_the_centres_of_equal_squares_of_their_pixel(camera, supersample):
     rays = Rays.from_camera(camera, supersample=supersample)

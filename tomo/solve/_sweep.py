@@ -200,9 +200,9 @@ def _per_columns(starts, stops, voxel, length, weights, ptr, per_column):
         columns = np.zeros(per_column.shape[1])
         for row in range(ptr[block], ptr[block + 1]):
             spread(np.float64(weights[row]), voxel, length, starts[row], stops[row], columns)
-        for i in range(len(columns)):
-            if columns[i] > 0:
-                per_column[block, i] = 1 / columns[i]
+        for i in range(len(columns)):  # no branch: divided several at a time
+            found = 1 / columns[i]
+            per_column[block, i] = found if columns[i] > 0 else 0.0
 
 
 @compiled(parallel=True)
@@ -213,32 +213,50 @@ def _sweep(
     """Update ``x`` (n,) from blocks ``order``, whose parts ``part_ptr`` counts.
 
     Each part's rows ``bounds[p]:bounds[p + 1]`` add into a row of ``private`` (at once, n), which
-    is zeros before and after.
+    is zeros before and after; those of a block's only part into the update itself.
     """
     n, at_once = len(x), len(private)
     update = np.zeros(n, np.float32)
     for block in order:
         end = part_ptr[block + 1]
+        in_one = end - part_ptr[block] == 1  # nobody else adds: no volume of its own is needed
         for first in range(part_ptr[block], end, at_once):
             last = min(first + at_once, end)
-            for part in numba.prange(first, last):
-                for row in range(bounds[part], bounds[part + 1]):
-                    start, stop = np.int64(starts[row]), np.int64(stops[row])
-                    image = np.float32(projected(x, voxel, length, start, stop))
-                    pixel = per_row[row] * (measured[row] - image)
-                    if pixel != 0:
-                        spread(pixel, voxel, length, start, stop, private[part - first])
+            if in_one:
+                _spread_back(
+                    starts, stops, voxel, length, measured, per_row, bounds[first], bounds[last],
+                    x, update,
+                )  # fmt: skip
+            else:
+                for part in numba.prange(first, last):
+                    _spread_back(
+                        starts, stops, voxel, length, measured, per_row, bounds[part],
+                        bounds[part + 1], x, private[part - first],
+                    )  # fmt: skip
             for some in numba.prange((n + ADDED_AT_ONCE - 1) // ADDED_AT_ONCE):
                 low = some * ADDED_AT_ONCE
                 high = min(low + ADDED_AT_ONCE, n)
                 total = update[low:high]
-                for part in range(last - first):
+                for part in range(0 if in_one else last - first):
                     own = private[part, low:high]
                     for i in range(len(total)):
                         total[i] += own[i]
                         own[i] = 0
                 if last == end:
                     _add(relaxation, per_column[block, low:high], total, nonnegative, x[low:high])
+
+
+@compiled(inline=True)
+def _spread_back(
+    starts, stops, voxel, length, measured, per_row, first_row, end_row, x, update
+):  # fmt: skip
+    """Add to ``update`` (n,) what rows ``first_row:end_row`` miss in their measurements."""
+    for row in range(first_row, end_row):
+        start, stop = np.int64(starts[row]), np.int64(stops[row])
+        image = np.float32(projected(x, voxel, length, start, stop))
+        pixel = per_row[row] * (measured[row] - image)
+        if pixel != 0:
+            spread(pixel, voxel, length, start, stop, update)
 
 
 @compiled(inline=True)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rigs import Camera, RayTable
 from tomo._groups import take_groups
 from tomo.grid import VoxelGrid
-from tomo.rays import Rays
+from tomo.rays import Rays, places_in_pixel, steps_in_pixel
 from tomo.trace.columns import Axes, turned
 from tomo.trace.courses import of_pixels, of_rays
 from tomo.trace.pixel_runs import PixelRuns
@@ -219,7 +219,7 @@ class CameraPixels(PixelSource):
         """Return what writes courses; see `PixelSource`."""
         runs, bend, rows = self.pixels, self.bend, self.rows
         (fx, skew, cx), (_, fy, cy) = self.camera.camera_matrix[:2]
-        width, steps = self.camera.image_size[0], _places(self.supersample)
+        width, steps = self.camera.image_size[0], places_in_pixel(self.supersample)
         lens = np.array([fx, skew, cx, fy, cy])
         turn, position = self.camera.R, self.camera.position
         box, shape = corners_and_spacing(grid), turned(grid.shape, axes)
@@ -244,18 +244,6 @@ def pixel_source(
     return CameraPixels.of(camera, pixels, supersample)
 
 
-def _places(supersample: int) -> NDArray[np.float64]:
-    """Return where a pixel's rays are, down and right of its centre, ``(K², 2)``."""
-    steps = _steps(supersample)
-    down, right = np.meshgrid(steps, steps, indexing="ij")
-    return np.stack([down.ravel(), right.ravel()], axis=1)
-
-
-def _steps(supersample: int) -> NDArray[np.float64]:
-    """Return the places of a pixel's rays along one side of it, from its centre."""
-    return (np.arange(supersample) + 0.5) / supersample - 0.5
-
-
 def _bend(
     camera: Camera, pixels: NDArray[np.integer], supersample: int
 ) -> NDArray[np.float32] | NDArray[np.float64]:
@@ -266,7 +254,7 @@ def _bend(
     shape = (len(pixels), supersample**2, 3 if fisheye else 2)
     bend = np.zeros(shape, np.float64 if fisheye else np.float32)
     (fx, skew, cx), (_, fy, cy) = camera.camera_matrix[:2]
-    steps = _steps(supersample)
+    steps = steps_in_pixel(supersample)
     width = camera.image_size[0]
     at_once = max(PIXELS_AT_ONCE // supersample**2, 1)
     for first in range(0, len(pixels), at_once):
