@@ -7,7 +7,8 @@ pixels summed along rows and columns tells in four look-ups whether such a box i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +43,11 @@ def dark_votes(
     """
     votes = np.zeros(shape, np.uint8)
     reach = np.array([margin + lattice.slack for lattice in lattices])
-    tables = np.concatenate([_summed(image).ravel() for image in bright])
     corners = np.stack([lattice.corners for lattice in lattices])
     layout = _layout([image.shape for image in bright])
+    tables = np.zeros(int(layout[-1, 0]), np.int32)
+    for image, table in zip(bright, _tables(tables, layout), strict=True):
+        table[1:, 1:] = image
     kernels.vote(tables, layout, corners, reach, enough, votes)
     return votes
 
@@ -62,9 +65,8 @@ def touched(
     corners = np.stack([one.corners for one in lattices])
     kernels.splat(corners, *_by_brick(surface(live)), slack, layout, steps)
     found = []
-    for number, (lattice, (height, width)) in enumerate(zip(lattices, image_shapes, strict=True)):
-        counts = steps[layout[number, 0] : layout[number + 1, 0]].reshape(height + 1, width + 1)
-        seen = counts[:height, :width] > 0
+    for lattice, counts in zip(lattices, _tables(steps, layout), strict=True):
+        seen = counts[:-1, :-1] > 0
         if live.any() and not np.isfinite(lattice.corners).all():
             seen[:] = True
         found.append(seen)
@@ -101,17 +103,15 @@ def _by_brick(
     return np.stack(np.unravel_index(found, shape), axis=1), ptr, (place + 0.5) / STEP
 
 
-def _summed(bright: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Return the counts of bright pixels above and left of each corner, ``(h + 1, w + 1)``."""
-    table = np.zeros((bright.shape[0] + 1, bright.shape[1] + 1), np.int32)
-    rows = np.cumsum(bright, axis=0, dtype=np.int32)
-    np.cumsum(rows, axis=1, dtype=np.int32, out=table[1:, 1:])
-    return table
-
-
 def _layout(image_shapes: Shapes) -> NDArray[np.int64]:
     """Return ``(views + 1, 3)``: where each view's table begins in one vector, height, width."""
     layout = np.zeros((len(image_shapes) + 1, 3), np.int64)
     layout[:-1, 1:] = np.reshape(image_shapes, (-1, 2))
     layout[1:, 0] = np.cumsum(np.prod(layout[:-1, 1:] + 1, axis=1))
     return layout
+
+
+def _tables(values: NDArray[np.int32], layout: NDArray[np.int64]) -> Iterator[NDArray[np.int32]]:
+    """Go through the views' tables, ``(height + 1, width + 1)`` each."""
+    for (start, height, width), (stop, _, _) in itertools.pairwise(layout):
+        yield values[start:stop].reshape(height + 1, width + 1)

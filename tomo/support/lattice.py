@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compile import compiled
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
@@ -90,29 +92,37 @@ def _points(grid: VoxelGrid, places: list[NDArray]) -> NDArray[np.float64]:
 def _projected(cameras: Sequence[Camera], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return pixel coordinates of points (N, 3), NaN where they are not seen: (views, N, 2)."""
     seen = np.full((len(cameras), len(points), 2), np.nan)
-    along = np.ascontiguousarray(points.T)
-    for camera, own in zip(cameras, seen, strict=True):
+    pinholes, matrices = [], []
+    for view, camera in enumerate(cameras):
         if not camera.sees_once:  # one place of several would pass for the only one
             continue
         if getattr(camera, "is_pinhole", False):
-            _through_pinhole(camera, along, own)
+            pinholes.append(view)
+            matrices.append(camera.camera_matrix @ np.column_stack([camera.R, camera.t]))
             continue
         uv, _, valid = camera.project(points)
-        own[valid] = uv[valid]
+        seen[view, valid] = uv[valid]
+    if pinholes:
+        _through_pinholes(np.array(pinholes), np.stack(matrices), points, seen)
     return seen
 
 
-def _through_pinhole(
-    camera: Camera, points: NDArray[np.float64], seen: NDArray[np.float64]
-) -> None:
-    """Write to ``seen`` (N, 2) what `Camera.project`, which takes longer, finds of (3, N)."""
-    x, y, z = points
-    matrix = camera.camera_matrix @ np.column_stack([camera.R, camera.t])  # (3, 4)
-    at_x, at_y, at_z, shift = matrix.T[..., None]
-    u, v, depth = at_x * x + at_y * y + at_z * z + shift
-    depth[~(depth > 0)] = np.nan
-    np.divide(u, depth, out=seen[:, 0])
-    np.divide(v, depth, out=seen[:, 1])
+@compiled(parallel=True)
+def _through_pinholes(views, matrices, points, seen):
+    """Write to ``seen`` (views, N, 2) what `Camera.project`, which takes longer, finds of points.
+
+    ``matrices`` (V, 3, 4) are those of some views, which ``views`` (V,) names.
+    """
+    for n in numba.prange(len(views)):
+        matrix, own = matrices[n], seen[views[n]]
+        for p in range(len(points)):
+            x, y, z = points[p, 0], points[p, 1], points[p, 2]
+            depth = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z + matrix[2, 3]
+            if not depth > 0:
+                depth = np.nan
+            for axis in range(2):
+                at = matrix[axis, 0] * x + matrix[axis, 1] * y + matrix[axis, 2] * z
+                own[p, axis] = (at + matrix[axis, 3]) / depth
 
 
 def _longest_edges(corners: NDArray[np.float64]) -> list[float]:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compile import compiled
-from tomo._groups import golden_section
-
-PIXELS_A_LEVEL = 400  # enough for a spread to 8 per cent
-MOST_LEVELS = 20
-QUARTER_OF_A_NORMAL = 0.318639  # a quarter of |N(0, 1)| lies below
-ROUNDS = 4  # of reweighting the straight line
+from tomo._threads import share_range
+from tomo.support._noise_kernels import read_and_gain
 
 
 @dataclass(frozen=True)
@@ -103,115 +98,23 @@ def estimate_noise(
             )
     if image.ndim != 2 or min(image.shape) < 3:
         return NoiseModel(0.0)
-    usable = np.isfinite(image) if mask is None else np.isfinite(image) & np.asarray(mask, bool)
-    first = _whole_nines(usable, image == 0)
-    if not len(first):
-        return NoiseModel(0.0)
-    most = PIXELS_A_LEVEL * MOST_LEVELS
-    if len(first) > most:  # spread by the golden section: no step falls in with the rows
-        first = first[golden_section(len(first)) < most / len(first)]
-    level, fine = np.zeros(len(first)), np.zeros(len(first))
-    shown = np.asarray(image, np.float64).ravel()
-    signal = shown if expected is None else np.asarray(expected, np.float64).ravel()
-    _filter(shown, signal, expected is not None, first, image.shape[1], level, fine)
-    parts = min(max(len(level) // PIXELS_A_LEVEL, 1), MOST_LEVELS)
-    left_over = len(level) % parts
-    bounds = np.arange(left_over, len(level), len(level) // parts)
-    order = np.argpartition(level, bounds)[left_over:].reshape(parts, -1)
-    means = level[order].mean(axis=1)
-    quarter = order.shape[1] // 4
-    spreads = np.partition(fine[order], quarter, axis=1)[:, quarter]
-    return NoiseModel(*_line(means, (spreads / QUARTER_OF_A_NORMAL) ** 2))
+    same = expected is None or np.asarray(expected).dtype == image.dtype
+    kind = image.dtype if same and image.dtype in (np.float32, np.float64) else np.float64
+    image = np.ascontiguousarray(image, kind)
+    signal = image if expected is None else np.ascontiguousarray(expected, kind)
+    usable = np.zeros((0, 0), bool) if mask is None else np.ascontiguousarray(mask, bool)
+    return NoiseModel(*read_and_gain(image, usable, signal, expected is not None))
 
 
-def _whole_nines(usable: NDArray[np.bool_], zero: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return which 3 x 3 pixels are usable and at most one of them zero, by their upper left.
+def noise_of_all(
+    images: Sequence[ArrayLike], masks: Sequence[ArrayLike | None]
+) -> tuple[NoiseModel, ...]:
+    """Return the noise of each image, some of them at a time; see `estimate_noise`."""
+    found: list[NoiseModel] = [NoiseModel(0.0)] * len(images)
 
-    Rows follow each other without a gap, which is quicker; what spans the end of one is left out.
-    """
-    height, width = usable.shape
-    inside = np.zeros((height - 2, width), np.bool_)
-    inside[:, :-2] = True
-    whole = inside.ravel()[:-2]
-    if not usable.all():
-        whole &= _count_of_nine(usable) == 9
-    whole &= _count_of_nine(zero) < 2
-    return np.flatnonzero(whole)
+    def estimate(start: int, stop: int) -> None:
+        for view in range(start, stop):
+            found[view] = estimate_noise(images[view], masks[view])
 
-
-def _count_of_nine(marked: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return how many of each 3 x 3 pixels are marked, by their upper left, as if rows went on."""
-    width, flat = marked.shape[1], marked.ravel().view(np.uint8)
-    rows = flat[: -2 * width] + flat[width:-width] + flat[2 * width :]
-    return rows[:-2] + rows[1:-1] + rows[2:]
-
-
-@compiled()
-def _filter(image, signal, takes_away, first, width, level, fine) -> None:
-    """Write the mean of nine pixels of ``signal``, and the filter's magnitude in ``image``.
-
-    Parameters
-    ----------
-    image, signal : (pixels,) float64
-    takes_away : bool
-        Whether the filter sees the image less the signal.
-    first : (chosen,) int64
-        The upper left of each nine.
-    width : int
-    level, fine : (chosen,) float64
-    """
-    share = 1.0 if takes_away else 0.0
-    for n in range(len(first)):
-        total, filtered = 0.0, 0.0
-        for column in range(3):
-            upper = np.uint64(first[n] + column)
-            middle, lower = upper + np.uint64(width), upper + np.uint64(2 * width)
-            total += signal[lower] + signal[middle] + signal[upper]
-            down = (
-                (image[lower] - share * signal[lower])
-                - 2 * (image[middle] - share * signal[middle])
-                + (image[upper] - share * signal[upper])
-            )
-            filtered += -2 * down if column == 1 else down
-        level[n] = total / 9
-        fine[n] = abs(filtered) / 6
-
-
-@compiled()
-def _line(level, variance):
-    """Return the read-out noise and gain nearest to variances (n,) at levels (n,).
-
-    Errors are in proportion to the variance, as the line itself gives it.
-    """
-    count = len(level)
-    mean = intercept = slope = 0.0
-    for n in range(count):
-        mean += variance[n] / count
-    expected = np.full(count, mean)
-    for _ in range(ROUNDS):
-        largest = 0.0
-        for n in range(count):
-            largest = max(largest, expected[n])
-        if largest == 0:
-            return 0.0, 0.0
-        total = x = y = along = across = 0.0
-        for n in range(count):
-            weight = 1 / max(expected[n], 1e-6 * largest) ** 2
-            total += weight
-            x += weight * max(level[n], 0.0)
-            y += weight * variance[n]
-        x, y = x / total, y / total
-        spread = leaning = 0.0
-        for n in range(count):
-            weight, at = 1 / max(expected[n], 1e-6 * largest) ** 2, max(level[n], 0.0)
-            spread += weight * (at - x) ** 2
-            leaning += weight * (at - x) * (variance[n] - y)
-            across += weight * at * variance[n]
-            along += weight * at**2
-        slope = max(leaning / spread, 0.0) if spread > 0 else 0.0
-        intercept = y - slope * x
-        if intercept < 0:
-            intercept, slope = 0.0, across / along
-        for n in range(count):
-            expected[n] = intercept + slope * max(level[n], 0.0)
-    return math.sqrt(intercept), slope
+    share_range(len(images), estimate)
+    return tuple(found)
