@@ -200,9 +200,9 @@ def _per_columns(starts, stops, voxel, length, weights, ptr, per_column):
         columns = np.zeros(per_column.shape[1])
         for row in range(ptr[block], ptr[block + 1]):
             spread(np.float64(weights[row]), voxel, length, starts[row], stops[row], columns)
-        for i in range(len(columns)):  # no branch: divided several at a time
-            found = 1 / columns[i]
-            per_column[block, i] = found if columns[i] > 0 else 0.0
+        for i in range(len(columns)):
+            if columns[i] > 0:
+                per_column[block, i] = 1 / columns[i]
 
 
 @compiled(parallel=True)

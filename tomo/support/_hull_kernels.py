@@ -91,29 +91,27 @@ def _count(tables, start, stride, left, right, top, bottom):
     )
 
 
-@compiled(inline=True)
-def _sum_up(tables, layout):
+@compiled(parallel=True)
+def sum_up(tables, layout):
     """Add to each entry of a view's table those above and left of it."""
-    start, height, width = layout
-    stride = width + 1
-    for row in range(height + 1):
-        running = 0
-        for column in range(stride):
-            at = start + row * stride + column
-            running += tables[at]
-            tables[at] = running + (tables[at - stride] if row > 0 else 0)
+    for view in numba.prange(len(layout) - 1):
+        start, height, width = layout[view]
+        stride = width + 1
+        for row in range(height + 1):
+            running = 0
+            for column in range(stride):
+                at = start + row * stride + column
+                running += tables[at]
+                tables[at] = running + (tables[at - stride] if row > 0 else 0)
 
 
 @compiled(parallel=True)
 def vote(tables, layout, corners, reach, enough, votes):
     """Count in ``votes`` (nx, ny, nz) uint8 the views without a bright pixel in a voxel's box.
 
-    ``tables`` hold a one for every bright pixel, one row and one column farther on than in its
-    image, and are summed here. ``reach`` (views,) grows the boxes on every side. Counting ends at
-    ``enough``.
+    ``tables`` hold the sums of bright pixels above and left of each corner, ``reach`` (views,)
+    grows the boxes on every side. Counting ends at ``enough``.
     """
-    for view in numba.prange(corners.shape[0]):
-        _sum_up(tables, layout[view])
     nx, ny, nz = votes.shape
     n_views, _, bricks_y, bricks_z, _ = corners.shape
     bricks_y, bricks_z = bricks_y - 1, bricks_z - 1
@@ -181,8 +179,9 @@ def vote(tables, layout, corners, reach, enough, votes):
 
 @compiled(parallel=True)
 def splat(corners, bricks, ptr, shown, slack, layout, steps):
-    """Count in ``steps`` for every pixel of every view the voxels' boxes that touch it.
+    """Count in ``steps`` the voxels' boxes by how much more of them than before touch a pixel.
 
+    `sum_up` then has for every pixel of every view how many do.
     Brick ``bricks[b]`` (B, 3) has the voxels ``shown[ptr[b]:ptr[b + 1]]`` (V, 3): where in the
     brick their middles are, from 0 to 1.
     """
@@ -219,4 +218,3 @@ def splat(corners, bricks, ptr, shown, slack, layout, steps):
                 steps[np.uint64(below + right)] += 1
                 steps[np.uint64(above + right)] -= 1
                 steps[np.uint64(below + left)] -= 1
-        _sum_up(steps, layout[view])

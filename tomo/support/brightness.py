@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.support.noise_model import NoiseModel, noise_of_all
+from tomo.support.noise_model import NoiseModel, estimate_noise
 from tomo.support.usable import usable_pixels
 
 DARK = 0.005
@@ -79,7 +79,7 @@ class Brightness:
         """
         masks = [None] * len(images) if masks is None else masks
         if noise is None:
-            noise = noise_of_all(images, masks)
+            noise = [estimate_noise(i, m) for i, m in zip(images, masks, strict=True)]
         usable = tuple(map(usable_pixels, images, masks, noise))
         clean = [
             np.where(good, image, 0).astype(np.float32)

@@ -48,6 +48,7 @@ def dark_votes(
     tables = np.zeros(int(layout[-1, 0]), np.int32)
     for image, table in zip(bright, _tables(tables, layout), strict=True):
         table[1:, 1:] = image
+    kernels.sum_up(tables, layout)
     kernels.vote(tables, layout, corners, reach, enough, votes)
     return votes
 
@@ -64,6 +65,7 @@ def touched(
     slack = np.array([lattice.slack for lattice in lattices])
     corners = np.stack([one.corners for one in lattices])
     kernels.splat(corners, *_by_brick(surface(live)), slack, layout, steps)
+    kernels.sum_up(steps, layout)
     found = []
     for lattice, counts in zip(lattices, _tables(steps, layout), strict=True):
         seen = counts[:-1, :-1] > 0

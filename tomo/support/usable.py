@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compile import compiled
 from tomo.support.noise_model import NoiseModel
 
 SIGMAS = 8.0  # beyond the brightest or darkest neighbour
 SHARE = 0.05  # of the image's maximum, likewise
 TIMES = 4.0  # brighter or darker than the nearest of its neighbours
+_DOWN, _RIGHT = (-1, -1, -1, 0, 0, 1, 1, 1), (-1, 0, 1, -1, 1, -1, 0, 1)  # to the neighbours
 
 
 def usable_pixels(
@@ -38,58 +36,71 @@ def usable_pixels(
     of the image's maximum beyond that: lenses spread what is real over more than one pixel. Pixels
     on the image's border are judged by the neighbours that they have.
     """
-    image = np.ascontiguousarray(image, np.float32)
+    image = np.asarray(image, np.float32)
     usable = np.isfinite(image)
     if mask is not None:
         usable &= np.asarray(mask, bool)
-    if min(image.shape) < 3:
+    untrusted = None if usable.all() else ~usable
+    shown = image if untrusted is None else image[usable]
+    largest = float(shown.max(initial=0.0))
+    if largest <= 0 or min(image.shape) < 3:
         return usable
-    found = np.zeros_like(usable)
-    read, gain = (0.0, 0.0) if noise is None else (noise.read, noise.gain)
-    _judge(image, usable, read, gain, found)
-    return found
+    # What one neighbour speaks against need not be asked of the others: hardly any is left.
+    high, low = _of_one_neighbour(image, untrusted)
+    found = np.nonzero(_strange(image, high, low, np.float32(SHARE * largest)) & usable)
+    if not len(found[0]):
+        return usable
+    high = _of_neighbours(np.where(usable, image, -np.inf), found, np.maximum)
+    low = _of_neighbours(np.where(usable, image, np.inf), found, np.minimum)
+    few = _strange(image[found], high, low, np.float32(SHARE * largest)) & np.isfinite(low)
+    found, high, low = tuple(axis[few] for axis in found), high[few], low[few]
+    noise = NoiseModel(0.0) if noise is None else noise
+    sigma = np.sqrt(noise.variance(np.maximum(low, 0)))
+    far = np.maximum(SIGMAS * sigma, SHARE * largest)
+    usable[found] = ~_strange(image[found], high, low, far)
+    return usable
 
 
-@compiled()
-def _judge(image, usable, read, gain, found):
-    """Write to ``found`` which usable pixels (height, width) are neither dead nor hot."""
-    height, width = image.shape
-    bits, largest = image.view(np.int32), 0  # in the order of the floats where these are above 0
-    for row in range(height):
-        for column in range(width):
-            largest = max(largest, bits[row, column] if usable[row, column] else 0)
-    if largest == 0:
-        found[:] = usable
-        return
-    least = SHARE * np.float64(np.array([largest], np.int32).view(np.float32)[0])
-    for row in range(height):
-        # what one neighbour speaks against need not be asked of the others: hardly any is left
-        beside = row + 1 if row + 1 < height else row - 1
-        for column in range(width):
-            value, other = np.float64(image[row, column]), np.float64(image[beside, column])
-            fits = not _is_strange(value, max(other, 0.0), other, least)
-            found[row, column] = usable[row, column] & usable[beside, column] & fits
-        for column in range(width):
-            if found[row, column] or not usable[row, column]:
-                continue
-            high, low = -np.inf, np.inf
-            for y in range(max(row - 1, 0), min(row + 2, height)):
-                for x in range(max(column - 1, 0), min(column + 2, width)):
-                    if usable[y, x] and not (y == row and x == column):
-                        high = max(high, np.float64(image[y, x]))
-                        low = min(low, np.float64(image[y, x]))
-            sigma = math.sqrt(read**2 + gain * max(low, 0.0))
-            far = max(SIGMAS * sigma, least)
-            is_alone = low == np.inf
-            found[row, column] = is_alone or not _is_strange(
-                np.float64(image[row, column]), abs(high), low, far
-            )
+def _strange(
+    image: NDArray[np.float32],
+    high: NDArray[np.float32],
+    low: NDArray[np.float32],
+    far: NDArray[np.floating] | np.float32,
+) -> NDArray[np.bool_]:
+    """Return which pixels are so far above or below their neighbours."""
+    with np.errstate(invalid="ignore"):
+        # The image is divided rather than a bright neighbour multiplied: 1e38 is a number too.
+        hot = image / TIMES > np.abs(high) + far / TIMES
+        # A quarter of what is below zero is brighter, not darker.
+        return hot | (image < np.minimum(low, low / TIMES) - far)
 
 
-@compiled(inline=True)
-def _is_strange(value, high, low, far):
-    """Whether a pixel is so far above the magnitude ``high``, or below ``low``.
+def _of_one_neighbour(
+    image: NDArray[np.float32], untrusted: NDArray[np.bool_] | None
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return bounds of the magnitude of the highest, and of the lowest, neighbour of each pixel.
 
-    A quarter of what is below zero is brighter, not darker.
+    From below and from above, by the neighbour in the next row, in the last row by that before;
+    one that cannot be trusted, where there are such, bounds nothing.
     """
-    return (value / TIMES > high + far / TIMES) | (value < min(low, low / TIMES) - far)
+    other = np.concatenate([image[1:], image[-2:-1]])
+    if untrusted is None:
+        return np.maximum(other, 0), other
+    nothing = np.concatenate([untrusted[1:], untrusted[-2:-1]])
+    return (
+        np.maximum(np.where(nothing, np.float32(0), other), 0),
+        np.where(nothing, np.float32(np.inf), other),
+    )
+
+
+def _of_neighbours(
+    image: NDArray[np.float32], places: tuple[NDArray[np.int64], ...], extreme: np.ufunc
+) -> NDArray[np.float32]:
+    """Return the extreme of the eight neighbours of pixels at (row, column), fewer on the border.
+
+    ``places`` are the rows (N,) and columns (N,).
+    """
+    nothing = -np.inf if extreme is np.maximum else np.inf
+    padded = np.pad(image, 1, constant_values=nothing)
+    row, column = (axis[:, None] + 1 for axis in places)
+    return extreme.reduce(padded[row + _DOWN, column + _RIGHT], axis=1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.linear_system import VolumeNotSeenError
-from tomo.support.noise_model import NoiseModel, noise_of_all
+from tomo.support.noise_model import NoiseModel, estimate_noise
 from tomo.suspects.background import background
 from tomo.suspects.below_zero import below_zero
 from tomo.suspects.beside_grid import light_beside
@@ -173,7 +173,7 @@ def find_suspects(
     beside = held_out or (Rig(()), [], [])
     cameras = Rig((*rig, *beside[0]), length_unit=rig.length_unit)
     images, masks = [*images, *beside[1]], [*masks, *beside[2]]
-    noise = noise_of_all(images, masks)
+    noise = tuple(estimate_noise(i, m) for i, m in zip(images, masks, strict=True))
     wild = [wild_pixels(i, m, n) for i, m, n in zip(images, masks, noise, strict=True)]
     clean = tuple(m & ~w for m, w in zip(masks, wild, strict=True))
     depths = [below_zero(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]

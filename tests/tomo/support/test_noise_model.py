@@ -3,8 +3,14 @@ import pytest
 from scipy.optimize import nnls
 
 from tomo import noise
-from tomo.support._noise_kernels import MOST_LEVELS, PIXELS_A_LEVEL, QUARTER_OF_A_NORMAL, ROUNDS
-from tomo.support.noise_model import NoiseModel, estimate_noise, noise_of_all
+from tomo.support.noise_model import (
+    MOST_LEVELS,
+    PIXELS_A_LEVEL,
+    QUARTER_OF_A_NORMAL,
+    ROUNDS,
+    NoiseModel,
+    estimate_noise,
+)
 
 ROWS, COLUMNS = np.mgrid[0:200, 0:120]
 FLAME = np.exp(-(((ROWS - 90) / 50) ** 2) - ((COLUMNS - 60) / 18) ** 2)  # dark, bright, slopes
@@ -136,13 +142,3 @@ def test_weights_do_not_depend_on_the_unit_of_intensity(scale):
     image = np.array([0.0, 1.0, 10.0, 1e4])
     scaled = NoiseModel(2.0 * scale, 0.5 * scale).weights(scale * image)
     np.testing.assert_allclose(scaled, NoiseModel(2.0, 0.5).weights(image), rtol=1e-5)
-
-
-def test_each_image_has_its_own_noise_on_any_number_of_threads(on_threads):
-    images = [noise.gaussian(FLAME[: 90 + 9 * n], 0.01 * (n + 1), random(n)) for n in range(7)]
-    masks = [None, *(np.isfinite(image) for image in images[1:])]
-    found = noise_of_all(images, masks)
-    assert found == tuple(map(estimate_noise, images, masks))
-    with on_threads(1):
-        assert noise_of_all(images, masks) == found
-    assert noise_of_all([], []) == ()
