@@ -25,8 +25,7 @@ _WRONG = {
 def places_in_pixel(supersample: int) -> NDArray[np.float64]:
     """Return where a pixel's rays are, down and right of its centre, ``(K², 2)``."""
     steps = steps_in_pixel(supersample)
-    down, right = np.meshgrid(steps, steps, indexing="ij")
-    return np.stack([down.ravel(), right.ravel()], axis=1)
+    return np.stack([np.repeat(steps, supersample), np.tile(steps, supersample)], axis=1)
 
 
 def steps_in_pixel(supersample: int) -> NDArray[np.float64]:
