@@ -179,11 +179,10 @@ def vote(tables, layout, corners, reach, enough, votes):
 
 @compiled(parallel=True)
 def splat(corners, bricks, ptr, shown, slack, layout, steps):
-    """Count in ``steps`` the voxels' boxes by how much more of them than before touch a pixel.
+    """Write to ``steps`` where voxels' boxes begin and end in every view.
 
-    `sum_up` then has for every pixel of every view how many do.
-    Brick ``bricks[b]`` (B, 3) has the voxels ``shown[ptr[b]:ptr[b + 1]]`` (V, 3): where in the
-    brick their middles are, from 0 to 1.
+    `sum_up` makes of it how many touch each pixel. Brick ``bricks[b]`` (B, 3) has the voxels
+    ``shown[ptr[b]:ptr[b + 1]]`` (V, 3): where in the brick their middles are, from 0 to 1.
     """
     for view in numba.prange(corners.shape[0]):
         start, height, width = layout[view]
