@@ -16,6 +16,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "distortion": ["Distortion"],
         "file": ["load_rig", "preset", "preset_names", "save_rig"],
         "lines": ["nearest_point", "ray_distances", "ray_miss"],
+        "motion": ["image_motion"],
         "optics": ["Optics"],
         "ray_table": ["RayTable"],
         "rig": ["Rig", "Volume"],

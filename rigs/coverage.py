@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.angular_gap import largest_gap
 from rigs.camera import Camera
+from rigs.motion import image_motion
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
@@ -185,11 +186,7 @@ def _view(camera: Camera, points: NDArray) -> tuple[NDArray, NDArray, NDArray, N
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
     step = 1e-4 * distance  # radians: far above rounding, far below what a lens bends
     derivative = [
-        (
-            camera.project(points[seen] + step * way)[0]
-            - camera.project(points[seen] - step * way)[0]
-        )
-        / (2 * step)
+        image_motion(camera, points[seen], step * way) / step
         for way in (first, np.cross(along, first))
     ]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -21,7 +21,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera, Rig
+from rigs import Camera, Rig, image_motion
 from tomo._by_name import by_name
 from tomo._coarser import Coarser, coarsening
 from tomo.displacement import Displacement
@@ -258,9 +258,8 @@ def _seen(
 def _motion(camera: Camera, grid: VoxelGrid) -> NDArray[np.float64]:
     """Return how far the image of the grid's middle moves as the world does: ``(2, 3)``."""
     step = 1e-3 * float(np.min(np.asarray(grid.shape) * grid.spacing))
-    points = np.asarray(grid.center) + np.concatenate([np.eye(3), -np.eye(3)]) * step
-    seen = np.asarray(camera.project(points)[0], np.float64)
-    return np.nan_to_num((seen[:3] - seen[3:]).T / (2 * step))
+    middle = np.tile(grid.center, (3, 1))
+    return np.nan_to_num(image_motion(camera, middle, step * np.eye(3)).T / step)
 
 
 def _without_common_motion(

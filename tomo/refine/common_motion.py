@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Rig, box_points
+from rigs import Rig, box_points, image_motion
 from tomo.grid import VoxelGrid
 from tomo.refine.parameters import COUNT, FOCAL, GAIN, moved_rig
 
@@ -79,10 +79,7 @@ def _shift_of_points(rig: Rig, other: Rig, grid: VoxelGrid) -> NDArray[np.float6
     for camera, changed in zip(rig, other, strict=True):
         here, _, valid = camera.project(points)
         there, _, still = changed.project(points)
-        slopes = [
-            (camera.project(points + move)[0] - camera.project(points - move)[0]) / (2 * step)
-            for move in step * np.eye(3)
-        ]
+        slopes = [image_motion(camera, points, move) / step for move in step * np.eye(3)]
         slopes = np.stack(slopes, axis=-1)[valid & still].reshape(-1, 3)
         products += slopes.T @ slopes
         sums += slopes.T @ (there - here)[valid & still].ravel()
