@@ -48,6 +48,7 @@ FLOORS = [
         "tomo.on_the_fly",
         "tomo.projector",
         "tomo.smooth_basis",
+        "tomo.splines",
         "tomo.support",
         "tomo.viewed",
     },

@@ -12,6 +12,7 @@ from tomo.methods import AUTO, Method, method_named, method_names
 from tomo.outcome import UNSEEN
 from tomo.refine.search import FEWEST
 from tomo.scan import Scan
+from tomo.solve.basis import BASES, BOXES, SPLINES
 
 
 def compared_with(asked: Sequence[tuple[str, int | None]]) -> list[tuple[Method, int | None]]:
@@ -68,6 +69,22 @@ def blur_of(blur: float | str, methods: Sequence[Method]) -> float | None:
             f"blur: found {blur}, expected 0 for method {by_lines[0]}: it goes line by line"
         )
     return None if blur == AUTO else float(blur)
+
+
+def check_basis(basis: str, blur: float | str, method: Method) -> None:
+    """Refuse an unknown basis, and splines where there can be none."""
+    if basis not in (AUTO, *BASES):
+        expected = ", ".join((AUTO, *BASES))
+        raise ValueError(f"basis: found {basis!r}, expected one of {expected}")
+    if basis == SPLINES and not method.through_lenses:
+        raise ValueError(
+            f"basis: found {basis}, expected {BOXES} for method {method.name}: it goes line by "
+            "line"
+        )
+    if basis == SPLINES and blur:
+        raise ValueError(
+            f"basis: found {basis} with blur {blur}, expected {BOXES}: discs are told for those"
+        )
 
 
 def check_carving(

@@ -10,6 +10,7 @@ from typing import Any
 from tomo._asked import (
     blur_of,
     cameras_to_refine,
+    check_basis,
     check_carving,
     check_device,
     check_grid,
@@ -66,6 +67,7 @@ class Request:
     refine_prior: float | None
     fit_gain: bool | None
     blur: float | str
+    basis: str
     unseen: str
     supersample: int
     device: str
@@ -101,6 +103,7 @@ class Request:
             views=len(scan.rig) - len(set(self.hold_out)),
         )
         _ = self.diameter
+        check_basis(self.basis, self.blur, self.main)
         self.refined(scan)
         check_grid(grid, scan)
         choose_form(  # before coarser grids, or single steps, are refused in its place

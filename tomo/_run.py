@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import time
 from collections.abc import Mapping
@@ -18,6 +19,7 @@ from tomo.methods import AUTO, Method
 from tomo.outcome import quality
 from tomo.reconstruction import Reconstruction
 from tomo.solve.stopping import Choice, choose_by_held_out_views, solve_as_chosen
+from tomo.splines import Splines
 from tomo.viewed import ViewedOperator
 
 
@@ -46,6 +48,12 @@ class Run:
         self.progress = progress
         self.cosine_distances: list[tuple[float, ...]] = []
 
+    def through(self, projector: ViewedOperator) -> Run:
+        """Return a run with nothing solved yet, by another projector of the same pixels."""
+        run = copy.copy(self)
+        run.projector, run.cosine_distances = projector, []
+        return run
+
     def solve(self, method: Method, iterations: int | None) -> Reconstruction:
         """Run one method; its quality against the truth comes with it."""
         started = time.perf_counter()
@@ -53,31 +61,30 @@ class Run:
 
         def watch(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
             if self.truth is not None:
-                shown = self.projector.live.expand(self._seen(volume))
-                distances.append(metrics.cosine_distance(shown, self.truth.ravel()))
+                distances.append(
+                    metrics.cosine_distance(averages_of(projector, volume), self.truth)
+                )
             if self.progress:
                 self.progress(index, total, name)
             return index > 0 and time.perf_counter() - solving > self.time_limit
 
+        projector = self._projector_for(method)
         if method.name == AUTO:
-            choice = choose_by_held_out_views(
-                self.projector, self.measured, progress=self.progress
-            )
+            choice = choose_by_held_out_views(projector, self.measured, progress=self.progress)
             if iterations is not None:
                 choice = replace(choice, iterations=iterations)
             name, total, solving = choice.method, choice.iterations, time.perf_counter()
-            found = solve_as_chosen(self.projector, self.measured, choice, callback=watch)
+            found = solve_as_chosen(projector, self.measured, choice, callback=watch)
             extra: dict[str, Any] = {"chosen_by": "auto", "tried": choice.tried}
         else:
             learning = {k: v for k, v in self.learning.items() if method.takes(k)}
             arguments = method.arguments(**learning, seed=self.seed, iterations=iterations)
             total = method.default_iterations if iterations is None else iterations
             name, solving = method.name, started
-            found = method.solver(self.projector, self.measured, callback=watch, **arguments)
+            found = method.solver(projector, self.measured, callback=watch, **arguments)
             extra = {}
         self.cosine_distances.append(tuple(distances))
-        live = self.projector.live
-        volume = live.expand(self._seen(live.compress(found.volume))).reshape(found.volume.shape)
+        volume = averages_of(projector, projector.live.compress(found.volume))
         return replace(
             found,
             volume=volume,
@@ -93,7 +100,8 @@ class Run:
     def again(self, method: Method, found: Reconstruction) -> Solve | None:
         """Return ``found``'s solve, with as many iterations, for other images; None if it learns.
 
-        From the pixels that take part, ``(pixels,)``, to the unknowns, ``(unknowns,)``.
+        From the pixels that take part, ``(pixels,)``, to the voxels' mean emission, the unknowns
+        of the projector ``of_averages``, ``(unknowns,)``.
         """
         if method.needs_midpoints:
             return None
@@ -107,14 +115,23 @@ class Run:
             else:
                 arguments = method.arguments(seed=self.seed, iterations=iterations)
                 repeated = method.solver(self.projector, measured, **arguments)
-            return self._seen(self.projector.live.compress(repeated.volume))
+            volume = averages_of(self.projector, self.projector.live.compress(repeated.volume))
+            return self.projector.of_averages.live.compress(volume)
 
         return solve
 
-    def _seen(self, volume: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return unknowns ``(unknowns,)``, zero where no ray says anything.
+    def _projector_for(self, method: Method) -> ViewedOperator:
+        """Return the projector, of boxes for a method that goes line by line."""
+        if isinstance(self.projector, Splines) and not method.through_lenses:
+            return self.projector.lines
+        return self.projector
 
-        Smooth bases and penalties carry their neighbours' light into such voxels: not seen by the
-        cameras reconstructed from, it would be seen by those held out.
-        """
-        return np.where(self.projector.column_sums > 0, volume, np.float32(0))
+
+def averages_of(projector: ViewedOperator, unknowns: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the mean emission in every voxel, ``(nx, ny, nz)``, of ``unknowns``.
+
+    Zero where no ray says anything. Smooth bases and penalties carry their neighbours' light into
+    such voxels: not seen by the cameras reconstructed from, it would be seen by those held out.
+    """
+    seen = np.where(projector.column_sums > 0, unknowns, np.float32(0))
+    return projector.averages(projector.live.expand(seen).reshape(projector.grid.shape))

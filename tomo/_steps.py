@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tomo._as_warning import as_warning
+from tomo._basis import in_place_of, learned_nothing, of_basis
 from tomo._first_use import warm_up, warm_up_alignment, warm_up_carving
 from tomo._judging import (
     as_learned,
@@ -29,9 +30,11 @@ from tomo.defocus import blur_of_images
 from tomo.gains import Gains, gains_worth_correcting
 from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
+from tomo.methods import AUTO, method_named
 from tomo.outcome import Outcome, View
 from tomo.reconstruction import Reconstruction
 from tomo.scan import Scan
+from tomo.solve.basis import SPLINES
 from tomo.support import STORED
 
 
@@ -109,7 +112,16 @@ def reconstruct_as_asked(
         request.time_limit,
         progress,
     )
+    system, basis = of_basis(system, measured, request, request.main)
+    run = run.through(system.projector)
     found = run.solve(request.main, request.iterations)
+    if learned_nothing(found) and request.basis == AUTO:
+        system, basis = of_basis(system, measured, request, method_named(AUTO))
+        if basis.name == SPLINES:
+            run = run.through(system.projector)
+            found = in_place_of(found, run.solve(method_named(AUTO), None))
+    if basis.name == SPLINES:
+        judged_system = judged_system and judged_system.of_splines(request.supersample)
     laps.end("solve")
     comparisons = []
     for other, count in request.others:
@@ -121,7 +133,7 @@ def reconstruct_as_asked(
     condition = None
     with as_warning("condition: how far to trust the volume was not found", warnings):
         condition = assess(
-            system,
+            system.of_averages,
             measured,
             found.volume,
             run.again(request.main, found),
@@ -135,7 +147,7 @@ def reconstruct_as_asked(
     views, learned = [], None
     with as_warning("re-projected images: not found", warnings):
         seeing = as_learned(system, found, same_views=True)
-        views += views_of(seeing, found.volume, sieved.images, sieved.masks, gains)
+        views += views_of(seeing.of_averages, found.volume, sieved.images, sieved.masks, gains)
         views += _views_judged(judged_system, found, sieved, request)
         if found.weights is not None:
             comparable = request.supersample == 1
@@ -179,6 +191,7 @@ def reconstruct_as_asked(
             "projector": {"form": system.form, "reason": system.reason},
             "refine_cameras": list(refined) or None,
             "blur": blur,
+            "basis": basis.report(),
         },
         cosine_distances=tuple(run.cosine_distances),
         learned=learned,
@@ -253,7 +266,9 @@ def _views_judged(
             held_out=view.name in request.hold_out,
             left_out=view.name in sieved.left_out,
         )
-        for view in views_of(judging, found.volume, sieved.judged_images, sieved.judged_masks)
+        for view in views_of(
+            judging.of_averages, found.volume, sieved.judged_images, sieved.judged_masks
+        )
     ]
 
 

@@ -21,6 +21,7 @@ from tomo.on_the_fly import OnTheFlyProjector
 from tomo.projector import Projector
 from tomo.rays import Rays
 from tomo.segments import Segments
+from tomo.splines import Splines, shadow_spread
 from tomo.support import STORED, choose_form, point_in_view
 from tomo.trace import tracing
 from tomo.trace.sources import PixelSource, pixel_source
@@ -43,7 +44,7 @@ class LinearSystem:
 
     Attributes
     ----------
-    projector : Projector, OnTheFlyProjector or Defocused
+    projector : Projector, OnTheFlyProjector, Defocused or Splines
         One row a pixel, grouped by view.
     rig : Rig
         The cameras, one a view.
@@ -156,6 +157,28 @@ class LinearSystem:
         """
         spread = spread_of(self.rig, self.pixels, self.projector.grid, blur)
         return replace(self, projector=Defocused(self.projector, spread))
+
+    def of_splines(self, supersample: int = 1) -> LinearSystem:
+        """Return the same equations for emission that runs straight between voxels' centres.
+
+        Parameters
+        ----------
+        supersample : int
+            Rays along each side of a pixel, as the equations were made with.
+
+        Raises
+        ------
+        ValueError
+            If a camera does not see the grid's centre, or the shares would not fit in memory.
+        """
+        seeing = self.projector.row_sums > 0
+        spread = shadow_spread(self.rig, self.pixels, seeing, self.projector.grid, supersample)
+        return replace(self, projector=Splines(self.projector, spread))
+
+    @property
+    def of_averages(self) -> LinearSystem:
+        """The same equations, of volumes that hold the mean emission in every voxel."""
+        return replace(self, projector=self.projector.of_averages)
 
     @property
     def blind(self) -> tuple[str, ...]:

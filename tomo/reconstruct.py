@@ -35,6 +35,7 @@ def reconstruct(
     refine_prior: float | None = None,
     fit_gain: bool | None = None,
     blur: float | str = 0.0,
+    basis: str = AUTO,
     unseen: str = ZERO,
     supersample: int = 1,
     device: str = "cpu",
@@ -99,6 +100,10 @@ def reconstruct(
         of focus make of points: images are projected through them, see `tomo.defocus`. 0: in
         focus. ``auto``: what the images' spectra show; clean images of a smooth flame may look as
         if they were out of focus.
+    basis : {"auto", "boxes", "splines"}
+        Whether the emission is taken to be even within voxels or to run straight between their
+        centres, see `tomo.splines`; `Outcome.volume` holds the voxels' means either way.
+        ``auto``: splines where they predict left-out views clearly better.
     unseen : {"zero", "nan"}
         What `Outcome.volume` and the files hold where no usable ray crosses a voxel.
     supersample : int
@@ -148,6 +153,7 @@ def reconstruct(
         refine_prior=refine_prior,
         fit_gain=fit_gain,
         blur=blur,
+        basis=basis,
         unseen=unseen,
         supersample=supersample,
         device=device,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -31,6 +31,10 @@ class ViewedOperator(LinearOperator):
     live : LiveVoxels, optional
         The voxels that are unknowns, one a column; all of the grid when None.
     """
+
+    faint: ClassVar[float] = 5e-4
+    """Strength of a penalty on differences of neighbours that tames what the unknowns make of
+    clean images and leaves their detail."""
 
     def __init__(
         self,
@@ -62,6 +66,15 @@ class ViewedOperator(LinearOperator):
     @abstractmethod
     def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> Self:
         """Return the projector of some pixels, grouped into views by ``view_ptr``."""
+
+    def averages(self, volume: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Return the mean emission in every voxel, ``(nx, ny, nz)``, of unknowns so laid out."""
+        return volume
+
+    @property
+    def of_averages(self) -> ViewedOperator:
+        """The same images of a volume of `averages`."""
+        return self
 
     @property
     def n_views(self) -> int:

@@ -113,6 +113,13 @@ def reconstruct(
             "points, in the rig's length unit; 0: in focus; auto: found in the images."
         ),
     ] = "0",
+    basis: Annotated[
+        str,
+        typer.Option(
+            help="What is solved for: boxes of even emission, splines that run straight between "
+            "the voxels' centres, or auto: what predicts left-out views better."
+        ),
+    ] = "auto",
     unseen: Annotated[
         str, typer.Option(help="What stands where no ray crosses a voxel: zero or nan.")
     ] = "zero",
@@ -172,6 +179,7 @@ def reconstruct(
                 refine_prior=refine_prior,
                 fit_gain=fit_gain,
                 blur=_number_or_auto("--blur", blur, float),
+                basis=basis,
                 unseen=unseen,
                 supersample=supersample,
                 device=device,

@@ -40,7 +40,7 @@ def test_an_interrupted_run_goes_on(run_tool, stubs, monkeypatch, tmp_path):
     done = run_tool("benchmark", "--quick", "-o", tmp_path)
     assert done.exit_code == 1
     before = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))["parts"]
-    assert list(before) == ["projectors", "solvers", "skipping"]
+    assert list(before) == ["projectors", "solvers", "skipping", "basis"]
 
     monkeypatch.setattr(parts, "PARTS", working)
     stubs.clear()
@@ -82,7 +82,7 @@ def test_only_what_is_asked_runs(run_tool, stubs, tmp_path):
     assert run_tool(*arguments, "--part", "startup", "--part", "scaling").exit_code == 0
     assert stubs == ["startup", "scaling"]
     assert run_tool(*arguments, "--resume", "--redo", "scaling").exit_code == 0
-    others = ["projectors", "solvers", "skipping", "scaling", "mismatch", "training"]
+    others = ["projectors", "solvers", "skipping", "basis", "scaling", "mismatch", "training"]
     assert stubs[2:] == others
     assert run_tool(*arguments, "--part", "startup").exit_code == 0
     parts = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))["parts"]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 import scipy.sparse
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._numbering import numbering
 from tomo._products import gather, part_bounds, scatter
 from tomo.segments import Segments
 from tomo.viewed import ViewedOperator, as_float
@@ -59,7 +61,7 @@ class Defocused(ViewedOperator):
     def _entries(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """The spread as compiled products take it: starts, stops, lines and shares."""
         pointers = self.spread.indptr.astype(np.int64)
-        indices = self.spread.indices
+        indices = self.spread.indices.astype(numbering(self.spread.shape[1]), copy=False)
         return pointers[:-1], pointers[1:], indices.view(f"u{indices.itemsize}"), self.spread.data
 
     @cached_property
@@ -88,15 +90,15 @@ class Defocused(ViewedOperator):
         """The segments of the lines, as they are before their light is spread."""
         return self.lines.segments
 
-    def with_lengths(self, length: NDArray[np.floating]) -> Defocused:
+    def with_lengths(self, length: NDArray[np.floating]) -> Self:
         """Return the projector with ``length`` (S,), of either sign, in place of its own."""
-        return Defocused(self.lines.with_lengths(length), self.spread, self.view_ptr)
+        return type(self)(self.lines.with_lengths(length), self.spread, self.view_ptr)
 
-    def rows(self, start: int, stop: int) -> Defocused:
+    def rows(self, start: int, stop: int) -> Self:
         """Return the projector of pixels ``start:stop`` as one view, with the lines they need."""
         return self._taken(np.arange(start, stop), np.array([0, stop - start]))
 
-    def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> Defocused:
+    def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> Self:
         spread = self.spread[pixels]
         needed = np.unique(spread.indices)
-        return Defocused(self.lines.take(needed), spread[:, needed], view_ptr)
+        return type(self)(self.lines.take(needed), spread[:, needed], view_ptr)

@@ -61,16 +61,48 @@ def spread_of(
     width = math.sqrt(max(blur**2 - by_itself, 0.0))
     sizes = rig.footprint(grid.center)
     discs = [_disc_of(camera, size, width) for camera, size in zip(rig, sizes, strict=True)]
-    reached = [len(kept) * len(share) for kept, (_, share) in zip(pixels, discs, strict=True)]
+    return spread_by(rig, pixels, discs, f"blur: found {blur:g}: its discs")
+
+
+def spread_by(
+    rig: Rig,
+    pixels: Sequence[NDArray[np.integer]],
+    shares: Sequence[tuple[NDArray[np.int64], NDArray[np.float32]]],
+    what: str,
+) -> scipy.sparse.csr_array:
+    """Return which share of the light of each pixel's line reaches which pixel.
+
+    Parameters
+    ----------
+    rig : Rig
+    pixels : sequence of (P_v,) int
+        See `spread_of`.
+    shares : sequence of ((n, 2) int64, (n,) float32)
+        Of each camera the pixels that a line's light reaches, in columns and rows from its own,
+        and how much of it reaches each.
+    what : str
+        What takes the memory, for the error.
+
+    Returns
+    -------
+    (pixels, pixels) float32
+        View after view; nothing passes between views.
+
+    Raises
+    ------
+    ValueError
+        If all of them would not fit in memory.
+    """
+    reached = [len(kept) * len(share) for kept, (_, share) in zip(pixels, shares, strict=True)]
     needed, available = BYTES * (max(reached) + sum(reached)), available_memory()
     if needed > available:
         raise ValueError(
-            f"blur: found {blur:g}: its discs would take about {needed / 1e9:.1f} GB, expected at "
-            f"most {available / 1e9:.1f} GB: use smaller images (--scale)"
+            f"{what} would take about {needed / 1e9:.1f} GB, expected at most "
+            f"{available / 1e9:.1f} GB: use smaller images (--scale)"
         )
     views = [
         _of_view(camera, kept, apart, share)
-        for camera, kept, (apart, share) in zip(rig, pixels, discs, strict=True)
+        for camera, kept, (apart, share) in zip(rig, pixels, shares, strict=True)
     ]
     return scipy.sparse.csr_array(scipy.sparse.block_diag(views, format="csr", dtype=np.float32))
 

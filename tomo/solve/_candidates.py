@@ -18,9 +18,6 @@ from tomo.viewed import ViewedOperator
 ITERATIONS = {"mlem": 17, "nnls": 40, "tikhonov": 40}
 """The most that each candidate is given: Poisson, and least squares without and with a penalty."""
 
-FAINT = 5e-4
-"""Strength of that penalty: it tames what boxes make of clean images and leaves their detail."""
-
 WORTH_WIDENING = 0.1
 """A wider basis must gain so much of what all smoothing has gained: what it gains less is chance,
 and detail is lost for it."""
@@ -38,9 +35,9 @@ Told = Callable[[int, int, str], None]
 """``progress(done, total, where)``."""
 
 
-def further_settings(method: str) -> Mapping[str, Any]:
+def further_settings(method: str, projector: ViewedOperator) -> Mapping[str, Any]:
     """Return what a method takes beside its iterations."""
-    return {"strength": FAINT} if method == "tikhonov" else {}
+    return {"strength": projector.faint} if method == "tikhonov" else {}
 
 
 @dataclass(frozen=True)
@@ -126,7 +123,10 @@ class Candidates:
         if self.progress:
             where = f"choosing: {method}, smoothness {width:g}"
             self.progress(len(self.tried), self.total, where)
-        settings = {"iterations": iterations or ITERATIONS[method], **further_settings(method)}
+        settings = {
+            "iterations": iterations or ITERATIONS[method],
+            **further_settings(method, self.trials[0].training),
+        }
         errors = np.array(  # (trials, checkpoints, 2)
             [
                 trial.squared_errors(method, width, settings, rival, to_the_end=to_the_end)

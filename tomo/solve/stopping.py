@@ -8,9 +8,7 @@ it did not use, so every candidate is run without some of the views and judged o
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -88,11 +86,6 @@ class Choice:
     held_out_residual: float
     reason: str = ""
     tried: tuple[Candidate, ...] = ()
-
-    @property
-    def settings(self) -> Mapping[str, Any]:
-        """Further arguments of the method."""
-        return further_settings(self.method)
 
     def solves_as(self, other: Choice) -> bool:
         """Return whether both solve the same way, however well that predicts left-out views."""
@@ -254,7 +247,7 @@ def solve_as_chosen(
         start=start,
         iterations=choice.iterations,
         callback=report if callback else None,
-        **choice.settings,
+        **further_settings(choice.method, projector),
     )
     return replace(
         found,

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from tomo.defocus import Defocused
 from tomo.projector import Projector
 from tomo.solve.stopping import (
     Choice,
@@ -134,7 +135,10 @@ class Rounds:
         """Learn and solve once more; return the relative residual, NaN where it diverged."""
         front = self._front()
         without = self._misfit_without_encoder(front) if train and self._may_have_nothing else None
-        trained = self.alternation.round(self.done, self.volume, front) if train else None
+        trained = None
+        if train:
+            beside = self._light_of_others(front)
+            trained = self.alternation.round(self.done, self.volume, front, beside)
         self.done += 1
         if trained and not math.isfinite(trained.loss):
             self.ended = f"diverged in round {self.done}"
@@ -161,6 +165,19 @@ class Rounds:
         seen = reweighted(self.projector, correction) @ self.volume
         # Squared in double precision: in single, squares know no 1e30 nor 1e-30.
         return np.square((seen - self.measured).astype(np.float64) / self.unit)
+
+    def _light_of_others(self, front: torch.Tensor) -> NDArray[np.float32] | None:
+        """Return what pixels see of other lines, less what others see of theirs, ``(rays,)``.
+
+        By the weights as they are learnt by now. None where every pixel sees its own line alone.
+        """
+        if not isinstance(self.projector, Defocused):
+            return None
+        alternation = self.alternation
+        encoder, tokens, features = alternation.encoder, alternation.tokens, alternation.features
+        correction = corrections(encoder, tokens, features, front, alternation.over_parts)
+        learned = reweighted(self.projector, correction)
+        return (learned @ self.volume - learned.lines @ self.volume).astype(np.float32)
 
     def _front(self) -> torch.Tensor:
         """Return the emission in front of each segment, ``(S,)``, by the voxels as they are."""

@@ -104,7 +104,13 @@ class Alternation:
         self.generator = torch.Generator().manual_seed(seed)
         self.crossing = features.count.nonzero()[:, 0].cpu()
 
-    def round(self, number: int, volume: NDArray[np.float32], front: torch.Tensor) -> Training:
+    def round(
+        self,
+        number: int,
+        volume: NDArray[np.float32],
+        front: torch.Tensor,
+        beside: NDArray[np.float32] | None = None,
+    ) -> Training:
         """Train with the voxels at ``volume`` (unknowns,).
 
         Parameters
@@ -114,11 +120,17 @@ class Alternation:
         volume : (unknowns,) float32
         front : (S,) float32
             The emission in front of each segment.
+        beside : (rays,) float32, optional
+            What pixels see of other lines than their own, less what others see of theirs.
         """
         set_rate(self.optimiser, min(number / self.rounds, 1.0))
         volume = np.ldexp(np.ascontiguousarray(volume), -self.exponent)
         values = torch.from_numpy(volume).to(self.measured.device)
-        fixed = FixedVoxels(self.features, front, values, self.measured, self.power, PENALTY)
+        measured = self.measured
+        if beside is not None:
+            beside = np.ldexp(beside, -self.exponent)
+            measured = measured - torch.from_numpy(beside).to(measured.device)
+        fixed = FixedVoxels(self.features, front, values, measured, self.power, PENALTY)
         order = torch.randperm(len(self.crossing), generator=self.generator)
         steps = self.crossing[order[: STEPS * RAYS_A_STEP]].split(RAYS_A_STEP)
         done = [self._step(rays.sort().values, fixed) for rays in steps]

@@ -199,7 +199,7 @@ def wernet(
                 saved.save(rounds.state())
             if not math.isnan(residual) and note(1, residual):
                 rounds.ended = "stopped by the callback after the first guess"
-        if isinstance(projector, Defocused) and not (freeze_encoder or rounds.ended):
+        if type(projector) is Defocused and not (freeze_encoder or rounds.ended):
             rounds.ended = "out of focus, where single lines teach an encoder nothing"
         while not rounds.ended and (rounds.done < last or (freeze_encoder and not rounds.done)):
             residual = rounds.round(train=not freeze_encoder)

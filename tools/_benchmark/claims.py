@@ -134,6 +134,12 @@ def _plume(rows: Sequence) -> Iterator[Claim]:
         yield Claim(f"{where}: time", row["seconds"], 10, at_least=False, unit="s")
 
 
+def _basis(rows: Sequence) -> Iterator[Claim]:
+    for row in rows:
+        where = f"{row['flame']}, {row['views']} views, {row['noise']}"
+        yield Claim(f"{where}: distance by splines over by boxes", row["ratio"], 1, False)
+
+
 def _consistent(rows: Sequence) -> Iterator[Claim]:
     for flame in dict.fromkeys(row["flame"] for row in rows):
         mine = [row for row in rows if row["flame"] == flame]
@@ -195,6 +201,7 @@ _JUDGES: tuple[tuple[tuple[str, ...], Callable[..., Iterator[Claim]]], ...] = (
     (("memory_target",), _memory),
     (("skipping",), _skipping),
     (("plume",), _plume),
+    (("basis_mean",), _basis),
     (("consistent",), _consistent),
     (("solvers_mean",), _default),
     (("startup",), _startup),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from _benchmark.basis import basis
 from _benchmark.consistent import consistent
 from _benchmark.mismatch import mismatch
 from _benchmark.plume import plume
@@ -64,6 +65,10 @@ def _skipping(asked: Asked) -> tuple[Rows, list[str]]:
     return rows | {"plume": plume(asked.data, asked.sizes, asked.progress)}, []
 
 
+def _basis(asked: Asked) -> tuple[Rows, list[str]]:
+    return basis(asked.sizes, asked.progress), []
+
+
 def _scaling(asked: Asked) -> tuple[Rows, list[str]]:
     return scaling(asked.sizes, asked.progress), []
 
@@ -98,6 +103,7 @@ PARTS: Mapping[str, Part] = {
     "projectors": _projectors,
     "solvers": _solvers,
     "skipping": _skipping,
+    "basis": _basis,
     "scaling": _scaling,
     "startup": _startup,
     "mismatch": _mismatch,

@@ -18,6 +18,7 @@ TITLES = {
     "projectors": "Projectors",
     "solvers": "Solvers",
     "skipping": "Skipping",
+    "basis": "Boxes or splines",
     "scaling": "Growth",
     "startup": "Start-up and first use",
     "mismatch": "Physics that solvers are not told",

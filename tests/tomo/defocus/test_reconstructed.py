@@ -29,6 +29,7 @@ def residual(outcome):
 
 def test_wernet_finds_the_disc_and_sees_through_it(scans, out_of_focus):
     settings = {"method": "wernet", "hold_out": ["cam02"], "compare": [("mlem", 30)]}
+    settings |= {"basis": "boxes"}  # as what is reconstructed through a disc
     found = reconstruct(scans[0], **settings, blur="auto")
     unaware = reconstruct(scans[0], **settings)
     report = json.loads(json.dumps(found.report(), allow_nan=False))

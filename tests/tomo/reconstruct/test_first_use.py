@@ -23,7 +23,10 @@ warm_up_carving()
 warm_up_alignment()
 before = known()
 grid = VoxelGrid((20, 40, 20), 0.5, (1.0, -2.0, 0.5))
-outcome = reconstruct(Scan.load(sys.argv[1]), grid, method="sirt", iterations=2)
+for basis in ("boxes", "splines"):
+    outcome = reconstruct(
+        Scan.load(sys.argv[1]), grid, method="sirt", iterations=2, basis=basis
+    )
 assert 4096 < outcome.counts["active_voxels"] < grid.size  # some dead, and many others
 assert before
 print(*sorted(name for name, _ in known() - before))

@@ -56,7 +56,9 @@ def test_masked_pixels_never_matter(copy, volume_of, far, garble):
 
 @pytest.mark.parametrize("method", ["auto", "cgls", "sirt", "mlem", "sart"])
 def test_pixels_that_miss_the_grid_change_nothing(folder, method, far):
-    settings = {"method": method, "iterations": None if method == "auto" else 10}
+    settings = {"method": method, "iterations": 10}
+    if method == "auto":  # its stop depends on which pixels it leaves out
+        settings |= {"iterations": None, "basis": "boxes"}
     skipped = reconstruct(Scan.load(folder), margin=np.inf, **settings)
     whole = reconstruct(Scan.load(folder), skip=False, **settings)
     assert whole.counts["rays"] == 6 * 40 * 60 > skipped.counts["rays"]

@@ -252,7 +252,7 @@ def test_a_faint_penalty_is_taken_and_nearer_to_a_smooth_truth_than_none():
     images = np.concatenate([image.ravel() for image in made.images.values()])
     choice = choose_by_held_out_views(projector, images)
     assert choice.method == "tikhonov"
-    assert choice.settings == {"strength": _candidates.FAINT}
+    assert solve_as_chosen(projector, images, choice).settings["strength"] == projector.faint
     case = SimpleNamespace(truth=made.truth, images=images)
     errors = [
         _true_error(projector, case, method, choice.width, choice.iterations)

@@ -8,7 +8,10 @@ import torch
 
 from tomo.effects import Effects
 from tomo.wernet import wernet
-from tomo.wernet.alternation import LAST_STEPS, Training
+from tomo.wernet.alternation import LAST_STEPS, Alternation, Training
+from tomo.wernet.correction import CorrectionEncoder, ViewTokens
+from tomo.wernet.parts import on_cores
+from tomo.wernet.ray_features import RayFeatures
 
 
 @pytest.fixture
@@ -45,3 +48,22 @@ def test_the_share_of_the_misfit_is_of_the_same_rays():
     assert Training(1.0, rays, misfits).share_of(others) == pytest.approx(0.5)
     assert Training(1.0, [], []).share_of(others) == 0
     assert Training(1.0, rays, misfits).share_of(0 * others) == math.inf
+
+
+def test_light_of_neighbours_is_nothing_to_learn_of_a_line(scene, small_steps):
+    one = scene(finer=2)
+    splines = one.system.of_splines().projector
+    volume = np.random.default_rng(3).random(splines.shape[1]).astype(np.float32)
+    measured, alone = splines @ volume, splines.lines @ volume
+    features = RayFeatures.of(splines, torch.device("cpu"), tells_views=False)
+    front = features.emission_in_front(volume, 1.0)
+
+    def misfits(beside):
+        encoder = CorrectionEncoder(seed=1)
+        tokens = ViewTokens(splines.n_views, encoder.channels)
+        with on_cores(torch.device("cpu")) as over_parts:
+            how = {"rounds": 1, "seed": 0, "over_parts": over_parts}
+            alternation = Alternation(features, measured, encoder, tokens, **how)
+            return alternation.round(0, volume, front, beside).misfits
+
+    assert max(misfits(measured - alone)) < 0.02 * min(misfits(None))

@@ -1,0 +1,157 @@
+"""Boxes or splines: which are taken, and what comes of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+import rigs
+from phantoms import create
+from tomo import Scan, VoxelGrid
+from tomo.io import read_volume
+from tomo.metrics import cosine_distance
+from tomo.reconstruct import reconstruct
+from tomo.simulate import simulate
+
+GRID = VoxelGrid((14, 36, 14), 1.0)
+
+
+@pytest.fixture(scope="session")
+def take(tmp_path_factory):
+    """Return a function that takes images of a flame and returns the scan."""
+
+    def scan(views=11, footprint=0.5, *, name="turbulent", refine=4, **how):
+        folder = tmp_path_factory.mktemp("taken") / "scan"
+        size = (int(22 / footprint), int(44 / footprint))
+        rig = rigs.ring(
+            views,
+            distance=400.0,
+            image_size=size,
+            footprint=footprint,
+            pitch_degrees=np.resize([12.0, -12.0], views),
+            start_degrees=5.0,
+        )
+        field = create(name, 4, GRID.extent, GRID.center)
+        simulate(rig, field, GRID, supersample=3, refine=refine, **how).save(folder)
+        return Scan.load(folder)
+
+    return scan
+
+
+@pytest.fixture(scope="session")
+def fine(take):
+    return take()
+
+
+def basis(outcome):
+    return outcome.report()["settings"]["basis"]["name"]
+
+
+def distance(outcome):
+    return outcome.reconstruction.quality["cosine_distance"]
+
+
+@pytest.fixture(scope="session")
+def by_splines(fine):
+    return reconstruct(fine, hold_out=["cam03"], compare=[("art", 3), ("sirt", 20)])
+
+
+@pytest.fixture(scope="session")
+def by_boxes(fine):
+    settings = {"hold_out": ["cam03"], "compare": [("art", 3), ("sirt", 20)]}
+    return reconstruct(fine, basis="boxes", **settings)
+
+
+def psnr(outcome, name):
+    return outcome.report()["held_out"][name]["psnr"]
+
+
+def test_a_flame_in_fine_pixels_is_nearer_to_the_truth_by_splines(by_splines, by_boxes):
+    assert (basis(by_splines), basis(by_boxes)) == ("splines", "boxes")
+    assert by_splines.settings["basis"]["share"] < 1
+    assert distance(by_splines) < 0.8 * distance(by_boxes)
+    assert psnr(by_splines, "cam03") > psnr(by_boxes, "cam03") + 1
+    json.dumps(by_splines.report(), allow_nan=False)
+
+
+def test_the_volume_holds_means_and_the_distances_are_theirs(by_splines, fine):
+    truth, *_ = read_volume(fine.truth)
+    found = by_splines.reconstruction
+    assert cosine_distance(found.volume, truth) == pytest.approx(distance(by_splines), rel=1e-6)
+    assert by_splines.cosine_distances[0][-1] == pytest.approx(distance(by_splines), rel=1e-5)
+    assert found.volume.sum() == pytest.approx(truth.sum(), rel=0.02)
+    assert found.volume.min() >= 0
+
+
+def test_re_projected_images_are_those_that_were_solved_for(by_splines):
+    used = [view for view in by_splines.views if not view.held_out]
+    squared = sum(np.square(view.measured - view.reprojected)[view.mask].sum() for view in used)
+    size = sum(np.square(view.measured)[view.mask].sum() for view in used)
+    residual = by_splines.reconstruction.relative_residual
+    assert np.sqrt(squared / size) == pytest.approx(residual, rel=0.05)
+
+
+def test_what_goes_line_by_line_is_compared_by_boxes(by_splines, by_boxes):
+    art, sirt = (
+        [one.comparisons[number].volume for one in (by_splines, by_boxes)] for number in (0, 1)
+    )
+    np.testing.assert_array_equal(*art)
+    assert (sirt[0] != sirt[1]).any()
+
+
+@pytest.mark.parametrize("method", ["art", "mart", "wernet-paper"])
+def test_what_goes_line_by_line_takes_boxes(fine, method):
+    assert basis(reconstruct(fine.scaled(2), method=method, iterations=1)) == "boxes"
+
+
+def test_pixels_as_large_as_voxels_take_boxes_unless_lines_share_them(take):
+    scan = take(footprint=1.0)
+    assert basis(reconstruct(scan, method="cgls", iterations=2)) == "boxes"
+    shared = reconstruct(scan, method="cgls", iterations=2, supersample=2)
+    assert shared.settings["basis"]["share"] > 0  # both were tried
+
+
+def test_light_as_rough_as_boxes_takes_boxes(take):
+    scan = take(name="homogeneous", refine=1)
+    assert basis(reconstruct(scan, method="nnls", iterations=3)) == "boxes"
+
+
+def test_on_the_fly_takes_boxes_and_splines_when_asked(fine):
+    settings = {"method": "sirt", "iterations": 5, "projector": "on-the-fly", "align": False}
+    assert basis(reconstruct(fine, **settings)) == "boxes"
+    found = [
+        reconstruct(fine, **{**settings, "projector": form}, basis="splines").reconstruction.volume
+        for form in ("stored", "on-the-fly")
+    ]
+    assert cosine_distance(*found) < 1e-4
+
+
+def test_many_views_learn_of_boxes_and_leave_images_without_more_to_splines(fine):
+    found = reconstruct(fine, method="wernet", uncertainty=0)
+    assert basis(found) == "splines"
+    assert found.reconstruction.settings["method"] == "wernet"
+    assert found.reconstruction.settings["learned"] is False
+    assert "by splines" in found.reconstruction.stop_reason
+    classic = reconstruct(fine, uncertainty=0)
+    np.testing.assert_array_equal(found.reconstruction.volume, classic.reconstruction.volume)
+
+
+def test_few_views_learn_of_splines(take):
+    scan = take(views=6)
+    found = reconstruct(scan, method="wernet")
+    assert basis(found) == "splines"
+    boxes = reconstruct(scan, method="wernet", basis="boxes")
+    assert distance(found) < distance(boxes)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"basis": "blobs"}, "basis: found 'blobs', expected one of auto, boxes, splines"),
+        ({"basis": "splines", "method": "art"}, "basis: found splines, expected boxes for method"),
+        ({"basis": "splines", "blur": 1.0}, "basis: found splines with blur 1.0, expected boxes"),
+    ],
+)
+def test_what_cannot_be_is_refused(fine, settings, words):
+    with pytest.raises(ValueError, match=words):
+        reconstruct(fine, **settings)

@@ -1,0 +1,105 @@
+"""Boxes or splines: what the default makes of images of flames that are no pile of boxes."""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from _benchmark.courses import Course, course
+from _benchmark.problems import Problem, problem
+from _benchmark.scenes import NOISES, RIGS, Scene, scene
+from _benchmark.sizes import Sizes
+from _benchmark.solvers import Progress, Rows
+from tomo import metrics
+from tomo._run import averages_of
+from tomo.solve.basis import BOXES, SPLINES, share_left_by
+from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
+from tomo.viewed import ViewedOperator
+
+REFINE = 4
+"""Voxels of the simulation along an edge of the grid's: images of twice finer ones show their
+edges, and blur as much as a quarter of what boxes do."""
+
+STOPPED = (("nnls", 0.0), ("nnls", 0.5), ("nnls", 0.8), ("cgls", 0.0))
+"""Methods and smoothness that boxes are given, each stopped where it is nearest to the truth."""
+
+SEEDS = 3
+
+
+def basis(sizes: Sizes, progress: Progress) -> Rows:
+    """Return ``basis``, one row a scene, and ``basis_mean``, over the seeds."""
+    finer = replace(sizes, refine=REFINE)
+    cases = [*itertools.product(sizes.seeds[:SEEDS], sizes.flames, RIGS, NOISES)]
+    rows = []
+    for number, (seed, flame, views, noise) in enumerate(cases):
+        progress(number, len(cases), f"basis, {flame}, {views} views, {noise}, seed {seed}")
+        shown = scene(flame, views, noise, seed, finer, sizes.skip_shrink)
+        rows.append(_row(shown, sizes.passes))
+    progress(len(cases), len(cases), "")
+    return {"basis": rows, "basis_mean": _means(rows)}
+
+
+def _row(shown: Scene, passes: int) -> dict[str, Any]:
+    scan = shown.scan
+    ready = problem(scan.rig, scan.grid, shown.images, skip=True)
+    best = min(
+        _least(course(ready, scan.truth, method, {}, passes=passes, width=width))
+        for method, width in STOPPED
+    )
+    started = time.perf_counter()
+    splines = ready.system.of_splines().projector
+    share = share_left_by(splines, ready.system.projector, ready.measured)
+    judging = time.perf_counter() - started
+    row = {
+        "flame": shown.flame,
+        "views": shown.views,
+        "noise": shown.noise,
+        "seed": shown.seed,
+        "share": share,
+        "stopped_cosine_distance": best,
+    }
+    row |= _default(BOXES, ready, ready.system.projector, scan.truth, ready.seconds)
+    return row | _default(SPLINES, ready, splines, scan.truth, ready.seconds + judging)
+
+
+def _least(run: Course) -> float:
+    return run.cosine_distances[run.best]
+
+
+def _default(
+    name: str, ready: Problem, projector: ViewedOperator, truth: NDArray[np.float32], before: float
+) -> dict[str, Any]:
+    """Return what the default comes to, and its seconds since the images were in memory."""
+    started = time.perf_counter()
+    choice = choose_by_held_out_views(projector, ready.measured)
+    found = solve_as_chosen(projector, ready.measured, choice)
+    volume = averages_of(projector, projector.live.compress(found.volume))
+    return {
+        f"{name}_cosine_distance": metrics.cosine_distance(volume, truth),
+        f"{name}_nrmse": metrics.nrmse(volume, truth),
+        f"{name}_seconds": before + time.perf_counter() - started,
+    }
+
+
+def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    groups: dict[tuple, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault((row["flame"], row["views"], row["noise"]), []).append(row)
+    found = []
+    for (flame, views, noise), group in groups.items():
+        mean = {"flame": flame, "views": views, "noise": noise, "seeds": len(group)}
+        mean |= {
+            key: statistics.fmean(row[key] for row in group)
+            for key in group[0]
+            if key not in ("flame", "views", "noise", "seed")
+        }
+        mean["ratio"] = mean["splines_cosine_distance"] / mean["boxes_cosine_distance"]
+        found.append(mean)
+    return found
