@@ -30,7 +30,7 @@ edges, and blur as much as a quarter of what boxes do."""
 STOPPED = (("nnls", 0.0), ("nnls", 0.5), ("nnls", 0.8), ("cgls", 0.0))
 """Methods and smoothness that boxes are given, each stopped where it is nearest to the truth."""
 
-SEEDS = 3
+SEEDS = 2
 
 
 def basis(sizes: Sizes, progress: Progress) -> Rows:

@@ -111,6 +111,12 @@ def test_pixels_as_large_as_voxels_take_boxes_unless_lines_share_them(take):
     assert shared.settings["basis"]["share"] > 0  # both were tried
 
 
+def test_pixels_too_fine_for_their_worth_take_boxes(take):
+    scan = take(views=3, footprint=0.08, refine=1)
+    found = reconstruct(scan, method="cgls", iterations=2)
+    assert "times the work of boxes" in found.settings["basis"]["reason"]
+
+
 def test_light_as_rough_as_boxes_takes_boxes(take):
     scan = take(name="homogeneous", refine=1)
     assert basis(reconstruct(scan, method="nnls", iterations=3)) == "boxes"
