@@ -103,6 +103,7 @@ def reconstruct_as_asked(
     if gains:
         measured = gains.correct(system.projector, measured)
         later += _warning_of_gains(gains, request.fit_gain)
+    system, basis = of_basis(system, measured, request, request.main)
     run = Run(
         system.projector,
         measured,
@@ -112,8 +113,6 @@ def reconstruct_as_asked(
         request.time_limit,
         progress,
     )
-    system, basis = of_basis(system, measured, request, request.main)
-    run = run.through(system.projector)
     found = run.solve(request.main, request.iterations)
     if learned_nothing(found) and request.basis == AUTO:
         system, basis = of_basis(system, measured, request, method_named(AUTO))

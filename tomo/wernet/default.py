@@ -27,6 +27,7 @@ from tomo.wernet.ray_features import RayFeatures
 
 if TYPE_CHECKING:
     from tomo.projector import Projector
+    from tomo.splines import Splines
 
 FEW_VIEW_ROUNDS = 2
 FEW_VIEWS_WORTH = 1.02
@@ -40,7 +41,7 @@ explain is detail that the basis lacks."""
 
 
 def wernet(
-    projector: Projector | Defocused,
+    projector: Projector | Defocused | Splines,
     measured: ArrayLike,
     *,
     iterations: int = 8,
@@ -67,9 +68,11 @@ def wernet(
 
     Parameters
     ----------
-    projector : Projector or Defocused
+    projector : Projector, Defocused or Splines
         Stored, of chord lengths, its segments with midpoints. Out of focus, levels and trends are
-        found through the lens; an encoder, which sees single lines, is not trained then.
+        found through the lens; an encoder, which sees single lines, is not trained then. Of
+        splines it is, beside what pixels see of neighbouring lines by the weights as they stand;
+        the volume is that of coefficients, see `Splines.averages`.
     measured : (pixels,)
     iterations : int
         Rounds; none with a frozen encoder.
