@@ -34,7 +34,7 @@ from tomo.methods import AUTO, method_named
 from tomo.outcome import Outcome, View
 from tomo.reconstruction import Reconstruction
 from tomo.scan import Scan
-from tomo.solve.basis import SPLINES
+from tomo.solve.basis import BOXES, SPLINES
 from tomo.support import STORED
 
 
@@ -114,7 +114,7 @@ def reconstruct_as_asked(
         progress,
     )
     found = run.solve(request.main, request.iterations)
-    if learned_nothing(found) and request.basis == AUTO:
+    if learned_nothing(found) and basis.name == BOXES and request.basis == AUTO:
         system, basis = of_basis(system, measured, request, method_named(AUTO))
         if basis.name == SPLINES:
             run = run.through(system.projector)

@@ -173,11 +173,13 @@ class Rounds:
         """
         if not isinstance(self.projector, Defocused):
             return None
-        alternation = self.alternation
-        encoder, tokens, features = alternation.encoder, alternation.tokens, alternation.features
-        correction = corrections(encoder, tokens, features, front, alternation.over_parts)
-        learned = reweighted(self.projector, correction)
+        learned = reweighted(self.projector, self._corrections(front))
         return (learned @ self.volume - learned.lines @ self.volume).astype(np.float32)
+
+    def _corrections(self, front: torch.Tensor) -> NDArray[np.float32]:
+        """Return the correction of each segment, ``(S,)``, as it is learnt by now."""
+        own = self.alternation
+        return corrections(own.encoder, own.tokens, own.features, front, own.over_parts)
 
     def _front(self) -> torch.Tensor:
         """Return the emission in front of each segment, ``(S,)``, by the voxels as they are."""
@@ -191,7 +193,7 @@ class Rounds:
         """
         alternation = self.alternation
         features, encoder, tokens = alternation.features, alternation.encoder, alternation.tokens
-        correction = corrections(encoder, tokens, features, front, alternation.over_parts)
+        correction = self._corrections(front)
         if not np.abs(correction).max(initial=0.0) <= LARGEST_CORRECTION:
             place = f"round {self.done}" if self.done else "the first guess"
             self.ended = f"diverged in {place}: corrections beyond any optics"

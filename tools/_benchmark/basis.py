@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from _benchmark.courses import Course, course
+from _benchmark.courses import course
 from _benchmark.problems import Problem, problem
 from _benchmark.scenes import NOISES, RIGS, Scene, scene
 from _benchmark.sizes import Sizes
@@ -50,7 +50,7 @@ def _row(shown: Scene, passes: int) -> dict[str, Any]:
     scan = shown.scan
     ready = problem(scan.rig, scan.grid, shown.images, skip=True)
     best = min(
-        _least(course(ready, scan.truth, method, {}, passes=passes, width=width))
+        course(ready, scan.truth, method, {}, passes=passes, width=width).least
         for method, width in STOPPED
     )
     started = time.perf_counter()
@@ -67,10 +67,6 @@ def _row(shown: Scene, passes: int) -> dict[str, Any]:
     }
     row |= _default(BOXES, ready, ready.system.projector, scan.truth, ready.seconds)
     return row | _default(SPLINES, ready, splines, scan.truth, ready.seconds + judging)
-
-
-def _least(run: Course) -> float:
-    return run.cosine_distances[run.best]
 
 
 def _default(

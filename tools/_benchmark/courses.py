@@ -40,6 +40,11 @@ class Course:
         """The pass of smallest cosine distance: where to stop, could one see the truth."""
         return int(np.argmin(self.cosine_distances))
 
+    @property
+    def least(self) -> float:
+        """The smallest cosine distance."""
+        return self.cosine_distances[self.best]
+
     def seconds_to(self, distance: float) -> float | None:
         """Return when the cosine distance first was at most ``distance``; None if it never was."""
         reached = np.flatnonzero(np.array(self.cosine_distances) <= distance)

@@ -137,12 +137,12 @@ def mismatch_row(effect: str, flame: str, noise: str, seed: int, size: Sizes) ->
     scene = mismatch_scene(effect, flame, noise, seed, size)
     ready = scene.problem()
     courses = _courses(ready, scene, CLASSIC, size)
-    best = min(courses, key=lambda name: _least(courses[name]))
+    best = min(courses, key=lambda name: courses[name].least)
     went = courses[best]
     told = replace(ready.system, projector=scene.informed(ready.system))
     alike = [c for c in CLASSIC if c in INFORMED or _name(*c) == best]
     informed = _courses(replace(ready, system=told), scene, alike, size)
-    limit = min(informed.values(), key=_least)
+    limit = min(informed.values(), key=lambda course: course.least)
     return MismatchRow(
         effect,
         flame,
@@ -150,11 +150,11 @@ def mismatch_row(effect: str, flame: str, noise: str, seed: int, size: Sizes) ->
         seed,
         classic=best,
         classic_pass=went.best,
-        classic_cosine_distance=_least(went),
+        classic_cosine_distance=went.least,
         classic_nrmse=went.nrmses[went.best],
         classic_seconds=went.seconds[went.best],
-        tried={name: _least(course) for name, course in courses.items()},
-        informed_cosine_distance=_least(limit),
+        tried={name: course.least for name, course in courses.items()},
+        informed_cosine_distance=limit.least,
         informed_nrmse=limit.nrmses[limit.best],
         **_learned(scene),
     )
@@ -201,10 +201,6 @@ def _name(method: str, width: float, settings: Mapping[str, Any]) -> str:
     if width:
         return f"{method}, width {width:g}"
     return f"{method}, strength {settings['strength']:g}" if "strength" in settings else method
-
-
-def _least(course: Course) -> float:
-    return course.cosine_distances[course.best]
 
 
 def _learned(scene: MismatchScene) -> dict[str, float]:

@@ -92,7 +92,7 @@ def _best_stopped(seen: Any, method: str, sizes: Sizes) -> list[Skipped]:
                 prepare_seconds=statistics.median(r.seconds for r, _ in results),
                 seconds=statistics.median(w.seconds[w.best] for _, w in results),
                 seconds_to_1e3=None if None in reached else statistics.median(reached),
-                cosine_distance=went.cosine_distances[went.best],
+                cosine_distance=went.least,
                 nrmse=went.nrmses[went.best],
             )
         )

@@ -177,7 +177,7 @@ def _run(
         settings,
         best_pass=went.best,
         passes=len(went.seconds) - 1,
-        cosine_distance=went.cosine_distances[went.best],
+        cosine_distance=went.least,
         nrmse=went.nrmses[went.best],
         seconds=went.seconds[went.best],
         prepare_seconds=ready.seconds,

@@ -150,6 +150,16 @@ def test_few_views_learn_of_splines(take):
     assert distance(found) < distance(boxes)
 
 
+def test_few_views_that_teach_nothing_are_judged_by_the_splines_they_were_solved_by(take):
+    scan, settings = take(views=6), {"hold_out": ["cam02"], "uncertainty": 0}
+    found = reconstruct(scan, method="wernet", iterations=0, **settings)
+    classic = reconstruct(scan, **settings)
+    assert found.reconstruction.settings["learned"] is False
+    assert basis(found) == basis(classic) == "splines"
+    np.testing.assert_array_equal(found.reconstruction.volume, classic.reconstruction.volume)
+    assert psnr(found, "cam02") == psnr(classic, "cam02")
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

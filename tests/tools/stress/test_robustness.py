@@ -1,5 +1,7 @@
 """The stress of robustness: its rows hold, and do not where nothing is left out."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from _stress import robustness_area as area
@@ -16,19 +18,20 @@ def flame():
 
 def test_a_wrong_view_is_named_and_one_that_is_kept_is_a_fault(flame, monkeypatch):
     images = dict((name, i) for name, i, _ in wrong_views(flame, 1, SHRINK))["upside down"]
+    reconstruct = partial(scenes.reconstruct, basis="boxes")  # which a wrong view costs more
+    monkeypatch.setattr(scenes, "reconstruct", reconstruct)
     found = area._Measured(flame)
     name = flame.rig.names[WRONG]
     found.add("view", "upside down", images, (name,))
     assert found.errors["view"][0][1] < area.WORSE
     assert not found.faults["view"]
 
-    reconstruct = scenes.reconstruct
     monkeypatch.setattr(
         scenes, "reconstruct", lambda scan, **k: reconstruct(scan, suspects=False, **k)
     )
     kept = area._Measured(flame)
     kept.add("view", "upside down", images, (name,))
-    assert kept.errors["view"][0][1] > 1.05 * found.errors["view"][0][1]
+    assert kept.errors["view"][0][1] > 1.1 * found.errors["view"][0][1]
     assert kept.faults["view"] == [f"turbulent, upside down: {name} not named"]
 
 
