@@ -19,13 +19,13 @@ from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
 from tomo.trace import column_changes
 from tomo.trace.columns import ORDERS, Axes, add_differences, running_sums, turned
-from tomo.trace.shares import Follow, Share, follow_all, shares_of
+from tomo.trace.shares import Follow, Share, follow_all, follow_groups, shares_of
 from tomo.trace.sources import Numbers, PixelSource, RayPixels, pixel_source
-from tomo.trace.survey import Survey, survey
+from tomo.trace.survey import ColumnsMet, Survey, columns_met, survey
 from tomo.viewed import ViewedOperator, as_float
 
-DIFFERENCES = 32 * 2**20
-"""Bytes for each of two threads or more that an adjoint may take even for a smaller volume."""
+DIFFERENCES = 64 * 2**20
+"""Bytes that an adjoint may take even for a smaller volume."""
 
 
 class OnTheFlyProjector(ViewedOperator):
@@ -118,7 +118,7 @@ class OnTheFlyProjector(ViewedOperator):
         return projector
 
     def _set(self, sources, grid, view_ptr, live) -> None:
-        self._sources = sources
+        self._sources, self._met = sources, {}
         self._ptr = np.cumsum([0] + [source.n_pixels for source in sources])
         super().__init__(int(self._ptr[-1]), grid, view_ptr, np.float32, live)
 
@@ -190,7 +190,7 @@ class OnTheFlyProjector(ViewedOperator):
             column_changes.forward(courses, pixel_ptr, shape, self._number, *sums, some)
             share.add_to(images, some)
 
-        follow_all(shares, self.grid, axes, lambda: follow)
+        follow_all(shares, self.grid, axes, follow)
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
@@ -229,53 +229,59 @@ class OnTheFlyProjector(ViewedOperator):
     def _add_along(self, axes: Axes, y: NDArray, per_unit: float, volume: NDArray) -> None:
         """Add the back-projection along the rays with one long axis, some columns at a time.
 
-        Shares of which no ray meets the columns are left out, once they have been followed and it
-        is known which they meet.
+        Of those a thread at a time has a range of its own, so that no two add to the same number.
         """
         shares = self._shares(axes)
         if not shares:
             return
-        threads = min(numba.get_num_threads(), len(shares))
         n_a, n_b, n_c = turned(self.grid.shape, axes)
         plane = n_c * (n_a + 1)  # numbers for each step along b
-        room = max(volume.nbytes, DIFFERENCES * max(threads, 2))
-        ranges = -(-n_b // max(room // (8 * plane * threads), 1))
-        meets: dict[Share, tuple[int, int]] = {}
-        for part in range(ranges):
-            low, high = part * n_b // ranges, (part + 1) * n_b // ranges
-            differences = np.zeros((threads, (high - low) * plane), np.uint64)
-            some = [share for share in shares if _overlap(meets.get(share), low, high)]
-            meets |= self._add_differences(some, axes, low, high, y, per_unit, differences)
-            add_differences(differences, self.grid.shape, axes, low, 1 / per_unit, volume)
+        room = max(volume.nbytes, DIFFERENCES)
+        steps = min(max(room // (8 * plane), 1), n_b)
+        differences = np.zeros(steps * plane, np.uint64)
+        for low in range(0, n_b, steps):
+            columns = range(low, min(low + steps, n_b))
+            if low > 0:  # new memory is zero, and touched first by the threads that add to it
+                differences[:] = 0
+            self._add_differences(shares, axes, columns, y, per_unit, differences)
+            add_differences(differences, self.grid.shape, axes, columns, 1 / per_unit, volume)
+
+    def _columns_met(self, axes: Axes, shares: Sequence[Share]) -> ColumnsMet:
+        """Return which columns the shares along a long axis meet, which stay the same."""
+        if axes not in self._met:
+            self._met[axes] = columns_met(shares, self.grid, axes)
+        return self._met[axes]
 
     def _add_differences(
         self,
         shares: Sequence[Share],
         axes: Axes,
-        low: int,
-        high: int,
+        columns: range,
         y: NDArray,
         per_unit: float,
         differences: NDArray[np.uint64],
-    ) -> dict[Share, tuple[int, int]]:
-        """Add what shares bring to columns ``low:high``, each thread to a row of its own.
+    ) -> None:
+        """Add what shares bring to some columns along b, of which ``differences`` are."""
+        shape = turned(self.grid.shape, axes)
+        plane = shape[2] * (shape[0] + 1)
+        met = self._columns_met(axes, shares)
+        groups = [
+            (some, [shares[number] for number in met.shares_in(*some)])
+            for some in met.even_ranges(columns, numba.get_num_threads())
+        ]
 
-        Returns the first and last column along b that each share's rays meet.
-        """
-        shape, free, meets = turned(self.grid.shape, axes), iter(differences), {}
-
-        def worker() -> Follow:
-            mine = next(free)
+        def follow_in(some: tuple[int, int]) -> Follow:
+            low, high = some
+            mine = differences[(low - columns[0]) * plane : (high - columns[0]) * plane]
 
             def follow(share: Share, courses: NDArray, pixel_ptr: NDArray) -> None:
-                meets[share] = column_changes.adjoint(
+                column_changes.adjoint(
                     courses, pixel_ptr, shape, self._number, low, high, per_unit, share.of(y), mine
                 )
 
             return follow
 
-        follow_all(shares, self.grid, axes, worker)
-        return meets
+        follow_groups(groups, self.grid, axes, follow_in)
 
     def _shares(self, axes: Axes) -> list[Share]:
         """Return the pixels with rays along ``axes[0]``, in shares."""
@@ -285,8 +291,3 @@ class OnTheFlyProjector(ViewedOperator):
     def _number(self) -> NDArray[np.integer]:
         """Nothing, of the type in which places of running sums fit."""
         return np.zeros(0, numbering(math.prod(n + 1 for n in self.grid.shape)))
-
-
-def _overlap(met: tuple[int, int] | None, low: int, high: int) -> bool:
-    """Say whether columns ``met[0]`` to ``met[1]``, unknown if None, may be of ``low:high``."""
-    return met is None or (met[0] < high and met[1] >= low)

@@ -198,15 +198,13 @@ def _clipped(b, c, enter, leave, span_b, span_c, low, high):
 @compiled()
 def adjoint(
     courses, pixel_ptr, shape, number, first_b, end_b, per_unit, images, differences
-) -> tuple[int, int]:  # fmt: skip
+) -> None:  # fmt: skip
     """Add to ``differences`` the transpose of `forward` for ``images`` (P,).
 
     ``differences`` (uint64, wrapping around) have the columns from ``first_b`` to before ``end_b``
     of axis b, in whole numbers of which there are ``per_unit`` to one; ``images`` are float64.
-    Other parameters as in `forward`. Returns the first and the last column along b that rays of
-    pixels other than zero meet, in that range or not; the first is beyond the last if none do.
+    Other parameters as in `forward`.
     """
-    lowest, highest = float(shape[1]), -1.0
     first_column = float(first_b * shape[2] * (shape[0] + 1))
     lists, strides = _lists(number, shape), _strides(shape)
     pairs = (
@@ -224,10 +222,6 @@ def adjoint(
             span_b = voxels(b, enter, leave, shape[1])
             if b[3] < 0:
                 low, high = shape[1] - high, shape[1] - low
-                lowest = min(lowest, shape[1] - 1 - span_b[1])
-                highest = max(highest, shape[1] - 1 - span_b[0])
-            else:
-                lowest, highest = min(lowest, span_b[0]), max(highest, span_b[1])
             if span_b[0] >= high or span_b[1] < low:
                 continue
             span_c = voxels(c, enter, leave, shape[2])
@@ -251,4 +245,3 @@ def adjoint(
                 _add_changes(differences, lists, pairs, at, strides)
                 some, at = 0, (0, 0)
     _add_changes(differences, lists, pairs, at, strides)
-    return int(lowest), int(highest)

@@ -83,9 +83,8 @@ def _sum_down(differences, walk, first_other, end_other, start, unit, volume) ->
             target = start + other * step_other + first * step_side
             between = walk.column[1] * (n_a + 1)
             for k in range(n_a - 1, -1, -1):
-                for copy in range(len(differences)):
-                    for side in range(some):
-                        total[side] += differences[copy, np.uint64(source + side * between + k)]
+                for side in range(some):
+                    total[side] += differences[np.uint64(source + side * between + k)]
                 for side in range(some):
                     at = np.uint64(target + k * step_a + side * step_side)
                     volume[at] += np.int64(total[side]) * unit
@@ -117,7 +116,7 @@ def add_differences(
     differences: NDArray[np.uint64],
     shape: tuple[int, int, int],
     axes: Axes,
-    first_b: int,
+    columns: range,
     unit: float,
     volume: NDArray,
 ) -> None:
@@ -125,18 +124,17 @@ def add_differences(
 
     Parameters
     ----------
-    differences : (copies, columns * (n_a + 1)) uint64
-        Whole numbers, negative ones as their complement, of the columns from ``(first_b, 0)`` on,
-        to be added up.
+    differences : (columns * n_c * (n_a + 1), or more) uint64
+        Whole numbers, negative ones as their complement.
     shape, axes : (int, int, int)
-    first_b : int
+    columns : range
+        Along b, whose the numbers are.
     unit : float
         What one of the whole numbers stands for.
     volume : (voxels,) float32 or float64
     """
-    n_a, _, n_c = turned(shape, axes)
-    walk = _walk(shape, axes, differences.shape[1] // (n_c * (n_a + 1)))
-    start = first_b * _strides(shape, axes)[1]
+    walk = _walk(shape, axes, len(columns))
+    start = columns[0] * _strides(shape, axes)[1]
     share_range(
         walk.shape[1],
         lambda first, end: _sum_down(differences, walk, first, end, start, unit, volume),

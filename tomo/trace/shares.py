@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numba
 import numpy as np
@@ -20,6 +21,8 @@ RAYS_AT_ONCE = 16_384  # 1 MB of courses, which stays near the core that makes t
 
 Follow = Callable[["Share", NDArray[np.float64], NDArray[np.int64]], None]
 """Does something with a share, its courses (N, 8), and where each pixel's begin (P + 1,)."""
+
+Group = TypeVar("Group")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,25 +92,39 @@ def shares_of(sources: Sequence[PixelSource], wanted: Sequence[bool]) -> Iterato
         yield Share(tuple(pieces), tuple(spans))
 
 
-def follow_all(
-    shares: Sequence[Share], grid: VoxelGrid, axes: Axes, worker: Callable[[], Follow]
+def follow_all(shares: Sequence[Share], grid: VoxelGrid, axes: Axes, follow: Follow) -> None:
+    """Follow the rays of all shares that have ``axes[0]`` for long axis, on all threads."""
+    follow_groups([(None, (share,)) for share in shares], grid, axes, lambda _: follow)
+
+
+def follow_groups(
+    groups: Sequence[tuple[Group, Sequence[Share]]],
+    grid: VoxelGrid,
+    axes: Axes,
+    follow_in: Callable[[Group], Follow],
 ) -> None:
-    """Follow the rays of all shares, on all threads.
+    """Follow the rays of groups of shares, on all threads, those of a group on one.
 
     Parameters
     ----------
-    shares : sequence of Share
+    groups : sequence of (anything, shares)
+        What a group is known by, and its shares; one may be in several groups.
     grid : VoxelGrid
     axes : (int, int, int)
-    worker : callable
-        Called on each thread once; returns what follows a share's rays there.
+    follow_in : callable
+        Called with what a group is known by; returns what follows the rays of its shares.
     """
-    sources = {source for share in shares for source, _, _ in share.pieces}
+    sources = {source for _, shares in groups for share in shares for source, _, _ in share.pieces}
     writers = {source: source.writer(grid, axes) for source in sources}
 
-    def make() -> Callable[[Share], None]:
-        follow = worker()
+    def worker() -> Callable[[tuple[Group, Sequence[Share]]], None]:
         room = np.zeros((RAYS_AT_ONCE, WIDTH))  # new memory costs more than what is written to it
-        return lambda share: follow(share, *share.courses(writers, room))
 
-    share_out(shares, numba.get_num_threads(), make)
+        def do(group: tuple[Group, Sequence[Share]]) -> None:
+            follow = follow_in(group[0])
+            for share in group[1]:
+                follow(share, *share.courses(writers, room))
+
+        return do
+
+    share_out(groups, numba.get_num_threads(), worker)

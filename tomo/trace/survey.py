@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -55,6 +56,69 @@ def survey(source: PixelSource, grid: VoxelGrid) -> Survey:
     return Survey(layers, changes, meets)
 
 
+MARGIN = 1e-6
+"""Voxels by which columns are told generously, for the last bits of where a ray is."""
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnsMet:
+    """Which columns along b rays with one long axis meet.
+
+    Attributes
+    ----------
+    spans : (shares, 2) int64
+        The first that rays of a share meet and the one after the last; both zero where none do.
+    rays : (n_b,) int64
+        How many rays meet each.
+    """
+
+    spans: NDArray[np.int64]
+    rays: NDArray[np.int64]
+
+    def shares_in(self, low: int, high: int) -> NDArray[np.int64]:
+        """Return the numbers of the shares whose rays meet columns ``low:high``."""
+        first, end = self.spans.T
+        return np.flatnonzero((first < high) & (end > low))
+
+    def even_ranges(self, columns: range, count: int) -> list[tuple[int, int]]:
+        """Return at most ``count`` ranges that make up ``columns``, of about the same work each.
+
+        Parameters
+        ----------
+        columns : range
+            Along b, one at least.
+        count : int
+        """
+        low, high = columns[0], columns[-1] + 1
+        done = np.cumsum(self.rays[low:high] + 1)  # one more: those that no ray meets are cut, too
+        wanted = done[-1] * np.arange(1, count) / count
+        cuts = np.searchsorted(done, wanted) + 1  # behind the column where so much is done
+        ends = np.unique([low, *np.minimum(low + cuts, high), high])
+        return list(itertools.pairwise(ends.tolist()))
+
+
+def columns_met(shares: Sequence[Share], grid: VoxelGrid, axes: Axes) -> ColumnsMet:
+    """Look at all rays of shares that have ``axes[0]`` for long axis."""
+    n_b = grid.shape[axes[1]]
+    spans, counts = dict.fromkeys(shares, (0, 0)), [np.zeros(n_b, np.int64)]
+
+    def look(share: Share, courses: NDArray, pixel_ptr: NDArray) -> None:
+        inside = courses[courses[:, LEAVE] > courses[:, ENTER]]
+        if len(inside):
+            start, slope = inside[:, START_B], inside[:, SLOPE_B]
+            into, out = (inside[:, t] * np.abs(slope) + start for t in (ENTER, LEAVE))
+            mirrored = slope < 0
+            low, high = np.where(mirrored, n_b - out, into), np.where(mirrored, n_b - into, out)
+            first = np.clip(np.floor(low - MARGIN), 0, n_b - 1).astype(np.int64)
+            last = np.clip(np.floor(high + MARGIN), 0, n_b - 1).astype(np.int64)
+            spans[share] = int(first.min()), int(last.max()) + 1
+            entered, left = (np.bincount(some, minlength=n_b) for some in (first, last))
+            counts.append(np.cumsum(entered) - np.cumsum(left) + left)
+
+    follow_all(shares, grid, axes, look)
+    return ColumnsMet(np.array(list(spans.values()), np.int64).reshape(-1, 2), sum(counts))
+
+
 def _follow(
     shares: Sequence[Share], grid: VoxelGrid, axes: Axes, meets: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
@@ -68,7 +132,7 @@ def _follow(
             met = np.append(0, np.cumsum(inside))
             share.add_to(meets, np.diff(met[pixel_ptr]) > 0)
 
-    follow_all(shares, grid, axes, lambda: look)
+    follow_all(shares, grid, axes, look)
     return np.sum(counted, axis=0)
 
 
