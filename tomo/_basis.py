@@ -69,11 +69,30 @@ def of_basis(
         given = Basis(request.basis, "as asked for")
         splines = request.basis == SPLINES
         return (system.of_splines(request.supersample) if splines else system), given
-    against = _reason_for_boxes(system, request, method)
+    against = _reason_against(system, request, method)
+    if against:
+        return system, Basis(BOXES, against)
+    return better_of(system, measured, request.supersample)
+
+
+def better_of(
+    system: LinearSystem, measured: NDArray[np.float32], supersample: int = 1
+) -> tuple[LinearSystem, Basis]:
+    """Return the system of the unknowns that predict left-out views better.
+
+    Parameters
+    ----------
+    system : LinearSystem
+        Of boxes.
+    measured : (pixels,) float32
+    supersample : int
+        Rays along each side of a pixel.
+    """
+    against = _reason_for_boxes(system, supersample)
     if against:
         return system, Basis(BOXES, against)
     try:
-        splines = system.of_splines(request.supersample)
+        splines = system.of_splines(supersample)
     except ValueError as error:  # too large, or a camera beside which the grid's centre lies
         return system, Basis(BOXES, str(error))
     share = share_left_by(splines.projector, system.projector, measured)
@@ -105,24 +124,30 @@ def in_place_of(learned: Reconstruction, classic: Reconstruction) -> Reconstruct
     )
 
 
-def _reason_for_boxes(system: LinearSystem, request: Request, method: Method) -> str:
-    """Return why splines are not even tried; empty where they are."""
+def _reason_against(system: LinearSystem, request: Request, method: Method) -> str:
+    """Return why what is asked for rules splines out; empty where it does not."""
     if not method.through_lenses:
         return f"{method.name} goes line by line"
-    if method.needs_midpoints and request.encoder is not None:
-        return "encoders were trained on boxes"
-    if method.needs_midpoints and system.projector.n_views > FEW_VIEWS:
-        return "of many views the weights of boxes are learned"
+    if method.needs_midpoints and not request.freeze_encoder:
+        if request.encoder is not None:
+            return "encoders were trained on boxes"
+        if system.projector.n_views > FEW_VIEWS:
+            return "of many views the weights of boxes are learned"
+    return ""
+
+
+def _reason_for_boxes(system: LinearSystem, supersample: int) -> str:
+    """Return why splines are not even tried; empty where they are."""
     if isinstance(system.projector, Defocused):
         return "a lens's discs are told for boxes"
     if system.form != STORED:
         return "on the fly splines would take more memory than all the rest"
     grid = system.projector.grid
-    apart = np.median(system.rig.footprint(grid.center)) / request.supersample
+    apart = np.median(system.rig.footprint(grid.center)) / supersample
     edges = float(apart) / math.prod(grid.spacing) ** (1 / 3)
     if not edges <= LARGEST_PIXEL:
         return f"lines are {edges:.2f} voxels apart, more than {LARGEST_PIXEL}"
-    across = 1 / (edges * request.supersample) + 1.5  # pixels, about, that a shadow reaches
+    across = 1 / (edges * supersample) + 1.5  # pixels, about, that a shadow reaches
     work = 1 + across**2 * system.projector.shape[0] / system.projector.n_crossings
     if work > MOST_WORK:
         return f"in pixels so fine splines would be {work:.0f} times the work of boxes"

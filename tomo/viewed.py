@@ -36,6 +36,10 @@ class ViewedOperator(LinearOperator):
     """Strength of a penalty on differences of neighbours that tames what the unknowns make of
     clean images and leaves their detail."""
 
+    edged: ClassVar[bool] = True
+    """Whether the unknowns have edges that no flame has. Least squares make up for those by
+    contrast, and views left out, which see them too, do not say when it is enough."""
+
     def __init__(
         self,
         n_pixels: int,

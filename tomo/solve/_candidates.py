@@ -18,6 +18,9 @@ from tomo.viewed import ViewedOperator
 ITERATIONS = {"mlem": 17, "nnls": 40, "tikhonov": 40}
 """The most that each candidate is given: Poisson, and least squares without and with a penalty."""
 
+LONGEST = 80
+"""The most that least squares with a penalty are given where unknowns have no edges."""
+
 WORTH_WIDENING = 0.1
 """A wider basis must gain so much of what all smoothing has gained: what it gains less is chance,
 and detail is lost for it."""
@@ -123,9 +126,11 @@ class Candidates:
         if self.progress:
             where = f"choosing: {method}, smoothness {width:g}"
             self.progress(len(self.tried), self.total, where)
+        training = self.trials[0].training
+        longest = method == "tikhonov" and not training.edged
         settings = {
-            "iterations": iterations or ITERATIONS[method],
-            **further_settings(method, self.trials[0].training),
+            "iterations": iterations or (LONGEST if longest else ITERATIONS[method]),
+            **further_settings(method, training),
         }
         errors = np.array(  # (trials, checkpoints, 2)
             [

@@ -23,11 +23,15 @@ FEW_VIEWS = 8
 MULTIPLICATIVE = ("mlem",)
 """Methods that start from `Trial.start`."""
 
-CHECKPOINTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 17, 20, 24, 28, 34, 40)
+CHECKPOINTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 17, 20, 24, 28, 34, 40, 48, 57, 68, 80)
 """The numbers of iterations at which a trial is judged."""
 
 SETTLED = 1e-4
 """A trial ends when one checkpoint gains less than this share of what all have gained."""
+
+STILL_FALLING = 0.03
+"""Of unknowns without edges only where it gains less than this share of what is left, too: clean
+images are worth it."""
 
 PATIENCE = 10
 HOPELESS = 0.05
@@ -162,7 +166,10 @@ class Trial:
             if at < 2:
                 return False
             before, now = errors[at - 1 : at + 1].sum(axis=1)
-            settled = before - now < SETTLED * (dark - now)
+            enough = SETTLED * (dark - now)
+            if not self.training.edged:
+                enough = min(enough, STILL_FALLING * now)
+            settled = before - now < enough
             lacking = min(HOPELESS * (dark - best), CATCHING_UP * (before - now))
             behind = index >= PATIENCE and best > 0 and now - best > lacking
             return behind or (settled and not to_the_end) or index == CHECKPOINTS[-1]

@@ -159,6 +159,8 @@ def _share_in_gaps(projector: ViewedOperator) -> float:
 
 def _of_many_views(candidates: Candidates, projector: ViewedOperator) -> Attempt:
     """Return the best of least squares; ``projector`` is that of all views."""
+    if not projector.edged:
+        return candidates.smoothed("tikhonov", WIDTHS)[-1]
     helped = candidates.smoothed("nnls", WIDTHS)
     plain = helped[-1]
     # Iterations stay: the penalty is to make a volume tamer, not to go on for longer.

@@ -29,6 +29,7 @@ class Splines(Defocused):
     """
 
     faint = 1e-4
+    edged = False
 
     def __repr__(self) -> str:
         """Name the lines."""

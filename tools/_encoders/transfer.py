@@ -15,6 +15,8 @@ import rigs
 from phantoms.field import Field
 from rigs import Distortion, Rig
 from tomo import Reconstruction, VoxelGrid
+from tomo._basis import better_of
+from tomo._run import averages_of
 from tomo.metrics import cosine_distance
 from tomo.simulate import simulate
 from tomo.solve.stopping import Choice, choose_by_held_out_views, solve_as_chosen
@@ -83,6 +85,8 @@ class Transfer:
     case : Case
     footprint : float
         A pixel's size in mean voxel edges.
+    basis : str
+        Boxes or splines, whichever predicts left-out views better.
     chords, frozen, accepted : float
         Cosine distance from the truth: of the classic solve, of the same with the encoder's
         weights, and of what the default method returned.
@@ -98,6 +102,7 @@ class Transfer:
 
     case: Case
     footprint: float
+    basis: str
     chords: float
     frozen: float
     accepted: float
@@ -121,7 +126,13 @@ def transfer(encoder: CorrectionEncoder, case: Case) -> Transfer:
     field = _field(case.phantom, case.seed, grid)
     scan = simulate(rig, field, grid, supersample=4, refine=2, seed=case.seed)
     ready = problem(rig, grid, list(scan.images.values()), skip=True, midpoints=True)
-    projector, measured = ready.system.projector, ready.measured
+    measured = ready.measured
+    system, basis = better_of(ready.system, measured)
+    projector = system.projector
+
+    def distance(found: Reconstruction) -> float:
+        volume = averages_of(projector, projector.live.compress(found.volume))
+        return cosine_distance(volume, scan.truth)
 
     def classic() -> tuple[Choice, Reconstruction]:
         choice = choose_by_held_out_views(projector, measured)
@@ -141,9 +152,10 @@ def transfer(encoder: CorrectionEncoder, case: Case) -> Transfer:
     return Transfer(
         case,
         _footprint(rig, grid),
-        cosine_distance(chords.volume, scan.truth),
-        cosine_distance(frozen.volume, scan.truth),
-        cosine_distance(found.volume, scan.truth),
+        basis.name,
+        distance(chords),
+        distance(frozen),
+        distance(found),
         residuals["chords"],
         residuals["learned"],
         found.weights is not None,

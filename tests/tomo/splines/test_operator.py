@@ -17,16 +17,20 @@ GRID = VoxelGrid((12, 10, 11), (1.0, 1.2, 0.9), (3.0, -2.0, 1.0))
 
 def rig_of(footprint, views=2):
     """Cameras that look along no face of a voxel: its edges would fall on whole rows of pixels."""
-    size = tuple(int(18 / footprint) // 2 * 2 + 1 for _ in range(2))
     return rigs.ring(
         views,
-        distance=400.0,
-        image_size=size,
-        footprint=footprint,
-        center=GRID.center,
         pitch_degrees=[20.0, -35.0, 5.0][:views],
         start_degrees=17.0,
+        **at_the_grid(footprint),
     )
+
+
+def at_the_grid(footprint):
+    side = int(18 / footprint) // 2 * 2 + 1
+    return {
+        "distance": 400.0, "image_size": (side, side), "footprint": footprint,
+        "center": GRID.center,
+    }  # fmt: skip
 
 
 def system_of(footprint, **how):
@@ -76,7 +80,7 @@ def apart(found, expected):
     return np.linalg.norm(found - expected) / np.linalg.norm(expected)
 
 
-@pytest.mark.parametrize(("footprint", "bound"), [(0.3, 0.005), (0.5, 0.006)])
+@pytest.mark.parametrize(("footprint", "bound"), [(0.15, 0.001), (0.3, 0.003), (0.5, 0.004)])
 def test_pixels_see_emission_that_runs_straight_between_centres(footprint, bound):
     coefficients = bump()
     system = system_of(footprint)
@@ -85,6 +89,17 @@ def test_pixels_see_emission_that_runs_straight_between_centres(footprint, bound
     boxes = system.projector @ averages(coefficients).ravel()
     assert apart(found, seen) < bound
     assert apart(boxes, seen) > 0.04
+
+
+@pytest.mark.parametrize(("footprint", "bound"), [(0.3, 0.35), (0.5, 0.46)])
+def test_a_camera_that_looks_along_faces_sees_less_of_edges(footprint, bound):
+    coefficients = bump()
+    rig = rigs.ring(2, pitch_degrees=0.0, **at_the_grid(footprint))
+    system = LinearSystem.from_rig(rig, GRID, skip=False)
+    seen = integrated(linear(coefficients), rig)
+    found = system.of_splines().projector @ coefficients.ravel()
+    boxes = system.projector @ averages(coefficients).ravel()
+    assert apart(found, seen) < bound * apart(boxes, seen)
 
 
 def test_a_single_hat_has_its_light_and_its_size():
@@ -157,7 +172,7 @@ def test_rows_sum_to_one_at_the_images_edge_and_beside_damaged_pixels():
     assert spread.data.min() > 0
 
 
-@pytest.mark.parametrize("footprint", [0.05, 0.3, 1.0, 3.0])
+@pytest.mark.parametrize("footprint", [0.05, 0.3])
 def test_shares_spread_as_much_as_a_voxels_shadow_and_a_pixels_area(footprint):
     rig = (
         rig_of(footprint, views=1)
