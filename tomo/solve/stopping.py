@@ -105,7 +105,9 @@ def choose_by_held_out_views(
     iterations comes with each. With noise or imperfect cameras a smooth basis predicts left-out
     views better; with clean images it does not. They are then given a faint penalty on
     differences of neighbours, unless the left-out views speak clearly against it and rays leave
-    no gaps, and a narrower basis where that predicts clearly better with the penalty.
+    no gaps, and a narrower basis where that predicts clearly better with the penalty. Unknowns
+    that have no edges (`ViewedOperator.edged`) have the penalty throughout, and are iterated on as
+    long as left-out views gain: nothing is made up for by contrast there.
 
     With few views least squares have the penalty throughout, MLEM is tried likewise, and pixels
     of the other views, where there are enough, are left out as well. Those tell noise, by which

@@ -16,7 +16,7 @@ from tomo.defocus import spread_by
 from tomo.grid import VoxelGrid
 
 STEEPNESS, LONGEST = 4.0, 20.0
-"""Waves of a flame are taken to fall as the third power of their number of periods a voxel, up to
+"""Waves of a flame are taken to fall as the fourth power of their number of periods a voxel, from
 where they are as long as twenty voxels."""
 
 FINEST = 1.5
@@ -24,7 +24,13 @@ FINEST = 1.5
 they show as longer waves."""
 
 WAVES = 4
-"""So many steps up to there along each axis for each pixel that shares reach, four at least."""
+"""So many steps up to there along each axis for each pixel that shares reach, or for four."""
+
+FARTHEST_FITTED = 8
+"""Pixels that a shadow reaches for its shares to be fitted, which takes seconds for far more."""
+
+SURELY = 1e3
+"""Times all waves that the shares' sum counts by."""
 
 FAINTEST = 1e-3
 """Shares below this of the largest are left to the pixel itself."""
@@ -111,11 +117,11 @@ def shares_of_shadow(
 
     Of a wave with ``f`` periods a pixel the box of an edge ``e`` leaves ``sinc(f . e)``, the area
     about each of a pixel's ``n²`` lines ``sinc(f_x / n) sinc(f_y / n)``; shares ``s`` in pixels
-    ``d`` apart leave ``1 - sum s (1 - cos(2 pi f . d))``. The squared difference is least over
-    the waves of lines through boxes. These are the flame's own, which fall towards short ones, and
-    copies of them about each whole number of periods a voxel: what makes boxes of a flame. (The
-    area of the shadow in each pixel, though it spreads as much, lets copies through: of a camera
-    that looks along voxels' faces they were 1.4 % of the image.)
+    ``d`` apart leave ``sum s cos(2 pi f . d)``. The squared difference is least over the waves of
+    lines through boxes. These are the flame's own, which fall towards short ones, and copies of
+    them about each whole number of periods a voxel: what makes boxes of a flame. (The area of the
+    shadow in each pixel, though it spreads as much, lets copies through: of a camera that looks
+    along voxels' faces they were 1.4 % of the image.)
 
     Parameters
     ----------
@@ -132,7 +138,24 @@ def shares_of_shadow(
         Their sum is one.
     """
     reach = np.maximum((np.abs(edges).sum(axis=0) / 2 + 0.5 / supersample + 0.5).astype(int), 1)
-    count = WAVES * max(int(reach.max()), 4)
+    columns, rows = np.meshgrid(*(np.arange(-n, n + 1) for n in reach), indexing="ij")
+    apart = np.stack([columns, rows], axis=-1).reshape(-1, 2)
+    apart = apart[len(apart) // 2 + 1 :]  # behind the pixel itself, and their mirrors before it
+    found = _fitted if reach.max() <= FARTHEST_FITTED else _transformed
+    share = found(edges, supersample, apart)
+    there = share > FAINTEST * max(float(share.max()), 1 - 2 * float(share.sum()))
+    apart, share = apart[there], share[there]
+    return (
+        np.concatenate([-apart, np.zeros((1, 2), np.int64), apart]),
+        np.concatenate([share, [1 - 2 * share.sum()], share]).astype(np.float32),
+    )
+
+
+def _fitted(
+    edges: NDArray[np.float64], supersample: int, apart: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return the shares by least squares, of each of two pixels that are each other's mirror."""
+    count = WAVES * max(int(np.abs(apart).max()), 4)
     half = (np.arange(count) + 0.5) / count * FINEST
     plane = np.meshgrid(np.concatenate([-half[::-1], half]), half, indexing="ij")
     waves = np.stack(plane, axis=-1).reshape(-1, 2)  # one of each two that are each other's mirror
@@ -142,14 +165,24 @@ def shares_of_shadow(
     lines = np.sinc(waves).prod(axis=1) / area  # what the mean of a pixel's lines leaves
     length = np.sqrt(np.square(periods - np.rint(periods)).sum(axis=1) + LONGEST**-2)
     weight = np.abs(box * lines) / length**STEEPNESS
-    columns, rows = np.meshgrid(*(np.arange(-n, n + 1) for n in reach), indexing="ij")
-    apart = np.stack([columns, rows], axis=-1).reshape(-1, 2)
-    apart = apart[len(apart) // 2 + 1 :]  # behind the pixel itself, and their mirrors before it
-    lost = 2 * (1 - np.cos(2 * np.pi * waves @ apart.T))  # (waves, shares)
-    share, _ = scipy.optimize.nnls(weight[:, None] * lost, weight * (1 - box * area))
-    there = share > FAINTEST * max(float(share.max()), 1 - 2 * float(share.sum()))
-    apart, share = apart[there], share[there]
-    return (
-        np.concatenate([-apart, np.zeros((1, 2), np.int64), apart]),
-        np.concatenate([share, [1 - 2 * share.sum()], share]).astype(np.float32),
-    )
+    kept = np.cos(2 * np.pi * waves @ apart.T)  # (waves, shares)
+    matrix = weight[:, None] * np.column_stack([np.ones(len(waves)), 2 * kept])
+    wanted = weight * box * area
+    surely = SURELY * float(np.linalg.norm(wanted))
+    matrix = np.vstack([matrix, surely * np.append(1, np.full(len(apart), 2))])
+    wanted = np.append(wanted, surely)
+    share, _ = scipy.optimize.nnls(matrix, wanted)
+    return share[1:] / (share[0] + 2 * share[1:].sum())
+
+
+def _transformed(
+    edges: NDArray[np.float64], supersample: int, apart: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return the shares of a shadow so wide that hardly a wave which pixels can show is left."""
+    sides = 4 * np.abs(apart).max(axis=0)
+    plane = np.meshgrid(*(np.fft.fftfreq(n) for n in sides), indexing="ij")
+    waves = np.stack(plane, axis=-1)  # (columns, rows, 2)
+    left = np.sinc(waves @ edges.T).prod(axis=-1) * np.sinc(waves / supersample).prod(axis=-1)
+    shares = np.maximum(np.fft.ifft2(left).real, 0)
+    half = shares[tuple(apart.T)]
+    return half / (shares[0, 0] + 2 * half.sum())

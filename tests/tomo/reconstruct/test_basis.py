@@ -142,6 +142,21 @@ def test_many_views_learn_of_boxes_and_leave_images_without_more_to_splines(fine
     np.testing.assert_array_equal(found.reconstruction.volume, classic.reconstruction.volume)
 
 
+def test_splines_of_clean_images_are_tamed_and_iterated_on(by_splines, by_boxes):
+    settings, boxes = (one.reconstruction.settings for one in (by_splines, by_boxes))
+    assert {tried[0] for tried in settings["tried"]} == {"tikhonov"}
+    assert settings["iterations"] > boxes["iterations"]
+
+
+def test_weights_that_are_given_are_judged_on_what_predicts_better(fine):
+    settings = {"method": "wernet", "encoder": "finite-pixels", "uncertainty": 0}
+    frozen = reconstruct(fine, freeze_encoder=True, **settings)
+    assert frozen.settings["basis"]["share"] < 1
+    assert np.isfinite(frozen.reconstruction.settings["held_out_residual"]["learned"])
+    classic = reconstruct(fine, uncertainty=0)
+    np.testing.assert_array_equal(frozen.reconstruction.volume, classic.reconstruction.volume)
+
+
 def test_few_views_learn_of_splines(take):
     scan = take(views=6)
     found = reconstruct(scan, method="wernet")

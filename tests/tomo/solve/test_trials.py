@@ -3,7 +3,15 @@ import pytest
 
 from tomo import solve
 from tomo.smooth_basis import SmoothBasis
-from tomo.solve._trials import CHECKPOINTS, PATIENCE, SETTLED, SPARED, Trial, views_to_leave_out
+from tomo.solve._trials import (
+    CHECKPOINTS,
+    PATIENCE,
+    SETTLED,
+    SPARED,
+    STILL_FALLING,
+    Trial,
+    views_to_leave_out,
+)
 
 VIEWS = list(range(9))
 
@@ -104,6 +112,23 @@ def test_a_trial_ends_where_its_error_settles(trial):
     longer = trial.squared_errors("nnls", 0.0, most, to_the_end=True).sum(axis=1)
     np.testing.assert_array_equal(longer[: last + 1], errors[: last + 1])
     assert np.isfinite(longer).all()
+
+
+def test_without_edges_a_trial_goes_on_while_it_gains(ring_system, monkeypatch):
+    projector, measured = ring_system.projector, ring_system.measured
+    trial = Trial.leaving_out([2, 6], VIEWS, projector, measured)
+    settings = {"iterations": CHECKPOINTS[-1], "strength": 1e-4}
+    edged = trial.squared_errors("tikhonov", 0.0, settings).sum(axis=1)
+    monkeypatch.setattr(trial.training, "edged", False, raising=False)
+    errors = trial.squared_errors("tikhonov", 0.0, settings).sum(axis=1)
+    reached = np.isfinite(edged).sum()
+    np.testing.assert_array_equal(errors[:reached], edged[:reached])
+    errors = errors[np.isfinite(errors)]
+    assert len(errors) > reached
+    assert errors[-1] < 0.5 * edged[reached - 1]
+    gained = -np.diff(errors[reached - 1 :]) / errors[reached:]
+    assert (gained[:-1] >= STILL_FALLING).all()
+    assert gained[-1] < STILL_FALLING or len(errors) == len(CHECKPOINTS)
 
 
 def test_a_trial_far_behind_the_best_ends_after_some_patience(ring_system):
