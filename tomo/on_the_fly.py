@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numba
 import numpy as np
@@ -26,6 +26,9 @@ from tomo.viewed import ViewedOperator, as_float
 
 DIFFERENCES = 64 * 2**20
 """Bytes that an adjoint may take even for a smaller volume."""
+
+FEW_COLUMNS = 16
+"""Of fewer, threads could not have about as many each."""
 
 
 class OnTheFlyProjector(ViewedOperator):
@@ -166,10 +169,15 @@ class OnTheFlyProjector(ViewedOperator):
     def _orders(self) -> list[Axes]:
         """For each long axis the order of all: last the one along which columns change most.
 
-        Columns that follow each other along it lie side by side.
+        Columns that follow each other along it lie side by side. An axis of few voxels is the
+        last in any case: threads of an adjoint share out the columns along the other.
         """
         changes = sum((one.changes for one in self._surveys), np.zeros((3, 3), np.int64))
-        return [(a, *sorted(others, key=changes[a].__getitem__)) for a, *others in ORDERS]
+
+        def last(along: int, axis: int) -> tuple[bool, int]:
+            return self.grid.shape[axis] < FEW_COLUMNS, int(changes[along][axis])
+
+        return [(a, *sorted(others, key=partial(last, a))) for a, *others in ORDERS]
 
     def _matvec(self, x: NDArray) -> NDArray:
         volume = self.live.expand(as_float(x.ravel()))
@@ -236,8 +244,9 @@ class OnTheFlyProjector(ViewedOperator):
             return
         n_a, n_b, n_c = turned(self.grid.shape, axes)
         plane = n_c * (n_a + 1)  # numbers for each step along b
-        room = max(volume.nbytes, DIFFERENCES)
-        steps = min(max(room // (8 * plane), 1), n_b)
+        room = max(volume.nbytes // n_a * (n_a + 1), DIFFERENCES)
+        passes = -(-n_b // max(room // (8 * plane), 1))
+        steps = -(-n_b // passes)
         differences = np.zeros(steps * plane, np.uint64)
         for low in range(0, n_b, steps):
             columns = range(low, min(low + steps, n_b))
@@ -264,11 +273,15 @@ class OnTheFlyProjector(ViewedOperator):
         """Add what shares bring to some columns along b, of which ``differences`` are."""
         shape = turned(self.grid.shape, axes)
         plane = shape[2] * (shape[0] + 1)
-        met = self._columns_met(axes, shares)
-        groups = [
-            (some, [shares[number] for number in met.shares_in(*some)])
-            for some in met.even_ranges(columns, numba.get_num_threads())
-        ]
+        threads = numba.get_num_threads()
+        if threads == 1 and len(columns) == shape[1]:
+            groups = [((0, shape[1]), shares)]
+        else:
+            met = self._columns_met(axes, shares)
+            groups = [
+                (some, [shares[number] for number in met.shares_in(*some)])
+                for some in met.even_ranges(columns, threads)
+            ]
 
         def follow_in(some: tuple[int, int]) -> Follow:
             low, high = some

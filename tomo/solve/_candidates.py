@@ -127,14 +127,16 @@ class Candidates:
             where = f"choosing: {method}, smoothness {width:g}"
             self.progress(len(self.tried), self.total, where)
         training = self.trials[0].training
-        longest = method == "tikhonov" and not training.edged
+        patient = method == "tikhonov" and not training.edged
         settings = {
-            "iterations": iterations or (LONGEST if longest else ITERATIONS[method]),
+            "iterations": iterations or (LONGEST if patient else ITERATIONS[method]),
             **further_settings(method, training),
         }
         errors = np.array(  # (trials, checkpoints, 2)
             [
-                trial.squared_errors(method, width, settings, rival, to_the_end=to_the_end)
+                trial.squared_errors(
+                    method, width, settings, rival, patient=patient, to_the_end=to_the_end
+                )
                 for trial, rival in zip(self.trials, best or [0.0] * len(self.trials), strict=True)
             ]
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,8 +31,7 @@ SETTLED = 1e-4
 """A trial ends when one checkpoint gains less than this share of what all have gained."""
 
 STILL_FALLING = 0.03
-"""Of unknowns without edges only where it gains less than this share of what is left, too: clean
-images are worth it."""
+"""A patient one goes on while it gains this share of what is left: clean images are worth it."""
 
 PATIENCE = 10
 HOPELESS = 0.05
@@ -144,13 +144,15 @@ class Trial:
         settings: Mapping[str, Any],
         best: float = 0.0,
         *,
+        patient: bool = False,
         to_the_end: bool = False,
     ) -> NDArray[np.float64]:
         """Return `squared_error` at every checkpoint: ``(checkpoints, 2)``.
 
-        From the third checkpoint on the run ends when the sum hardly falls any more, unless it is
-        to go ``to_the_end``, or will not come down to ``best``, that of another candidate; at the
-        last checkpoint in any case. Checkpoints not reached are infinite.
+        From the third checkpoint on the run ends when the sum hardly falls any more (``patient``:
+        nor by a share of what is left), unless it is to go ``to_the_end``, or will not come down
+        to ``best``, that of another candidate; at the last checkpoint in any case. Checkpoints
+        not reached are infinite.
         """
         errors = np.full((len(CHECKPOINTS), 2), np.inf)
         basis = SmoothBasis(self.training, width) if width else None
@@ -166,9 +168,7 @@ class Trial:
             if at < 2:
                 return False
             before, now = errors[at - 1 : at + 1].sum(axis=1)
-            enough = SETTLED * (dark - now)
-            if not self.training.edged:
-                enough = min(enough, STILL_FALLING * now)
+            enough = min(SETTLED * (dark - now), STILL_FALLING * now if patient else math.inf)
             settled = before - now < enough
             lacking = min(HOPELESS * (dark - best), CATCHING_UP * (before - now))
             behind = index >= PATIENCE and best > 0 and now - best > lacking

@@ -38,15 +38,15 @@ DETAILED = 0.92
 NEARLY_AS_GOOD = 1.25
 WORTH_NARROWING = 0.94
 LONGER = 1.5
-"""Widths are chosen without the penalty, which makes up for some of what a wider basis is taken
-for. Where images are so detailed that without it left-out views have this share of their squared
-error with it, and the next narrower basis is nearly as good, both are run with it for so many
-times the iterations chosen: stopped early a wide basis is the more behind, whatever the images.
-The narrower one must come down to this share of the wider one's squared error. A turbulent flame
-in clean, fine images makes 0.86 of detail, 1.21 of the narrower basis, and 0.89 with the penalty,
-and the narrower volume is a quarter nearer to the truth. Where it is not, noisy images make 0.95
-or more of detail, clean ones of pixels as large as voxels 0.91 or more, and with the penalty both
-make 0.99 or more."""
+"""Of unknowns with edges. Widths are chosen without the penalty, which makes up for some of what a
+wider basis is taken for. Where images are so detailed that without it left-out views have this
+share of their squared error with it, and the next narrower basis is nearly as good, both are run
+with it for so many times the iterations chosen: stopped early a wide basis is the more behind,
+whatever the images. The narrower one must come down to this share of the wider one's squared
+error. A turbulent flame in clean, fine images makes 0.86 of detail, 1.21 of the narrower basis,
+and 0.89 with the penalty, and the narrower volume is a quarter nearer to the truth. Where it is
+not, noisy images make 0.95 or more of detail, clean ones of pixels as large as voxels 0.91 or
+more, and with the penalty both make 0.99 or more."""
 
 TAMER = 0.94
 """With few views MLEM is taken unless least squares predict left-out views, beyond the noise, to
@@ -161,7 +161,7 @@ def _share_in_gaps(projector: ViewedOperator) -> float:
 
 def _of_many_views(candidates: Candidates, projector: ViewedOperator) -> Attempt:
     """Return the best of least squares; ``projector`` is that of all views."""
-    if not projector.edged:
+    if not projector.edged:  # nothing that a penalty, or a width, would make up for in part
         return candidates.smoothed("tikhonov", WIDTHS)[-1]
     helped = candidates.smoothed("nnls", WIDTHS)
     plain = helped[-1]

@@ -15,22 +15,26 @@ from rigs.ray_table import RayTable
 from tomo.defocus import spread_by
 from tomo.grid import VoxelGrid
 
-STEEPNESS, LONGEST = 4.0, 20.0
+STEEPNESS, LONGEST = 4.0, 6.0
 """Waves of a flame are taken to fall as the fourth power of their number of periods a voxel, from
-where they are as long as twenty voxels."""
+where they are as long as six voxels."""
 
 FINEST = 1.5
 """Periods a pixel, along each axis, up to which waves are looked at: what pixels cannot show
 they show as longer waves."""
 
-WAVES = 4
-"""So many steps up to there along each axis for each pixel that shares reach, or for four."""
+WAVES, FEWEST_WAVES = 4, 48
+"""Steps up to there along each axis, for each pixel that shares reach, and in all: between copies,
+with few pixels a voxel, the waves of a flame take up little room."""
 
-FARTHEST_FITTED = 8
-"""Pixels that a shadow reaches for its shares to be fitted, which takes seconds for far more."""
+MOST_FITTED = 200
+"""Shares, of two pixels each, that are fitted: far more would take seconds."""
 
 SURELY = 1e3
 """Times all waves that the shares' sum counts by."""
+
+MOST_STEPS = 100_000
+"""Of the fit, which takes about as many as there are shares: it ends, but not by this."""
 
 FAINTEST = 1e-3
 """Shares below this of the largest are left to the pixel itself."""
@@ -141,13 +145,14 @@ def shares_of_shadow(
     columns, rows = np.meshgrid(*(np.arange(-n, n + 1) for n in reach), indexing="ij")
     apart = np.stack([columns, rows], axis=-1).reshape(-1, 2)
     apart = apart[len(apart) // 2 + 1 :]  # behind the pixel itself, and their mirrors before it
-    found = _fitted if reach.max() <= FARTHEST_FITTED else _transformed
+    found = _fitted if len(apart) <= MOST_FITTED else _transformed
     share = found(edges, supersample, apart)
     there = share > FAINTEST * max(float(share.max()), 1 - 2 * float(share.sum()))
     apart, share = apart[there], share[there]
+    own = max(1 - 2 * float(share.sum()), 0.0)  # rounding aside it is not below
     return (
         np.concatenate([-apart, np.zeros((1, 2), np.int64), apart]),
-        np.concatenate([share, [1 - 2 * share.sum()], share]).astype(np.float32),
+        np.concatenate([share, [own], share]).astype(np.float32),
     )
 
 
@@ -155,7 +160,7 @@ def _fitted(
     edges: NDArray[np.float64], supersample: int, apart: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Return the shares by least squares, of each of two pixels that are each other's mirror."""
-    count = WAVES * max(int(np.abs(apart).max()), 4)
+    count = max(WAVES * int(np.abs(apart).max()), FEWEST_WAVES)
     half = (np.arange(count) + 0.5) / count * FINEST
     plane = np.meshgrid(np.concatenate([-half[::-1], half]), half, indexing="ij")
     waves = np.stack(plane, axis=-1).reshape(-1, 2)  # one of each two that are each other's mirror
@@ -171,7 +176,7 @@ def _fitted(
     surely = SURELY * float(np.linalg.norm(wanted))
     matrix = np.vstack([matrix, surely * np.append(1, np.full(len(apart), 2))])
     wanted = np.append(wanted, surely)
-    share, _ = scipy.optimize.nnls(matrix, wanted)
+    share, _ = scipy.optimize.nnls(matrix, wanted, maxiter=MOST_STEPS)
     return share[1:] / (share[0] + 2 * share[1:].sum())
 
 

@@ -114,18 +114,17 @@ def test_a_trial_ends_where_its_error_settles(trial):
     assert np.isfinite(longer).all()
 
 
-def test_without_edges_a_trial_goes_on_while_it_gains(ring_system, monkeypatch):
+def test_a_patient_trial_goes_on_while_it_gains(ring_system):
     projector, measured = ring_system.projector, ring_system.measured
     trial = Trial.leaving_out([2, 6], VIEWS, projector, measured)
     settings = {"iterations": CHECKPOINTS[-1], "strength": 1e-4}
-    edged = trial.squared_errors("tikhonov", 0.0, settings).sum(axis=1)
-    monkeypatch.setattr(trial.training, "edged", False, raising=False)
-    errors = trial.squared_errors("tikhonov", 0.0, settings).sum(axis=1)
-    reached = np.isfinite(edged).sum()
-    np.testing.assert_array_equal(errors[:reached], edged[:reached])
+    hasty = trial.squared_errors("tikhonov", 0.0, settings).sum(axis=1)
+    errors = trial.squared_errors("tikhonov", 0.0, settings, patient=True).sum(axis=1)
+    reached = np.isfinite(hasty).sum()
+    np.testing.assert_array_equal(errors[:reached], hasty[:reached])
     errors = errors[np.isfinite(errors)]
     assert len(errors) > reached
-    assert errors[-1] < 0.5 * edged[reached - 1]
+    assert errors[-1] < 0.5 * hasty[reached - 1]
     gained = -np.diff(errors[reached - 1 :]) / errors[reached:]
     assert (gained[:-1] >= STILL_FALLING).all()
     assert gained[-1] < STILL_FALLING or len(errors) == len(CHECKPOINTS)
