@@ -277,11 +277,7 @@ class OnTheFlyProjector(ViewedOperator):
         if threads == 1 and len(columns) == shape[1]:
             groups = [((0, shape[1]), shares)]
         else:
-            met = self._columns_met(axes, shares)
-            groups = [
-                (some, [shares[number] for number in met.shares_in(*some)])
-                for some in met.even_ranges(columns, threads)
-            ]
+            groups = self._columns_met(axes, shares).groups(shares, columns, threads)
 
         def follow_in(some: tuple[int, int]) -> Follow:
             low, high = some

@@ -75,10 +75,15 @@ class ColumnsMet:
     spans: NDArray[np.int64]
     rays: NDArray[np.int64]
 
-    def shares_in(self, low: int, high: int) -> NDArray[np.int64]:
-        """Return the numbers of the shares whose rays meet columns ``low:high``."""
+    def groups(
+        self, shares: Sequence[Share], columns: range, count: int
+    ) -> list[tuple[tuple[int, int], list[Share]]]:
+        """Return the `even_ranges`, each with those of the shares whose rays meet it."""
         first, end = self.spans.T
-        return np.flatnonzero((first < high) & (end > low))
+        return [
+            ((low, high), [shares[n] for n in np.flatnonzero((first < high) & (end > low))])
+            for low, high in self.even_ranges(columns, count)
+        ]
 
     def even_ranges(self, columns: range, count: int) -> list[tuple[int, int]]:
         """Return at most ``count`` ranges that make up ``columns``, of about the same work each.
@@ -105,9 +110,8 @@ def columns_met(shares: Sequence[Share], grid: VoxelGrid, axes: Axes) -> Columns
     def look(share: Share, courses: NDArray, pixel_ptr: NDArray) -> None:
         inside = courses[courses[:, LEAVE] > courses[:, ENTER]]
         if len(inside):
-            start, slope = inside[:, START_B], inside[:, SLOPE_B]
-            into, out = (inside[:, t] * np.abs(slope) + start for t in (ENTER, LEAVE))
-            mirrored = slope < 0
+            into, out = _ends(inside, START_B, SLOPE_B)
+            mirrored = inside[:, SLOPE_B] < 0
             low, high = np.where(mirrored, n_b - out, into), np.where(mirrored, n_b - into, out)
             first = np.clip(np.floor(low - MARGIN), 0, n_b - 1).astype(np.int64)
             last = np.clip(np.floor(high + MARGIN), 0, n_b - 1).astype(np.int64)
@@ -141,7 +145,17 @@ def _steps(courses: NDArray[np.float64], grid: VoxelGrid, axes: Axes) -> NDArray
     enter, leave = courses[:, ENTER], courses[:, LEAVE]
     steps = [int((np.ceil(leave) - np.floor(enter)).sum())]
     for axis, start, slope in zip(axes[1:], (START_B, START_C), (SLOPE_B, SLOPE_C), strict=True):
-        start, slope, last = courses[:, start], np.abs(courses[:, slope]), grid.shape[axis] - 1
-        into, out = (np.clip(np.floor(t * slope + start), 0, last) for t in (enter, leave))
+        ends = _ends(courses, start, slope)
+        into, out = (np.clip(np.floor(end), 0, grid.shape[axis] - 1) for end in ends)
         steps.append(int((out - into).sum()))
     return np.array(steps)
+
+
+def _ends(
+    courses: NDArray[np.float64], start: int, slope: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where along b or c rays enter the grid and leave it, as their courses count it."""
+    enter, leave = (
+        courses[:, t] * np.abs(courses[:, slope]) + courses[:, start] for t in (ENTER, LEAVE)
+    )
+    return enter, leave
