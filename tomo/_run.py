@@ -110,7 +110,8 @@ class Run:
         def solve(measured: NDArray[np.float32]) -> NDArray[np.float32]:
             if method.name == AUTO:
                 name, width = found.settings["method"], found.settings["smooth_width"]
-                choice = Choice(name, width, iterations, math.nan)
+                strength = found.settings.get("strength")
+                choice = Choice(name, width, iterations, math.nan, strength)
                 repeated = solve_as_chosen(self.projector, measured, choice)
             else:
                 arguments = method.arguments(seed=self.seed, iterations=iterations)

@@ -42,7 +42,7 @@ def reconstruct(
     method: Annotated[
         str,
         typer.Option(
-            help="auto, art, cgls, mart, mlem, nnls, sart, sirt, smart, tikhonov, tv, "
+            help="auto, art, cgls, curvature, mart, mlem, nnls, sart, sirt, smart, tikhonov, tv, "
             "wernet, wernet-paper"
         ),
     ] = "auto",

@@ -1,29 +1,33 @@
-"""Candidates: methods and widths of a smooth basis, tried on what is left out."""
+"""Candidates: methods, widths of a smooth basis and strengths, tried on what is left out."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo._sums import norm
 from tomo.solve._trials import CHECKPOINTS, FEW_VIEWS, Trial, views_to_leave_out
+from tomo.solve.curvature import FIRST
 from tomo.solve.mlem import interleaved
 from tomo.viewed import ViewedOperator
 
-ITERATIONS = {"mlem": 17, "nnls": 40, "tikhonov": 40}
+ITERATIONS = {"mlem": 17, "nnls": 40, "tikhonov": 40, "curvature": 40}
 """The most that each candidate is given: Poisson, and least squares without and with a penalty."""
 
 LONGEST = 80
 """The most that least squares with a penalty are given where unknowns have no edges."""
 
+PENALISED = ("tikhonov", "curvature")
+
 WORTH_WIDENING = 0.1
 """A wider basis must gain so much of what all smoothing has gained: what it gains less is chance,
-and detail is lost for it."""
+and detail is lost for it. A stronger penalty loses less, and has to gain anything at all."""
 
 SEGMENTS_A_TRIAL = 2_500_000
 PIXELS_AN_UNKNOWN = 8
@@ -31,21 +35,36 @@ PIXELS_AN_UNKNOWN = 8
 there are more pixels than unknowns, so many an unknown stay: a system that is no longer
 overdetermined would ask for more smoothness than the whole one."""
 
-Candidate = tuple[str, float, int, float]
-"""Method, width, iterations, and the relative residual of the left-out views."""
+
+class Candidate(NamedTuple):
+    """A method as it was run, and the relative residual of the left-out views.
+
+    ``strength`` is that of its penalty; None is as faint as suits the unknowns, or no penalty.
+    """
+
+    method: str
+    width: float
+    iterations: int
+    held_out_residual: float
+    strength: float | None = None
+
 
 Told = Callable[[int, int, str], None]
 """``progress(done, total, where)``."""
 
 
-def further_settings(method: str, projector: ViewedOperator) -> Mapping[str, Any]:
+def further_settings(
+    method: str, projector: ViewedOperator, strength: float | None
+) -> Mapping[str, Any]:
     """Return what a method takes beside its iterations."""
-    return {"strength": projector.faint} if method == "tikhonov" else {}
+    if method not in PENALISED:
+        return {}
+    return {"strength": projector.faint if strength is None else strength}
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """What a method and a width came to, stopped where what was left out is predicted best.
+    """What a method, so smooth, came to, stopped where what was left out is predicted best.
 
     ``of_views`` and ``spared`` are squared errors as of `Trial.squared_error`, summed over the
     trials; ``of_trials`` both together for each.
@@ -57,6 +76,7 @@ class Attempt:
     of_views: float
     spared: float
     of_trials: Sequence[float]
+    strength: float | None = None
 
     @property
     def error(self) -> float:
@@ -116,6 +136,7 @@ class Candidates:
         width: float,
         best: Sequence[float] = (),
         *,
+        strength: float | None = None,
         iterations: int | None = None,
         to_the_end: bool = False,
     ) -> Attempt:
@@ -124,19 +145,23 @@ class Candidates:
         ``best`` are the errors of another, one a trial; what cannot reach them ends early.
         """
         if self.progress:
-            where = f"choosing: {method}, smoothness {width:g}"
+            told = f"smoothness {width:g}" if strength is None else f"strength {strength:g}"
+            where = f"choosing: {method}, {told}"
             self.progress(len(self.tried), self.total, where)
         training = self.trials[0].training
-        patient = method == "tikhonov" and not training.edged
+        patient = method in PENALISED and not training.edged
         settings = {
             "iterations": iterations or (LONGEST if patient else ITERATIONS[method]),
-            **further_settings(method, training),
+            **further_settings(method, training, strength),
+        }
+        judging = {
+            "after": FIRST if method == "curvature" else 0,
+            "patient": patient,
+            "to_the_end": to_the_end,
         }
         errors = np.array(  # (trials, checkpoints, 2)
             [
-                trial.squared_errors(
-                    method, width, settings, rival, patient=patient, to_the_end=to_the_end
-                )
+                trial.squared_errors(method, width, settings, rival, **judging)
                 for trial, rival in zip(self.trials, best or [0.0] * len(self.trials), strict=True)
             ]
         )
@@ -144,22 +169,31 @@ class Candidates:
         stop = int(np.argmin(together.sum(axis=1)))
         of_views, spared = together[stop].tolist()
         of_trials = errors[:, stop].sum(axis=1).tolist()
-        found = Attempt(method, width, CHECKPOINTS[stop], of_views, spared, of_trials)
+        stopped = CHECKPOINTS[stop]
+        found = Attempt(method, width, stopped, of_views, spared, of_trials, strength)
         self.tried.append(self.candidate(found))
         return found
 
     def smoothed(
-        self, method: str, widths: Sequence[float], rival: Attempt | None = None
+        self,
+        method: str,
+        widths: Sequence[float] = (0.0,),
+        rival: Attempt | None = None,
+        *,
+        strengths: Sequence[float | None] = (None,),
     ) -> list[Attempt]:
-        """Try wider and wider bases as long as that helps; return those that did, best last.
+        """Try wider bases, or stronger penalties, as long as that helps; return those, best last.
 
         What cannot reach ``rival``, another method's best, ends early.
         """
-        helped = [self.attempt(method, widths[0], rival.of_trials if rival else ())]
-        for width in widths[1:]:
+        (width, strength), *smoother = itertools.product(widths, strengths)
+        reached = rival.of_trials if rival else ()
+        helped = [self.attempt(method, width, reached, strength=strength)]
+        for width, strength in smoother:
             plain, best = helped[0], helped[-1]
-            found = self.attempt(method, width, best.or_better(rival))
-            if best.error - found.error <= WORTH_WIDENING * (plain.error - best.error):
+            found = self.attempt(method, width, best.or_better(rival), strength=strength)
+            worth = 0.0 if width == best.width else WORTH_WIDENING
+            if best.error - found.error <= worth * (plain.error - best.error):
                 break
             helped.append(found)
         return helped
@@ -167,7 +201,7 @@ class Candidates:
     def candidate(self, found: Attempt) -> Candidate:
         """Return an attempt as it is told of."""
         residual = self.residual(found.of_views)
-        return found.method, found.width, found.iterations, residual
+        return Candidate(found.method, found.width, found.iterations, residual, found.strength)
 
     def residual(self, squared: float) -> float:
         """Return the relative residual of the left-out views."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -144,12 +145,13 @@ class Trial:
         settings: Mapping[str, Any],
         best: float = 0.0,
         *,
+        after: int = 0,
         patient: bool = False,
         to_the_end: bool = False,
     ) -> NDArray[np.float64]:
-        """Return `squared_error` at every checkpoint: ``(checkpoints, 2)``.
+        """Return `squared_error` at every checkpoint beyond ``after``: ``(checkpoints, 2)``.
 
-        From the third checkpoint on the run ends when the sum hardly falls any more (``patient``:
+        From the third of them on the run ends when the sum hardly falls any more (``patient``:
         nor by a share of what is left), unless it is to go ``to_the_end``, or will not come down
         to ``best``, that of another candidate; at the last checkpoint in any case. Checkpoints
         not reached are infinite.
@@ -159,19 +161,20 @@ class Trial:
         run = getattr(solve, method)
         start = self.start if method in MULTIPLICATIVE else None
         dark = float(self.dark.sum())
+        first = bisect.bisect_right(CHECKPOINTS, after)
 
         def judge(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
-            if index not in CHECKPOINTS:
+            if index not in CHECKPOINTS[first:]:
                 return False
             at = CHECKPOINTS.index(index)
             errors[at] = self.squared_error(basis.blur(volume) if basis else volume)
-            if at < 2:
+            if at < first + 2:
                 return False
             before, now = errors[at - 1 : at + 1].sum(axis=1)
             enough = min(SETTLED * (dark - now), STILL_FALLING * now if patient else math.inf)
             settled = before - now < enough
             lacking = min(HOPELESS * (dark - best), CATCHING_UP * (before - now))
-            behind = index >= PATIENCE and best > 0 and now - best > lacking
+            behind = index >= after + PATIENCE and best > 0 and now - best > lacking
             return behind or (settled and not to_the_end) or index == CHECKPOINTS[-1]
 
         run(basis or self.training, self.training_pixels, start=start, callback=judge, **settings)

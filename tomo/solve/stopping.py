@@ -53,6 +53,9 @@ TAMER = 0.94
 this share of its residual: it fills what the views leave open with what all of them allow, and
 leaves dark what is dark. With more views least squares have been the better ones throughout."""
 
+STRENGTHS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
+"""Of the penalty on curvature tried where unknowns have no edges."""
+
 WIDTHS = (0.0, 0.5, 0.8, 1.2, 1.8, 2.7)
 """Standard deviations of the smooth basis tried, in voxels. With few views, which seldom resolve
 single voxels, none comes last, unless there are too few pixels to leave any out."""
@@ -74,9 +77,11 @@ class Choice:
     held_out_residual : float
         Relative residual of the left-out views at that choice (relative to all views should those
         be dark); NaN if none could be left out.
+    strength : float, optional
+        Of the penalty; None is as faint as suits the unknowns (`ViewedOperator.faint`).
     reason : str
         In words.
-    tried : tuple of (method, width, iterations, held-out residual)
+    tried : tuple of (method, width, iterations, held-out residual, strength)
         The best of each candidate.
     """
 
@@ -84,12 +89,15 @@ class Choice:
     width: float
     iterations: int
     held_out_residual: float
+    strength: float | None = None
     reason: str = ""
     tried: tuple[Candidate, ...] = ()
 
     def solves_as(self, other: Choice) -> bool:
         """Return whether both solve the same way, however well that predicts left-out views."""
-        ours, theirs = ((one.method, one.width, one.iterations) for one in (self, other))
+        ours, theirs = (
+            (one.method, one.width, one.iterations, one.strength) for one in (self, other)
+        )
         return ours == theirs
 
 
@@ -106,8 +114,9 @@ def choose_by_held_out_views(
     views better; with clean images it does not. They are then given a faint penalty on
     differences of neighbours, unless the left-out views speak clearly against it and rays leave
     no gaps, and a narrower basis where that predicts clearly better with the penalty. Unknowns
-    that have no edges (`ViewedOperator.edged`) have the penalty throughout, and are iterated on as
-    long as left-out views gain: nothing is made up for by contrast there.
+    that have no edges (`ViewedOperator.edged`) have a penalty on curvature instead of any width,
+    stronger and stronger as long as that helps, and are iterated on as long as left-out views
+    gain: nothing is made up for by contrast there.
 
     With few views least squares have the penalty throughout, MLEM is tried likewise, and pixels
     of the other views, where there are enough, are left out as well. Those tell noise, by which
@@ -133,8 +142,8 @@ def choose_by_held_out_views(
     if progress:
         progress(total, total, "")
     chosen = candidates.candidate(best)
-    residual = chosen[3]
-    least = min(tried[3] for tried in candidates.tried)
+    residual = chosen.held_out_residual
+    least = min(tried.held_out_residual for tried in candidates.tried)
     reason = f"left-out views are predicted best so (relative residual {residual:.4f})"
     if least < residual:
         reason = (
@@ -162,7 +171,7 @@ def _share_in_gaps(projector: ViewedOperator) -> float:
 def _of_many_views(candidates: Candidates, projector: ViewedOperator) -> Attempt:
     """Return the best of least squares; ``projector`` is that of all views."""
     if not projector.edged:  # nothing that a penalty, or a width, would make up for in part
-        return candidates.smoothed("tikhonov", WIDTHS)[-1]
+        return candidates.smoothed("curvature", strengths=STRENGTHS)[-1]
     helped = candidates.smoothed("nnls", WIDTHS)
     plain = helped[-1]
     # Iterations stay: the penalty is to make a volume tamer, not to go on for longer.
@@ -251,7 +260,7 @@ def solve_as_chosen(
         start=start,
         iterations=choice.iterations,
         callback=report if callback else None,
-        **further_settings(choice.method, projector),
+        **further_settings(choice.method, projector, choice.strength),
     )
     return replace(
         found,

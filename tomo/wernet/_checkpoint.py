@@ -26,7 +26,7 @@ from tomo.wernet.ray_weights import RayWeights
 if TYPE_CHECKING:
     from tomo.projector import Projector
 
-_FORMAT, _VERSION = "wernet-checkpoint", 3
+_FORMAT, _VERSION = "wernet-checkpoint", 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,13 @@ class Checkpoint:
             "round": state.round,
             "guessed": state.guessed,
             "volume": torch.from_numpy(state.volume.copy()),
-            "choice": [choice.method, choice.width, choice.iterations, choice.held_out_residual],
+            "choice": [
+                choice.method,
+                choice.width,
+                choice.iterations,
+                choice.held_out_residual,
+                choice.strength,
+            ],
             "best": None if state.best is None else _packed(state.best),
             "previous": state.previous,
             "ended": state.ended,
@@ -155,7 +161,7 @@ class Checkpoint:
 
 def _state(content: Mapping[str, Any]) -> State:
     """Return the state that the content of a file is, checked."""
-    method, width, iterations, residual = content["choice"]
+    method, width, iterations, residual, strength = content["choice"]
     for name, found, kind in (
         ("round", content["round"], int),
         ("ended", content["ended"], str),
@@ -165,17 +171,19 @@ def _state(content: Mapping[str, Any]) -> State:
         ("choice: width", width, int | float),
         ("choice: iterations", iterations, int),
         ("choice: residual", residual, int | float),
+        ("choice: strength", strength, int | float | None),
     ):
         if not isinstance(found, kind) or isinstance(found, bool):
             raise ValueError(f"{name}: found {shortened(found)}")
-    if content["round"] < 0 or iterations < 0 or not 0 <= width < math.inf:
+    smoothing = (width, 0.0 if strength is None else strength)
+    if content["round"] < 0 or iterations < 0 or not all(0 <= n < math.inf for n in smoothing):
         raise ValueError(
             f"round, choice: found {content['round']}, {shortened(content['choice'])}"
         )
     return State(
         content["round"],
         _numbers(content["volume"], "volume"),
-        Choice(method, width, iterations, residual, reason="as before the interruption"),
+        Choice(method, width, iterations, residual, strength, "as before the interruption"),
         None if content["best"] is None else _unpacked(content["best"]),
         content["previous"],
         content["ended"],

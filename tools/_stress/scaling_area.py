@@ -129,6 +129,7 @@ def _choice(outcome: Outcome) -> Mapping[str, object]:
     return {
         "method": settings["method"],
         "width": settings["smooth_width"],
+        "strength": settings.get("strength"),
         "iterations": settings["iterations"],
         "live voxels": outcome.counts["active_voxels"],
         "warnings": len(outcome.warnings),

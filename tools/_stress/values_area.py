@@ -22,7 +22,7 @@ EXACT = 1e-5
 Cases = Sequence[tuple[str, str, ViewedOperator]]
 SETTLED = 100
 """Iterations that gather one voxel's light."""
-NEGATIVE_TOO = ("art", "cgls", "nnls", "sart", "sirt", "tikhonov", "tv")
+NEGATIVE_TOO = ("art", "cgls", "curvature", "nnls", "sart", "sirt", "tikhonov", "tv")
 
 
 def rows(size: Size, progress: Progress) -> Iterator[Row]:
@@ -160,7 +160,7 @@ def _single(seen: Scene, cases: Cases) -> Iterator[Row]:
     beside, height = [], []
     for name, method, projector in cases:
         # penalties spread it by design
-        plain = {"strength": 0.0} if method in ("tikhonov", "tv") else {}
+        plain = {"strength": 0.0} if method in ("curvature", "tikhonov", "tv") else {}
         found = run(method, projector, projector @ volume.ravel(), SETTLED, **plain).volume
         at = np.unravel_index(np.argmax(found), found.shape)
         beside.append((name, float(np.abs(np.subtract(at, place)).max())))

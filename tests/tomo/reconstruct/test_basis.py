@@ -12,6 +12,7 @@ from tomo.io import read_volume
 from tomo.metrics import cosine_distance
 from tomo.reconstruct import reconstruct
 from tomo.simulate import simulate
+from tomo.solve.stopping import STRENGTHS
 
 GRID = VoxelGrid((14, 36, 14), 1.0)
 
@@ -144,8 +145,11 @@ def test_many_views_learn_of_boxes_and_leave_images_without_more_to_splines(fine
 
 def test_splines_of_clean_images_are_tamed_and_iterated_on(by_splines, by_boxes):
     settings, boxes = (one.reconstruction.settings for one in (by_splines, by_boxes))
-    assert {tried[0] for tried in settings["tried"]} == {"tikhonov"}
+    assert {tried.method for tried in settings["tried"]} == {"curvature"}
     assert settings["iterations"] > boxes["iterations"]
+    strengths = [tried.strength for tried in settings["tried"]]
+    assert strengths == list(STRENGTHS[: len(strengths)])
+    assert settings["strength"] in strengths[-2:]
 
 
 def test_weights_that_are_given_are_judged_on_what_predicts_better(fine):

@@ -8,6 +8,7 @@ from tomo import metrics, solve
 ENOUGH = {
     "art": {"iterations": 60},
     "cgls": {"iterations": 60},
+    "curvature": {"iterations": 60, "strength": 1e-7},
     "mart": {"iterations": 60},
     "mlem": {"iterations": 400},
     "nnls": {"iterations": 60},

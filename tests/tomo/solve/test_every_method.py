@@ -17,8 +17,8 @@ from tomo.segments import Segments
 MULTIPLICATIVE = ("mart", "mlem", "smart")
 RELAXED = ("art", "mart", "sart", "sirt", "smart")
 ADDITIVE = tuple(name for name in solve.METHODS if name not in MULTIPLICATIVE)
-SMOOTHING = ("tikhonov", "tv")
-WEIGHTED = ("cgls", "nnls", "sirt", "tikhonov", "tv")
+SMOOTHING = ("curvature", "tikhonov", "tv")
+WEIGHTED = ("cgls", "curvature", "nnls", "sirt", "tikhonov", "tv")
 CASES = [(name, {}) for name in solve.METHODS] + [
     ("cgls", {"strength": 0.01}),
     ("mlem", {"subsets": 4}),

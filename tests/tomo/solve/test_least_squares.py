@@ -13,8 +13,8 @@ from tomo.segments import Segments
 from tomo.solve._gradient import Gradient
 from tomo.solve._total_variation import total_variation
 
-WEIGHTED = ("cgls", "nnls", "sirt", "tikhonov", "tv")
-ENOUGH = {"cgls": 60, "nnls": 100, "sirt": 4000, "tikhonov": 200, "tv": 2000}
+WEIGHTED = ("cgls", "curvature", "nnls", "sirt", "tikhonov", "tv")
+ENOUGH = {"cgls": 60, "curvature": 200, "nnls": 100, "sirt": 4000, "tikhonov": 200, "tv": 2000}
 
 
 def _projector(matrix, live):
@@ -252,7 +252,7 @@ def test_bad_weights_are_refused(method, bad, message):
         getattr(solve, method)(projector, measured, weights=bad)
 
 
-@pytest.mark.parametrize("method", ["cgls", "tikhonov", "tv"])
+@pytest.mark.parametrize("method", ["cgls", "curvature", "tikhonov", "tv"])
 @pytest.mark.parametrize("bad", [-1e-9, np.nan, np.inf])
 def test_bad_strengths_are_refused(method, bad):
     projector, _, measured = _system()
@@ -274,7 +274,7 @@ def test_a_start_near_the_end_saves_iterations(ring_system, method):
     assert np.linalg.norm(warm - end) < 0.5 * np.linalg.norm(cold - end)
 
 
-@pytest.mark.parametrize("method", ["tikhonov", "tv"])
+@pytest.mark.parametrize("method", ["curvature", "tikhonov", "tv"])
 def test_voxels_out_of_sight_follow_their_neighbours(method):
     random = np.random.default_rng(0)
     matrix = random.uniform(0.5, 1, (20, 9))

@@ -12,6 +12,7 @@ from tomo.solve._trials import (
     Trial,
     views_to_leave_out,
 )
+from tomo.solve.curvature import FIRST
 
 VIEWS = list(range(9))
 
@@ -128,6 +129,18 @@ def test_a_patient_trial_goes_on_while_it_gains(ring_system):
     gained = -np.diff(errors[reached - 1 :]) / errors[reached:]
     assert (gained[:-1] >= STILL_FALLING).all()
     assert gained[-1] < STILL_FALLING or len(errors) == len(CHECKPOINTS)
+
+
+def test_a_trial_is_not_judged_before_its_own_penalty_is_in_force(ring_system):
+    trial = Trial.leaving_out([2, 6], VIEWS, ring_system.projector, ring_system.measured)
+    settings = {"iterations": CHECKPOINTS[-1], "strength": 1e-4}
+    every = trial.squared_errors("curvature", 0.0, settings, to_the_end=True)
+    found = trial.squared_errors("curvature", 0.0, settings, after=FIRST, to_the_end=True)
+    judged = [n > FIRST for n in CHECKPOINTS]
+    np.testing.assert_array_equal(found[judged], every[judged])
+    assert np.isinf(found[np.logical_not(judged)]).all()
+    hopeless = trial.squared_errors("curvature", 0.0, settings, best=1e-9, after=FIRST)
+    assert CHECKPOINTS[np.isfinite(hopeless[:, 0]).nonzero()[0][-1]] >= FIRST + PATIENCE
 
 
 def test_a_trial_far_behind_the_best_ends_after_some_patience(ring_system):
