@@ -28,7 +28,7 @@ AUTO = "auto"
 
 TRIED: Mapping[str, Mapping[str, tuple]] = {
     "art": {"relaxation": (0.1, 0.03, 0.3, 1.0, 0.01)},
-    "curvature": {"strength": (1e-3, 1e-4, 1e-2)},
+    "curvature": {"strength": (1e-3, 1e-2, 1e-1)},
     "mart": {"relaxation": (0.2, 0.05, 0.5)},
     "mlem": {"subsets": (1, 8)},
     "sart": {"relaxation": (0.3, 1.0, 0.1)},
