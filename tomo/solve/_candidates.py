@@ -24,6 +24,7 @@ LONGEST = 80
 """The most that least squares with a penalty are given where unknowns have no edges."""
 
 PENALISED = ("tikhonov", "curvature")
+"""Methods that take a strength."""
 
 WORTH_WIDENING = 0.1
 """A wider basis must gain so much of what all smoothing has gained: what it gains less is chance,

@@ -154,7 +154,7 @@ class Trial:
         From the third of them on the run ends when the sum hardly falls any more (``patient``:
         nor by a share of what is left), unless it is to go ``to_the_end``, or will not come down
         to ``best``, that of another candidate; at the last checkpoint in any case. Checkpoints
-        not reached are infinite.
+        not reached are infinite, but for the first where it settles even before.
         """
         errors = np.full((len(CHECKPOINTS), 2), np.inf)
         basis = SmoothBasis(self.training, width) if width else None
@@ -177,5 +177,10 @@ class Trial:
             behind = index >= after + PATIENCE and best > 0 and now - best > lacking
             return behind or (settled and not to_the_end) or index == CHECKPOINTS[-1]
 
-        run(basis or self.training, self.training_pixels, start=start, callback=judge, **settings)
+        found = run(
+            basis or self.training, self.training_pixels, start=start, callback=judge, **settings
+        )
+        if not np.isfinite(errors).any():  # it had settled before there was anything to judge
+            volume = basis.volume(found.volume) if basis else found.volume
+            errors[first] = self.squared_error(self.training.live.compress(volume))
         return errors

@@ -12,7 +12,7 @@ from tomo.live_voxels import LiveVoxels
 from tomo.reconstruction import Callback, Reconstruction
 from tomo.solve._drive import States, drive
 from tomo.solve._gradient import Gradient
-from tomo.solve._least_squares import LeastSquares
+from tomo.solve._least_squares import LeastSquares, check_strength
 from tomo.solve._projected import projected_conjugate_gradients
 from tomo.viewed import ViewedOperator
 
@@ -105,8 +105,8 @@ def curvature(
     penalizing relative differences for maximum-a-posteriori reconstruction in emission
     tomography", IEEE Transactions on Nuclear Science 49 (2002), of first differences.
     """
-    live = projector.live
-    first = LeastSquares(projector, measured, weights, Gradient(live), strength * SHARE)
+    live, share = projector.live, SHARE * check_strength(strength)
+    first = LeastSquares(projector, measured, weights, Gradient(live), share)
 
     def states() -> States:
         volume = None

@@ -54,8 +54,8 @@ this share of its residual: it fills what the views leave open with what all of 
 leaves dark what is dark. With more views least squares have been the better ones throughout."""
 
 STRENGTHS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
-"""Of the penalty on curvature tried where unknowns have no edges. From 3e-5 on clean flames come out
-as near on average, jets further and turbulent ones nearer by 6 %, in a quarter more time."""
+"""Of the penalty on curvature tried where unknowns have no edges. From 3e-5 on clean flames are as
+near on average, jets by 6 % further and turbulent ones by 6 % nearer, in a quarter more time."""
 
 WIDTHS = (0.0, 0.5, 0.8, 1.2, 1.8, 2.7)
 """Standard deviations of the smooth basis tried, in voxels. With few views, which seldom resolve

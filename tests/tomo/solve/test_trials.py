@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -141,6 +143,18 @@ def test_a_trial_is_not_judged_before_its_own_penalty_is_in_force(ring_system):
     assert np.isinf(found[np.logical_not(judged)]).all()
     hopeless = trial.squared_errors("curvature", 0.0, settings, best=1e-9, after=FIRST)
     assert CHECKPOINTS[np.isfinite(hopeless[:, 0]).nonzero()[0][-1]] >= FIRST + PATIENCE
+
+
+@pytest.mark.parametrize(("method", "width"), [("curvature", 0.0), ("tikhonov", 1.0)])
+def test_a_trial_that_settles_at_once_is_judged_all_the_same(ring_system, method, width):
+    dark = replace(
+        Trial.leaving_out([2, 6], VIEWS, ring_system.projector, ring_system.measured),
+        training_pixels=np.zeros(7 * 320, np.float32),
+    )
+    errors = dark.squared_errors(method, width, {"iterations": 40}, after=FIRST)
+    judged = np.isfinite(errors).all(axis=1).nonzero()[0].tolist()
+    assert judged == [CHECKPOINTS.index(min(n for n in CHECKPOINTS if n > FIRST))]
+    np.testing.assert_array_equal(errors[judged[0]], dark.dark)
 
 
 def test_a_trial_far_behind_the_best_ends_after_some_patience(ring_system):
