@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
 from typing import Protocol
 
@@ -78,6 +79,15 @@ class LeastSquares:
         self.root = None if weights is None else np.sqrt(weights)
         self.unit = unit_of(measured)
         self.measured = self._weighed(measured / self.unit)  # (pixels,)
+        self._penalise(penalty, strength)
+
+    def with_penalty(self, penalty: Penalty, strength: float) -> LeastSquares:
+        """Return the same images, weights and `curvature` with another penalty."""
+        other = copy.copy(self)
+        other._penalise(penalty, strength)
+        return other
+
+    def _penalise(self, penalty: Penalty | None, strength: float) -> None:
         self.penalty, self._factor = None, np.float32(0)
         if check_strength(strength) > 0 and penalty is not None:
             largest = float(self.curvature.max(initial=0.0))

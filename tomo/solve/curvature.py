@@ -115,8 +115,7 @@ def curvature(
             for volume, misfit in itertools.islice(updates, FIRST + 1):
                 yield volume, misfit
         known = first.unit * first.start(start, nonnegative) if volume is None else volume
-        relative = RelativeCurvature(live, known)
-        problem = LeastSquares(projector, measured, weights, relative, strength)
+        problem = first.with_penalty(RelativeCurvature(live, known), strength)
         updates = projected_conjugate_gradients(problem, known, nonnegative)
         yield from updates if volume is None else itertools.islice(updates, 1, None)
 

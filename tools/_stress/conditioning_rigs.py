@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from _stress.row import Row, relative_error, worst_of
-from _stress.values_scene import SHAPE, SPACING, Scene, reconstructed, ring, run, scene_of
+from _stress.values_scene import (
+    SHAPE,
+    SMOOTHING,
+    SPACING,
+    Scene,
+    reconstructed,
+    ring,
+    run,
+    scene_of,
+)
 from rigs import Rig
 from tomo import LinearSystem, VoxelGrid, solve
 from tomo.metrics import nrmse
@@ -111,7 +120,7 @@ def _unseen(scenes: Mapping[str, Scene], outcomes: Mapping[str, Outcome]) -> Ite
     dark = seen.stored.column_sums == 0
     lit = []
     for method in solve.METHODS:
-        if method in ("curvature", "tikhonov", "tv"):  # those follow their neighbours, by design
+        if method in SMOOTHING:  # those follow their neighbours
             continue
         volume = run(method, seen.stored, seen.measured).volume.ravel()
         lit.append((method, float(np.abs(volume[dark]).max())))

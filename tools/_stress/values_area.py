@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from _stress.row import Progress, Row, Size, faults_of_refusing, relative_error, worst_of
 from _stress.scaling_scene import Scaled
 from _stress.values_pixels import pixel_rows
-from _stress.values_scene import Scene, reconstructed, run, scene
+from _stress.values_scene import SMOOTHING, Scene, reconstructed, run, scene
 from tomo.metrics import nrmse
 from tomo.simulate import SimulatedScan
 from tomo.viewed import ViewedOperator
@@ -159,8 +159,7 @@ def _single(seen: Scene, cases: Cases) -> Iterator[Row]:
     volume[place] = 1e6
     beside, height = [], []
     for name, method, projector in cases:
-        # penalties spread it by design
-        plain = {"strength": 0.0} if method in ("curvature", "tikhonov", "tv") else {}
+        plain = {"strength": 0.0} if method in SMOOTHING else {}
         found = run(method, projector, projector @ volume.ravel(), SETTLED, **plain).volume
         at = np.unravel_index(np.argmax(found), found.shape)
         beside.append((name, float(np.abs(np.subtract(at, place)).max())))

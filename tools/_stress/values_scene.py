@@ -24,6 +24,8 @@ SHAPE = (12, 28, 12)
 SPACING = 0.5
 ITERATIONS = 10
 BY_PIXEL = ("art", "mart")
+SMOOTHING = ("curvature", "tikhonov", "tv")
+"""Methods whose penalty spreads light to neighbours, by design."""
 
 
 @dataclass(frozen=True, eq=False)
