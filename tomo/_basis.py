@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,6 @@ from tomo._request import Request
 from tomo.defocus import Defocused
 from tomo.linear_system import LinearSystem
 from tomo.methods import AUTO, Method
-from tomo.reconstruction import Reconstruction
 from tomo.solve.basis import BOXES, SPLINES, share_left_by
 from tomo.solve.stopping import FEW_VIEWS
 from tomo.support import STORED
@@ -102,26 +101,6 @@ def better_of(
     if share < 1:
         return splines, Basis(SPLINES, left, share)
     return system, Basis(BOXES, left, share)
-
-
-def learned_nothing(found: Reconstruction) -> bool:
-    """Return whether it was to learn weights and has returned a classic solve of boxes."""
-    return found.settings.get("learned") is False
-
-
-def in_place_of(learned: Reconstruction, classic: Reconstruction) -> Reconstruction:
-    """Return a classic solve as what a method that learned nothing gives back."""
-    spent = learned.seconds["total"]
-    return replace(
-        classic,
-        settings={**learned.settings, "solved_by": dict(classic.settings)},
-        stop_reason=f"{learned.stop_reason}; by splines: {classic.stop_reason}",
-        seconds={
-            **classic.seconds,
-            "choose": classic.seconds["choose"] + spent,
-            "total": classic.seconds["total"] + spent,
-        },
-    )
 
 
 def _reason_against(system: LinearSystem, request: Request, method: Method) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -48,10 +48,10 @@ class Run:
         self.progress = progress
         self.cosine_distances: list[tuple[float, ...]] = []
 
-    def through(self, projector: ViewedOperator) -> Run:
-        """Return a run with nothing solved yet, by another projector of the same pixels."""
+    def through(self, projector: ViewedOperator, solved: Sequence[tuple[float, ...]] = ()) -> Run:
+        """Return a run by another projector of the same pixels, with the distances so far."""
         run = copy.copy(self)
-        run.projector, run.cosine_distances = projector, []
+        run.projector, run.cosine_distances = projector, list(solved)
         return run
 
     def solve(self, method: Method, iterations: int | None) -> Reconstruction:

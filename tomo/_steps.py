@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from tomo._as_warning import as_warning
-from tomo._basis import in_place_of, learned_nothing, of_basis
+from tomo._basis import of_basis
 from tomo._first_use import warm_up, warm_up_alignment, warm_up_carving
 from tomo._judging import (
     as_learned,
@@ -20,6 +19,7 @@ from tomo._judging import (
     views_of,
 )
 from tomo._laps import Laps
+from tomo._last_solve import solved_once_more
 from tomo._memory import peak_memory
 from tomo._prepare import Prepared, prepare
 from tomo._request import Request
@@ -31,11 +31,10 @@ from tomo.defocus import blur_of_images
 from tomo.gains import Gains, gains_worth_correcting
 from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem, Progress, VolumeNotSeenError
-from tomo.methods import AUTO, method_named
 from tomo.outcome import Outcome, View
 from tomo.reconstruction import Reconstruction
 from tomo.scan import Scan
-from tomo.solve.basis import BOXES, SPLINES
+from tomo.solve.basis import SPLINES
 from tomo.support import STORED
 
 
@@ -115,12 +114,7 @@ def reconstruct_as_asked(
         progress,
     )
     found = run.solve(request.main, request.iterations)
-    unasked = request.basis == AUTO and math.isnan(basis.share)
-    if learned_nothing(found) and basis.name == BOXES and unasked:
-        system, basis = of_basis(system, measured, request, method_named(AUTO))
-        if basis.name == SPLINES:
-            run = run.through(system.projector)
-            found = in_place_of(found, run.solve(method_named(AUTO), None))
+    system, basis, run, found = solved_once_more(system, basis, run, found, request)
     if basis.name == SPLINES:
         judged_system = judged_system and judged_system.of_splines(request.supersample)
     laps.end("solve")

@@ -8,6 +8,7 @@ import pytest
 import rigs
 from phantoms import create
 from tomo import Scan, VoxelGrid
+from tomo.effects import Effects
 from tomo.io import read_volume
 from tomo.metrics import cosine_distance
 from tomo.reconstruct import reconstruct
@@ -63,6 +64,12 @@ def by_boxes(fine):
     return reconstruct(fine, basis="boxes", **settings)
 
 
+def residual_of_used(outcome):
+    used = [view for view in outcome.views if not view.held_out]
+    squared = sum(np.square(view.measured - view.reprojected)[view.mask].sum() for view in used)
+    return np.sqrt(squared / sum(np.square(view.measured)[view.mask].sum() for view in used))
+
+
 def psnr(outcome, name):
     return outcome.report()["held_out"][name]["psnr"]
 
@@ -85,11 +92,8 @@ def test_the_volume_holds_means_and_the_distances_are_theirs(by_splines, fine):
 
 
 def test_re_projected_images_are_those_that_were_solved_for(by_splines):
-    used = [view for view in by_splines.views if not view.held_out]
-    squared = sum(np.square(view.measured - view.reprojected)[view.mask].sum() for view in used)
-    size = sum(np.square(view.measured)[view.mask].sum() for view in used)
     residual = by_splines.reconstruction.relative_residual
-    assert np.sqrt(squared / size) == pytest.approx(residual, rel=0.05)
+    assert residual_of_used(by_splines) == pytest.approx(residual, rel=0.05)
 
 
 def test_what_goes_line_by_line_is_compared_by_boxes(by_splines, by_boxes):
@@ -141,6 +145,26 @@ def test_many_views_learn_of_boxes_and_leave_images_without_more_to_splines(fine
     assert "by splines" in found.reconstruction.stop_reason
     classic = reconstruct(fine, uncertainty=0)
     np.testing.assert_array_equal(found.reconstruction.volume, classic.reconstruction.volume)
+
+
+def test_what_many_views_taught_of_boxes_is_solved_for_by_splines(take):
+    scan = take(effects=Effects(gain_spread=0.1), seed=3)
+    settings = {"method": "wernet", "fit_gain": False, "hold_out": ["cam03"]}
+    settings["compare"] = [("sirt", 20)]
+    found, boxes = (reconstruct(scan, basis=one, **settings) for one in ("auto", "boxes"))
+    learned, of_boxes = (one.reconstruction for one in (found, boxes))
+    assert basis(found) == "splines"
+    assert learned.settings["learned"] is of_boxes.settings["learned"] is True
+    assert distance(found) < 0.85 * distance(boxes)
+    assert psnr(found, "cam03") > psnr(boxes, "cam03")
+    # the rounds of boxes stand in the history, the solve by splines at its end
+    assert learned.history[-1].index == of_boxes.history[-1].index + 1
+    assert found.cosine_distances[0][-1] == pytest.approx(distance(found), rel=1e-5)
+    assert found.cosine_distances[0][:-1] == boxes.cosine_distances[0]
+    assert residual_of_used(found) == pytest.approx(learned.relative_residual, rel=0.05)
+    # what is compared with knows the chords alone
+    classic = reconstruct(scan, method="sirt", iterations=20, hold_out=["cam03"], fit_gain=False)
+    np.testing.assert_array_equal(found.comparisons[0].volume, classic.reconstruction.volume)
 
 
 def test_splines_of_clean_images_are_tamed_and_iterated_on(by_splines, by_boxes):
