@@ -59,6 +59,7 @@ def course(
     *,
     passes: int,
     width: float = 0.0,
+    least_passes: int = 0,
     until: float | None = None,
     most_seconds: float | None = None,
 ) -> Course:
@@ -76,6 +77,8 @@ def course(
         The most.
     width : float
         Of the blobs of a `tomo.smooth_basis.SmoothBasis`, in voxels; boxes when 0.
+    least_passes : int
+        As many are done whatever comes of them, for methods that change on their way.
     until : float, optional
         Cosine distance at which to end; when None the run ends once it gets no better for
         `PATIENCE` passes.
@@ -89,14 +92,15 @@ def course(
     def judge(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
         with watch.paused() as solving:
             values = basis.blur(volume) if basis else volume
-            found = projector.live.expand(values).reshape(truth.shape)
+            found = projector.averages(projector.live.expand(values).reshape(truth.shape))
             distance = metrics.cosine_distance(found, truth)
             seconds = problem.seconds + solving
             reached.append((seconds, distance, metrics.nrmse(found, truth)))
             if most_seconds is not None and seconds > most_seconds:
                 return True
             if until is None:
-                return index - int(np.argmin([r[1] for r in reached])) >= PATIENCE
+                best = int(np.argmin([r[1] for r in reached]))
+                return index - max(best, least_passes) >= PATIENCE
             return distance <= until or _stalled([r[1] for r in reached])
 
     solver: Callable = getattr(solve, method)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import collections
 import itertools
 import statistics
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from _benchmark.courses import Course, course
 from _benchmark.mismatch_scenes import NOISES, MismatchScene, mismatch_scene
@@ -16,26 +18,62 @@ from _benchmark.problems import Problem
 from _benchmark.sizes import TINY, Sizes
 from _benchmark.solvers import Progress, Rows
 from _benchmark.workers import results_of
-from tomo import metrics
-from tomo.defocus import blur_of_images
+from tomo import Scan, metrics
+from tomo.methods import AUTO
+from tomo.reconstruct import reconstruct
+from tomo.solve.basis import BOXES, SPLINES
+from tomo.solve.curvature import FIRST
 
-Candidate = tuple[str, float, Mapping[str, Any]]
-"""A method, the width of its blobs in voxels (0: boxes), and its settings."""
+
+class Candidate(NamedTuple):
+    """A method, the width of its blobs in voxels (0: none), its strength, and what of."""
+
+    method: str
+    width: float = 0.0
+    strength: float | None = None
+    subsets: int | None = None
+    basis: str = BOXES
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """What the solver takes beside its iterations."""
+        given = {"strength": self.strength, "subsets": self.subsets}
+        relaxed = {"relaxation": 1.9} if self.method == "sirt" else {}
+        return relaxed | {name: value for name, value in given.items() if value is not None}
+
+    @property
+    def name(self) -> str:
+        """As a table has it."""
+        parts = [self.method]
+        if self.width:
+            parts.append(f"width {self.width:g}")
+        if self.strength is not None:
+            parts.append(f"strength {self.strength:g}")
+        if self.basis != BOXES:
+            parts.append(self.basis)
+        return ", ".join(parts)
+
 
 INFORMED: tuple[Candidate, ...] = (
-    ("cgls", 0.0, {}),
-    ("nnls", 0.0, {}),
-    ("nnls", 0.5, {}),
-    ("nnls", 0.8, {}),
+    Candidate("cgls"),
+    Candidate("nnls"),
+    Candidate("nnls", 0.5),
+    Candidate("nnls", 0.8),
+    Candidate("curvature", strength=0.001),
+    Candidate("curvature", strength=0.0001, basis=SPLINES),
+    Candidate("curvature", strength=0.001, basis=SPLINES),
 )
 CLASSIC: tuple[Candidate, ...] = (
     *INFORMED,
-    ("nnls", 1.2, {}),
-    ("sirt", 0.0, {"relaxation": 1.9, "subsets": 8}),
-    ("mlem", 0.0, {"subsets": 8}),
-    ("tv", 0.0, {"strength": 0.0002}),
-    ("tv", 0.0, {"strength": 0.001}),
-    ("tv", 0.0, {"strength": 0.005}),
+    Candidate("nnls", 1.2),
+    Candidate("sirt", subsets=8),
+    Candidate("mlem", subsets=8),
+    Candidate("tv", strength=0.0002),
+    Candidate("tv", strength=0.001),
+    Candidate("tv", strength=0.005),
+    Candidate("curvature", strength=0.01),
+    Candidate("nnls", basis=SPLINES),
+    Candidate("curvature", strength=0.01, basis=SPLINES),
 )
 
 
@@ -57,9 +95,10 @@ class MismatchRow:
         The cosine distance that each of `CLASSIC` reached.
     informed_cosine_distance, informed_nrmse : float
         Of the best of `INFORMED` and ``classic``, so stopped, with the true weights in place of
-        chords: about what the images allow.
+        chords: about what the images allow. Of splines where no lens spreads the light.
     wernet_cosine_distance, wernet_nrmse, wernet_seconds : float
-        Of WERNet as it stops by itself, asked to look for discs out of focus.
+        Of ``reconstruct(method="wernet")``, asked to look for discs out of focus (``blur``) and
+        to fit no gains: as it stops by itself.
     blur : float
         The diameter of those that it found; 0 for none.
     default_cosine_distance : float
@@ -135,13 +174,12 @@ def mismatch(
 def mismatch_row(effect: str, flame: str, noise: str, seed: int, size: Sizes) -> MismatchRow:
     """Return what all methods make of one scene, see `mismatch_scene`."""
     scene = mismatch_scene(effect, flame, noise, seed, size)
-    ready = scene.problem()
+    ready = scene.problem(midpoints=True)
     courses = _courses(ready, scene, CLASSIC, size)
     best = min(courses, key=lambda name: courses[name].least)
     went = courses[best]
-    told = replace(ready.system, projector=scene.informed(ready.system))
-    alike = [c for c in CLASSIC if c in INFORMED or _name(*c) == best]
-    informed = _courses(replace(ready, system=told), scene, alike, size)
+    alike = [one for one in CLASSIC if one in INFORMED or one.name == best]
+    informed = _courses(ready, scene, alike, size, told=True)
     limit = min(informed.values(), key=lambda course: course.least)
     return MismatchRow(
         effect,
@@ -186,38 +224,52 @@ def means(rows: Sequence[MismatchRow]) -> list[dict[str, Any]]:
 
 
 def _courses(
-    ready: Problem, scene: MismatchScene, candidates: Sequence[Candidate], size: Sizes
+    ready: Problem,
+    scene: MismatchScene,
+    candidates: Sequence[Candidate],
+    size: Sizes,
+    *,
+    told: bool = False,
 ) -> dict[str, Course]:
+    """Return how each candidate went, by the chords or ``told`` the true weights."""
+    started = time.perf_counter()
+    splines = ready.system.of_splines()
+    seconds = ready.seconds + time.perf_counter() - started
+    problems = {BOXES: ready, SPLINES: replace(ready, system=splines, seconds=seconds)}
+    if told:
+        problems = {
+            basis: replace(ready, system=replace(one.system, projector=projector))
+            for basis, one in problems.items()
+            if (projector := scene.informed(one.system)) is not None
+        }
     return {
-        _name(*candidate): course(
-            ready, scene.truth, method, settings, passes=size.passes, width=width
+        one.name: course(
+            problems[one.basis],
+            scene.truth,
+            one.method,
+            one.settings,
+            passes=size.passes,
+            width=one.width,
+            least_passes=FIRST if one.method == "curvature" else 0,
         )
-        for candidate in candidates
-        for method, width, settings in (candidate,)
+        for one in candidates
+        if one.basis in problems
     }
-
-
-def _name(method: str, width: float, settings: Mapping[str, Any]) -> str:
-    if width:
-        return f"{method}, width {width:g}"
-    return f"{method}, strength {settings['strength']:g}" if "strength" in settings else method
 
 
 def _learned(scene: MismatchScene) -> dict[str, float]:
     """Return what WERNet reaches, without the truth, with and without looking for discs."""
-    from tomo.wernet import wernet
-
-    started = time.perf_counter()
-    ready = scene.problem(midpoints=True)
-    blur = blur_of_images(scene.rig, scene.images, scene.grid)
-    system = ready.system.out_of_focus(blur) if blur else ready.system
-    found = wernet(system.projector, ready.measured, seed=scene.seed)
-    seconds = time.perf_counter() - started
-    default = wernet(ready.system.projector, ready.measured, seed=scene.seed) if blur else found
+    with tempfile.TemporaryDirectory() as folder:
+        scan = Scan.load(scene.scan.save(Path(folder) / "scan"))
+        how = {"method": "wernet", "fit_gain": False, "seed": scene.seed}
+        found = reconstruct(scan, blur=AUTO, **how)
+        blur = found.settings["blur"]
+        default = reconstruct(scan, **how) if blur else found
+    beside = sum(found.seconds[step] for step in ("load", "compare", "condition"))
     return {
         "wernet_cosine_distance": metrics.cosine_distance(found.volume, scene.truth),
         "wernet_nrmse": metrics.nrmse(found.volume, scene.truth),
-        "wernet_seconds": seconds,
-        "blur": blur or 0.0,
+        "wernet_seconds": found.seconds["total"] - beside,
+        "blur": blur,
         "default_cosine_distance": metrics.cosine_distance(default.volume, scene.truth),
     }

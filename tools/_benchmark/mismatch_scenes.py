@@ -20,6 +20,8 @@ from tomo import noise as noises
 from tomo._true_weights import true_ratios
 from tomo.effects import Effects
 from tomo.simulate import SimulatedScan, simulate
+from tomo.splines import Splines
+from tomo.viewed import ViewedOperator
 
 VIEWS = 33
 NOISES: Mapping[str, float] = {"clean": 0.0, "2 %": 0.02}
@@ -103,8 +105,17 @@ class MismatchScene:
         known = self.effects, dict(zip(self.rig.names, gains, strict=True))
         return true_ratios(system, known, self.truth)
 
-    def informed(self, system: LinearSystem) -> Projector:
-        """Return the projector of the same pixels and voxels that knows all of the effects."""
+    def informed(self, system: LinearSystem) -> ViewedOperator | None:
+        """Return the projector of the same pixels and voxels that knows all of the effects.
+
+        Of splines it knows the weights along the middle of a pixel, beside which lie those that
+        its area sees; None where a lens sees far more.
+        """
+        if isinstance(system.projector, Splines):
+            if self.effects.aperture:
+                return None
+            lengths = system.projector.segments.length * self.weight_ratios(system)
+            return system.projector.with_lengths(lengths.astype(np.float32))
         live = system.projector.live
         gains = self.effects.gains(len(self.rig), self.seed)
         parts = []
