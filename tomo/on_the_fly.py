@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from rigs import Camera
 from tomo._numbering import numbering
 from tomo._pixels_of_sources import pixels_between, pixels_by_source
+from tomo._spoiled import spoiled
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
 from tomo.rays import Rays
@@ -204,7 +205,7 @@ class OnTheFlyProjector(ViewedOperator):
         y = as_float(y.ravel())
         finite = np.isfinite(y)
         if not finite.all():
-            return self._with_spoiled(y, finite)
+            return spoiled(self._rmatvec, y, finite)
         volume = np.zeros(self.grid.size, y.dtype)
         most = self._most(y)
         if not math.isfinite(most):
@@ -214,15 +215,6 @@ class OnTheFlyProjector(ViewedOperator):
             for axes in self._orders:
                 self._add_along(axes, y, per_unit, volume)
         return self.live.compress(volume)
-
-    def _with_spoiled(self, y: NDArray, finite: NDArray[np.bool_]) -> NDArray:
-        """Return the adjoint of pixels some of which are not finite: they reach what they see."""
-        volume = self._rmatvec(np.where(finite, y, 0))
-        with np.errstate(invalid="ignore"):  # infinity less infinity is not a number
-            for value in np.unique(y[~finite]):
-                same = np.isnan(y) if np.isnan(value) else y == value
-                volume[self._rmatvec(same.astype(np.float64)) > 0] += value
-        return volume
 
     def _most(self, y: NDArray) -> float:
         """Return a bound of what all pixels ``y`` together add to a voxel."""

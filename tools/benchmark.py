@@ -76,8 +76,9 @@ def benchmark(
         "machine": here,
         "parts": {},
     }
-    done = {name: record for name, record in result["parts"].items() if name not in again}
+    records = dict(result["parts"])
     begun = {name: rows for name, rows in result.get("begun", {}).items() if name not in again}
+    done = set(records).difference(again, begun)  # one begun again stands until it ends anew
     console.print("warming up compiled code")
     result["first_use_seconds"] = warm_up()
     for name in asked:
@@ -88,7 +89,7 @@ def benchmark(
         with progress_bar(name) as progress:
             part = Asked(size, progress, data, processes, begun.get(name, ()), keep)
             studies, notes = RUN[name](part)
-        done[name] = {
+        records[name] = {
             "seconds": time.perf_counter() - started,
             "load_at_start": loaded,
             "notes": notes,
@@ -96,9 +97,9 @@ def benchmark(
         }
         begun.pop(name, None)
         result["begun"] = begun
-        result["parts"] = {name: done[name] for name in PARTS if name in done}
+        result["parts"] = {name: records[name] for name in PARTS if name in records}
         results.save(out, result)
-        console.print(f"{name}: {done[name]['seconds']:.0f} s", highlight=False)
+        console.print(f"{name}: {records[name]['seconds']:.0f} s", highlight=False)
     written = results.save(out, result)
     missed = [claim for claim in written["claims"] if not claim["met"]]
     console.print(

@@ -73,8 +73,16 @@ def test_a_part_goes_on_between_its_rows(run_tool, stubs, monkeypatch, tmp_path)
     ended = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))
     assert ended["begun"] == {}
     assert ended["parts"]["mismatch"]["studies"]["mismatch"] == [{"row": n} for n in range(3)]
-    # asked for again, a part begins anew
+    # asked for again, a part begins anew, and goes on from there; what was stands until it ends
     assert run_tool(*arguments, "--resume", "--redo", "mismatch").exit_code == 1
+    kept = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))
+    assert kept["begun"] == {"mismatch": [{"row": 0}, {"row": 1}]}
+    assert kept["parts"] == ended["parts"]
+    assert run_tool(*arguments, "--resume").exit_code == 0
+    again = json.loads((tmp_path / "benchmark.json").read_text("utf-8"))
+    assert again["begun"] == {}
+    assert again["parts"]["mismatch"]["studies"] == ended["parts"]["mismatch"]["studies"]
+    assert again["parts"] != ended["parts"]  # its seconds
 
 
 def test_only_what_is_asked_runs(run_tool, stubs, tmp_path):

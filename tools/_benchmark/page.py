@@ -89,11 +89,13 @@ ABOUT: Mapping[str, tuple[str, str]] = {
         "by 10 %, gas that absorbs (an optical depth of 2 across the box, or of 1 through the "
         "flame for its own light), 40 % of the light lost in the corners, a blur of two voxels; "
         "pixels have an area everywhere. 33 views; no solver is told, and no gain is fitted. "
-        "Classic is the best of CGLS, non-negative least squares (plain and smooth), SIRT, MLEM "
-        "and total variation, each stopped where it is nearest to the truth; informed is the "
-        "best of the first two and of that one, so stopped, with the true weights: about what the "
-        "images allow; WERNet stops by itself. It is asked to look for discs out of focus in the "
-        "images (`--blur auto`); beside it stands what it comes to when it is not. Means over "
+        "Classic is the best of CGLS, non-negative least squares (plain and smooth, of boxes and "
+        "of splines), least squares with a penalty on relative curvature (of either), SIRT, MLEM "
+        "and total variation, each stopped where it is nearest to the truth; informed is the best "
+        "of the least squares and of that one, so stopped, with the true weights: about what the "
+        'images allow; WERNet is `reconstruct(method="wernet")`, which stops by itself. It is '
+        'asked to look for discs out of focus in the images (`blur="auto"`); beside it stands '
+        "what it comes to when it is not. Means over "
         "the seeds; seconds since the images were in memory.",
     ),
     "training": (
