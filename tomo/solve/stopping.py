@@ -94,11 +94,16 @@ class Choice:
     reason: str = ""
     tried: tuple[Candidate, ...] = ()
 
+    @property
+    def candidate(self) -> Candidate:
+        """What was chosen, without why."""
+        return Candidate(
+            self.method, self.width, self.iterations, self.held_out_residual, self.strength
+        )
+
     def solves_as(self, other: Choice) -> bool:
         """Return whether both solve the same way, however well that predicts left-out views."""
-        ours, theirs = (
-            (one.method, one.width, one.iterations, one.strength) for one in (self, other)
-        )
+        ours, theirs = (one.candidate._replace(held_out_residual=0.0) for one in (self, other))
         return ours == theirs
 
 

@@ -18,6 +18,7 @@ from rigs._text import shortened
 from rigs._unpacked import errors_of_libraries
 from tomo.defocus import Defocused
 from tomo.io.atomic import atomic_path
+from tomo.solve._candidates import Candidate
 from tomo.solve.stopping import Choice
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.encoder_file import load_tensors, rebuilt
@@ -109,7 +110,6 @@ class Checkpoint:
 
     def save(self, state: State) -> None:
         """Write a state; the one before stays until this is whole."""
-        choice = state.choice
         content = {
             "format": _FORMAT,
             "version": _VERSION,
@@ -117,13 +117,7 @@ class Checkpoint:
             "round": state.round,
             "guessed": state.guessed,
             "volume": torch.from_numpy(state.volume.copy()),
-            "choice": [
-                choice.method,
-                choice.width,
-                choice.iterations,
-                choice.held_out_residual,
-                choice.strength,
-            ],
+            "choice": list(state.choice.candidate),
             "best": None if state.best is None else _packed(state.best),
             "previous": state.previous,
             "ended": state.ended,
@@ -161,29 +155,29 @@ class Checkpoint:
 
 def _state(content: Mapping[str, Any]) -> State:
     """Return the state that the content of a file is, checked."""
-    method, width, iterations, residual, strength = content["choice"]
+    chosen = Candidate(*content["choice"])
     for name, found, kind in (
         ("round", content["round"], int),
         ("ended", content["ended"], str),
         ("previous", content["previous"], float),
         ("training", content["training"], dict),
-        ("choice: method", method, str),
-        ("choice: width", width, int | float),
-        ("choice: iterations", iterations, int),
-        ("choice: residual", residual, int | float),
-        ("choice: strength", strength, int | float | None),
+        ("choice: method", chosen.method, str),
+        ("choice: width", chosen.width, int | float),
+        ("choice: iterations", chosen.iterations, int),
+        ("choice: residual", chosen.held_out_residual, int | float),
+        ("choice: strength", chosen.strength, int | float | None),
     ):
         if not isinstance(found, kind) or isinstance(found, bool):
             raise ValueError(f"{name}: found {shortened(found)}")
-    smoothing = (width, 0.0 if strength is None else strength)
-    if content["round"] < 0 or iterations < 0 or not all(0 <= n < math.inf for n in smoothing):
+    numbers = (content["round"], chosen.iterations, chosen.width, chosen.strength or 0.0)
+    if not all(0 <= number < math.inf for number in numbers):
         raise ValueError(
             f"round, choice: found {content['round']}, {shortened(content['choice'])}"
         )
     return State(
         content["round"],
         _numbers(content["volume"], "volume"),
-        Choice(method, width, iterations, residual, strength, "as before the interruption"),
+        Choice(*chosen, reason="as before the interruption"),
         None if content["best"] is None else _unpacked(content["best"]),
         content["previous"],
         content["ended"],

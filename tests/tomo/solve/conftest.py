@@ -20,15 +20,16 @@ def _one_thread(on_threads):
 
 @pytest.fixture(scope="session")
 def projector_of():
-    """Return a function: dense matrix (pixels, voxels) to Projector; zeros are not stored."""
+    """Return a function: dense matrix (pixels, unknowns) to Projector; zeros are not stored."""
 
-    def make(matrix, view_ptr=None):
+    def make(matrix, view_ptr=None, live=None):
         matrix = np.asarray(matrix, np.float64)
         rows, columns = np.nonzero(matrix)
         ptr = np.searchsorted(rows, np.arange(len(matrix) + 1)).astype(np.int64)
         entries = matrix[rows, columns].astype(np.float32)
         segments = Segments(ptr, columns.astype(np.int32), entries)
-        return Projector(segments, VoxelGrid((matrix.shape[1], 1, 1), 1.0), view_ptr)
+        grid = live.grid if live else VoxelGrid((matrix.shape[1], 1, 1), 1.0)
+        return Projector(segments, grid, view_ptr, live)
 
     return make
 

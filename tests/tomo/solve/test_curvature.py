@@ -12,8 +12,6 @@ from tomo import metrics, noise, solve
 from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem
 from tomo.live_voxels import LiveVoxels
-from tomo.projector import Projector
-from tomo.segments import Segments
 from tomo.simulate import simulate
 from tomo.solve._gradient import Gradient
 from tomo.solve.curvature import AROUND, DARKEST, FIRST, RelativeCurvature
@@ -49,18 +47,23 @@ def dense(penalty, count):
     return np.array([penalty.forward(row) for row in np.eye(count, dtype=np.float32)]).T
 
 
-def system_on(live, pixels, seed=0):
-    """Return a projector onto noisy pixels, its dense matrix, and them; half the voxels dark."""
-    random = np.random.default_rng(seed)
-    matrix = random.uniform(0.2, 1.5, (pixels, live.size))
-    matrix *= random.random(matrix.shape) < 0.2
-    rows, columns = np.nonzero(matrix)
-    ptr = np.searchsorted(rows, np.arange(pixels + 1)).astype(np.int64)
-    entries = matrix[rows, columns].astype(np.float32)
-    projector = Projector(Segments(ptr, columns.astype(np.int32), entries), live.grid, live=live)
-    truth = np.maximum(random.normal(0, 1, live.size), 0)
-    measured = (matrix @ truth + random.normal(0, 0.5, pixels)).astype(np.float32)
-    return projector, matrix.astype(np.float32).astype(float), measured
+@pytest.fixture(scope="module")
+def system_on(projector_of):
+    """Return a function: live voxels to a projector onto noisy pixels, its matrix, and them.
+
+    Half the voxels are dark.
+    """
+
+    def make(live, pixels, seed=0):
+        random = np.random.default_rng(seed)
+        matrix = random.uniform(0.2, 1.5, (pixels, live.size))
+        matrix *= random.random(matrix.shape) < 0.2
+        projector = projector_of(matrix, live=live)
+        truth = np.maximum(random.normal(0, 1, live.size), 0)
+        measured = (matrix @ truth + random.normal(0, 0.5, pixels)).astype(np.float32)
+        return projector, matrix.astype(np.float32).astype(float), measured
+
+    return make
 
 
 @pytest.mark.parametrize("holes", [False, True])
@@ -93,7 +96,7 @@ def test_where_it_is_dark_weights_are_six_times_as_large_as_where_it_is_brightes
 
 @pytest.mark.parametrize("holes", [False, True])
 @pytest.mark.parametrize("nonnegative", [True, False])
-def test_it_finds_the_minimum(holes, nonnegative):
+def test_it_finds_the_minimum(system_on, holes, nonnegative):
     live = some_live(holes)
     projector, matrix, measured = system_on(live, 150)
     strength, weights = 3e-3, np.random.default_rng(1).uniform(0.1, 3, len(measured))
@@ -114,7 +117,7 @@ def test_it_finds_the_minimum(holes, nonnegative):
     assert (expected.min() < -0.01) != nonnegative
 
 
-def test_the_first_iterations_have_a_penalty_on_differences_and_show_where_it_is_bright():
+def test_the_first_iterations_have_a_penalty_on_differences_and_show_where_it_is_bright(system_on):
     projector, _, measured = system_on(LIVE, 150)
     volumes, misfits = [], []
 
@@ -135,7 +138,7 @@ def test_the_first_iterations_have_a_penalty_on_differences_and_show_where_it_is
     assert misfits[-3:] == [line.relative_residual for line in onwards.history[1:]]
 
 
-def test_without_strength_it_is_non_negative_least_squares():
+def test_without_strength_it_is_non_negative_least_squares(system_on):
     projector, matrix, measured = system_on(LIVE, 150)
     found = solve.curvature(projector, measured, strength=0.0, iterations=400)
     expected, _ = scipy.optimize.nnls(matrix, measured.astype(float))

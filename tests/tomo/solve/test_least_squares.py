@@ -8,8 +8,6 @@ from numpy.testing import assert_allclose
 from tomo import metrics, solve
 from tomo.grid import VoxelGrid
 from tomo.live_voxels import LiveVoxels
-from tomo.projector import Projector
-from tomo.segments import Segments
 from tomo.solve._gradient import Gradient
 from tomo.solve._total_variation import total_variation
 
@@ -17,28 +15,28 @@ WEIGHTED = ("cgls", "curvature", "nnls", "sirt", "tikhonov", "tv")
 ENOUGH = {"cgls": 60, "curvature": 200, "nnls": 100, "sirt": 4000, "tikhonov": 200, "tv": 2000}
 
 
-def _projector(matrix, live):
-    rows, columns = np.nonzero(matrix)
-    ptr = np.searchsorted(rows, np.arange(len(matrix) + 1)).astype(np.int64)
-    entries = matrix[rows, columns].astype(np.float32)
-    segments = Segments(ptr, columns.astype(np.int32), entries)
-    return Projector(segments, live.grid, live=live)
+@pytest.fixture(scope="module")
+def system(projector_of):
+    """Return a function that makes a projector onto noisy pixels, its dense matrix, and them.
 
+    Half the voxels are dark.
+    """
 
-def _system(seed=0, shape=(3, 4, 3), pixels=60, hole=False):
-    """Return a projector onto noisy pixels, its dense matrix, and them; half the voxels dark."""
-    random = np.random.default_rng(seed)
-    mask = np.ones(shape, bool)
-    if hole:
-        mask[1, 1:3, 1] = False
-        mask[:, -1] = False
-    live = LiveVoxels.from_mask(VoxelGrid(shape, 1.0), mask)
-    matrix = random.uniform(0.2, 1.5, (pixels, live.size))
-    matrix *= random.random(matrix.shape) < 0.3
-    matrix = matrix.astype(np.float32).astype(np.float64)
-    truth = np.maximum(random.normal(0, 1, live.size), 0)
-    measured = (matrix @ truth + random.normal(0, 0.8, pixels)).astype(np.float32)
-    return _projector(matrix, live), matrix, measured
+    def make(seed=0, shape=(3, 4, 3), pixels=60, hole=False):
+        random = np.random.default_rng(seed)
+        mask = np.ones(shape, bool)
+        if hole:
+            mask[1, 1:3, 1] = False
+            mask[:, -1] = False
+        live = LiveVoxels.from_mask(VoxelGrid(shape, 1.0), mask)
+        matrix = random.uniform(0.2, 1.5, (pixels, live.size))
+        matrix *= random.random(matrix.shape) < 0.3
+        matrix = matrix.astype(np.float32).astype(np.float64)
+        truth = np.maximum(random.normal(0, 1, live.size), 0)
+        measured = (matrix @ truth + random.normal(0, 0.8, pixels)).astype(np.float32)
+        return projector_of(matrix, live=live), matrix, measured
+
+    return make
 
 
 def _on(projector, found):
@@ -54,8 +52,8 @@ def _dense_gradient(live):
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("pixels", [20, 60])
-def test_nnls_finds_the_non_negative_least_squares_solution(seed, pixels):
-    projector, matrix, measured = _system(seed, pixels=pixels)
+def test_nnls_finds_the_non_negative_least_squares_solution(system, seed, pixels):
+    projector, matrix, measured = system(seed, pixels=pixels)
     expected, misfit = scipy.optimize.nnls(matrix, measured.astype(np.float64))
     found = solve.nnls(projector, measured, iterations=400)
     scale = np.linalg.norm(measured)
@@ -65,8 +63,8 @@ def test_nnls_finds_the_non_negative_least_squares_solution(seed, pixels):
         assert (expected == 0).sum() > 5
 
 
-def test_nnls_without_the_bound_is_least_squares():
-    projector, matrix, measured = _system()
+def test_nnls_without_the_bound_is_least_squares(system):
+    projector, matrix, measured = system()
     expected = np.linalg.lstsq(matrix, measured, rcond=None)[0]
     found = solve.nnls(projector, measured, iterations=100, nonnegative=False)
     assert_allclose(_on(projector, found), expected, rtol=1e-4, atol=1e-5)
@@ -108,8 +106,8 @@ def test_the_objective_falls_at_every_update(ring_system, method):
 
 @pytest.mark.parametrize("hole", [False, True])
 @pytest.mark.parametrize("nonnegative", [True, False])
-def test_tikhonov_finds_the_minimum(hole, nonnegative):
-    projector, matrix, measured = _system(3, hole=hole)
+def test_tikhonov_finds_the_minimum(system, hole, nonnegative):
+    projector, matrix, measured = system(3, hole=hole)
     strength, weights = 0.02, np.random.default_rng(1).uniform(0.1, 3, len(measured))
     found = solve.tikhonov(
         projector, measured, strength=strength, iterations=300, weights=weights,
@@ -128,8 +126,8 @@ def test_tikhonov_finds_the_minimum(hole, nonnegative):
 
 
 @pytest.mark.parametrize("strength", [0.01, 1.0])
-def test_damping_is_ridge_regression(strength):
-    projector, matrix, measured = _system(4)
+def test_damping_is_ridge_regression(system, strength):
+    projector, matrix, measured = system(4)
     found = solve.cgls(projector, measured, strength=strength, iterations=60, nonnegative=False)
     factor = (matrix.T @ (matrix @ np.ones(matrix.shape[1]))).max()
     normal = matrix.T @ matrix + strength * factor * np.eye(matrix.shape[1])
@@ -154,16 +152,16 @@ def tv_twin(matrix, measured, gradient, weight, steps=30000):
 
 @pytest.mark.parametrize("hole", [False, True])
 @pytest.mark.parametrize("strength", [0.02, 0.1])
-def test_tv_finds_the_minimum(hole, strength):
-    projector, matrix, measured = _system(5, hole=hole)
+def test_tv_finds_the_minimum(system, hole, strength):
+    projector, matrix, measured = system(5, hole=hole)
     found = solve.tv(projector, measured, strength=strength, iterations=2000)
     weight = strength * np.abs(matrix.T @ measured).max()
     expected = tv_twin(matrix, measured, _dense_gradient(projector.live), weight)
     assert_allclose(_on(projector, found), expected, atol=2e-4)
 
 
-def test_tv_without_strength_is_non_negative_least_squares():
-    projector, matrix, measured = _system(6)
+def test_tv_without_strength_is_non_negative_least_squares(system):
+    projector, matrix, measured = system(6)
     found = solve.tv(projector, measured, strength=0, iterations=2000)
     expected, _ = scipy.optimize.nnls(matrix, measured.astype(np.float64))
     assert_allclose(_on(projector, found), expected, atol=1e-4)
@@ -187,18 +185,18 @@ def test_more_strength_is_less_variation_and_a_worse_fit(ring_system):
 
 
 @pytest.mark.parametrize("method", WEIGHTED)
-def test_doubling_the_images_doubles_the_volume_exactly(method):
-    projector, _, measured = _system(7)
+def test_doubling_the_images_doubles_the_volume_exactly(system, method):
+    projector, _, measured = system(7)
     solver = getattr(solve, method)
     once = solver(projector, measured, iterations=8).volume
     np.testing.assert_array_equal(solver(projector, 2 * measured, iterations=8).volume, 2 * once)
 
 
 @pytest.mark.parametrize("method", WEIGHTED)
-def test_a_weight_is_worth_so_many_equal_rows(method):
-    projector, matrix, measured = _system(8)
+def test_a_weight_is_worth_so_many_equal_rows(projector_of, system, method):
+    projector, matrix, measured = system(8)
     weights = np.random.default_rng(0).integers(0, 4, len(measured))
-    repeated = _projector(np.repeat(matrix, weights, axis=0), projector.live)
+    repeated = projector_of(np.repeat(matrix, weights, axis=0), live=projector.live)
     solver = getattr(solve, method)
     found = solver(projector, measured, weights=weights, iterations=3)
     expected = solver(repeated, np.repeat(measured, weights), iterations=3)
@@ -212,8 +210,8 @@ def test_a_weight_is_worth_so_many_equal_rows(method):
 
 @pytest.mark.parametrize("method", WEIGHTED)
 @pytest.mark.parametrize("factor", [1.0, 1e-30, 1e30])
-def test_a_common_weight_changes_nothing(method, factor):
-    projector, _, measured = _system(9)
+def test_a_common_weight_changes_nothing(system, method, factor):
+    projector, _, measured = system(9)
     solver = getattr(solve, method)
     expected = solver(projector, measured, iterations=3)
     found = solver(projector, measured, weights=np.full(60, factor), iterations=3)
@@ -223,8 +221,8 @@ def test_a_common_weight_changes_nothing(method, factor):
 
 
 @pytest.mark.parametrize("method", WEIGHTED)
-def test_pixels_without_weight_do_not_count(method):
-    projector, _, measured = _system(10)
+def test_pixels_without_weight_do_not_count(system, method):
+    projector, _, measured = system(10)
     weights = np.ones(60)
     weights[::7] = 0
     wrong = np.where(weights == 0, 1e3, measured)
@@ -246,16 +244,16 @@ def test_pixels_without_weight_do_not_count(method):
         (np.full(60, np.inf), "weights: found 60 negative, NaN or infinite"),
     ],
 )
-def test_bad_weights_are_refused(method, bad, message):
-    projector, _, measured = _system()
+def test_bad_weights_are_refused(system, method, bad, message):
+    projector, _, measured = system()
     with pytest.raises(ValueError, match=message):
         getattr(solve, method)(projector, measured, weights=bad)
 
 
 @pytest.mark.parametrize("method", ["cgls", "curvature", "tikhonov", "tv"])
 @pytest.mark.parametrize("bad", [-1e-9, np.nan, np.inf])
-def test_bad_strengths_are_refused(method, bad):
-    projector, _, measured = _system()
+def test_bad_strengths_are_refused(system, method, bad):
+    projector, _, measured = system()
     with pytest.raises(ValueError, match=r"strength: found .*, expected a finite number >= 0"):
         getattr(solve, method)(projector, measured, strength=bad)
 
@@ -275,11 +273,11 @@ def test_a_start_near_the_end_saves_iterations(ring_system, method):
 
 
 @pytest.mark.parametrize("method", ["curvature", "tikhonov", "tv"])
-def test_voxels_out_of_sight_follow_their_neighbours(method):
+def test_voxels_out_of_sight_follow_their_neighbours(projector_of, method):
     random = np.random.default_rng(0)
     matrix = random.uniform(0.5, 1, (20, 9))
     matrix[:, 4] = 0
-    projector = _projector(matrix, LiveVoxels(VoxelGrid((9, 1, 1), 1.0)))
+    projector = projector_of(matrix)
     measured = matrix @ np.full(9, 2.0)
     found = getattr(solve, method)(projector, measured, strength=1e-3, iterations=500)
     assert_allclose(found.volume.ravel(), 2, atol=0.02)
