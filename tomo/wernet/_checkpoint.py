@@ -27,7 +27,7 @@ from tomo.wernet.ray_weights import RayWeights
 if TYPE_CHECKING:
     from tomo.projector import Projector
 
-_FORMAT, _VERSION = "wernet-checkpoint", 4
+_FORMAT, _VERSION = "wernet-checkpoint", 5
 
 
 @dataclass(frozen=True, eq=False)

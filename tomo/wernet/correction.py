@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import torch
@@ -52,6 +53,27 @@ class CorrectionEncoder(nn.Module):
     def is_zero(self) -> bool:
         """Whether it gives no correction whatever it sees, as it does until it is trained."""
         return not (self.last.weight.any() or self.last.bias.any())
+
+    def look_at(self, names: Sequence[str]) -> None:
+        """Hide all features but these: their weights are zero, and stay so while it is trained.
+
+        A copy does not see them either, but may be trained to.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Of `tomo.wernet.ray_features.NAMES`.
+        """
+        hidden = [number for number, name in enumerate(NAMES) if name not in names]
+        weight = self.hidden[0].weight
+        with torch.no_grad():
+            weight[:, hidden] = 0
+
+        def hide(gradient: torch.Tensor) -> torch.Tensor:
+            places = torch.tensor(hidden, dtype=torch.int64, device=gradient.device)
+            return gradient.index_fill(1, places, 0)
+
+        weight.register_hook(hide)
 
     def forward(
         self,

@@ -39,6 +39,12 @@ WIDEST_WITH_FEW_VIEWS = 1.0
 """Voxels. Where so few views ask for a wider smooth basis, most of what the chord lengths do not
 explain is detail that the basis lacks."""
 
+SEEN_OF_FEW_VIEWS = ("depth in the grid", "chord", "emission in front")
+"""What a new encoder is shown of few views: the same from every side. Rays' directions, and where
+they cross voxels, name the view. Of cameras whose gains differ by a tenth, four taught by all
+features what predicted a fifth 0.7 to 1.9 dB worse than chords do, and by these within 0.1 dB; of
+gas that absorbs, 0.2 to 0.5 dB better, and by these 0.4 to 0.8."""
+
 
 def wernet(
     projector: Projector | Defocused | Splines,
@@ -147,6 +153,8 @@ def wernet(
     }
     if encoder is None:
         encoder = CorrectionEncoder(blocks=blocks, channels=channels, seed=seed)
+        if not tells_views:
+            encoder.look_at(SEEN_OF_FEW_VIEWS)
     elif isinstance(encoder, CorrectionEncoder):
         encoder = copy.deepcopy(encoder)
     else:

@@ -12,7 +12,7 @@ from _encoders.scenes import Exercise, random_exercise
 from tomo.wernet.correction import CorrectionEncoder, ViewTokens
 from tomo.wernet.fixed_voxels import LEARNING_RATE, FixedVoxels, set_rate
 from tomo.wernet.parts import Map, on_cores
-from tomo.wernet.ray_features import NAMES, RayFeatures
+from tomo.wernet.ray_features import RayFeatures
 
 LOCAL = (
     "place in the voxel, x",
@@ -64,7 +64,7 @@ def train_finite_pixels(
         show(number, scenes + epochs, "scenes")
         lessons.append(_Lesson(random_exercise(random), channels))
     encoder = CorrectionEncoder(channels=channels, seed=seed)
-    _look_at_nothing_but(encoder, LOCAL)
+    encoder.look_at(LOCAL)
     optimiser = torch.optim.Adam(encoder.parameters(), lr=LEARNING_RATE, betas=(0.9, 0.99))
     misfits = np.zeros(epochs)
     with on_cores(torch.device("cpu")) as over_parts:
@@ -112,17 +112,5 @@ class _Lesson:
         _, misfit = self.fixed.set_gradients(
             encoder, self.tokens, list(encoder.parameters()), rays, over_parts
         )
-        # what is not to be looked at stays so: its weights are zero, and their gradients
-        first = encoder.hidden[0].weight
-        first.grad[:, _others(LOCAL)] = 0
         optimiser.step()
         return misfit
-
-
-def _others(names: tuple[str, ...]) -> list[int]:
-    return [number for number, name in enumerate(NAMES) if name not in names]
-
-
-def _look_at_nothing_but(encoder: CorrectionEncoder, names: tuple[str, ...]) -> None:
-    with torch.no_grad():
-        encoder.hidden[0].weight[:, _others(names)] = 0

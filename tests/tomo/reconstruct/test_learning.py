@@ -1,15 +1,17 @@
 """WERNet as a method among others: what it learns, and what only it may be asked."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import tifffile
 
-from phantoms import GaussianBlobs
+from phantoms import GaussianBlobs, create
 from rigs import ring
-from tomo import Scan
+from tomo import Scan, VoxelGrid
 from tomo.effects import Effects
+from tomo.noise import gaussian
 from tomo.reconstruct import reconstruct
 from tomo.simulate import simulate
 
@@ -51,6 +53,28 @@ def test_wernet_learns_what_chords_do_not_know_and_judges_the_held_out_view(uneq
     assert len(own) == len(learned.reconstruction.history)
     again = reconstruct(unequal, method="wernet", **settings)
     np.testing.assert_array_equal(again.reconstruction.volume, learned.reconstruction.volume)
+
+
+@pytest.mark.parametrize(
+    ("effects", "better"),
+    [(Effects(gain_spread=0.1), -0.2), (Effects(absorption=0.054), 0.3)],
+    ids=["gains", "absorption"],
+)
+def test_few_views_teach_what_another_sees_and_not_what_is_their_own(tmp_path, effects, better):
+    grid = VoxelGrid((28, 44, 28), 1.0)
+    look = {"image_size": (70, 100), "footprint": 0.5, "pitch_degrees": 10.0}
+    rig = ring(5, distance=300.0, center=grid.center, start_degrees=5.0, **look)
+    flame = create("turbulent", 13, grid.extent, grid.center)
+    made = simulate(rig, flame, grid, supersample=2, refine=2, effects=effects, seed=13)
+    images = gaussian(list(made.images.values()), 0.005, np.random.default_rng(13))
+    made = replace(made, images=dict(zip(rig.names, images, strict=True)))
+    scan = Scan.load(made.save(tmp_path / "scan"))
+    settings = {"fit_gain": False, "hold_out": ["cam02"], "uncertainty": 0}
+    learned, classic = (
+        reconstruct(scan, method=method, **settings).report()["held_out"]["cam02"]["psnr"]
+        for method in ("wernet", "auto")
+    )
+    assert learned > classic + better
 
 
 def test_wernet_of_dark_images_is_empty(copy):

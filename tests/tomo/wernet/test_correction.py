@@ -49,6 +49,27 @@ def test_a_ray_s_correction_depends_on_that_ray_alone():
     torch.testing.assert_close(found, together[9:13], rtol=1e-5, atol=1e-6)
 
 
+def test_what_is_hidden_changes_nothing_and_stays_hidden_in_training():
+    encoder, (packing, described) = _trained(), _rays()
+    encoder.look_at(("chord", "depth in the grid"))
+    shown = [name in ("chord", "depth in the grid") for name in NAMES]
+    other = torch.where(torch.tensor(shown), described, torch.randn(described.shape))
+
+    def correction(features):
+        return encoder(packing.spread(features), packing.inside)[packing.row]
+
+    torch.testing.assert_close(correction(described), correction(other))
+    before = encoder.hidden[0].weight.detach().clone()
+    optimiser = torch.optim.Adam(encoder.parameters(), lr=0.1)
+    gradients = torch.autograd.grad(correction(described).square().sum(), encoder.parameters())
+    for parameter, gradient in zip(encoder.parameters(), gradients, strict=True):
+        parameter.grad = gradient
+    optimiser.step()
+    changed = (encoder.hidden[0].weight != before).any(dim=2).any(dim=0)
+    assert changed.tolist() == shown
+    assert not encoder.hidden[0].weight[:, [not one for one in shown]].any()
+
+
 @pytest.mark.parametrize(("blocks", "reach"), [(1, 2), (2, 3)])
 def test_a_correction_sees_one_neighbour_more_with_every_layer(blocks, reach):
     encoder = _trained(blocks=blocks)

@@ -12,6 +12,8 @@ from tomo.projector import Projector
 from tomo.segments import Segments
 from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
 from tomo.wernet import RayWeights, wernet
+from tomo.wernet.default import SEEN_OF_FEW_VIEWS
+from tomo.wernet.ray_features import NAMES
 
 GAINS = Effects(gain_spread=0.1)
 ABSORPTION = Effects(absorption=0.1)
@@ -166,13 +168,16 @@ def test_rays_that_all_miss_the_grid_are_refused(scene):
         wernet(blind, one.measured)
 
 
-def test_few_views_have_no_numbers_of_their_own(scene):
-    one = scene(views=6, effects=GAINS)
-    found = wernet(one.projector, one.measured, iterations=2)
-    if found.weights is not None:
-        assert not found.weights.tells_views
-        assert not found.weights.tokens.level.any()
-    assert _shared(scene, GAINS).weights.tells_views
+def test_few_views_have_no_numbers_of_their_own_nor_names(scene):
+    one = scene(views=6, effects=ABSORPTION)
+    weights = wernet(one.projector, one.measured, iterations=2).weights
+    assert not weights.tells_views
+    assert not weights.tokens.level.any()
+    seen = weights.encoder.hidden[0].weight.abs().amax(dim=(0, 2)) > 0
+    assert {name for name, some in zip(NAMES, seen, strict=True) if some} == set(SEEN_OF_FEW_VIEWS)
+    many = _shared(scene, OWN_LIGHT).weights
+    assert many.tells_views
+    assert many.encoder.hidden[0].weight.abs().amax(dim=(0, 2)).all()
 
 
 def test_live_voxels_alone_are_solved_for(scene):
