@@ -29,6 +29,7 @@ FLOORS = [
         "tomo._lanes",
         "tomo._lines",
         "tomo._row_sum",
+        "tomo._spoiled",
         "tomo._sums",
         "tomo._threads",
         "tomo._waiting",
