@@ -12,11 +12,14 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from _benchmark.courses import Course, course
 from _benchmark.mismatch_scenes import NOISES, MismatchScene, mismatch_scene
 from _benchmark.problems import Problem
 from _benchmark.sizes import TINY, Sizes
-from _benchmark.solvers import Progress, Rows
+from _benchmark.solvers import Progress, Rows, seconds_of
 from _benchmark.workers import results_of
 from tomo import Scan, metrics
 from tomo.methods import AUTO
@@ -26,20 +29,12 @@ from tomo.solve.curvature import FIRST
 
 
 class Candidate(NamedTuple):
-    """A method, the width of its blobs in voxels (0: none), its strength, and what of."""
+    """A method, the width of its blobs in voxels (0: none), its settings, and what of."""
 
     method: str
     width: float = 0.0
-    strength: float | None = None
-    subsets: int | None = None
+    settings: Mapping[str, Any] = {}
     basis: str = BOXES
-
-    @property
-    def settings(self) -> Mapping[str, Any]:
-        """What the solver takes beside its iterations."""
-        given = {"strength": self.strength, "subsets": self.subsets}
-        relaxed = {"relaxation": 1.9} if self.method == "sirt" else {}
-        return relaxed | {name: value for name, value in given.items() if value is not None}
 
     @property
     def name(self) -> str:
@@ -47,8 +42,8 @@ class Candidate(NamedTuple):
         parts = [self.method]
         if self.width:
             parts.append(f"width {self.width:g}")
-        if self.strength is not None:
-            parts.append(f"strength {self.strength:g}")
+        if "strength" in self.settings:
+            parts.append(f"strength {self.settings['strength']:g}")
         if self.basis != BOXES:
             parts.append(self.basis)
         return ", ".join(parts)
@@ -59,21 +54,21 @@ INFORMED: tuple[Candidate, ...] = (
     Candidate("nnls"),
     Candidate("nnls", 0.5),
     Candidate("nnls", 0.8),
-    Candidate("curvature", strength=0.001),
-    Candidate("curvature", strength=0.0001, basis=SPLINES),
-    Candidate("curvature", strength=0.001, basis=SPLINES),
+    Candidate("curvature", settings={"strength": 0.001}),
+    Candidate("curvature", settings={"strength": 0.0001}, basis=SPLINES),
+    Candidate("curvature", settings={"strength": 0.001}, basis=SPLINES),
 )
 CLASSIC: tuple[Candidate, ...] = (
     *INFORMED,
     Candidate("nnls", 1.2),
-    Candidate("sirt", subsets=8),
-    Candidate("mlem", subsets=8),
-    Candidate("tv", strength=0.0002),
-    Candidate("tv", strength=0.001),
-    Candidate("tv", strength=0.005),
-    Candidate("curvature", strength=0.01),
+    Candidate("sirt", settings={"relaxation": 1.9, "subsets": 8}),
+    Candidate("mlem", settings={"subsets": 8}),
+    Candidate("tv", settings={"strength": 0.0002}),
+    Candidate("tv", settings={"strength": 0.001}),
+    Candidate("tv", settings={"strength": 0.005}),
+    Candidate("curvature", settings={"strength": 0.01}),
     Candidate("nnls", basis=SPLINES),
-    Candidate("curvature", strength=0.01, basis=SPLINES),
+    Candidate("curvature", settings={"strength": 0.01}, basis=SPLINES),
 )
 
 
@@ -175,11 +170,17 @@ def mismatch_row(effect: str, flame: str, noise: str, seed: int, size: Sizes) ->
     """Return what all methods make of one scene, see `mismatch_scene`."""
     scene = mismatch_scene(effect, flame, noise, seed, size)
     ready = scene.problem(midpoints=True)
-    courses = _courses(ready, scene, CLASSIC, size)
+    problems = {BOXES: ready, SPLINES: _of_splines(ready)}
+    courses = _courses(problems, scene.truth, CLASSIC, size.passes)
     best = min(courses, key=lambda name: courses[name].least)
     went = courses[best]
     alike = [one for one in CLASSIC if one in INFORMED or one.name == best]
-    informed = _courses(ready, scene, alike, size, told=True)
+    told = {
+        basis: replace(one, system=replace(one.system, projector=projector))
+        for basis, one in problems.items()
+        if (projector := scene.informed(one.system)) is not None
+    }
+    informed = _courses(told, scene.truth, alike, size.passes)
     limit = min(informed.values(), key=lambda course: course.least)
     return MismatchRow(
         effect,
@@ -223,32 +224,27 @@ def means(rows: Sequence[MismatchRow]) -> list[dict[str, Any]]:
     return found
 
 
-def _courses(
-    ready: Problem,
-    scene: MismatchScene,
-    candidates: Sequence[Candidate],
-    size: Sizes,
-    *,
-    told: bool = False,
-) -> dict[str, Course]:
-    """Return how each candidate went, by the chords or ``told`` the true weights."""
+def _of_splines(ready: Problem) -> Problem:
+    """Return the same problem of splines; what these take to set up counts."""
     started = time.perf_counter()
-    splines = ready.system.of_splines()
-    seconds = ready.seconds + time.perf_counter() - started
-    problems = {BOXES: ready, SPLINES: replace(ready, system=splines, seconds=seconds)}
-    if told:
-        problems = {
-            basis: replace(ready, system=replace(one.system, projector=projector))
-            for basis, one in problems.items()
-            if (projector := scene.informed(one.system)) is not None
-        }
+    system = ready.system.of_splines()
+    return replace(ready, system=system, seconds=ready.seconds + time.perf_counter() - started)
+
+
+def _courses(
+    problems: Mapping[str, Problem],
+    truth: NDArray[np.float32],
+    candidates: Sequence[Candidate],
+    passes: int,
+) -> dict[str, Course]:
+    """Return how each candidate went for whose basis there is a problem."""
     return {
         one.name: course(
             problems[one.basis],
-            scene.truth,
+            truth,
             one.method,
             one.settings,
-            passes=size.passes,
+            passes=passes,
             width=one.width,
             least_passes=FIRST if one.method == "curvature" else 0,
         )
@@ -265,11 +261,10 @@ def _learned(scene: MismatchScene) -> dict[str, float]:
         found = reconstruct(scan, blur=AUTO, **how)
         blur = found.settings["blur"]
         default = reconstruct(scan, **how) if blur else found
-    beside = sum(found.seconds[step] for step in ("load", "compare", "condition"))
     return {
         "wernet_cosine_distance": metrics.cosine_distance(found.volume, scene.truth),
         "wernet_nrmse": metrics.nrmse(found.volume, scene.truth),
-        "wernet_seconds": found.seconds["total"] - beside,
+        "wernet_seconds": seconds_of(found),
         "blur": blur,
         "default_cosine_distance": metrics.cosine_distance(default.volume, scene.truth),
     }
