@@ -79,7 +79,8 @@ class Task:
     ) -> Refinement:
         """Return the refinement with the best parameters found."""
         errors = before.relative_error, after.relative_error
-        accepted = bool(parameters.any()) and before.is_improved_by(after)
+        moved = len(self.chosen) / len(self.rig)
+        accepted = bool(parameters.any()) and before.is_improved_by(after, moved)
         reason = (
             f"held-out rays are predicted from other views to {errors[1]:.4f} instead of "
             f"{errors[0]:.4f}"

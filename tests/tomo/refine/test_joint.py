@@ -98,10 +98,14 @@ def test_an_improvement_has_to_exceed_chance():
     assert before.is_improved_by(Judgement(0.9 * before.squared_errors, 100.0))
     assert not before.is_improved_by(before)
     assert not before.is_improved_by(Judgement(0.99 * before.squared_errors, 100.0))
+    less = Judgement(0.97 * before.squared_errors, 100.0)  # as all cameras bring by chance
+    assert not before.is_improved_by(less)
+    assert before.is_improved_by(less, 0.4)
+    assert not before.is_improved_by(Judgement(0.99 * before.squared_errors, 100.0), 0.0)
     # a 40th less in all, but by gains and losses of each tile that scatter far more
     scattered = random.normal(scale=2.0, size=(4, 50))
     scattered += before.squared_errors.sum() / 40 / scattered.size - scattered.mean()
-    assert not before.is_improved_by(Judgement(before.squared_errors - scattered, 100.0))
+    assert not before.is_improved_by(Judgement(before.squared_errors - scattered, 100.0), 0.4)
 
 
 @pytest.mark.parametrize("scale", [1e-30, 1e-20, 1e20, 1e30])
