@@ -39,30 +39,18 @@ def learned_weights(
         from _benchmark.mismatch_scenes import mismatch_scene
         from _benchmark.sizes import FULL, QUICK
 
-        from tomo.metrics import cosine_distance
         from tomo.view.figures import save_figure
         from tomo.view.learned_picture import draw_learned
-        from tomo.wernet import LearnedWeights, wernet
 
         scene = mismatch_scene(effect, flame, noise, seed, QUICK if quick else FULL)
-        ready = scene.problem(midpoints=True)
-        chords = ready.system.projector
-        found = wernet(chords, ready.measured, seed=seed)
-        if found.weights is None:
-            raise ValueError(f"effect {effect}: found nothing learned: {found.stop_reason}")
-        learned = LearnedWeights.of(
-            found.weights,
-            chords,
-            found.weights.projector(chords),
-            found.volume,
-            scene.rig.names,
-            held_out_residual=found.settings["held_out_residual"],
-            truth=scene.weight_ratios(ready.system),
-        )
-        save_figure(draw_learned(learned, scene.rig.length_unit), out)
+        found = scene.learned(uncertainty=0)
+        if found.learned is None:
+            reason = found.reconstruction.stop_reason
+            raise ValueError(f"effect {effect}: found nothing learned: {reason}")
+        save_figure(draw_learned(found.learned, scene.rig.length_unit), out)
     if json:
-        figures = learned.report()
+        figures = found.learned.report()
         figures.pop("profiles")
-        figures["cosine_distance"] = cosine_distance(found.volume, scene.truth)
-        figures["seconds"] = found.seconds["solve"]
+        figures["cosine_distance"] = found.reconstruction.quality["cosine_distance"]
+        figures["seconds"] = found.seconds["total"]
         print_json(figures)

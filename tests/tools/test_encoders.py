@@ -73,6 +73,18 @@ def test_the_picture_of_what_is_learned_asks_for_a_known_effect(run_tool, tmp_pa
     assert not list(tmp_path.iterdir())
 
 
+def test_what_is_learned_of_absorption_is_drawn_beside_the_truth(run_tool, tmp_path):
+    picture = tmp_path / "learned.png"
+    scene = ("--quick", "--effect", "absorption", "--noise", "clean")
+    done = run_tool("learned_weights", *scene, "-o", picture, "--json")
+    assert done.exit_code == 0, (done.stderr, done.exception)
+    found = json.loads(done.stdout)
+    assert found["explained"] > 0.999
+    assert found["held_out_residual"]["learned"] < 0.7 * found["held_out_residual"]["chords"]
+    assert found["cosine_distance"] < 0.005
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
 def test_rigs_to_judge_on_are_parts_of_presets_or_lenses_that_bend(run_tool):
     from _encoders.transfer import CASES, rig_of
 

@@ -22,19 +22,18 @@ def scene(run_tool):
 @pytest.fixture(scope="module")
 def row(run_tool):
     """Return how the methods do on one scene, with a learned method that knows the truth."""
-    from _benchmark import mismatch
-    from _benchmark.mismatch_scenes import mismatch_scene
+    from _benchmark import mismatch, mismatch_scenes
     from _benchmark.sizes import TINY
 
     def knows(scan, *, method, fit_gain, seed, blur=0):
         assert (method, fit_gain, seed) == ("wernet", False, 3)
         assert len(scan.rig) == 33
-        truth = mismatch_scene("absorption", "jet", "2 %", seed, TINY).truth
+        truth = mismatch_scenes.mismatch_scene("absorption", "jet", "2 %", seed, TINY).truth
         seconds = {"load": 1.0, "compare": 0.0, "condition": 2.0, "total": 7.0}
         return SimpleNamespace(volume=2 * truth, settings={"blur": 0.0}, seconds=seconds)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mismatch, "reconstruct", knows)
+        patch.setattr(mismatch_scenes, "reconstruct", knows)
         return mismatch.mismatch_row("absorption", "jet", "2 %", 3, TINY)
 
 

@@ -87,7 +87,7 @@ def _draw_cameras(axes: Axes, learned: LearnedWeights) -> None:
     if learned.true_by_camera is not None:
         axes.plot(number, learned.true_by_camera, "--", color=_LEARNED, linewidth=1.1)
     names = [plain(name if len(name) <= 10 else f"{name[:9]}…") for name in learned.cameras]
-    room = 8 if max(map(len, names), default=0) <= 5 else 5
+    room = 6 if max(map(len, names), default=0) <= 5 else 5
     step = max(1, math.ceil(len(number) / room))
     axes.set_xticks(number[::step], names[::step])
     axes.set_xlabel("camera")

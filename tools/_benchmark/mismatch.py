@@ -5,11 +5,9 @@ from __future__ import annotations
 import collections
 import itertools
 import statistics
-import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,9 +19,8 @@ from _benchmark.problems import Problem
 from _benchmark.sizes import TINY, Sizes
 from _benchmark.solvers import Progress, Rows, seconds_of
 from _benchmark.workers import results_of
-from tomo import Scan, metrics
+from tomo import metrics
 from tomo.methods import AUTO
-from tomo.reconstruct import reconstruct
 from tomo.solve.basis import BOXES, SPLINES
 from tomo.solve.curvature import FIRST
 
@@ -255,12 +252,9 @@ def _courses(
 
 def _learned(scene: MismatchScene) -> dict[str, float]:
     """Return what WERNet reaches, without the truth, with and without looking for discs."""
-    with tempfile.TemporaryDirectory() as folder:
-        scan = Scan.load(scene.scan.save(Path(folder) / "scan"))
-        how = {"method": "wernet", "fit_gain": False, "seed": scene.seed}
-        found = reconstruct(scan, blur=AUTO, **how)
-        blur = found.settings["blur"]
-        default = reconstruct(scan, **how) if blur else found
+    found = scene.learned(blur=AUTO)
+    blur = found.settings["blur"]
+    default = scene.learned() if blur else found
     return {
         "wernet_cosine_distance": metrics.cosine_distance(found.volume, scene.truth),
         "wernet_nrmse": metrics.nrmse(found.volume, scene.truth),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -15,10 +18,12 @@ from _benchmark.problems import Problem, problem
 from _benchmark.scenes import flame_rig
 from _benchmark.sizes import Sizes
 from rigs import Rig
-from tomo import LinearSystem, Projector, Segments, VoxelGrid
+from tomo import LinearSystem, Projector, Scan, Segments, VoxelGrid
 from tomo import noise as noises
 from tomo._true_weights import true_ratios
 from tomo.effects import Effects
+from tomo.outcome import Outcome
+from tomo.reconstruct import reconstruct
 from tomo.simulate import SimulatedScan, simulate
 from tomo.splines import Splines
 from tomo.viewed import ViewedOperator
@@ -98,6 +103,15 @@ class MismatchScene:
     def problem(self, *, midpoints: bool = False) -> Problem:
         """Return the equations of chords, one ray a pixel, carved as the default carves."""
         return problem(self.rig, self.grid, self.images, skip=True, midpoints=midpoints)
+
+    def learned(self, **how: Any) -> Outcome:
+        """Return what ``reconstruct(method="wernet", **how)`` makes of the scan, gains not fitted.
+
+        From its files, as a user would.
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            scan = Scan.load(self.scan.save(Path(folder) / "scan"))
+            return reconstruct(scan, method="wernet", fit_gain=False, seed=self.seed, **how)
 
     def weight_ratios(self, system: LinearSystem) -> NDArray[np.float64]:
         """Return the true weight of each of the system's segments over its chord: ``(S,)``."""
