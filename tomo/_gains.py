@@ -62,6 +62,13 @@ class Gains:
         gain, offset = self._of_pixels(projector)
         return ((np.asarray(measured) - offset) / gain).astype(np.float32)
 
+    def correct_weights(
+        self, projector: ViewedOperator, weights: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Return what pixels are worth once they are corrected: ``w g_v²``."""
+        gain, _ = self._of_pixels(projector)
+        return (gain**2 * weights).astype(np.float32)
+
     def then(self, further: Gains) -> Gains:
         """Return the gains of images that, corrected by these, still have ``further`` ones."""
         known = np.isfinite(further.gain_error)

@@ -35,6 +35,7 @@ _AS_ASKED = (
     "align",
     "refine_prior",
     "fit_gain",
+    "weigh",
     "unseen",
     "supersample",
     "device",
@@ -66,6 +67,7 @@ class Request:
     refine_cameras: Sequence[str] | None
     refine_prior: float | None
     fit_gain: bool | None
+    weigh: bool
     blur: float | str
     basis: str
     unseen: str

@@ -26,7 +26,9 @@ from tomo.viewed import ViewedOperator
 class Run:
     """Solves one system by one method after another, recording the distance from a truth.
 
-    ``learning`` are arguments that only methods that learn take: device, encoder ...
+    ``learning`` are arguments that only methods that learn take: device, encoder ...; ``weights``
+    (pixels,) what pixels are worth to the default, and to a method that starts from it; None: all
+    alike.
     """
 
     def __init__(
@@ -38,6 +40,7 @@ class Run:
         seed: int,
         time_limit: float | None,
         progress: Progress | None,
+        weights: NDArray[np.float32] | None = None,
     ) -> None:
         self.projector = projector
         self.measured = measured
@@ -46,6 +49,7 @@ class Run:
         self.seed = seed
         self.time_limit = math.inf if time_limit is None else time_limit
         self.progress = progress
+        self.weights = weights
         self.cosine_distances: list[tuple[float, ...]] = []
 
     def through(self, projector: ViewedOperator, solved: Sequence[tuple[float, ...]] = ()) -> Run:
@@ -70,14 +74,20 @@ class Run:
 
         projector = self._projector_for(method)
         if method.name == AUTO:
-            choice = choose_by_held_out_views(projector, self.measured, progress=self.progress)
+            choice = choose_by_held_out_views(
+                projector, self.measured, weights=self.weights, progress=self.progress
+            )
             if iterations is not None:
                 choice = replace(choice, iterations=iterations)
             name, total, solving = choice.method, choice.iterations, time.perf_counter()
-            found = solve_as_chosen(projector, self.measured, choice, callback=watch)
+            found = solve_as_chosen(
+                projector, self.measured, choice, weights=self.weights, callback=watch
+            )
             extra: dict[str, Any] = {"chosen_by": "auto", "tried": choice.tried}
         else:
             learning = {k: v for k, v in self.learning.items() if method.takes(k)}
+            if method.starts_from_default:
+                learning["weights"] = self.weights
             arguments = method.arguments(**learning, seed=self.seed, iterations=iterations)
             total = method.default_iterations if iterations is None else iterations
             name, solving = method.name, started
@@ -112,7 +122,7 @@ class Run:
                 name, width = found.settings["method"], found.settings["smooth_width"]
                 strength = found.settings.get("strength")
                 choice = Choice(name, width, iterations, math.nan, strength)
-                repeated = solve_as_chosen(self.projector, measured, choice)
+                repeated = solve_as_chosen(self.projector, measured, choice, weights=self.weights)
             else:
                 arguments = method.arguments(seed=self.seed, iterations=iterations)
                 repeated = method.solver(self.projector, measured, **arguments)

@@ -26,6 +26,7 @@ from tomo._request import Request
 from tomo._run import Run
 from tomo._sieve import Sieved, sieve
 from tomo._true_weights import true_effects, true_ratios
+from tomo._weights import weights_of
 from tomo.condition import assess
 from tomo.defocus import blur_of_images
 from tomo.gains import Gains, gains_worth_correcting
@@ -104,6 +105,7 @@ def reconstruct_as_asked(
         measured = gains.correct(system.projector, measured)
         later += _warning_of_gains(gains, request.fit_gain)
     system, basis = of_basis(system, measured, request, request.main)
+    weights, weighing = weights_of(system, sieved, gains, request)
     run = Run(
         system.projector,
         measured,
@@ -112,6 +114,7 @@ def reconstruct_as_asked(
         request.seed,
         request.time_limit,
         progress,
+        weights,
     )
     found = run.solve(request.main, request.iterations)
     system, basis, run, found = solved_once_more(system, basis, run, found, request)
@@ -187,6 +190,7 @@ def reconstruct_as_asked(
             "refine_cameras": list(refined) or None,
             "blur": blur,
             "basis": basis.report(),
+            "weights": weighing,
         },
         cosine_distances=tuple(run.cosine_distances),
         learned=learned,

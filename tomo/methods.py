@@ -38,6 +38,11 @@ class Method:
         return self.name == "wernet" or not self.needs_matrix
 
     @property
+    def starts_from_default(self) -> bool:
+        """Whether it starts from what ``auto`` comes to."""
+        return self.name == "wernet"
+
+    @property
     def solver(self) -> Callable[..., Reconstruction]:
         """The solver itself, imported now; ``auto`` has none of its own."""
         if self.name in _WERNET:

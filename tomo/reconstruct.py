@@ -34,6 +34,7 @@ def reconstruct(
     refine_cameras: Sequence[str] | None = None,
     refine_prior: float | None = None,
     fit_gain: bool | None = None,
+    weigh: bool = True,
     blur: float | str = 0.0,
     basis: str = AUTO,
     unseen: str = ZERO,
@@ -95,6 +96,9 @@ def reconstruct(
     fit_gain : bool, optional
         Whether to fit each camera's gain and offset, see `tomo.gains`; when the views disagree
         if None.
+    weigh : bool
+        Whether the default method, and ``wernet``, which starts from it, weigh pixels by their
+        noise where it differs, as that of photons does, see `tomo.support.weigh_pixels`.
     blur : float or "auto"
         Diameter, at the grid's centre and in the rig's length unit, of the discs that lenses out
         of focus make of points: images are projected through them, see `tomo.defocus`. 0: in
@@ -152,6 +156,7 @@ def reconstruct(
         refine_cameras=refine_cameras,
         refine_prior=refine_prior,
         fit_gain=fit_gain,
+        weigh=weigh,
         blur=blur,
         basis=basis,
         unseen=unseen,

@@ -106,6 +106,10 @@ def reconstruct(
             help="Fit each camera's gain and offset; by default when the views disagree.",
         ),
     ] = None,
+    weigh: Annotated[
+        bool,
+        typer.Option(help="Weigh pixels by their noise, where it differs, in auto and wernet."),
+    ] = True,
     blur: Annotated[
         str,
         typer.Option(
@@ -178,6 +182,7 @@ def reconstruct(
                 refine_cameras=_cameras(refine_cameras, loaded.rig),
                 refine_prior=refine_prior,
                 fit_gain=fit_gain,
+                weigh=weigh,
                 blur=_number_or_auto("--blur", blur, float),
                 basis=basis,
                 unseen=unseen,

@@ -64,6 +64,14 @@ def test_corrected_images_give_the_volume_that_equal_cameras_give(case):
     assert corrected < 0.1 * wrong
 
 
+def test_weights_of_corrected_pixels_are_those_of_their_noise(case):
+    gains = fit_gains(case.projector, _seen(case, case.gain), case.truth)
+    noise = np.random.default_rng(9).uniform(0.5, 2, len(case.clean))
+    corrected = gains.correct(case.projector, noise) - gains.correct(case.projector, 0 * noise)
+    weights = gains.correct_weights(case.projector, (1 / noise**2).astype(np.float32))
+    np.testing.assert_allclose(weights, 1 / corrected.astype(float) ** 2, rtol=1e-5)
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.1])
 def test_like_cameras_are_left_alone(case, noise):
     random = np.random.default_rng(6)

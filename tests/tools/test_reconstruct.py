@@ -131,7 +131,7 @@ def test_a_picture_of_an_earlier_run_does_not_stay(run_tool, scan, tmp_path):
 
 def test_options_reach_the_run(run_tool, scan, tmp_path):
     options = ("--grid", "4x7x4", "--spacing", "2,2,2.4", "--center", "10,0,-3")
-    options += ("--method", "mart", "--iterations", "3", "--seed", "7", "--no-skip")
+    options += ("--method", "mart", "--iterations", "3", "--seed", "7", "--no-skip", "--no-weigh")
     options += ("--scale", "2", "--supersample", "2", "--tracer", "reference")
     options += ("--hold-out", "cam00", "--hold-out", "cam04", "--frame", "frame_000")
     done = run_tool("reconstruct", scan, *options, "--json", "-o", tmp_path)
@@ -142,6 +142,7 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
         "iterations": 3,
         "seed": 7,
         "skip": False,
+        "weigh": False,
         "scale": 2,
         "supersample": 2,
         "tracer": "reference",

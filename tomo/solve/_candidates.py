@@ -12,7 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._sums import norm
-from tomo.solve._trials import CHECKPOINTS, FEW_VIEWS, Trial, views_to_leave_out
+from tomo.solve._trials import (
+    CHECKPOINTS,
+    FEW_VIEWS,
+    MULTIPLICATIVE,
+    Trial,
+    views_to_leave_out,
+)
 from tomo.solve.curvature import FIRST
 from tomo.solve.mlem import interleaved
 from tomo.viewed import ViewedOperator
@@ -55,12 +61,19 @@ Told = Callable[[int, int, str], None]
 
 
 def further_settings(
-    method: str, projector: ViewedOperator, strength: float | None
+    method: str,
+    projector: ViewedOperator,
+    strength: float | None,
+    weights: NDArray[np.float32] | None,
 ) -> Mapping[str, Any]:
-    """Return what a method takes beside its iterations."""
-    if method not in PENALISED:
-        return {}
-    return {"strength": projector.faint if strength is None else strength}
+    """Return what a method takes beside its iterations.
+
+    ``weights`` are what pixels are worth to least squares; MLEM knows of photons by itself.
+    """
+    found: dict[str, Any] = {} if method in MULTIPLICATIVE else {"weights": weights}
+    if method in PENALISED:
+        found["strength"] = projector.faint if strength is None else strength
+    return found
 
 
 @dataclass(frozen=True)
@@ -112,18 +125,26 @@ class Candidates:
         views: Sequence[int],
         total: int = 0,
         progress: Told | None = None,
+        weights: NDArray[np.float32] | None = None,
     ) -> Candidates:
-        """Leave out views, and pixels of the others where views are few; thin large systems."""
+        """Leave out views, and pixels of the others where views are few; thin large systems.
+
+        ``weights`` are what pixels are worth, to least squares and when they are judged.
+        """
         stride = _stride(projector)
         if stride > 1:
             thinned = interleaved(projector.shape[0], stride)[0]
             projector, measured = projector.take(thinned), measured[thinned]
+            weights = None if weights is None else weights[thinned]
         sparing = len(views) <= FEW_VIEWS
         trials = [
-            Trial.leaving_out(left_out, views, projector, measured, sparing=sparing)
+            Trial.leaving_out(
+                left_out, views, projector, measured, sparing=sparing, weights=weights
+            )
             for left_out in views_to_leave_out(views)
         ]
-        scale = sum(float(trial.dark[0]) for trial in trials) or norm(measured) ** 2
+        every = measured if weights is None else np.sqrt(weights) * measured
+        scale = sum(float(trial.dark[0]) for trial in trials) or norm(every) ** 2
         return cls(trials, max(scale, np.finfo(float).tiny), total, progress)
 
     @property
@@ -151,10 +172,12 @@ class Candidates:
             self.progress(len(self.tried), self.total, where)
         training = self.trials[0].training
         patient = method in PENALISED and not training.edged
-        settings = {
-            "iterations": iterations or (LONGEST if patient else ITERATIONS[method]),
-            **further_settings(method, training, strength),
-        }
+        most = iterations or (LONGEST if patient else ITERATIONS[method])
+
+        def settings(trial: Trial) -> Mapping[str, Any]:
+            further = further_settings(method, training, strength, trial.training_weights)
+            return {"iterations": most, **further}
+
         judging = {
             "after": FIRST if method == "curvature" else 0,
             "patient": patient,
@@ -162,7 +185,7 @@ class Candidates:
         }
         errors = np.array(  # (trials, checkpoints, 2)
             [
-                trial.squared_errors(method, width, settings, rival, **judging)
+                trial.squared_errors(method, width, settings(trial), rival, **judging)
                 for trial, rival in zip(self.trials, best or [0.0] * len(self.trials), strict=True)
             ]
         )

@@ -69,6 +69,8 @@ class Trial:
     ----------
     training, left_out : ViewedOperator
     training_pixels, left_out_pixels : (pixels,) float32
+    training_weights, left_out_weights : (pixels,) float32, optional
+        What pixels are worth to least squares, and when they are judged; all alike when None.
     spared : (left-out pixels,) bool
         Of views that are trained on, else of views left out. What views leave open shows in
         whole views that are left out; noise shows in both, but where views are few the former
@@ -80,6 +82,8 @@ class Trial:
     left_out: ViewedOperator
     left_out_pixels: NDArray[np.float32]
     spared: NDArray[np.bool_]
+    training_weights: NDArray[np.float32] | None = None
+    left_out_weights: NDArray[np.float32] | None = None
 
     @classmethod
     def leaving_out(
@@ -90,13 +94,14 @@ class Trial:
         measured: NDArray[np.float32],
         *,
         sparing: bool = False,
+        weights: NDArray[np.float32] | None = None,
     ) -> Trial:
         """Return the trial that trains on those of ``views`` that are not in ``left_out``.
 
         On all of their pixels, or where it is ``sparing`` on those not `SPARED`; where these would
         be fewer than `FEWEST_SPARED` none is. Left-out pixels that see no voxel are taken for
         dark: no candidate predicts anything else, and what they show would hide by how much
-        candidates differ.
+        candidates differ. ``weights`` (pixels,) are those of all pixels.
         """
         pixels = projector.pixels_of([view for view in views if view not in left_out])
         own = projector.pixels_of(left_out)
@@ -112,6 +117,8 @@ class Trial:
             judging,
             np.where(judging.row_sums > 0, shown, np.float32(0)),
             np.isin(judged, spared, assume_unique=True),
+            None if weights is None else weights[training],
+            None if weights is None else weights[judged],
         )
 
     @cached_property
@@ -124,9 +131,13 @@ class Trial:
 
         The latter as if there were as many of them as of the former: both count alike.
         """
-        misfit = self.left_out @ volume - self.left_out_pixels
+        misfit = self._weighed(self.left_out @ volume - self.left_out_pixels)
         of_views, of_spared = norm(misfit[~self.spared]) ** 2, norm(misfit[self.spared]) ** 2
         return np.array([of_views, of_spared * self._share])
+
+    def _weighed(self, misfit: NDArray[np.float32]) -> NDArray[np.float32]:
+        weights = self.left_out_weights
+        return misfit if weights is None else np.sqrt(weights) * misfit
 
     @cached_property
     def dark(self) -> NDArray[np.float64]:

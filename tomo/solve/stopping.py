@@ -111,6 +111,7 @@ def choose_by_held_out_views(
     projector: ViewedOperator,
     measured: ArrayLike,
     *,
+    weights: NDArray[np.float32] | None = None,
     progress: Told | None = None,
 ) -> Choice:
     """Choose method, smoothness and stop by the residual of views left out.
@@ -133,6 +134,9 @@ def choose_by_held_out_views(
     projector : ViewedOperator
         With its views; only those take part.
     measured : (pixels,)
+    weights : (pixels,), optional
+        What pixels are worth to least squares, and where they are judged: such as the inverse
+        variances of their noise. All alike when None.
     progress : callable, optional
         ``progress(done, total, where)``.
     """
@@ -143,7 +147,7 @@ def choose_by_held_out_views(
         return Choice(*FALLBACK, math.nan, reason=reason)
     few = len(views) <= FEW_VIEWS
     total = 2 * len(WIDTHS) if few else len(WIDTHS) + 3
-    candidates = Candidates.of(projector, measured, views, total, progress)
+    candidates = Candidates.of(projector, measured, views, total, progress, weights)
     best = _of_few_views(candidates) if few else _of_many_views(candidates, projector)
     if progress:
         progress(total, total, "")
@@ -223,7 +227,10 @@ def _of_some_width(candidates: Candidates, method: str, rival: Attempt | None = 
 
 
 def residual_of_left_out_views(
-    projector: ViewedOperator, measured: ArrayLike, choice: Choice
+    projector: ViewedOperator,
+    measured: ArrayLike,
+    choice: Choice,
+    weights: NDArray[np.float32] | None = None,
 ) -> float:
     """Return the relative residual of views left out when it is done as ``choice`` says.
 
@@ -233,9 +240,11 @@ def residual_of_left_out_views(
     if math.isnan(choice.held_out_residual):
         return math.nan
     views = np.flatnonzero(np.diff(projector.view_ptr)).tolist()
-    candidates, squared = Candidates.of(projector, measured, views), 0.0
+    candidates, squared = Candidates.of(projector, measured, views, weights=weights), 0.0
     for trial in candidates.trials:
-        found = solve_as_chosen(trial.training, trial.training_pixels, choice)
+        found = solve_as_chosen(
+            trial.training, trial.training_pixels, choice, weights=trial.training_weights
+        )
         squared += float(trial.squared_error(projector.live.compress(found.volume))[0])
     return candidates.residual(squared)
 
@@ -245,9 +254,10 @@ def solve_as_chosen(
     measured: ArrayLike,
     choice: Choice,
     *,
+    weights: NDArray[np.float32] | None = None,
     callback: Callback | None = None,
 ) -> Reconstruction:
-    """Run what was chosen on all views.
+    """Run what was chosen on all views, with the ``weights`` that it was chosen with.
 
     ``callback`` receives the volume itself, not the coefficients of the smooth basis.
     """
@@ -266,7 +276,7 @@ def solve_as_chosen(
         start=start,
         iterations=choice.iterations,
         callback=report if callback else None,
-        **further_settings(choice.method, projector, choice.strength),
+        **further_settings(choice.method, projector, choice.strength, weights),
     )
     return replace(
         found,

@@ -25,6 +25,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "estimate_memory",
         ],
         "noise_model": ["NoiseModel", "estimate_noise"],
+        "pixel_weights": ["PixelWeights", "weigh_pixels"],
         "usable": ["usable_pixels"],
         "visual_hull": ["VisualHull", "visual_hull"],
     },

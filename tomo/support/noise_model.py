@@ -51,17 +51,6 @@ class NoiseModel:
         """
         return self.read**2 + self.gain * np.maximum(np.asarray(image, np.float64), 0)
 
-    def weights(self, image: ArrayLike) -> NDArray[np.float32]:
-        """Return ``1 / variance`` for least squares, scaled to at most 1; ones without noise.
-
-        A variance counts as no less than a thousandth of that of the brightest pixel: no pixel is
-        worth a thousand others.
-        """
-        variance = self.variance(image)
-        floor = max(1e-3 * variance.max(initial=0.0), np.finfo(np.float64).tiny)
-        variance = np.maximum(variance, floor)
-        return (variance.min(initial=np.inf) / variance).astype(np.float32)
-
 
 def estimate_noise(
     image: ArrayLike, mask: ArrayLike | None = None, expected: ArrayLike | None = None

@@ -73,6 +73,8 @@ class Rounds:
         How many rounds there are to be at most.
     ended : str
         Why there are to be no more; empty while there are.
+    weights : (pixels,) float32, optional
+        What pixels are worth where voxels are solved for and judged.
     """
 
     projector: Projector
@@ -83,6 +85,7 @@ class Rounds:
     unit: float
     last: int
     ended: str = ""
+    weights: NDArray[np.float32] | None = None
     done: int = 0
     guessed: bool = False
     choice: Choice | None = None
@@ -202,7 +205,7 @@ class Rounds:
         if judged:
             self.choice = self._choose(learned, anew)
         choice = self.choice or self.chords
-        found = solve_as_chosen(learned, self.measured, choice)
+        found = solve_as_chosen(learned, self.measured, choice, weights=self.weights)
         seen, self.volume = self.volume, self.projector.live.compress(found.volume)
         if judged:
             now = choice.held_out_residual
@@ -243,10 +246,10 @@ class Rounds:
         """
         found = None
         if anew and self.alternation.features.tells_views:
-            found = choose_by_held_out_views(learned, self.measured)
+            found = choose_by_held_out_views(learned, self.measured, weights=self.weights)
             if found.held_out_residual <= self.chords.held_out_residual:
                 return found
-        now = residual_of_left_out_views(learned, self.measured, self.chords)
+        now = residual_of_left_out_views(learned, self.measured, self.chords, self.weights)
         if found and found.held_out_residual <= now:
             return found
         return replace(self.chords, held_out_residual=now)

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from tomo.defocus import Defocused
 from tomo.reconstruction import Callback, Iteration, Reconstruction
 from tomo.solve._drive import additive_start, check_measured
+from tomo.solve._least_squares import check_weights
 from tomo.solve.stopping import FEW_VIEWS, choose_by_held_out_views, solve_as_chosen
 from tomo.wernet._checkpoint import Checkpoint
 from tomo.wernet._rounds import Rounds, reason
@@ -52,6 +53,7 @@ def wernet(
     *,
     iterations: int = 8,
     start: ArrayLike | None = None,
+    weights: ArrayLike | None = None,
     callback: Callback | None = None,
     encoder: str | Path | CorrectionEncoder | None = None,
     freeze_encoder: bool = False,
@@ -84,6 +86,9 @@ def wernet(
         Rounds; none with a frozen encoder.
     start : (voxels,), optional
         The voxels of the first round; those of the classic solve when None.
+    weights : (pixels,), optional
+        What pixels are worth where voxels are solved for and left-out views judged, such as the
+        inverse variances of their noise; all alike when None.
     callback : callable, optional
         ``callback(index, volume, relative_residual)`` for the classic solve, index 0, for the
         first guess, 1, where there is one, and after every round; returning True stops. Called
@@ -144,6 +149,7 @@ def wernet(
         "method": "wernet",
         "iterations": 0 if freeze_encoder else int(iterations),
         "start": start is not None,
+        "weighted": weights is not None,
         "encoder": "in memory"
         if isinstance(encoder, CorrectionEncoder)
         else encoder and str(encoder),
@@ -163,8 +169,9 @@ def wernet(
     encoder.to(place)
     tokens = ViewTokens(projector.n_views, encoder.channels).to(place)
 
-    chord_choice = choose_by_held_out_views(projector, measured)
-    classic = solve_as_chosen(projector, measured, chord_choice)
+    weights = check_weights(projector, weights)
+    chord_choice = choose_by_held_out_views(projector, measured, weights=weights)
+    classic = solve_as_chosen(projector, measured, chord_choice, weights=weights)
     volume = noted = projector.live.compress(classic.volume)
     history = [Iteration(0, classic.relative_residual, time.perf_counter() - began)]
     stopped = bool(callback and callback(0, volume, classic.relative_residual))
@@ -197,7 +204,9 @@ def wernet(
             seed=seed,
             over_parts=over_parts,
         )
-        rounds = Rounds(projector, measured, alternation, chord_choice, volume, unit, last, ended)
+        rounds = Rounds(
+            projector, measured, alternation, chord_choice, volume, unit, last, ended, weights
+        )
         saved = Checkpoint.of(checkpoint, settings, projector, measured)
         state = saved.load() if saved and resume and not ended else None
         if state is not None:

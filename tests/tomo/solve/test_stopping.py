@@ -104,6 +104,26 @@ def test_the_choice_is_the_same_each_time_and_for_every_brightness(projector, ca
         assert again.held_out_residual == pytest.approx(case.choice.held_out_residual, rel=1e-6)
 
 
+def test_even_weights_change_nothing_and_others_reach_the_solver_but_for_mlem(projector, cases):
+    case = cases["jet", 0.1]
+    even = np.ones(len(case.images), np.float32)
+    choice = choose_by_held_out_views(projector, case.images, weights=even)
+    assert choice == case.choice
+    weights = np.random.default_rng(2).uniform(0.1, 1, len(even)).astype(np.float32)
+    for method, strength in (("nnls", None), ("tikhonov", 1e-3), ("mlem", None)):
+        chosen = Choice(method, 0.5, 5, 0.1, strength)
+        found, plain = (
+            solve_as_chosen(projector, case.images, chosen, weights=each)
+            for each in (weights, None)
+        )
+        assert np.array_equal(found.volume, plain.volume) == (method == "mlem")
+    ours, theirs = (
+        stopping.residual_of_left_out_views(projector, case.images, case.choice, each)
+        for each in (even, None)
+    )
+    assert ours == theirs == pytest.approx(case.choice.held_out_residual, rel=1e-6)
+
+
 @pytest.mark.parametrize("views", [[3], [3, 9]])
 def test_with_fewer_than_three_views_the_fallback_says_why(projector, cases, views):
     images = cases["jet", 0.1].images[projector.pixels_of(views)]

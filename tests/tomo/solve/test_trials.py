@@ -82,6 +82,27 @@ def test_spared_pixels_are_of_the_views_kept_and_judged_apart(ring_system):
     assert found.dark[1] == pytest.approx(of_others * own[3], rel=1e-6)
 
 
+@pytest.mark.parametrize("sparing", [False, True])
+def test_weights_go_with_their_pixels_and_errors_are_weighed(ring_system, noisy, sparing):
+    projector = ring_system.projector
+    weights = np.random.default_rng(1).uniform(0.1, 1, len(noisy)).astype(np.float32)
+    how = {"sparing": sparing, "weights": weights}
+    found = Trial.leaving_out([3], VIEWS, projector, weights, **how)  # pixels show their weights
+    np.testing.assert_array_equal(found.training_weights, found.training_pixels)
+    meets = found.left_out.row_sums > 0
+    np.testing.assert_array_equal(found.left_out_weights[meets], found.left_out_pixels[meets])
+
+    weighed = Trial.leaving_out([3], VIEWS, projector, noisy, **how)
+    volume = ring_system.truth.ravel()
+    misfit = (weighed.left_out @ volume - weighed.left_out_pixels).astype(float)
+    squares = weighed.left_out_weights * misfit**2
+    own, others = squares[~weighed.spared], squares[weighed.spared]
+    expected = [own.sum(), others.mean() * len(own) if sparing else 0.0]
+    np.testing.assert_allclose(weighed.squared_error(volume), expected, rtol=1e-5)
+    even = replace(weighed, left_out_weights=None)
+    assert even.squared_error(volume)[0] == pytest.approx(np.sum(misfit[~weighed.spared] ** 2))
+
+
 @pytest.mark.parametrize("method", ["mlem", "nnls"])
 @pytest.mark.parametrize("width", [0.0, 0.75])
 def test_the_errors_are_those_of_runs_of_just_so_many_iterations(trial, method, width):

@@ -83,8 +83,8 @@ def test_frozen_it_is_judged_and_solved_as_the_chords_were(scene, monkeypatch):
     projector, measured, _ = scene
     made = []
 
-    def choose(*arguments):
-        made.append(stopping.choose_by_held_out_views(*arguments))
+    def choose(*arguments, **how):
+        made.append(stopping.choose_by_held_out_views(*arguments, **how))
         return made[-1]
 
     for module in (default, _rounds):
