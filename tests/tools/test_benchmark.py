@@ -120,6 +120,29 @@ def test_skipping_is_compared_with_itself(studies):
         assert on["cosine_distance"] == pytest.approx(off["cosine_distance"], rel=0.5)
 
 
+def test_what_the_truth_would_let_be_left_out(studies):
+    rows = only(studies["skippable"], flame="jet")
+    skipped, plain = (
+        only(studies["skipping"], flame="jet", method="auto", noise="clean", skip=skip)[0]
+        for skip in (True, False)
+    )
+    every = [row["segments"] * row["fewer"] for row in rows]
+    assert every == pytest.approx([plain["segments"]] * len(rows), rel=0.01)
+    for key, ascends in (("fewer", True), ("cosine_distance", True), ("live_voxels", False)):
+        values = [row[key] for row in rows]
+        assert values == sorted(values, reverse=not ascends)
+    assert rows[0]["cosine_distance"] == pytest.approx(0, abs=1e-12)
+    assert rows[0]["live_voxels"] <= skipped["live_voxels"]  # the hull holds all that emits
+
+
+def test_the_best_classic_method_is_of_either_basis_and_stopped_by_the_truth(studies):
+    for row in studies["basis"]:
+        assert row["stopped_cosine_distance"] <= 1.05 * row["boxes_cosine_distance"]
+    for mean in studies["basis_mean"]:
+        ratio = mean["splines_cosine_distance"] / mean["stopped_cosine_distance"]
+        assert mean["of_stopped"] == pytest.approx(ratio)
+
+
 def test_time_and_memory_are_measured_case_by_case(studies):
     by_edge = only(studies["scaling_edge"], form="on-the-fly")
     segments = [row["segments"] for row in by_edge]

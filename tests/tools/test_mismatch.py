@@ -105,7 +105,7 @@ def test_unknown_scenes(scene, effect, noise):
 
 
 def test_a_row_holds_the_best_of_each_kind(row):
-    from _benchmark.mismatch import CLASSIC
+    from _benchmark.classic import CLASSIC
 
     assert len(row.tried) == len(CLASSIC)
     assert {name.split(",")[0] for name in row.tried} == {

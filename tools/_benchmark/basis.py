@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from _benchmark.courses import course
+from _benchmark.classic import CLASSIC, courses_of, of_splines
 from _benchmark.problems import Problem, problem
 from _benchmark.scenes import NOISES, RIGS, Scene, scene
 from _benchmark.sizes import Sizes
@@ -21,14 +21,11 @@ from tomo import metrics
 from tomo._run import averages_of
 from tomo.solve.basis import BOXES, SPLINES, share_left_by
 from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
-from tomo.viewed import ViewedOperator
+from tomo.support import estimate_noise, weigh_pixels
 
 REFINE = 4
 """Voxels of the simulation along an edge of the grid's: images of twice finer ones show their
 edges, and blur as much as a quarter of what boxes do."""
-
-STOPPED = (("nnls", 0.0), ("nnls", 0.5), ("nnls", 0.8), ("cgls", 0.0))
-"""Methods and smoothness that boxes are given, each stopped where it is nearest to the truth."""
 
 SEEDS = 2
 
@@ -49,13 +46,15 @@ def basis(sizes: Sizes, progress: Progress) -> Rows:
 def _row(shown: Scene, passes: int) -> dict[str, Any]:
     scan = shown.scan
     ready = problem(scan.rig, scan.grid, shown.images, skip=True)
-    best = min(
-        course(ready, scan.truth, method, {}, passes=passes, width=width).least
-        for method, width in STOPPED
-    )
+    by_splines = of_splines(ready)
+    problems = {BOXES: ready, SPLINES: by_splines}
+    courses = courses_of(problems, scan.truth, CLASSIC, passes)
+    best = min(courses, key=lambda name: courses[name].least)
     started = time.perf_counter()
-    splines = ready.system.of_splines().projector
-    share = share_left_by(splines, ready.system.projector, ready.measured)
+    weights = _weights(shown, ready)
+    weighing = time.perf_counter() - started
+    splines, boxes = by_splines.system.projector, ready.system.projector
+    share = share_left_by(splines, boxes, ready.measured)
     judging = time.perf_counter() - started
     row = {
         "flame": shown.flame,
@@ -63,24 +62,39 @@ def _row(shown: Scene, passes: int) -> dict[str, Any]:
         "noise": shown.noise,
         "seed": shown.seed,
         "share": share,
-        "stopped_cosine_distance": best,
+        "stopped": best,
+        "stopped_cosine_distance": courses[best].least,
     }
-    row |= _default(BOXES, ready, ready.system.projector, scan.truth, ready.seconds)
-    return row | _default(SPLINES, ready, splines, scan.truth, ready.seconds + judging)
+    row |= _default(BOXES, ready, weights, scan.truth, weighing)
+    return row | _default(SPLINES, by_splines, weights, scan.truth, judging)
+
+
+def _weights(shown: Scene, ready: Problem) -> NDArray[np.float32] | None:
+    """Return what pixels are worth, as in reconstructions; None where all count alike."""
+    masks = [np.ones(image.shape, np.bool_) for image in shown.images]
+    found = weigh_pixels(shown.images, masks, [estimate_noise(image) for image in shown.images])
+    return None if found.images is None else ready.system.flatten(found.images)
 
 
 def _default(
-    name: str, ready: Problem, projector: ViewedOperator, truth: NDArray[np.float32], before: float
+    name: str,
+    ready: Problem,
+    weights: NDArray[np.float32] | None,
+    truth: NDArray[np.float32],
+    before: float,
 ) -> dict[str, Any]:
-    """Return what the default comes to, and its seconds since the images were in memory."""
-    started = time.perf_counter()
-    choice = choose_by_held_out_views(projector, ready.measured)
-    found = solve_as_chosen(projector, ready.measured, choice)
+    """Return what the default comes to, and its seconds since the images were in memory.
+
+    ``before`` are seconds of judging and weighing.
+    """
+    started, projector = time.perf_counter(), ready.system.projector
+    choice = choose_by_held_out_views(projector, ready.measured, weights=weights)
+    found = solve_as_chosen(projector, ready.measured, choice, weights=weights)
     volume = averages_of(projector, projector.live.compress(found.volume))
     return {
         f"{name}_cosine_distance": metrics.cosine_distance(volume, truth),
         f"{name}_nrmse": metrics.nrmse(volume, truth),
-        f"{name}_seconds": before + time.perf_counter() - started,
+        f"{name}_seconds": ready.seconds + before + time.perf_counter() - started,
     }
 
 
@@ -94,8 +108,10 @@ def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         mean |= {
             key: statistics.fmean(row[key] for row in group)
             for key in group[0]
-            if key not in ("flame", "views", "noise", "seed")
+            if key not in ("flame", "views", "noise", "seed", "stopped")
         }
+        mean["stopped"] = " / ".join(dict.fromkeys(row["stopped"] for row in group))
+        mean["of_stopped"] = mean["splines_cosine_distance"] / mean["stopped_cosine_distance"]
         mean["ratio"] = mean["splines_cosine_distance"] / mean["boxes_cosine_distance"]
         found.append(mean)
     return found

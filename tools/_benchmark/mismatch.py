@@ -5,68 +5,18 @@ from __future__ import annotations
 import collections
 import itertools
 import statistics
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from _benchmark.courses import Course, course
+from _benchmark.classic import CLASSIC, INFORMED, courses_of, of_splines
 from _benchmark.mismatch_scenes import NOISES, MismatchScene, mismatch_scene
-from _benchmark.problems import Problem
 from _benchmark.sizes import TINY, Sizes
 from _benchmark.solvers import Progress, Rows, seconds_of
 from _benchmark.workers import results_of
 from tomo import metrics
 from tomo.methods import AUTO
 from tomo.solve.basis import BOXES, SPLINES
-from tomo.solve.curvature import FIRST
-
-
-class Candidate(NamedTuple):
-    """A method, the width of its blobs in voxels (0: none), its settings, and what of."""
-
-    method: str
-    width: float = 0.0
-    settings: Mapping[str, Any] = {}
-    basis: str = BOXES
-
-    @property
-    def name(self) -> str:
-        """As a table has it."""
-        parts = [self.method]
-        if self.width:
-            parts.append(f"width {self.width:g}")
-        if "strength" in self.settings:
-            parts.append(f"strength {self.settings['strength']:g}")
-        if self.basis != BOXES:
-            parts.append(self.basis)
-        return ", ".join(parts)
-
-
-INFORMED: tuple[Candidate, ...] = (
-    Candidate("cgls"),
-    Candidate("nnls"),
-    Candidate("nnls", 0.5),
-    Candidate("nnls", 0.8),
-    Candidate("curvature", settings={"strength": 0.001}),
-    Candidate("curvature", settings={"strength": 0.0001}, basis=SPLINES),
-    Candidate("curvature", settings={"strength": 0.001}, basis=SPLINES),
-)
-CLASSIC: tuple[Candidate, ...] = (
-    *INFORMED,
-    Candidate("nnls", 1.2),
-    Candidate("sirt", settings={"relaxation": 1.9, "subsets": 8}),
-    Candidate("mlem", settings={"subsets": 8}),
-    Candidate("tv", settings={"strength": 0.0002}),
-    Candidate("tv", settings={"strength": 0.001}),
-    Candidate("tv", settings={"strength": 0.005}),
-    Candidate("curvature", settings={"strength": 0.01}),
-    Candidate("nnls", basis=SPLINES),
-    Candidate("curvature", settings={"strength": 0.01}, basis=SPLINES),
-)
 
 
 @dataclass(frozen=True)
@@ -167,8 +117,8 @@ def mismatch_row(effect: str, flame: str, noise: str, seed: int, size: Sizes) ->
     """Return what all methods make of one scene, see `mismatch_scene`."""
     scene = mismatch_scene(effect, flame, noise, seed, size)
     ready = scene.problem(midpoints=True)
-    problems = {BOXES: ready, SPLINES: _of_splines(ready)}
-    courses = _courses(problems, scene.truth, CLASSIC, size.passes)
+    problems = {BOXES: ready, SPLINES: of_splines(ready)}
+    courses = courses_of(problems, scene.truth, CLASSIC, size.passes)
     best = min(courses, key=lambda name: courses[name].least)
     went = courses[best]
     alike = [one for one in CLASSIC if one in INFORMED or one.name == best]
@@ -177,7 +127,7 @@ def mismatch_row(effect: str, flame: str, noise: str, seed: int, size: Sizes) ->
         for basis, one in problems.items()
         if (projector := scene.informed(one.system)) is not None
     }
-    informed = _courses(told, scene.truth, alike, size.passes)
+    informed = courses_of(told, scene.truth, alike, size.passes)
     limit = min(informed.values(), key=lambda course: course.least)
     return MismatchRow(
         effect,
@@ -219,35 +169,6 @@ def means(rows: Sequence[MismatchRow]) -> list[dict[str, Any]]:
             mean[f"{name}_of_classic"] = mean[f"{name}_cosine_distance"] / classic
         found.append(mean)
     return found
-
-
-def _of_splines(ready: Problem) -> Problem:
-    """Return the same problem of splines; what these take to set up counts."""
-    started = time.perf_counter()
-    system = ready.system.of_splines()
-    return replace(ready, system=system, seconds=ready.seconds + time.perf_counter() - started)
-
-
-def _courses(
-    problems: Mapping[str, Problem],
-    truth: NDArray[np.float32],
-    candidates: Sequence[Candidate],
-    passes: int,
-) -> dict[str, Course]:
-    """Return how each candidate went for whose basis there is a problem."""
-    return {
-        one.name: course(
-            problems[one.basis],
-            truth,
-            one.method,
-            one.settings,
-            passes=passes,
-            width=one.width,
-            least_passes=FIRST if one.method == "curvature" else 0,
-        )
-        for one in candidates
-        if one.basis in problems
-    }
 
 
 def _learned(scene: MismatchScene) -> dict[str, float]:

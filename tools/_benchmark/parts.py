@@ -14,6 +14,7 @@ from _benchmark.plume import plume
 from _benchmark.projectors import projectors
 from _benchmark.scaling import scaling
 from _benchmark.sizes import FULL, Sizes
+from _benchmark.skippable import skippable
 from _benchmark.skipping import skipping
 from _benchmark.solvers import Progress, Rows, solvers
 from _benchmark.startup import startup
@@ -59,10 +60,11 @@ def _solvers(asked: Asked) -> tuple[Rows, list[str]]:
 
 
 def _skipping(asked: Asked) -> tuple[Rows, list[str]]:
-    rows = {"skipping": skipping(asked.sizes, asked.progress)}
+    sizes, progress = asked.sizes, asked.progress
+    rows = {"skipping": skipping(sizes, progress), "skippable": skippable(sizes, progress)}
     if asked.data is None:
         return rows, ["The real plume was left out: no folder of real images was given (--data)."]
-    return rows | {"plume": plume(asked.data, asked.sizes, asked.progress)}, []
+    return rows | {"plume": plume(asked.data, sizes, progress)}, []
 
 
 def _basis(asked: Asked) -> tuple[Rows, list[str]]:
