@@ -15,8 +15,9 @@ from tomo.support.noise_model import NoiseModel
 MISFIT = 0.02
 """Of the brightest light: a standard deviation of what voxels and single rays miss of pixels.
 Without it dark pixels, which photons leave almost no noise, would count for more than voxels can
-tell. By 0.01 flames that voxels resolve come up to 5 % nearer to the truth, those that they do not
-up to a fifth further from it; by 0.04 fewer scenes gain."""
+tell. By 0.01 flames that voxels resolve come nearer to the truth still, by 3 % of 1000 photons and
+a jet of 100 by a third, but those that they do not up to a fifth further from it than unweighted;
+by 0.04 fewer scenes gain."""
 
 EVEN = 2.0
 """Where no pixel's variance is so many times another's all count alike: chance in the estimated
@@ -72,8 +73,10 @@ def weigh_pixels(
     estimate weighs by its inverse (Aitken, "On least squares and linear combination of
     observations", Proceedings of the Royal Society of Edinburgh 55, 1936).
     """
-    pixels = [image[mask] for image, mask in zip(images, masks, strict=True)]
-    tops = [max(float(some.max(initial=0.0)), 0.0) for some in pixels]
+    tops = [
+        float(np.max(image, where=mask, initial=0.0))
+        for image, mask in zip(images, masks, strict=True)
+    ]
     missed = (MISFIT * max(tops, default=0.0)) ** 2
     if missed == 0:
         return PixelWeights(None, 1.0)
@@ -81,22 +84,24 @@ def weigh_pixels(
     spread = most / (min(model.read for model in noise) ** 2 + missed)
     if spread < EVEN:  # it is no more, whatever the images show
         return PixelWeights(None, spread)
-    variances = [
-        model.variance(_signal(image, mask)) + missed
-        for image, mask, model in zip(images, masks, noise, strict=True)
-    ]
-    usable = np.concatenate([v[mask] for v, mask in zip(variances, masks, strict=True)])
-    least = float(usable.min())
-    spread = float(usable.max()) / least
+    variances, least, largest = [], np.inf, 0.0
+    for image, mask, model in zip(images, masks, noise, strict=True):
+        variance = (model.variance(_signal(image, mask)) / missed + 1).astype(np.float32)
+        variances.append(variance)
+        least = min(least, variance[mask].min(initial=np.inf))
+        largest = max(largest, variance[mask].max(initial=0.0))
+    spread = float(largest / least)
     if spread < EVEN:
         return PixelWeights(None, spread)
-    weights = (np.minimum(least / variance, 1.0).astype(np.float32) for variance in variances)
-    return PixelWeights(tuple(weights), spread)
+    for variance in variances:  # in place: images may be many and large
+        np.minimum(np.divide(least, variance, out=variance), 1, out=variance)
+    return PixelWeights(tuple(variances), spread)
 
 
-def _signal(image: NDArray[np.floating], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _signal(image: NDArray[np.floating], mask: NDArray[np.bool_]) -> NDArray[np.floating]:
     """Return the mean of what usable pixels around each show, zero where there are none."""
-    usable = mask.astype(np.float64)
-    shown = np.where(mask, image, 0).astype(np.float64)
-    total, count = (ndimage.gaussian_filter(some, BLUR) for some in (shown, usable))
+    total = ndimage.gaussian_filter(np.where(mask, image, 0), BLUR)
+    if mask.all():
+        return total
+    count = ndimage.gaussian_filter(mask.astype(total.dtype), BLUR)
     return np.divide(total, count, out=np.zeros_like(total), where=count > 1e-6)
