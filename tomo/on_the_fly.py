@@ -25,8 +25,9 @@ from tomo.trace.sources import Numbers, PixelSource, RayPixels, pixel_source
 from tomo.trace.survey import ColumnsMet, Survey, columns_met, survey
 from tomo.viewed import ViewedOperator, as_float
 
-DIFFERENCES = 64 * 2**20
-"""Bytes that an adjoint may take even for a smaller volume."""
+DIFFERENCES = 56 * 2**20
+"""Bytes that an adjoint may take even for a smaller volume, and of a larger one three quarters:
+of 256^3 voxels that is a third of all columns at a time, and 3 % slower than half of them."""
 
 FEW_COLUMNS = 16
 """Of fewer, threads could not have about as many each."""
@@ -203,11 +204,12 @@ class OnTheFlyProjector(ViewedOperator):
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
-        finite = np.isfinite(y)
-        if not finite.all():
-            return spoiled(self._rmatvec, y, finite)
-        volume = np.zeros(self.grid.size, y.dtype)
         most = self._most(y)
+        if not math.isfinite(most):  # which pixels are not is looked at here alone: they are many
+            finite = np.isfinite(y)
+            if not finite.all():
+                return spoiled(self._rmatvec, y, finite)
+        volume = np.zeros(self.grid.size, y.dtype)
         if not math.isfinite(most):
             volume[:] = np.nan
         elif most > 0:
@@ -236,7 +238,7 @@ class OnTheFlyProjector(ViewedOperator):
             return
         n_a, n_b, n_c = turned(self.grid.shape, axes)
         plane = n_c * (n_a + 1)  # numbers for each step along b
-        room = max(volume.nbytes // n_a * (n_a + 1), DIFFERENCES)
+        room = max(volume.nbytes * 3 // 4, DIFFERENCES)
         passes = -(-n_b // max(room // (8 * plane), 1))
         steps = -(-n_b // passes)
         differences = np.zeros(steps * plane, np.uint64)
