@@ -15,9 +15,9 @@ from tomo.support.noise_model import NoiseModel
 MISFIT = 0.02
 """Of the brightest light: a standard deviation of what voxels and single rays miss of pixels.
 Without it dark pixels, which photons leave almost no noise, would count for more than voxels can
-tell. By 0.01 flames that voxels resolve come nearer to the truth still, by 3 % of 1000 photons and
-a jet of 100 by a third, but those that they do not up to a fifth further from it than unweighted;
-by 0.04 fewer scenes gain."""
+tell. By 0.01 jets that voxels resolve come up to a third nearer to the truth still, turbulent
+flames no nearer, and what voxels do not resolve ends up to a third further off than unweighted; by
+0.04 fewer scenes gain."""
 
 EVEN = 2.0
 """Where no pixel's variance is so many times another's all count alike: chance in the estimated
