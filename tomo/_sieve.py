@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from tomo.grid import VoxelGrid
 from tomo.scan import Images, Masks, Scan
-from tomo.support import NoiseModel
+from tomo.support import NoiseModel, estimate_noise
 from tomo.suspects import Suspects, find_suspects
 
 
@@ -39,11 +40,12 @@ class Sieved:
     judged_masks: Masks
     suspects: Suspects | None = None
 
-    @property
-    def noise(self) -> tuple[NoiseModel, ...] | None:
-        """That of the images that take part; None where it was not looked for."""
+    @cached_property
+    def noise(self) -> tuple[NoiseModel, ...]:
+        """That of the images that take part: what suspects were looked for by, if they were."""
         if self.suspects is None:
-            return None
+            both = zip(self.images, self.masks, strict=True)
+            return tuple(estimate_noise(image, mask) for image, mask in both)
         known = dict(zip(self.suspects.wild, self.suspects.noise, strict=True))
         return tuple(known[name] for name in self.training.rig.names)
 

@@ -77,7 +77,7 @@ def reconstruct_as_asked(
         align=request.align,
         carving=request.carving,
         refining=refining if refined else None,
-        noise=sieved.noise,
+        noise=sieved.noise if request.skip else None,
         strange_light=sieved.strange_light,
     )
     laps.end("prepare")

@@ -12,7 +12,7 @@ from tomo._request import Request
 from tomo._sieve import Sieved
 from tomo.linear_system import LinearSystem
 from tomo.methods import AUTO
-from tomo.support import estimate_noise, weigh_pixels
+from tomo.support import weigh_pixels
 
 
 def weights_of(
@@ -34,11 +34,7 @@ def weights_of(
         return None, {"used": False, "reason": "not asked for"}
     if not any(one.name == AUTO or one.starts_from_default for one in request.methods):
         return None, {"used": False, "reason": "for the default method, and what starts from it"}
-    noise = sieved.noise or [
-        estimate_noise(image, mask)
-        for image, mask in zip(sieved.images, sieved.masks, strict=True)
-    ]
-    found = weigh_pixels(sieved.images, sieved.masks, noise)
+    found = weigh_pixels(sieved.images, sieved.masks, sieved.noise)
     if found.images is None:
         return None, found.report()
     weights = system.flatten(found.images)

@@ -209,10 +209,9 @@ class OnTheFlyProjector(ViewedOperator):
             finite = np.isfinite(y)
             if not finite.all():
                 return spoiled(self._rmatvec, y, finite)
+            return np.full(self.shape[1], np.nan, y.dtype)
         volume = np.zeros(self.grid.size, y.dtype)
-        if not math.isfinite(most):
-            volume[:] = np.nan
-        elif most > 0:
+        if most > 0:
             per_unit = math.ldexp(1.0, min(61 - math.frexp(most)[1], 1023))
             for axes in self._orders:
                 self._add_along(axes, y, per_unit, volume)

@@ -18,6 +18,7 @@ from tomo.solve._trials import (
     MULTIPLICATIVE,
     Trial,
     views_to_leave_out,
+    weighed,
 )
 from tomo.solve.curvature import FIRST
 from tomo.solve.mlem import interleaved
@@ -143,8 +144,8 @@ class Candidates:
             )
             for left_out in views_to_leave_out(views)
         ]
-        every = measured if weights is None else np.sqrt(weights) * measured
-        scale = sum(float(trial.dark[0]) for trial in trials) or norm(every) ** 2
+        dark = sum(float(trial.dark[0]) for trial in trials)
+        scale = dark or norm(weighed(measured, weights)) ** 2
         return cls(trials, max(scale, np.finfo(float).tiny), total, progress)
 
     @property

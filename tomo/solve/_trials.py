@@ -61,6 +61,13 @@ def views_to_leave_out(views: Sequence[int]) -> list[list[int]]:
     return [list(views[2::8])]
 
 
+def weighed(
+    pixels: NDArray[np.float32], weights: NDArray[np.float32] | None
+) -> NDArray[np.float32]:
+    """Return pixels whose squares count as much as ``weights`` say; all alike when None."""
+    return pixels if weights is None else np.sqrt(weights) * pixels
+
+
 @dataclass(frozen=True, eq=False)
 class Trial:
     """Some pixels to reconstruct from, others to be judged on.
@@ -131,13 +138,10 @@ class Trial:
 
         The latter as if there were as many of them as of the former: both count alike.
         """
-        misfit = self._weighed(self.left_out @ volume - self.left_out_pixels)
+        misfit = self.left_out @ volume - self.left_out_pixels
+        misfit = weighed(misfit, self.left_out_weights)
         of_views, of_spared = norm(misfit[~self.spared]) ** 2, norm(misfit[self.spared]) ** 2
         return np.array([of_views, of_spared * self._share])
-
-    def _weighed(self, misfit: NDArray[np.float32]) -> NDArray[np.float32]:
-        weights = self.left_out_weights
-        return misfit if weights is None else np.sqrt(weights) * misfit
 
     @cached_property
     def dark(self) -> NDArray[np.float64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -27,16 +26,16 @@ def skippable(sizes: Sizes, progress: Progress) -> list[dict[str, Any]]:
     for number, flame in enumerate(sizes.flames):
         progress(number, len(sizes.flames), f"{flame}, what the truth would let be left out")
         seen = scene(flame, 33, "clean", SEED, sizes, sizes.skip_shrink)
-        rows += _rows(seen, FAINTEST)
+        rows += _rows(seen)
     progress(len(sizes.flames), len(sizes.flames), "")
     return rows
 
 
-def _rows(seen: Scene, faintest: Sequence[float]) -> list[dict[str, Any]]:
+def _rows(seen: Scene) -> list[dict[str, Any]]:
     scan, rows = seen.scan, []
     every = LinearSystem.from_rig(scan.rig, scan.grid, skip=False, form="on-the-fly")
     everything = every.projector.n_crossings
-    for share in faintest:
+    for share in FAINTEST:
         bright = scan.truth > share * scan.truth.max()
         live = LiveVoxels.from_mask(scan.grid, bright)
         system = LinearSystem.from_rig(scan.rig, scan.grid, live=live, form="stored")
