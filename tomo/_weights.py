@@ -34,7 +34,9 @@ def weights_of(
         return None, {"used": False, "reason": "not asked for"}
     if not any(one.name == AUTO or one.starts_from_default for one in request.methods):
         return None, {"used": False, "reason": "for the default method, and what starts from it"}
-    found = weigh_pixels(sieved.images, sieved.masks, sieved.noise)
+    grid = system.projector.grid
+    pixels_a_voxel = max(grid.spacing) / sieved.training.rig.footprint(grid.center)
+    found = weigh_pixels(sieved.images, sieved.masks, sieved.noise, pixels_a_voxel)
     if found.images is None:
         return None, found.report()
     weights = system.flatten(found.images)

@@ -72,7 +72,10 @@ def _row(shown: Scene, passes: int) -> dict[str, Any]:
 def _weights(shown: Scene, ready: Problem) -> NDArray[np.float32] | None:
     """Return what pixels are worth, as in reconstructions; None where all count alike."""
     masks = [np.ones(image.shape, np.bool_) for image in shown.images]
-    found = weigh_pixels(shown.images, masks, [estimate_noise(image) for image in shown.images])
+    noise = [estimate_noise(image) for image in shown.images]
+    rig, grid = shown.scan.rig, shown.scan.grid
+    pixels_a_voxel = max(grid.spacing) / rig.footprint(grid.center)
+    found = weigh_pixels(shown.images, masks, noise, pixels_a_voxel)
     return None if found.images is None else ready.system.flatten(found.images)
 
 
