@@ -13,7 +13,7 @@ from tomo.linear_system import LinearSystem
 from tomo.projector import Projector
 from tomo.rays import Rays
 from tomo.simulate import simulate
-from tomo.solve import _candidates, _trials, stopping
+from tomo.solve import _candidates, _rules, _trials, stopping
 from tomo.solve.mlem import interleaved
 from tomo.solve.stopping import Choice, choose_by_held_out_views, solve_as_chosen
 from tomo.trace import trace
@@ -84,7 +84,7 @@ def test_the_choice_predicts_as_well_as_any_tried_and_is_the_least_smooth_that_d
         found = (choice.method, choice.width, choice.iterations, choice.held_out_residual)
         assert found in [tried[:4] for tried in choice.tried]
         assert choice.width <= best[1]
-        worth = stopping.WORTH_ITS_DETAIL if choice.method == "tikhonov" else 1.0
+        worth = _rules.WORTH_ITS_DETAIL if choice.method == "tikhonov" else 1.0
         assert worth * choice.held_out_residual**2 <= 1.04 * best[3] ** 2
         assert f"{choice.held_out_residual:.4f}" in choice.reason
         least = min(tried.held_out_residual for tried in choice.tried)

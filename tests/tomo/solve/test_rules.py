@@ -1,0 +1,33 @@
+"""Which strength predicts left-out views best, between those that were tried."""
+
+import math
+
+import pytest
+
+from tomo.solve._candidates import Candidate
+from tomo.solve._rules import STRENGTHS, _predicting_best
+
+
+def tried(square):
+    """Return candidates of all strengths with the squared residuals that ``square(log)`` gives."""
+    return [
+        Candidate("curvature", 0.0, 20, math.sqrt(square(math.log10(each))), each)
+        for each in STRENGTHS
+    ]
+
+
+@pytest.mark.parametrize("best", [2.2e-4, 5e-4, 1e-3, 8e-3])
+def test_a_parabola_is_found_between_the_strengths_tried(best):
+    found = _predicting_best(tried(lambda log: 0.1 + 0.01 * (log - math.log10(best)) ** 2))
+    assert found == pytest.approx(best, rel=1e-6)
+
+
+def test_what_lies_beside_tells_to_which_side_the_best_is():
+    found = _predicting_best(tried(lambda log: 0.1 + abs(math.exp(log + 3) - 1)))
+    assert 3e-4 < found < 1e-3  # it rises faster beyond
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_of_the_faintest_and_the_strongest_nothing_is_guessed(sign):
+    found = _predicting_best(tried(lambda log: 1 + 0.1 * sign * log))
+    assert found == (STRENGTHS[0] if sign > 0 else STRENGTHS[-1])
