@@ -10,7 +10,7 @@ from tomo.linear_system import LinearSystem
 from tomo.projector import Projector
 from tomo.rays import Rays
 from tomo.simulate import simulate
-from tomo.solve import _candidates, stopping
+from tomo.solve import _candidates, _rules
 from tomo.solve.stopping import Choice, choose_by_held_out_views, solve_as_chosen
 from tomo.trace import trace
 
@@ -64,7 +64,7 @@ def test_a_narrower_basis_is_taken_where_the_penalty_makes_it_clearly_better(
 ):
     plain = [(0.0, 17, 2.0), (0.5, 17, narrower), (0.8, 20, 1.0)]
     told = Foretold(plain, {(0.8, 20): penalised, (0.8, 30): 1.0, (0.5, 30): with_penalty})
-    best = stopping._of_many_views(told, resolving)
+    best = _rules.of_many_views(told, resolving)
     assert (best.method, best.width, best.iterations) == ("tikhonov", *taken)
     longer = [each for each in told.tried if each[-1] is True]
     asked = [("tikhonov", 0.8, 30, True), ("tikhonov", 0.5, 30, True)]
@@ -78,7 +78,7 @@ def test_the_penalty_is_left_out_where_left_out_views_speak_clearly_against_it(
 ):
     for projector in (resolving, apart):
         told = Foretold([(width, 20, share)], {(width, 20): 1.0})
-        best = stopping._of_many_views(told, projector)
+        best = _rules.of_many_views(told, projector)
         tame = projector is apart or not left_out
         assert best.method == ("tikhonov" if tame else "nnls")
         assert (best.width, best.iterations) == (width, 20)
@@ -105,5 +105,5 @@ def test_where_rays_leave_gaps_the_volume_stays_tame():
 
 def test_gaps_are_between_rays_and_not_beside_them(resolving, apart):
     # Of six columns along x two are passed over; the sixth, and two of five along y, lie beside.
-    assert stopping._share_in_gaps(apart) == 2 * 3 * 4 / apart.grid.size
-    assert stopping._share_in_gaps(resolving) == 0
+    assert _rules._share_in_gaps(apart) == 2 * 3 * 4 / apart.grid.size
+    assert _rules._share_in_gaps(resolving) == 0
