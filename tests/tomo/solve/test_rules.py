@@ -1,11 +1,19 @@
 """Which strength predicts left-out views best, between those that were tried."""
 
 import math
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from tomo.solve._candidates import Candidate
-from tomo.solve._rules import STRENGTHS, _predicting_best
+from tomo.solve._candidates import Attempt, Candidate
+from tomo.solve._rules import (
+    SEVERAL_VIEWS,
+    STRENGTHS,
+    STRONGER,
+    _predicting_best,
+    of_many_views,
+)
 
 
 def tried(square):
@@ -31,3 +39,24 @@ def test_what_lies_beside_tells_to_which_side_the_best_is():
 def test_of_the_faintest_and_the_strongest_nothing_is_guessed(sign):
     found = _predicting_best(tried(lambda log: 1 + 0.1 * sign * log))
     assert found == (STRENGTHS[0] if sign > 0 else STRENGTHS[-1])
+
+
+@pytest.mark.parametrize(
+    ("views", "stronger"), [(SEVERAL_VIEWS, True), (SEVERAL_VIEWS + 1, False)]
+)
+def test_up_to_several_views_the_penalty_is_stronger_than_they_ask_for(views, stronger):
+    best = 1e-3
+
+    def attempt(method, width, *, strength):
+        return Attempt(method, width, 20, 1.0, 0.0, [1.0], strength)
+
+    told = SimpleNamespace(
+        tried=tried(lambda log: 0.1 + 0.01 * (log - math.log10(best)) ** 2),
+        smoothed=lambda method, strengths: [attempt(method, 0.0, strength=best)],
+        attempt=attempt,
+    )
+    # A view without pixels does not count.
+    view_ptr = np.concatenate([[0], np.arange(views + 1)]) * 10
+    found = of_many_views(told, SimpleNamespace(edged=False, view_ptr=view_ptr))
+    assert (found.method, found.width) == ("curvature", 0.0)
+    assert found.strength == pytest.approx(best * STRONGER if stronger else best)
