@@ -153,6 +153,11 @@ class Candidates:
         """Whether pixels of views that are trained on are left out as well."""
         return any(trial.spared.any() for trial in self.trials)
 
+    @property
+    def weighted(self) -> bool:
+        """Whether pixels are not all worth the same."""
+        return any(trial.training_weights is not None for trial in self.trials)
+
     def attempt(
         self,
         method: str,

@@ -84,8 +84,8 @@ def choose_by_held_out_views(
     differences of neighbours, unless the left-out views speak clearly against it and rays leave
     no gaps, and a narrower basis where that predicts clearly better with the penalty. Unknowns
     that have no edges (`ViewedOperator.edged`) have a penalty on curvature instead of any width,
-    stronger and stronger as long as that helps, with up to `SEVERAL_VIEWS` views a little
-    stronger still, and are iterated on as long as left-out views gain: nothing is made up for by
+    stronger and stronger as long as that helps, of up to 18 noisy views a little stronger
+    still, and are iterated on as long as left-out views gain: nothing is made up for by
     contrast there.
 
     With few views least squares have the penalty throughout, MLEM is tried likewise, and pixels

@@ -42,11 +42,17 @@ def test_of_the_faintest_and_the_strongest_nothing_is_guessed(sign):
 
 
 @pytest.mark.parametrize(
-    ("views", "stronger"), [(SEVERAL_VIEWS, True), (SEVERAL_VIEWS + 1, False)]
+    ("views", "best", "weighted", "stronger"),
+    [
+        (SEVERAL_VIEWS, 1e-3, False, True),
+        (SEVERAL_VIEWS + 1, 1e-3, True, False),
+        (SEVERAL_VIEWS, STRENGTHS[0], False, False),  # clean images
+        (SEVERAL_VIEWS, STRENGTHS[0], True, True),
+    ],
 )
-def test_up_to_several_views_the_penalty_is_stronger_than_they_ask_for(views, stronger):
-    best = 1e-3
-
+def test_of_several_noisy_views_the_penalty_is_stronger_than_they_ask_for(
+    views, best, weighted, stronger
+):
     def attempt(method, width, *, strength):
         return Attempt(method, width, 20, 1.0, 0.0, [1.0], strength)
 
@@ -54,6 +60,7 @@ def test_up_to_several_views_the_penalty_is_stronger_than_they_ask_for(views, st
         tried=tried(lambda log: 0.1 + 0.01 * (log - math.log10(best)) ** 2),
         smoothed=lambda method, strengths: [attempt(method, 0.0, strength=best)],
         attempt=attempt,
+        weighted=weighted,
     )
     # A view without pixels does not count.
     view_ptr = np.concatenate([[0], np.arange(views + 1)]) * 10
