@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs import Rig
 from tomo._gains import Gains
 from tomo._request import Request
 from tomo._sieve import Sieved
+from tomo.grid import VoxelGrid
 from tomo.linear_system import LinearSystem
 from tomo.methods import AUTO
-from tomo.support import weigh_pixels
+from tomo.scan import Images, Masks
+from tomo.support import NoiseModel, PixelWeights, weigh_pixels
 
 
 def weights_of(
@@ -34,12 +38,21 @@ def weights_of(
         return None, {"used": False, "reason": "not asked for"}
     if not any(one.name == AUTO or one.starts_from_default for one in request.methods):
         return None, {"used": False, "reason": "for the default method, and what starts from it"}
-    grid = system.projector.grid
-    pixels_a_voxel = max(grid.spacing) / sieved.training.rig.footprint(grid.center)
-    found = weigh_pixels(sieved.images, sieved.masks, sieved.noise, pixels_a_voxel)
+    rig, grid = sieved.training.rig, system.projector.grid
+    found = weigh_images(rig, grid, sieved.images, sieved.masks, sieved.noise)
     if found.images is None:
         return None, found.report()
     weights = system.flatten(found.images)
     if gains:
         weights = gains.correct_weights(system.projector, weights)
     return weights, found.report()
+
+
+def weigh_images(
+    rig: Rig, grid: VoxelGrid, images: Images, masks: Masks, noise: Sequence[NoiseModel]
+) -> PixelWeights:
+    """Weigh the pixels of a rig's images, of so much noise, that voxels are to explain.
+
+    See `tomo.support.weigh_pixels`; a voxel is as many pixels across as in the grid's middle.
+    """
+    return weigh_pixels(images, masks, noise, max(grid.spacing) / rig.footprint(grid.center))

@@ -19,9 +19,10 @@ from _benchmark.sizes import Sizes
 from _benchmark.solvers import Progress, Rows
 from tomo import metrics
 from tomo._run import averages_of
+from tomo._weights import weigh_images
 from tomo.solve.basis import BOXES, SPLINES, share_left_by
 from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
-from tomo.support import estimate_noise, weigh_pixels
+from tomo.support import estimate_noise
 
 REFINE = 4
 """Voxels of the simulation along an edge of the grid's: images of twice finer ones show their
@@ -73,9 +74,7 @@ def _weights(shown: Scene, ready: Problem) -> NDArray[np.float32] | None:
     """Return what pixels are worth, as in reconstructions; None where all count alike."""
     masks = [np.ones(image.shape, np.bool_) for image in shown.images]
     noise = [estimate_noise(image) for image in shown.images]
-    rig, grid = shown.scan.rig, shown.scan.grid
-    pixels_a_voxel = max(grid.spacing) / rig.footprint(grid.center)
-    found = weigh_pixels(shown.images, masks, noise, pixels_a_voxel)
+    found = weigh_images(shown.scan.rig, shown.scan.grid, shown.images, masks, noise)
     return None if found.images is None else ready.system.flatten(found.images)
 
 
