@@ -58,10 +58,6 @@ def test_help_is_still_help(run_tool):
 @pytest.mark.parametrize(
     ("tool", "arguments", "words"),
     [
-        ("train_encoders", ("-o", "{}/folder"), "folder: is a folder, expected a file to write"),
-        ("learned_weights", ("-o", "{}/folder.png"), "folder.png: is a folder"),
-        ("learned_weights", ("-o", "{}/x.foo"), "x.foo: suffix: found '.foo', expected .png"),
-        ("learned_weights", ("-o", "{}/x.png", "--flame", "fire"), "--flame: found 'fire'"),
         ("calibration_study", ("-o", "{}", "--pictures", "{}/file"), "file: is a file, expected"),
         *(
             (
