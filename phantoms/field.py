@@ -1,4 +1,4 @@
-"""What a phantom is: a field in space, and the box that the flames live in."""
+"""What a phantom is: a field in space, and the box that the flames active in."""
 
 from __future__ import annotations
 

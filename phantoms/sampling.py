@@ -3,17 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from phantoms.field import Field, as_points
-from tomo.grid import VoxelGrid
 
 _POINTS_AT_ONCE = 2**18  # 6 MiB of coordinates
 
 
-def sample(field: Field, grid: VoxelGrid, refine: int = 1) -> NDArray[np.float32]:
+class Grid(Protocol):
+    """What a field needs of a voxel grid, as `tomo.VoxelGrid` has it."""
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Voxels along x, y and z."""
+
+    def axes(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the voxel centres along x, y and z."""
+
+    def refined(self, factor: int) -> Grid:
+        """Return the grid with every voxel cut into ``factor``³ equal ones."""
+
+    def voxel_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the flat index of the voxel that each point is in, -1 outside."""
+
+
+def sample(field: Field, grid: Grid, refine: int = 1) -> NDArray[np.float32]:
     """Return the means of a field over the voxels of a grid.
 
     Each voxel is split into ``refine``³ equal boxes, and the field is averaged over their middles
@@ -26,7 +43,8 @@ def sample(field: Field, grid: VoxelGrid, refine: int = 1) -> NDArray[np.float32
     ----------
     field : callable
         Maps points ``(N, 3)`` to values ``(N,)``.
-    grid : VoxelGrid
+    grid : Grid
+        A `tomo.VoxelGrid`, or anything with its methods.
     refine : int
         Points along each edge of a voxel.
 
@@ -78,7 +96,8 @@ class SampledField:
     ----------
     volume : (nx, ny, nz)
         Any real dtype; kept as a read-only view.
-    grid : VoxelGrid
+    grid : Grid
+        A `tomo.VoxelGrid`, or anything with its methods.
         Where its voxels are.
 
     Raises
@@ -88,7 +107,7 @@ class SampledField:
     """
 
     volume: NDArray
-    grid: VoxelGrid
+    grid: Grid
 
     def __post_init__(self) -> None:
         """Check that the volume belongs to the grid."""

@@ -7,20 +7,16 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=["formats", "paper"],
+    submodules=["formats"],
     submod_attrs={
-        "box": ["box_points"],
         "camera": ["Camera", "look_at"],
-        "compare": ["compare_rigs"],
-        "coverage": ["Coverage"],
-        "distortion": ["Distortion"],
-        "file": ["load_rig", "preset", "preset_names", "save_rig"],
-        "lines": ["nearest_point", "ray_distances", "ray_miss"],
-        "motion": ["image_motion"],
+        "check": ["Coverage", "check_rig", "compare_rigs"],
+        "files": ["load_rig", "preset", "preset_names", "save_rig"],
+        "geometry": ["box_points", "image_motion", "nearest_point", "ray_distances", "ray_miss"],
+        "layouts": ["arc", "ring"],
+        "lens": ["Distortion"],
         "optics": ["Optics"],
         "ray_table": ["RayTable"],
         "rig": ["Rig", "Volume"],
-        "rig_check": ["check_rig"],
-        "virtual": ["arc", "ring"],
     },
 )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs._image import (
+from rigs.geometry.image_checks import (
     check_name,
     check_status,
     check_window,
@@ -17,8 +17,8 @@ from rigs._image import (
     rows_of,
     scaled_size,
 )
-from rigs._rotation import numbers, rotation
-from rigs.distortion import Distortion
+from rigs.geometry.rotation import numbers, rotation
+from rigs.lens import Distortion
 from rigs.optics import Optics
 
 
@@ -40,8 +40,8 @@ class Camera:
         top-left pixel.
     distortion : Distortion
     R : (3, 3) array_like
-        Rotation from world to camera axes (x right, y down, z forward). Within 1e-6 of
-        orthonormal it is replaced by the nearest rotation (see ``rigs._rotation.rotation``).
+        Rotation from world to camera axes (x right, y down, z forward). Within 1e-6 of orthonormal
+        it is replaced by the nearest rotation (see ``rigs.geometry.rotation.rotation``).
     t : (3,) array_like
         Translation, in the rig's length unit.
     optics : Optics, optional

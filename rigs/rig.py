@@ -11,9 +11,9 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs._rotation import numbers, rotation
-from rigs.box import box_points
 from rigs.camera import Camera
+from rigs.geometry import box_points
+from rigs.geometry.rotation import numbers, rotation
 from rigs.ray_table import RayTable
 
 

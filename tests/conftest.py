@@ -18,7 +18,7 @@ hypothesis.settings.load_profile("project")
 @contextmanager
 def one_ray_a_pixel():
     """Draw scenes without smoothed edges: these take most of a small run's time."""
-    from tomo.view import raycast, still
+    from tomo.draw import raycast, still
 
     def coarse(scene, viewpoint, supersample):
         return raycast.render(scene, viewpoint, supersample=1)

@@ -7,7 +7,7 @@ import pytest
 
 from rigs import ring
 from tomo import VoxelGrid
-from tomo.scan_file import save_scan
+from tomo.scan import save_scan
 
 
 def test_a_turbulent_flame_without_inverse_crime(run_tool, tmp_path):

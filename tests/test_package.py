@@ -12,63 +12,25 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("phantoms", "rigs", "tomo")
 HEAVY = ("torch", "open3d", "matplotlib", "plotly", "numba", "cv2", "trimesh", "scipy", "pydantic")
 
-# DESIGN: imports point down this list of floors, never up. What no floor names is on the top one.
-FLOORS = [
-    {"rigs"},
-    {
-        "tomo.grid",
-        "tomo._bricks",
-        "tomo._by_name",
-        "tomo._clearance",
-        "tomo._compile",
-        "tomo._groups",
-        "tomo._inner_product",
-        "tomo._kernel_compiler",
-        "tomo._memory",
-        "tomo._numbering",
-        "tomo._lanes",
-        "tomo._lines",
-        "tomo._row_sum",
-        "tomo._spoiled",
-        "tomo._sums",
-        "tomo._threads",
-        "tomo._waiting",
-        "tomo.metrics",
-        "tomo.noise",
-    },
-    {"phantoms", "tomo._pinhole", "tomo.io", "tomo.live_voxels"},
-    {"tomo.rays", "tomo.segments"},
-    {"tomo.trace", "tomo._visible"},
-    {
-        "tomo._blur",
-        "tomo._coarser",
-        "tomo._pixels_of_sources",
-        "tomo.defocus",
-        "tomo._products",
-        "tomo.linear_system",
-        "tomo.on_the_fly",
-        "tomo.projector",
-        "tomo.smooth_basis",
-        "tomo.splines",
-        "tomo.support",
-        "tomo.viewed",
-    },
-    {
-        "tomo.alignment",
-        "tomo.displacement",
-        "tomo.registration",
-        "tomo._gains",
-        "tomo.gains",
-        "tomo.reconstruction",
-        "tomo.solve",
-        "tomo.suspects",
-        "tomo.wernet",
-    },
-    {"tomo.condition"},
-    {"tomo.refine"},
-    {"tomo.corrections", "tomo.scan", "tomo.scan_file", "tomo._scan_schema"},
-    {"tomo.simulate", "tomo.reconstruct", "tomo.view"},
-]
+# Imports point one way: a package may import those before it, never those after it.
+ORDER = (
+    "phantoms", "rigs",
+    "tomo._compute",
+    "tomo.grid", "tomo.metrics",
+    "tomo.rays", "tomo.measurement", "tomo.io",
+    "tomo.trace", "tomo.hull", "tomo.scan",
+    "tomo.operators",
+    "tomo.losses", "tomo.priors", "tomo.solvers",
+    "tomo.selection",
+    "tomo.selfcal", "tomo.wernet", "tomo.uncertainty",
+    "tomo.screening",
+    "tomo.simulation",
+    "tomo.pipeline",
+    "tomo.series",
+    "tomo.draw",
+    "tomo.report",
+    "tomo.cli",
+)  # fmt: skip
 
 
 def in_fresh_interpreter(code):
@@ -100,16 +62,9 @@ def modules():
 
 
 def imported(path, module):
-    """Return the modules of the toolkit that a file imports, at its top or in a function.
-
-    What stands under ``if TYPE_CHECKING`` is no import: it is there for the reader.
-    """
-    tree = ast.parse(path.read_text())
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            node.body = []
+    """Return what a file imports of the toolkit: at its top, in a function or for types."""
     found = set()
-    for node in ast.walk(tree):
+    for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -118,52 +73,138 @@ def imported(path, module):
     return {name for name in found if name.split(".")[0] in PACKAGES}
 
 
-PUBLIC_HOME = {  # names that `tomo` hands out from its modules
-    "tomo.Projector": "tomo.projector",
-    "tomo.Rays": "tomo.rays",
-    "tomo.Reconstruction": "tomo.reconstruction",
-    "tomo.Scan": "tomo.scan",
-    "tomo.Segments": "tomo.segments",
-    "tomo.VoxelGrid": "tomo.grid",
-    "tomo.dot_test": "tomo.projector",
-}
+def handed_out():
+    """Return ``tomo.NAME``, which `tomo` hands out, to the package that it comes from."""
+    tree = ast.parse((ROOT / "tomo" / "__init__.py").read_text())
+    call = next(node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.keywords)
+    table = next(k.value for k in call.keywords if k.arg == "submod_attrs")
+    return {
+        f"tomo.{name}": f"tomo.{package}"
+        for package, names in ast.literal_eval(table).items()
+        for name in names
+    }
 
 
-def floor(name):
-    name = PUBLIC_HOME.get(name, name)
-    for number, members in enumerate(FLOORS):
-        for member in members:
-            if name == member or name.startswith(member + "."):
-                return number, member
-    return len(FLOORS) - 1, name
+def package_of(name):
+    """Return the package of `ORDER` that a module or a name belongs to."""
+    name = handed_out().get(name, name)
+    return next((one for one in ORDER if f"{name}.".startswith(f"{one}.")), None)
 
 
-def test_imports_point_down():
+def test_every_module_has_its_place_in_the_order():
+    strays = [module for module, _ in modules() if package_of(module) is None]
+    assert strays == ["tomo"]
+
+
+def test_imports_point_one_way():
     upward = []
     for module, path in modules():
-        here, home = floor(module)
+        here = package_of(module)
         for name in imported(path, module):
-            there, target = floor(name)
-            if there > here and home != target:
+            there = package_of(name)
+            if there and here and ORDER.index(there) > ORDER.index(here):
                 upward.append(f"{module} imports {name}")
     assert not upward
 
 
-def test_the_check_of_imports_can_fail(tmp_path):
-    source = tmp_path / "m.py"
-    source.write_text("def f():\n    from tomo.solve import cgls\n")
-    assert imported(source, "tomo.grid") == {"tomo.solve.cgls"}
-    assert floor("tomo.solve.cgls")[0] > floor("tomo.grid")[0]
-
-
-def test_the_packages_that_stand_alone():
+def defined_in():
+    """Return the modules that every module imports; names that packages hand out are resolved."""
+    known = {module for module, _ in modules()}
+    tables = {}
     for module, path in modules():
-        names = imported(path, module)
-        if module.split(".")[0] == "rigs":
-            assert not [n for n in names if not n.startswith("rigs")], module
-        if module.split(".")[0] == "phantoms":
-            strangers = [n for n in names if not n.startswith(("phantoms", "tomo.grid"))]
-            assert set(strangers) <= {"tomo.VoxelGrid"}, module
+        if path.name == "__init__.py":
+            for node in ast.walk(ast.parse(path.read_text())):
+                for keyword in getattr(node, "keywords", ()):
+                    if keyword.arg == "submod_attrs":
+                        tables[module] = {
+                            name: f"{module}.{home}"
+                            for home, names in ast.literal_eval(keyword.value).items()
+                            for name in names
+                        }
+
+    def home(name):
+        package, _, leaf = name.rpartition(".")
+        seen = set()
+        while leaf in tables.get(package, {}) and package not in seen:
+            seen.add(package)
+            package = tables[package][leaf]
+        if package in known and package not in tables:
+            return package
+        return name if name in known else package
+
+    return {
+        module: {home(name) for name in imported(path, module)} & known - {module}
+        for module, path in modules()
+        if path.name != "__init__.py"
+    }
+
+
+@pytest.mark.xfail(strict=True, reason="known places are mended after the moves")
+def test_no_modules_import_each_other_in_a_circle():
+    arrows = defined_in()
+    done, circles = set(), []
+
+    def follow(module, way):
+        if module in way:
+            circles.append(" -> ".join([*way[way.index(module) :], module]))
+        elif module not in done:
+            for target in arrows.get(module, ()):
+                follow(target, [*way, module])
+            done.add(module)
+
+    for module in arrows:
+        follow(module, [])
+    assert not circles
+
+
+def private_parts(name):
+    """Return the packages that own the private modules or names on the way to a name."""
+    parts = name.split(".")
+    return [
+        ".".join(parts[:i])
+        for i, part in enumerate(parts)
+        if part.startswith("_") and not part.startswith("__")
+    ]
+
+
+def strangers():
+    """Yield every file beside the packages that may import from them, as if it were a module."""
+    for folder in ("tools",):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            yield str(path.relative_to(ROOT)), path
+
+
+@pytest.mark.xfail(strict=True, reason="known places are mended after the moves")
+def test_what_is_private_stays_inside_its_package():
+    trespasses = [
+        f"{module} imports {name}"
+        for module, path in [*modules(), *strangers()]
+        for name in imported(path, module)
+        for owner in private_parts(name)
+        if not f"{module}.".startswith(f"{owner}.")
+    ]
+    assert not trespasses
+
+
+def test_the_checks_of_imports_can_fail(tmp_path):
+    source = tmp_path / "m.py"
+    source.write_text(
+        "from typing import TYPE_CHECKING\n"
+        "if TYPE_CHECKING:\n    from tomo.pipeline import reconstruct\n"
+        "def f():\n    from tomo.solvers import cgls\n"
+    )
+    names = imported(source, "tomo.grid")
+    assert names == {"tomo.solvers.cgls", "tomo.pipeline.reconstruct"}
+    assert ORDER.index(package_of("tomo.solvers.cgls")) > ORDER.index(package_of("tomo.grid"))
+    assert package_of("tomo.VoxelGrid") == "tomo.grid"
+    assert private_parts("tomo.solvers._rows.rows") == ["tomo.solvers"]
+
+
+def test_rigs_and_phantoms_stand_alone():
+    for module, path in modules():
+        top = module.split(".")[0]
+        if top != "tomo":
+            assert not [n for n in imported(path, module) if not n.startswith(top)], module
 
 
 def requirements():

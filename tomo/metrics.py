@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._sums import norm
+from tomo._compute.reductions import norm
 
 _SSIM_WINDOW = 7  # pixels or voxels along each edge, the size scikit-image takes by default
 

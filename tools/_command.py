@@ -39,7 +39,7 @@ def bad_input_in_one_line() -> Iterator[None]:
     Exit codes are 2 for input, which is what takes too much memory too, and 1 for files that the
     system refuses to read or write (a full disk) and for what diverged.
     """
-    from tomo._memory import check_address_space
+    from tomo._compute.memory import check_address_space
 
     try:
         check_address_space()
@@ -95,7 +95,7 @@ def check_output_folder(folder: Path) -> None:
     if not os.access(existing, os.W_OK | os.X_OK):
         raise PermissionError(f"{existing}: nothing can be written there")
     if folder.exists():
-        from tomo.io import remove_leftovers
+        from rigs.files import remove_leftovers
 
         remove_leftovers(folder)
 

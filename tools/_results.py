@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tomo.io.atomic import atomic_path
+from rigs.files import atomic_path
 
 Studies = Mapping[str, Sequence[Mapping[str, Any]]]
 """Rows of plain data, by the study's name."""

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     import numpy as np
 
     from rigs import Volume
-    from rigs.calibrate import Calibration, Detections
-    from rigs.calibrate.detect import ImageSet
+    from rigs.calibrate import Calibration
+    from rigs.calibrate.detect import Detections
+    from rigs.calibrate.detect.detect import ImageSet
 
 from _usage import OneLineUsage
 
@@ -108,8 +109,10 @@ def calibrate_rig(
         from _results import write_json
 
         from rigs import save_rig
-        from rigs.calibrate import calibrate, detections, image_set, parse_target
-        from rigs.calibrate._asked import check_asked
+        from rigs.calibrate import calibrate
+        from rigs.calibrate.detect import detections, image_set
+        from rigs.calibrate.options import check_asked
+        from rigs.calibrate.targets import parse_target
 
         described = parse_target(target)
         volume = _volume(grid, spacing, center)
@@ -186,8 +189,8 @@ def _world(text: str | None) -> Any:
     """Return a name as it is, and the positions in a file."""
     if text is None or Path(text).suffix.lower() not in (".yaml", ".yml"):
         return text
-    from rigs._rotation import numbers
-    from rigs._text import read_yaml_mapping
+    from rigs.files.text import read_yaml_mapping
+    from rigs.geometry.rotation import numbers
 
     positions = read_yaml_mapping(text)
     return {name: numbers(point, (3,), f"{text}: {name}") for name, point in positions.items()}
@@ -219,8 +222,8 @@ def _write_page(
     details: dict[str, Any],
 ) -> None:
     """Write the page, with the images that fit worst."""
-    from rigs.calibrate.image_sets import read_source
-    from tomo.view import write_calibration_page
+    from rigs.calibrate.detect.image_sets import read_source
+    from tomo.draw.calibration import write_calibration_page
 
     def image_of(camera: str, frame: str) -> np.ndarray:
         return read_source(found[camera][frame])

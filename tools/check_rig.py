@@ -26,8 +26,8 @@ from _picture import check_outputs
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from rigs.rig_check import RigCheck
-    from tomo.time_estimate import Effort
+    from rigs.check.rig_check import RigCheck
+    from tomo.operators.timing import Effort
 
 from _usage import OneLineUsage
 
@@ -77,7 +77,7 @@ def check_rig(
             raise ValueError(
                 f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
             )
-        from tomo.view.rig_page import check_on_grid
+        from tomo.draw.rig.rig_page import check_on_grid
 
         loaded, default = load_rig_and_grid(rig)
         if not len(loaded):
@@ -109,8 +109,8 @@ def check_rig(
 
 def _effort(rig: object, voxels: object, is_timed: bool) -> tuple:
     """Return the memory needed, the time measured, and why there is none."""
-    from tomo.support import estimate_memory
-    from tomo.time_estimate import estimate_effort
+    from tomo.operators import estimate_memory
+    from tomo.operators.timing import estimate_effort
 
     need = estimate_memory(tuple(rig), voxels)
     if not is_timed:
@@ -131,9 +131,10 @@ def _write_maps(
     images: Path | None,
     heading: str,
 ) -> None:
-    from tomo.view.coverage_maps import coverage_maps, coverage_scene, write_coverage
-    from tomo.view.rig_page import check_table
-    from tomo.view.rig_scene import Target, rig_scene, up_of
+    from tomo.draw.rig import rig_scene
+    from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene, write_coverage
+    from tomo.draw.rig.rig_page import check_table
+    from tomo.draw.rig.rig_scene import Target, up_of
 
     maps = coverage_maps(check.coverage, coarse, check.voxel)
     unit = rig.length_unit
@@ -142,17 +143,17 @@ def _write_maps(
         return
     scene = rig_scene(rig, voxels)
     if path.suffix.lower() == ".glb":
-        from tomo.view import write_glb
+        from tomo.draw import write_glb
 
         # the planes of several maps would lie in each other: a file without switches holds one
         write_glb(path, scene + coverage_scene(maps[:1], coarse, unit))
         return
-    from tomo.view import write_html
-    from tomo.view.camera_view import camera_views
+    from tomo.draw import write_html
+    from tomo.draw.rig.camera_view import camera_views
 
     pictures = {}
     if images is not None:
-        from tomo.view.thumbnails import image_scene, load_thumbnails
+        from tomo.draw.rig.thumbnails import image_scene, load_thumbnails
 
         pictures = load_thumbnails(rig, images)
         scene += image_scene(rig, Target.of(rig, voxels), pictures)
@@ -173,7 +174,7 @@ def _table(check: RigCheck) -> Table:
     """Return a row of figures for each camera; those to blame stand out."""
     from rich.table import Table
 
-    from tomo.view.rig_page import check_table
+    from tomo.draw.rig.rig_page import check_table
 
     told = check_table(check)
     levels: dict[str, str] = {}
@@ -190,7 +191,7 @@ def _table(check: RigCheck) -> Table:
 
 
 def _tell(level: str, cameras: tuple[str, ...], text: str) -> None:
-    from tomo.view.rig_page import some_names
+    from tomo.draw.rig.rig_page import some_names
 
     who = f"{some_names(cameras)}: " if cameras else ""
     style = {"fault": "red", "warning": "yellow", "note": ""}[level]
@@ -201,7 +202,7 @@ def _tell(level: str, cameras: tuple[str, ...], text: str) -> None:
 
 def _costs(need: object, effort: Effort | None, iterations: int, why: str) -> str:
     """Return memory and time in words."""
-    from rigs.rig_check import short
+    from rigs.check.rig_check import short
 
     told = f"{need.voxels:,} voxels, {need.rays:,} rays, {need.segments:,} crossings, "
     told += f"about {need.nbytes / 1e9:.2g} GB"

@@ -152,8 +152,8 @@ def reconstruct(
 ) -> None:
     """Reconstruct the emission in every voxel from the images of calibrated cameras."""
     with bad_input_in_one_line():
-        from tomo.reconstruct import reconstruct as run
-        from tomo.view.outcome_files import write_outcome
+        from tomo.pipeline import reconstruct as run
+        from tomo.report.outcome_files import write_outcome
 
         comparisons = [_comparison(text) for text in compare or ()]
         loaded = _load(scan, rig, images).scaled(scale)

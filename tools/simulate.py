@@ -74,8 +74,8 @@ def simulate(
     """Simulate the images that a rig's cameras take of a phantom, and write them as a scan."""
     started = time.perf_counter()
     with bad_input_in_one_line():
-        from tomo.effects import Effects
-        from tomo.simulate import simulate as simulate_scan
+        from tomo.simulation import simulate as simulate_scan
+        from tomo.simulation.effects import Effects
 
         effects = Effects(
             gain_spread=gain_spread,

@@ -24,9 +24,9 @@ from _picture import check_outputs
 
 if TYPE_CHECKING:
     from rigs import Rig
-    from rigs.compare import RigDifference
+    from rigs.check.compare import RigDifference
+    from tomo.draw import Scene
     from tomo.grid import VoxelGrid
-    from tomo.view.scene import Scene
 
 from _usage import OneLineUsage
 
@@ -83,26 +83,26 @@ def visualize_rig(
         for path in out:
             suffix = path.suffix.lower()
             if suffix == ".png":
-                from tomo.view import write_rig
+                from tomo.draw.rig import write_rig
 
                 shown = beside.without("other names")  # beside the first rig's own
                 write_rig(path, loaded, grid=voxels, volume=data, title=heading, beside=shown)
                 continue
             scene = _scene(loaded, voxels, data, pictures) + beside
             if suffix == ".glb":
-                from tomo.view import write_glb
+                from tomo.draw import write_glb
 
                 write_glb(path, scene)
                 continue
             tables = []
             if difference is not None:
-                from tomo.view.rig_page import difference_table
+                from tomo.draw.rig.rig_page import difference_table
 
                 names = Path(rig).stem, Path(compare).stem
                 tables.append(difference_table(difference, loaded.length_unit, *names))
             _write_page(path, loaded, voxels, data, scene, pictures, tables, coverage, heading)
     if difference is not None:
-        from tomo.view.rig_page import number
+        from tomo.draw.rig.rig_page import number
 
         unit = loaded.length_unit
         console.print(
@@ -159,8 +159,8 @@ def _difference(
     if compare is None:
         return None
     from rigs import compare_rigs
-    from tomo.view.coverage_maps import coverage_grid
-    from tomo.view.rig_scene import Target
+    from tomo.draw.rig.coverage_maps import coverage_grid
+    from tomo.draw.rig.rig_scene import Target
 
     if voxels is not None:
         points = coverage_grid(voxels, 500).centers().reshape(-1, 3)
@@ -174,7 +174,7 @@ def _difference(
 
 def _beside(rig: Rig, voxels: VoxelGrid | None, difference: RigDifference | None) -> Scene:
     """Return what is drawn beside the cameras: targets as they were held, the other rig."""
-    from tomo.view.rig_page import other_rig_scene, target_scene
+    from tomo.draw.rig.rig_page import other_rig_scene, target_scene
 
     scene = target_scene(rig)
     return scene if difference is None else scene + other_rig_scene(rig, difference, voxels)
@@ -186,15 +186,16 @@ def _pictures(rig: Rig, images: Path | None, frame: str | None) -> dict:
         if frame is not None:
             raise ValueError("--frame: expected --images beside it")
         return {}
-    from tomo.view.thumbnails import load_thumbnails
+    from tomo.draw.rig.thumbnails import load_thumbnails
 
     return load_thumbnails(rig, images, frame)
 
 
 def _scene(rig: Rig, voxels: VoxelGrid | None, data: object, pictures: dict) -> Scene:
     """Return the rig's scene with what its cameras saw."""
-    from tomo.view.rig_scene import Target, rig_scene
-    from tomo.view.thumbnails import image_scene
+    from tomo.draw.rig import rig_scene
+    from tomo.draw.rig.rig_scene import Target
+    from tomo.draw.rig.thumbnails import image_scene
 
     scene = rig_scene(rig, voxels, data)
     return scene + image_scene(rig, Target.of(rig, voxels), pictures)
@@ -211,13 +212,13 @@ def _write_page(
     coverage: bool,
     heading: str,
 ) -> None:
-    from tomo.view import write_html
-    from tomo.view.camera_view import camera_views
-    from tomo.view.rig_scene import up_of
+    from tomo.draw import write_html
+    from tomo.draw.rig.camera_view import camera_views
+    from tomo.draw.rig.rig_scene import up_of
 
     if coverage and voxels is not None:
-        from tomo.view.coverage_maps import coverage_maps, coverage_scene
-        from tomo.view.rig_page import check_on_grid, check_table
+        from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene
+        from tomo.draw.rig.rig_page import check_on_grid, check_table
 
         check, coarse = check_on_grid(rig, voxels)
         maps = coverage_maps(check.coverage, coarse, check.voxel)

@@ -30,26 +30,26 @@ def visualize_volume(
     """Draw a volume's middle planes, line integrals and surfaces of equal emission."""
     with bad_input_in_one_line():
         check_outputs(out)
+        from tomo.draw.rig.rig_scene import volume_scene
+        from tomo.draw.volume import isosurface_scene
         from tomo.io import read_volume
-        from tomo.view.isosurface import isosurface_scene
-        from tomo.view.rig_scene import volume_scene
 
         data, grid, unit = read_volume(volume, allow_nan=True)
         heading = title if title is not None else volume.stem
         scene = None
         for path in out:
             if path.suffix.lower() == ".png":
-                from tomo.view import write_volume_picture
+                from tomo.draw.volume import write_volume_picture
 
                 write_volume_picture(path, data, grid, length_unit=unit, title=heading)
                 continue
             scene = scene or volume_scene(grid, unit) + isosurface_scene(data, grid, unit)
             if path.suffix.lower() == ".html":
-                from tomo.view import write_html
+                from tomo.draw import write_html
 
                 write_html(path, scene, title=heading, volume=data, grid=grid)
             else:
-                from tomo.view import write_glb
+                from tomo.draw import write_glb
 
                 write_glb(path, scene)
     if json:

@@ -6,12 +6,12 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "calibration": ["Calibration", "calibrate"],
-        "circle_grid": ["CircleGrid"],
-        "detect": ["Detections", "detections", "find_target", "observe"],
-        "image_sets": ["VideoFrame", "image_set"],
+        "detect.detect": ["Detections", "detections", "find_target", "observe"],
+        "detect.image_sets": ["VideoFrame", "image_set"],
         "observations": ["Observations"],
-        "quality": ["Quality"],
-        "target_text": ["parse_target"],
-        "targets": ["CharucoBoard", "Chessboard"],
+        "quality.quality": ["Quality"],
+        "targets.boards": ["CharucoBoard", "Chessboard"],
+        "targets.circle_grid": ["CircleGrid"],
+        "targets.target_text": ["parse_target"],
     },
 )

@@ -8,21 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.calibrate._asked import check_asked
-from rigs.calibrate._covariance import labels, refuse_unknown_lenses
-from rigs.calibrate._culling import adjust_and_cull
-from rigs.calibrate._duplicates import without_repeats
-from rigs.calibrate._joint_terms import richer_terms
-from rigs.calibrate._lens_choice import Terms
-from rigs.calibrate._projection import Lens
-from rigs.calibrate._scene import Freedom, Scene, Sightings, ordered, predicted
-from rigs.calibrate._shared_views import rig_poses
-from rigs.calibrate._summary import summary
-from rigs.calibrate._verdict import findings, verdict
-from rigs.calibrate._world import placed
-from rigs.calibrate.initial import View, check_view, lens_alone, view_with
+from rigs.calibrate.adjust.culling import adjust_and_cull
+from rigs.calibrate.adjust.duplicates import without_repeats
+from rigs.calibrate.adjust.initial import View, check_view, lens_alone, view_with
+from rigs.calibrate.adjust.joint_terms import richer_terms
+from rigs.calibrate.adjust.lens_choice import Terms
+from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, ordered, predicted
+from rigs.calibrate.adjust.projection import Lens
+from rigs.calibrate.adjust.shared_views import rig_poses
+from rigs.calibrate.adjust.world import placed
 from rigs.calibrate.observations import Observations
-from rigs.calibrate.quality import Quality, measure
+from rigs.calibrate.options import check_asked
+from rigs.calibrate.quality import Quality
+from rigs.calibrate.quality.covariance import labels, refuse_unknown_lenses
+from rigs.calibrate.quality.quality import measure
+from rigs.calibrate.quality.summary import summary
+from rigs.calibrate.quality.verdict import findings, verdict
 from rigs.camera import Camera
 from rigs.rig import Rig, Volume
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs._text import shortened
+from rigs.files.text import shortened
 from rigs.formats._quaternion import matrix_of_quaternion
 from rigs.formats._values import as_count, errors_of, numbers_of_line
 from rigs.rig import Rig

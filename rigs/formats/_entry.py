@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs._text import shortened
 from rigs.camera import Camera
-from rigs.distortion import Distortion
+from rigs.files.text import shortened
 from rigs.formats._lens import named_model, refuse_skew
 from rigs.formats._values import rotation_of_motion
+from rigs.lens import Distortion
 
 _RADIAL, _TANGENTIAL = tuple(f"k{i}" for i in range(1, 7)), ("p1", "p2")
 #: The lens keys that each of the format's camera models uses, and our model; all others must be 0.

@@ -9,9 +9,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from rigs._rotation import matrix_of_vector
-from rigs._text import read_json_mapping, read_text, shortened, yaml_mapping
+from rigs.files.text import read_json_mapping, read_text, shortened, yaml_mapping
 from rigs.formats._values import as_array, as_count, as_rotation, as_size, flat
+from rigs.geometry.rotation import matrix_of_vector
 
 MATRIX = ("camera_matrix", "cameraMatrix", "intrinsic_matrix", "K", "M")
 LENS = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "distortion_coeffs", "D")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rigs._decoded import size_of
+from rigs.recordings.decoded import size_of
 
 MOST_RAYS = 2**24
 """Of a table of rays that is made from a formula: about 4 GB while it is made."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rigs.camera import Camera
-from rigs.distortion import Distortion
+from rigs.lens import Distortion
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
 

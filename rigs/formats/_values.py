@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs._rotation import rotation
-from rigs._text import shortened
+from rigs.files.text import shortened
+from rigs.geometry.rotation import rotation
 
 _HEAD = 65536  # bytes
 _RIGID = 1e-4  # largest deviation from orthonormal of a rotation that passed through float32

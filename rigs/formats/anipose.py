@@ -17,10 +17,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rigs._rotation import matrix_of_vector
-from rigs._text import read_text
-from rigs._units import UNKNOWN
 from rigs.camera import Camera
+from rigs.files.text import read_text
+from rigs.files.units import UNKNOWN
 from rigs.formats._lens import from_vector
 from rigs.formats._values import (
     as_array,
@@ -32,6 +31,7 @@ from rigs.formats._values import (
     flat,
     required,
 )
+from rigs.geometry.rotation import matrix_of_vector
 from rigs.rig import Rig
 
 _DEEP_KEY = r"(?<![^\s.,=\[\]{}])(?:[^\s.,=\[\]{}]++[ \t]*+\.[ \t]*+){32}"

@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rigs._text import write_text
 from rigs.camera import Camera
+from rigs.files.text import write_text
 from rigs.formats._lens import refuse_lens, refuse_tables
 from rigs.rig import Rig
 

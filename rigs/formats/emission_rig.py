@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from rigs.file import load_rig, save_rig
+from rigs.files import load_rig, save_rig
 from rigs.rig import Rig
 
 

@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs._text import read_yaml_mapping, shortened
 from rigs.camera import Camera
-from rigs.distortion import Distortion
+from rigs.files.text import read_yaml_mapping, shortened
 from rigs.formats._image_size import check_table_size
 from rigs.formats._sphere_models import PARAMETERS, directions
 from rigs.formats._values import (
@@ -34,6 +33,7 @@ from rigs.formats._values import (
     required,
     rotation_of_motion,
 )
+from rigs.lens import Distortion
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
 

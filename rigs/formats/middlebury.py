@@ -14,8 +14,8 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from rigs._text import read_text, shortened
 from rigs.camera import Camera
+from rigs.files.text import read_text, shortened
 from rigs.formats._image_size import required_size
 from rigs.formats._values import as_number, as_rotation, errors_of, errors_of_file, numbers_of_line
 from rigs.rig import Rig

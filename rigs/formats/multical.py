@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rigs._text import read_json_mapping, shortened
-from rigs._units import UNKNOWN
 from rigs.camera import Camera
+from rigs.files.text import read_json_mapping, shortened
+from rigs.files.units import UNKNOWN
 from rigs.formats._lens import from_vector
 from rigs.formats._values import (
     as_array,

@@ -22,9 +22,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs._image import pixel_centres
-from rigs._text import read_text
 from rigs.camera import Camera
+from rigs.files.text import read_text
 from rigs.formats._image_size import check_table_size, required_size
 from rigs.formats._values import (
     as_count,
@@ -34,6 +33,7 @@ from rigs.formats._values import (
     numbers_of_line,
     read_head,
 )
+from rigs.geometry.image_checks import pixel_centres
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
 

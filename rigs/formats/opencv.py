@@ -26,9 +26,9 @@ from typing import Any
 
 import numpy as np
 
-from rigs._text import shortened, write_text
-from rigs._units import UNKNOWN
 from rigs.camera import Camera
+from rigs.files.text import shortened, write_text
+from rigs.files.units import UNKNOWN
 from rigs.formats._file_storage import (
     LENS,
     MATRIX,

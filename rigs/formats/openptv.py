@@ -26,12 +26,12 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs._image import pixel_centres
-from rigs._text import read_text
 from rigs.camera import Camera
-from rigs.distortion import Distortion
+from rigs.files.text import read_text
 from rigs.formats._image_size import check_table_size
 from rigs.formats._values import as_count, as_number, errors_of, errors_of_file, numbers_of_line
+from rigs.geometry.image_checks import pixel_centres
+from rigs.lens import Distortion
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
 

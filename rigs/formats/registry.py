@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
-from rigs._units import in_unit
+from rigs.files.units import in_unit
 from rigs.formats._values import errors_of_file, read_head
 from rigs.rig import Rig
 

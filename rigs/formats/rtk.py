@@ -27,8 +27,8 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs._text import write_text
 from rigs.camera import Camera
+from rigs.files.text import write_text
 from rigs.formats._lens import refuse_lens, refuse_skew, refuse_tables
 from rigs.rig import Rig
 

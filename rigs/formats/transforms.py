@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from rigs._text import breaks_a_line, read_json_mapping, shortened, write_text
-from rigs._units import UNKNOWN
 from rigs.camera import Camera
+from rigs.files.text import breaks_a_line, read_json_mapping, shortened, write_text
+from rigs.files.units import UNKNOWN
 from rigs.formats._entry import camera_entry, entry_camera
 from rigs.formats._lens import refuse_tables
 from rigs.formats._values import errors_of_file

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tomo import solve
+from tomo import solvers
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -54,7 +54,7 @@ def test_every_part_ran_on_a_machine_that_is_named(result):
 
 def test_solvers_come_nearer_to_the_truth_as_time_goes_by(studies):
     rows = studies["solvers"]
-    assert {row["method"] for row in rows} == {*solve.METHODS, "auto"}
+    assert {row["method"] for row in rows} == {*solvers.METHODS, "auto"}
     for row in rows:
         assert 0 < row["cosine_distance"] < 0.7
         assert row["nrmse"] > 0
@@ -105,7 +105,7 @@ def test_exact_data_are_matched_sooner_by_better_methods(studies):
     sirt = only(rows, method="sirt", skip=False)[0]
     cgls = only(rows, method="cgls", skip=True)[0]
     assert cgls["segments"] <= sirt["segments"]
-    assert cgls["live_voxels"] <= sirt["live_voxels"]
+    assert cgls["active_voxels"] <= sirt["active_voxels"]
     assert min(d for _, d in cgls["course"]) < min(d for _, d in sirt["course"])
 
 
@@ -116,7 +116,7 @@ def test_skipping_is_compared_with_itself(studies):
         case = {key: on[key] for key in ("flame", "noise", "method")}
         (off,) = only(rows, skip=False, **case)
         assert on["segments"] <= off["segments"]
-        assert on["live_voxels"] <= off["live_voxels"]
+        assert on["active_voxels"] <= off["active_voxels"]
         assert on["cosine_distance"] == pytest.approx(off["cosine_distance"], rel=0.5)
 
 
@@ -128,11 +128,11 @@ def test_what_the_truth_would_let_be_left_out(studies):
     )
     every = [row["segments"] * row["fewer"] for row in rows]
     assert every == pytest.approx([plain["segments"]] * len(rows), rel=0.01)
-    for key, ascends in (("fewer", True), ("cosine_distance", True), ("live_voxels", False)):
+    for key, ascends in (("fewer", True), ("cosine_distance", True), ("active_voxels", False)):
         values = [row[key] for row in rows]
         assert values == sorted(values, reverse=not ascends)
     assert rows[0]["cosine_distance"] == pytest.approx(0, abs=1e-12)
-    assert rows[0]["live_voxels"] <= skipped["live_voxels"]  # the hull holds all that emits
+    assert rows[0]["active_voxels"] <= skipped["active_voxels"]  # the hull holds all that emits
 
 
 def test_the_best_classic_method_is_of_either_basis_and_stopped_by_the_truth(studies):

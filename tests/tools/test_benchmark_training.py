@@ -81,7 +81,7 @@ def test_a_packed_form_that_is_wrong_is_found(samples, monkeypatch, variant):
         out = out + torch.nn.functional.pad(rows[1:] @ weight[..., 2].T, (0, 0, 0, 1))
         return out if bias is None else out + bias
 
-    monkeypatch.setattr("tomo.wernet.encoder.packed_convolution", without_the_one_before)
+    monkeypatch.setattr("tomo.wernet.paper.encoder.packed_convolution", without_the_one_before)
     assert training.gradient_difference(variant, every, rays) > 1e-2
 
 

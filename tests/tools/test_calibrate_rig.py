@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from rigs import Rig, load_rig, save_rig
-from rigs.calibrate import parse_target
+from rigs.calibrate.targets import parse_target
 
 TARGET = "charuco:7x5:24:18:DICT_4X4_50"
 CAMERAS = ("cam00", "cam01", "cam02")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rigs import Camera, Distortion, look_at
-from rigs.calibrate.target_text import parse_target
+from rigs.calibrate.targets import parse_target
 
 SIDE = 12.0  # mm
 STRAIGHT = Distortion()

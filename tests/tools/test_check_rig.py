@@ -11,7 +11,7 @@ from phantoms import create
 from rigs import ring, save_rig
 from rigs.rig import Volume
 from tomo import VoxelGrid
-from tomo.simulate import simulate
+from tomo.simulation import simulate
 
 VOLUME = Volume((16, 40, 16), 1.0)
 

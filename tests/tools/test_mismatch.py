@@ -81,8 +81,8 @@ def test_true_weights_explain_the_images(scene, effect):
     made = scene(effect, size=exact)
     ready = made.problem(midpoints=True)
     projector = ready.system.projector
-    emission = projector.live.compress(made.truth)
-    assert projector.live.size < made.grid.size
+    emission = projector.active.compress(made.truth)
+    assert projector.active.size < made.grid.size
     informed = made.informed(ready.system) @ emission
     chords, told = (
         np.linalg.norm(images - ready.measured) / np.linalg.norm(ready.measured)
@@ -94,7 +94,9 @@ def test_true_weights_explain_the_images(scene, effect):
         return
     segments = projector.segments
     length = (segments.length * made.weight_ratios(ready.system)).astype(np.float32)
-    weighted = type(projector)(replace(segments, length=length), made.grid, live=projector.live)
+    weighted = type(projector)(
+        replace(segments, length=length), made.grid, active=projector.active
+    )
     np.testing.assert_allclose(weighted @ emission, informed, rtol=1e-3, atol=1e-4)
 
 

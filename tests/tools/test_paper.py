@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from tomo import metrics
-from tomo.wernet import wernet_paper
+from tomo.wernet.paper import wernet_paper
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -110,10 +110,10 @@ def test_images_are_the_voxels_own_projection(run_tool):
 
     seen = case("jet", LAYOUT, QUICK.problem)
     projector = seen.system.projector
-    live = projector.live.compress(seen.truth)
-    outside = seen.truth.sum() - live.sum()
+    active = projector.active.compress(seen.truth)
+    outside = seen.truth.sum() - active.sum()
     assert outside < 1e-3 * seen.truth.sum()
-    predicted = projector @ live.reshape(-1)
+    predicted = projector @ active.reshape(-1)
     assert np.abs(predicted - seen.measured).max() < 1e-2 * seen.measured.max()
 
 
@@ -205,7 +205,7 @@ def test_steps_of_their_own_are_the_solver_s(run_tool):
     assert [epoch for epoch, _, _ in found] == [1, 2]
     residuals = [residual for _, _, residual in row["course"]]
     assert [residual for _, _, residual in found] == pytest.approx(residuals, rel=1e-4)
-    volume = seen.system.projector.live.expand(found[-1][1]).reshape(seen.truth.shape)
+    volume = seen.system.projector.active.expand(found[-1][1]).reshape(seen.truth.shape)
     assert metrics.nrmse(volume, seen.truth) == pytest.approx(row["nrmse"], rel=1e-4)
 
 

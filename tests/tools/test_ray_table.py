@@ -9,7 +9,7 @@ import pytest
 from phantoms import create
 from rigs import RayTable, load_rig, ring
 from tomo import VoxelGrid
-from tomo.simulate import simulate
+from tomo.simulation import simulate
 
 GRID = VoxelGrid((10, 14, 10), 1.0)
 

@@ -12,8 +12,8 @@ from phantoms import create
 from rigs import ring
 from tomo import Scan, VoxelGrid
 from tomo.io import read_volume, write_volume
-from tomo.reconstruct import reconstruct
-from tomo.simulate import simulate
+from tomo.pipeline import reconstruct
+from tomo.simulation import simulate
 
 TOOL = Path(__file__).parents[2] / "tools" / "reconstruct.py"
 GRID = VoxelGrid((8, 14, 8), (1.0, 1.0, 1.2), (10.0, 0.0, -3.0))
@@ -94,7 +94,7 @@ def test_an_interrupted_run_leaves_what_was_there(run_tool, scan, tmp_path, monk
     def fail(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tomo.view.outcome_files.write_pictures", fail)
+    monkeypatch.setattr("tomo.report.outcome_files.write_pictures", fail)
     assert run_tool("reconstruct", scan, *options).exit_code == 130
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.json"]
     assert (tmp_path / "out" / "report.json").read_text() == "{}"
@@ -190,7 +190,7 @@ WERNET = ("--method", "wernet", "--seed", "3", "--iterations", "2")
 
 
 def test_wernet_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, monkeypatch):
-    from tomo.wernet._checkpoint import Checkpoint
+    from tomo.wernet.default.checkpoint import Checkpoint
 
     save = Checkpoint.save
 
@@ -219,7 +219,8 @@ def test_wernet_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, monkey
 
 
 def test_an_encoder_is_used_as_it_is(run_tool, scan, tmp_path):
-    from tomo.wernet import CorrectionEncoder, save_encoder
+    from tomo.wernet import save_encoder
+    from tomo.wernet.default import CorrectionEncoder
 
     path = tmp_path / "encoder.pt"
     save_encoder(CorrectionEncoder(blocks=1, channels=4, seed=5), path)
@@ -239,7 +240,7 @@ def test_an_encoder_is_used_as_it_is(run_tool, scan, tmp_path):
 
 
 def test_help_names_every_method(run_tool):
-    from tomo.methods import method_names
+    from tomo.pipeline.methods import method_names
 
     done = run_tool("reconstruct", "--help")
     assert done.exit_code == 0

@@ -9,10 +9,10 @@ import pytest
 from phantoms import create
 from rigs import box_points, load_rig, ray_miss, ring
 from tomo import Scan, VoxelGrid
-from tomo.reconstruct import reconstruct
-from tomo.refine.parameters import COUNT, moved_rig
-from tomo.refine.prior import units
-from tomo.simulate import simulate
+from tomo.pipeline import reconstruct
+from tomo.selfcal.refine.parameters import COUNT, moved_rig
+from tomo.selfcal.refine.prior import units
+from tomo.simulation import simulate
 
 GRID = VoxelGrid((14, 28, 14), 1.0)
 FOOTPRINT = 0.7

@@ -12,7 +12,7 @@ import torch
 from phantoms import create
 from rigs import ring
 from tomo import VoxelGrid
-from tomo.simulate import simulate
+from tomo.simulation import simulate
 
 ROOT = Path(__file__).parents[2]
 GRID = VoxelGrid((6, 10, 6), 1.0)
@@ -80,7 +80,7 @@ def test_memory_that_runs_out_is_one_line(run_tool, scan, tmp_path, monkeypatch,
     def fail(*_, **__):
         raise lack
 
-    monkeypatch.setattr("tomo.reconstruct.reconstruct", fail)
+    monkeypatch.setattr("tomo.pipeline.reconstruct", fail)
     done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path / "out")
     assert done.exit_code == 2
     (line,) = _lines(done.stderr)
@@ -91,7 +91,7 @@ def test_other_errors_of_the_program_are_not_hidden(run_tool, scan, tmp_path, mo
     def fail(*_, **__):
         raise RuntimeError("a defect")
 
-    monkeypatch.setattr("tomo.reconstruct.reconstruct", fail)
+    monkeypatch.setattr("tomo.pipeline.reconstruct", fail)
     done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path / "out")
     assert isinstance(done.exception, RuntimeError)
 
@@ -99,7 +99,7 @@ def test_other_errors_of_the_program_are_not_hidden(run_tool, scan, tmp_path, mo
 def test_what_a_killed_run_left_is_removed_by_the_next(run_tool, scan, tmp_path):
     code = (
         "import os, signal, sys\n"
-        "from tomo.io import atomic_path\n"
+        "from rigs.files import atomic_path\n"
         "with atomic_path(sys.argv[1]) as temporary:\n"
         "    temporary.write_text('half')\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
@@ -112,7 +112,8 @@ def test_what_a_killed_run_left_is_removed_by_the_next(run_tool, scan, tmp_path)
 
 
 def test_training_that_diverges_at_once_is_one_line(run_tool, scan, tmp_path):
-    from tomo.wernet import WeightEncoder, save_encoder
+    from tomo.wernet import save_encoder
+    from tomo.wernet.paper import WeightEncoder
 
     encoder = WeightEncoder(seed=0)
     with torch.no_grad():

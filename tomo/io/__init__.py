@@ -5,7 +5,6 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "atomic": ["atomic_path", "remove_leftovers", "whole_folder"],
         "images": ["is_integer_image", "read_image", "write_image"],
         "volumes": ["read_volume", "write_volume"],
     },

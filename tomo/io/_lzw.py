@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compile import compiled
+from tomo._compute.jit import compiled
 
 CLEAR, END = 256, 257
 CODES = 4096

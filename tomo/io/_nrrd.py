@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs._unpacked import inflated, unzipped
+from rigs.files.archives import inflated, unzipped
 from tomo.grid import VoxelGrid
 
 _HEADER = 1 << 16  # bytes that a header may have

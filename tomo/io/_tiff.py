@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs._decoded import decoded
-from rigs._unpacked import check_unpacked
+from rigs.files.archives import check_unpacked
+from rigs.recordings.decoded import decoded
 
 if TYPE_CHECKING:
     import tifffile

@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs._unpacked import check_unpacked, inflated
+from rigs.files.archives import check_unpacked, inflated
 from tomo.grid import VoxelGrid
 
 _NUMBERS = {

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs._decoded import decoded
+from rigs.files import atomic_path
+from rigs.recordings.decoded import decoded
 from tomo.io._tiff import decoded_tiff
-from tomo.io.atomic import atomic_path
 
 TIFF_SUFFIXES = (".tif", ".tiff")
 IMAGE_SUFFIXES = (*TIFF_SUFFIXES, ".png", ".jpg", ".jpeg")

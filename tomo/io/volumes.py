@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs._unpacked import errors_of_libraries, most_unpacked, read_arrays
+from rigs.files import atomic_path
+from rigs.files.archives import errors_of_libraries, most_unpacked, read_arrays
 from tomo.grid import VoxelGrid
 from tomo.io import _nrrd, _vti
-from tomo.io.atomic import atomic_path
 
 Volume = tuple[NDArray[np.float32], VoxelGrid, str]
 
@@ -32,7 +32,7 @@ def read_volume(path: str | os.PathLike, *, allow_nan: bool = False) -> Volume:
     path : path-like
         A ``.npz`` (keys ``data, origin, spacing, length_unit``), ``.vti`` or ``.nrrd`` file.
     allow_nan : bool
-        Whether voxels may be NaN, as `tomo.outcome.Outcome.volume` marks unseen ones.
+        Whether voxels may be NaN, as `tomo.pipeline.Reconstruction.volume` marks unseen ones.
 
     Returns
     -------

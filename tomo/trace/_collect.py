@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from tomo._numbering import numbering
+from tomo._compute.index_types import numbering
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
-from tomo.segments import Segments
+from tomo.trace.segments import Segments
 
 
 def collect_by_pixel(

@@ -3,7 +3,8 @@
 Which of the pieces of some layers have a length, and lie in a voxel that has a number, is as good
 as random: branches are guessed wrongly, and without any each piece waits for the one before it.
 AVX-512 moves the lanes of a vector that count to its front, which LLVM has a function for
-(`tomo._lanes`). Elsewhere that function goes through memory, slower than a loop over the pieces.
+(`tomo._compute.simd`). Elsewhere that function goes through memory, slower than a loop over the
+pieces.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ import numpy as np
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from tomo._compile import compiled
-from tomo._lanes import (
+from tomo._compute.jit import compiled
+from tomo._compute.simd import (
     LANES,
     REALS,
     WIDE,

@@ -2,10 +2,11 @@
 
 A layer lies across the axis along which the ray moves fastest, in voxels. Inside it the ray passes
 at most one plane of each other axis, so it meets at most three voxels; where they begin and end
-follows from the layer's number alone (`tomo.trace._planes`). Layers are therefore independent: the
-loop over them has no branch and is vectorised, and layers in empty space are left out without any
-influence on the others: as many as the ray's voxel is away from the nearest live one, at both ends
-of the ray before any is cut. What has no length is dropped when the pieces are packed.
+follows from the layer's number alone (`tomo.trace.plane_crossings`). Layers are therefore
+independent: the loop over them has no branch and is vectorised, and layers in empty space are left
+out without any influence on the others: as many as the ray's voxel is away from the nearest active
+one, at both ends of the ray before any is cut. What has no length is dropped when the pieces are
+packed.
 
 Jacobs et al., "A fast algorithm to calculate the exact radiological path through a pixel or voxel
 space" (Journal of Computing and Information Technology 6, 1998) count crossings in the same way.
@@ -16,17 +17,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from tomo._compile import compiled
-from tomo._lanes import LANES
-from tomo._numbering import numbering
-from tomo._threads import share_range, threads_worth
-from tomo.grid import VoxelGrid
-from tomo.live_voxels import LiveVoxels
+from tomo._compute.index_types import numbering
+from tomo._compute.jit import compiled
+from tomo._compute.simd import LANES
+from tomo._compute.threads import share_range, threads_worth
+from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.rays import Rays
-from tomo.segments import Segments
 from tomo.trace._packing import pack, pack_middles
-from tomo.trace._planes import greater, lesser, passed, passing
-from tomo.trace._side_by_side import (
+from tomo.trace._ray_setup import (
     RAYS_TOGETHER,
     WIDTH,
     clear_ahead,
@@ -36,6 +34,8 @@ from tomo.trace._side_by_side import (
     set_courses,
     set_layers,
 )
+from tomo.trace.plane_crossings import greater, lesser, passed, passing
+from tomo.trace.segments import Segments
 
 RAYS_A_CHUNK = 256  # one thread's at a time
 
@@ -92,9 +92,9 @@ def _fill(
     box : tuple
         The grid's lower and upper corner, its spacing and its shape.
     away : (voxels,) uint8
-        How far each voxel is from the nearest live one; nothing where all are live.
+        How far each voxel is from the nearest active one; nothing where all are active.
     number : (voxels,) int
-        The number of each live voxel, negative for others; nothing where all are live.
+        The number of each active voxel, negative for others; nothing where all are active.
     begin : (chunks,) int64
     first_chunk, last_chunk : int
         Which chunks, the last excluded.
@@ -172,13 +172,13 @@ def _move_down(begin, ptr, words, array, moved):
 class March:
     """Traces rays with the compiled walk on all cores.
 
-    Where not all voxels are live most of the room for crossings stays empty: it is kept from call
-    to call, as pages new from the system cost more than what is written to them, and what was
+    Where not all voxels are active most of the room for crossings stays empty: it is kept from
+    call to call, as pages new from the system cost more than what is written to them, and what was
     found is copied out of it. One thread may call it at a time.
 
     Parameters
     ----------
-    grid, midpoints, dtype, live, by_place
+    grid, midpoints, dtype, active, by_place
         See `tomo.trace.tracing`.
     """
 
@@ -188,21 +188,21 @@ class March:
         *,
         midpoints: bool = False,
         dtype: DTypeLike = np.float32,
-        live: LiveVoxels | None = None,
+        active: ActiveVoxels | None = None,
         by_place: bool = False,
     ) -> None:
         self._box = tuple(grid.lower), tuple(grid.upper), grid.spacing, grid.shape
         self._types = numbering(grid.size), np.dtype(dtype)
         self._midpoints = midpoints
-        self._all = live is None or live.all
+        self._all = active is None or active.all
         self._away, self._number = np.zeros(0, np.uint8), np.zeros(0, np.int32)
         if not self._all:
-            self._away = live.clearance.ravel()
-            self._number = live.place_of_voxel if by_place else live.number
+            self._away = active.clearance.ravel()
+            self._number = active.place_of_voxel if by_place else active.number
         self._kept = self._room(0)
 
     def __call__(self, rays: Rays) -> Segments:
-        """Return the crossings of rays with live voxels."""
+        """Return the crossings of rays with active voxels."""
         chunks = np.zeros(-(-len(rays) // RAYS_A_CHUNK), np.int64)
         with threads_worth(_COUNTING * len(rays)):
             most = self._fill(rays, chunks, self._room(0))

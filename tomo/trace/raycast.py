@@ -17,9 +17,9 @@ from numpy.typing import DTypeLike, NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
-from tomo.segments import Segments
+from tomo.rays.ray_box import BoxCrossing, enter_box
 from tomo.trace._collect import collect_by_pixel
-from tomo.trace.box import BoxCrossing, enter_box
+from tomo.trace.segments import Segments
 
 if TYPE_CHECKING:
     import open3d

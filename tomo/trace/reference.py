@@ -13,9 +13,9 @@ from numpy.typing import DTypeLike, NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
-from tomo.segments import Segments
+from tomo.rays.ray_box import enter_box
 from tomo.trace._collect import collect_by_pixel
-from tomo.trace.box import enter_box
+from tomo.trace.segments import Segments
 
 
 def planes_ahead(

@@ -6,7 +6,7 @@ and Learning-Based Way", arXiv 2010.00893. PyTorch is loaded on first use of a n
 
 import lazy_loader
 
-from tomo._waiting import wait_asleep
+from tomo._compute.wait_policy import wait_asleep
 
 wait_asleep()
 
@@ -14,18 +14,18 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "convolution": ["packed_convolution"],
+        "default.correction": ["CorrectionEncoder", "ViewTokens"],
+        "default.ray_features": ["RayFeatures"],
+        "default.ray_weights": ["RayWeights"],
+        "default.summary": ["LearnedWeights", "Profile"],
+        "default.wernet": ["wernet"],
         "device": ["usable_device"],
-        "encoder": ["VARIANTS", "WeightEncoder"],
         "encoder_file": ["load_encoder", "save_encoder", "shipped_encoders"],
-        "correction": ["CorrectionEncoder", "ViewTokens"],
-        "default": ["wernet"],
-        "learned": ["LearnedWeights", "Profile"],
-        "model": ["WERNet"],
         "packing": ["Packing"],
-        "ray_features": ["RayFeatures"],
-        "ray_weights": ["RayWeights"],
-        "product": ["packed_sum", "weighted_sum"],
-        "samples": ["PackedBatch", "RaySamples", "SampleBatch", "epoch_batches"],
-        "training": ["TrainingDivergedError", "wernet_paper"],
+        "paper.encoder": ["VARIANTS", "WeightEncoder"],
+        "paper.model": ["WERNet"],
+        "paper.product": ["packed_sum", "weighted_sum"],
+        "paper.samples": ["PackedBatch", "RaySamples", "SampleBatch", "epoch_batches"],
+        "paper.wernet_paper": ["TrainingDivergedError", "wernet_paper"],
     },
 )

@@ -1,4 +1,4 @@
-"""Where tensors live, and what is done differently there."""
+"""Where tensors active, and what is done differently there."""
 
 from __future__ import annotations
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import torch
 
-from rigs._unpacked import check_unpacked, errors_of_libraries
-from tomo.io.atomic import atomic_path
-from tomo.wernet.correction import CorrectionEncoder
-from tomo.wernet.encoder import WeightEncoder
+from rigs.files import atomic_path
+from rigs.files.archives import check_unpacked, errors_of_libraries
+from tomo.wernet.default import CorrectionEncoder
+from tomo.wernet.paper import WeightEncoder
 
 _FORMAT, _VERSION = "wernet-encoder", 2
 _KINDS = {"weights": WeightEncoder, "correction": CorrectionEncoder}

@@ -18,11 +18,12 @@ from _benchmark.scenes import NOISES, RIGS, Scene, scene
 from _benchmark.sizes import Sizes
 from _benchmark.solvers import Progress, Rows
 from tomo import metrics
-from tomo._run import averages_of
-from tomo._weights import weigh_images
-from tomo.solve.basis import BOXES, SPLINES, share_left_by
-from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
-from tomo.support import estimate_noise
+from tomo.measurement import estimate_noise
+from tomo.pipeline.run import averages_of
+from tomo.pipeline.weights import weigh_images
+from tomo.selection import choose_by_held_out_views
+from tomo.selection.basis import BOXES, SPLINES, share_left_by
+from tomo.selection.choose import solve_as_chosen
 
 REFINE = 4
 """Voxels of the simulation along an edge of the grid's: images of twice finer ones show their
@@ -92,7 +93,7 @@ def _default(
     started, projector = time.perf_counter(), ready.system.projector
     choice = choose_by_held_out_views(projector, ready.measured, weights=weights)
     found = solve_as_chosen(projector, ready.measured, choice, weights=weights)
-    volume = averages_of(projector, projector.live.compress(found.volume))
+    volume = averages_of(projector, projector.active.compress(found.volume))
     return {
         f"{name}_cosine_distance": metrics.cosine_distance(volume, truth),
         f"{name}_nrmse": metrics.nrmse(volume, truth),

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from _benchmark.courses import Course, course
 from _benchmark.problems import Problem
-from tomo.solve.basis import BOXES, SPLINES
-from tomo.solve.curvature import FIRST
+from tomo.selection.basis import BOXES, SPLINES
+from tomo.solvers.curvature import FIRST
 
 
 class Candidate(NamedTuple):

@@ -16,7 +16,7 @@ from _benchmark.problems import problem
 from _benchmark.scenes import scene
 from _benchmark.sizes import Sizes
 from _benchmark.solvers import Progress
-from tomo import solve
+from tomo import solvers
 
 COARSE, FINE = 1e-3, 1e-6
 MOST_SECONDS = 30.0
@@ -42,7 +42,7 @@ class Reached:
     flame : str
     method : str
     skip : bool
-    segments, live_voxels : int
+    segments, active_voxels : int
     prepare_seconds : float
         Tracing and what comes before it.
     passes_to_1e3 : int or None
@@ -56,7 +56,7 @@ class Reached:
     method: str
     skip: bool
     segments: int
-    live_voxels: int
+    active_voxels: int
     prepare_seconds: float
     passes_to_1e3: int | None
     seconds_to_1e3: float | None
@@ -66,7 +66,7 @@ class Reached:
 
 def consistent(sizes: Sizes, progress: Progress) -> list[dict[str, Any]]:
     """Return how soon skipped and unskipped methods reach 1e-3 and 1e-6."""
-    candidates = [c for c in CANDIDATES if c[0] in solve.METHODS]
+    candidates = [c for c in CANDIDATES if c[0] in solvers.METHODS]
     rows = []
     for number, flame in enumerate(sizes.flames):
         seen = scene(flame, 33, "clean", 0, sizes)
@@ -104,8 +104,8 @@ def _row(flame: str, method: str, skip: bool, pairs: list[tuple[Course, Any]]) -
         flame,
         method,
         skip,
-        segments=ready.system.projector.n_crossings,
-        live_voxels=ready.system.projector.live.size,
+        segments=ready.system.projector.n_segments,
+        active_voxels=ready.system.projector.active.size,
         prepare_seconds=statistics.median(problem.seconds for _, problem in pairs),
         passes_to_1e3=next((i for i, d in enumerate(last.cosine_distances) if d <= COARSE), None),
         seconds_to_1e3=None if None in coarse else statistics.median(coarse),

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compile import compiled
+from tomo._compute.jit import compiled
 
 PARTS = 64  # many more than threads, so that all end at about the same time
 PRODUCTS = 400

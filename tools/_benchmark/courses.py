@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from _benchmark.problems import Problem
 from _benchmark.timing import Stopwatch
-from tomo import metrics, solve
-from tomo.smooth_basis import SmoothBasis
+from tomo import metrics, solvers
+from tomo.operators import GaussianBasis
 
 PATIENCE = 4
 """Passes without a new best after which a run is over, when only the best counts."""
@@ -70,13 +70,13 @@ def course(
     problem : Problem
     truth : (nx, ny, nz) float32
     method : str
-        One of `tomo.solve.METHODS`.
+        One of `tomo.solvers.METHODS`.
     settings : mapping
         Its further arguments.
     passes : int
         The most.
     width : float
-        Of the blobs of a `tomo.smooth_basis.SmoothBasis`, in voxels; boxes when 0.
+        Of the blobs of a `tomo.operators.GaussianBasis`, in voxels; boxes when 0.
     least_passes : int
         As many are done whatever comes of them, for methods that change on their way.
     until : float, optional
@@ -87,12 +87,12 @@ def course(
     reached: list[tuple[float, float, float]] = []
     projector = problem.system.projector
     watch = Stopwatch()
-    basis = SmoothBasis(projector, width) if width else None
+    basis = GaussianBasis(projector, width) if width else None
 
     def judge(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
         with watch.paused() as solving:
             values = basis.blur(volume) if basis else volume
-            found = projector.averages(projector.live.expand(values).reshape(truth.shape))
+            found = projector.averages(projector.active.expand(values).reshape(truth.shape))
             distance = metrics.cosine_distance(found, truth)
             seconds = problem.seconds + solving
             reached.append((seconds, distance, metrics.nrmse(found, truth)))
@@ -103,7 +103,7 @@ def course(
                 return index - max(best, least_passes) >= PATIENCE
             return distance <= until or _stalled([r[1] for r in reached])
 
-    solver: Callable = getattr(solve, method)
+    solver: Callable = getattr(solvers, method)
     solver(basis or projector, problem.measured, iterations=passes, callback=judge, **settings)
     return Course(*(tuple(column) for column in zip(*reached, strict=True)))
 

@@ -16,7 +16,7 @@ import numpy as np
 import psutil
 
 from rigs import Rig, ring
-from tomo import LinearSystem, VoxelGrid, solve
+from tomo import LinearSystem, VoxelGrid, solvers
 
 HIGH_WATER = Path("/proc/self/status")
 
@@ -31,7 +31,7 @@ def peak_resident() -> int:
         line = next(x for x in HIGH_WATER.read_text("ascii").splitlines() if "VmHWM" in x)
         return int(line.split()[1]) * 1024
     except (OSError, StopIteration):
-        from tomo._memory import peak_memory
+        from tomo._compute.memory import peak_memory
 
         return peak_memory()
 
@@ -76,7 +76,7 @@ def measure(edge: int, views: int, pixels: int, form: str, repeats: int, solver:
         "peak_bytes": peak_resident() - before,
     }
     if solver:
-        getattr(solve, solver)(projector, images, iterations=1)
+        getattr(solvers, solver)(projector, images, iterations=1)
         found["solver_bytes"] = peak_resident() - before
     times: dict[str, list[float]] = {"forward": [], "adjoint": []}
     for _ in range(repeats):
@@ -89,7 +89,7 @@ def measure(edge: int, views: int, pixels: int, form: str, repeats: int, solver:
         "forward_seconds": statistics.median(times["forward"]),
         "adjoint_seconds": statistics.median(times["adjoint"]),
         "rows": projector.shape[0],
-        "segments": projector.n_crossings,
+        "segments": projector.n_segments,
         "voxels": grid.size,
         "threads": numba.get_num_threads(),
         "needed_bytes": 4 * (views * pixels**2 + 2 * grid.size),

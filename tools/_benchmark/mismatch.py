@@ -15,8 +15,8 @@ from _benchmark.sizes import TINY, Sizes
 from _benchmark.solvers import Progress, Rows, seconds_of
 from _benchmark.workers import results_of
 from tomo import metrics
-from tomo.methods import AUTO
-from tomo.solve.basis import BOXES, SPLINES
+from tomo.pipeline.methods import AUTO
+from tomo.selection.basis import BOXES, SPLINES
 
 
 @dataclass(frozen=True)

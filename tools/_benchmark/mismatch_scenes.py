@@ -19,14 +19,14 @@ from _benchmark.scenes import flame_rig
 from _benchmark.sizes import Sizes
 from rigs import Rig
 from tomo import LinearSystem, Projector, Scan, Segments, VoxelGrid
-from tomo import noise as noises
-from tomo._true_weights import true_ratios
-from tomo.effects import Effects
-from tomo.outcome import Outcome
-from tomo.reconstruct import reconstruct
-from tomo.simulate import SimulatedScan, simulate
-from tomo.splines import Splines
-from tomo.viewed import ViewedOperator
+from tomo.operators import Splines
+from tomo.operators.operator import ProjectionOperator
+from tomo.pipeline import Reconstruction, reconstruct
+from tomo.simulation import camera_noise as noises
+from tomo.simulation import simulate
+from tomo.simulation.effects import Effects
+from tomo.simulation.simulate import SimulatedScan
+from tomo.simulation.true_weights import true_ratios
 
 VIEWS = 33
 NOISES: Mapping[str, float] = {"clean": 0.0, "2 %": 0.02}
@@ -56,7 +56,7 @@ EFFECTS: Mapping[str, tuple[str, ...]] = {
         "gain_spread", "absorption", "self_absorption", "vignetting", "aperture", "focus_distance",
     ),
 }  # fmt: skip
-"""The fields of `tomo.effects.Effects` that each row sets; finite pixels come with all."""
+"""The fields of `tomo.simulation.effects.Effects` of each row; finite pixels come with all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class MismatchScene:
         """Return the equations of chords, one ray a pixel, carved as the default carves."""
         return problem(self.rig, self.grid, self.images, skip=True, midpoints=midpoints)
 
-    def learned(self, **how: Any) -> Outcome:
+    def learned(self, **how: Any) -> Reconstruction:
         """Return what ``reconstruct(method="wernet", **how)`` makes of the scan, gains not fitted.
 
         From its files, as a user would.
@@ -119,7 +119,7 @@ class MismatchScene:
         known = self.effects, dict(zip(self.rig.names, gains, strict=True))
         return true_ratios(system, known, self.truth)
 
-    def informed(self, system: LinearSystem) -> ViewedOperator | None:
+    def informed(self, system: LinearSystem) -> ProjectionOperator | None:
         """Return the projector of the same pixels and voxels that knows all of the effects.
 
         Of splines it knows the weights along the middle of a pixel, beside which lie those that
@@ -130,22 +130,24 @@ class MismatchScene:
                 return None
             lengths = system.projector.segments.length * self.weight_ratios(system)
             return system.projector.with_lengths(lengths.astype(np.float32))
-        live = system.projector.live
+        active = system.projector.active
         gains = self.effects.gains(len(self.rig), self.seed)
         parts = []
         for camera, pixels, gain in zip(self.rig, system.pixels, gains, strict=True):
             rays = self.effects.rays(camera, pixels)
-            part = self.effects.trace(rays, self.grid, self.truth).renumbered(live.number)
+            part = self.effects.trace(rays, self.grid, self.truth).renumbered(active.number)
             width = camera.image_size[0]
             centres = np.stack([pixels % width, pixels // width], axis=-1)
             light = (gain * self.effects.falloff(camera, centres)).astype(np.float32)
             length = part.length * np.repeat(light, np.diff(part.ptr))
-            rows = scipy.sparse.csr_array((length, part.voxel, part.ptr), (len(pixels), live.size))
+            rows = scipy.sparse.csr_array(
+                (length, part.voxel, part.ptr), (len(pixels), active.size)
+            )
             rows.sum_duplicates()  # the rays of a lens share most of their voxels
             voxel = rows.indices.astype(part.voxel.dtype)
             parts.append(Segments(rows.indptr.astype(np.int64), voxel, rows.data))
         view_ptr = system.projector.view_ptr
-        return Projector(Segments.concatenate(parts), self.grid, view_ptr, live)
+        return Projector(Segments.concatenate(parts), self.grid, view_ptr, active)
 
 
 def mismatch_scene(effect: str, flame: str, noise: str, seed: int, size: Sizes) -> MismatchScene:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from tomo.view.figures import thin_lines
+from tomo.draw.figures import thin_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

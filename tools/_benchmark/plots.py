@@ -16,7 +16,7 @@ from _benchmark.plot_axes import (
     own_ticks,
     shared_legend,
 )
-from tomo.view.figures import INK, MUTED, new_figure
+from tomo.draw.figures import INK, MUTED, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,7 +11,7 @@ from typing import Any
 from _benchmark.sizes import Sizes
 from _benchmark.solvers import Progress, seconds_of
 from tomo import Scan, VoxelGrid
-from tomo.reconstruct import reconstruct
+from tomo.pipeline import reconstruct
 
 SCAN = Path("scalarflow") / "transforms.json"
 JUDGED = "cam02"
@@ -36,7 +36,7 @@ class Plume:
     seconds : float
         Since the images were in memory, choosing and tracing included; a median, as are the next.
     trace_seconds, solve_seconds : float
-    segments, live_voxels : int
+    segments, active_voxels : int
     method : str
         What the default chose.
     """
@@ -51,7 +51,7 @@ class Plume:
     trace_seconds: float
     solve_seconds: float
     segments: int
-    live_voxels: int
+    active_voxels: int
     method: str
 
 
@@ -101,7 +101,7 @@ def _predicted(scan: Scan, grid: VoxelGrid, frame: str, camera: str, skip: bool)
         trace_seconds=outcome.seconds["trace"],
         solve_seconds=outcome.seconds["solve"],
         segments=outcome.counts["segments"],
-        live_voxels=outcome.counts["active_voxels"],
+        active_voxels=outcome.counts["active_voxels"],
         method=report["method"],
     )
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo import LinearSystem, VoxelGrid
-from tomo.support import carve
+from tomo.hull import carve
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ def problem(
     how: dict[str, Any] = {"form": form, "midpoints": midpoints}
     if skip:
         carving = carve(tuple(rig), images, None, grid)
-        how |= {"masks": carving.pixels, "live": carving.live}
+        how |= {"masks": carving.pixels, "active": carving.active}
     system = LinearSystem.from_rig(rig, grid, skip=skip, **how)
     measured = system.flatten(images)
     return Problem(system, measured, time.perf_counter() - started)

@@ -16,8 +16,8 @@ from _benchmark.scalar_walk import project
 from _benchmark.timing import in_turn
 from rigs import Rig, ring
 from tomo import LinearSystem, Projector, Rays, VoxelGrid
+from tomo.rays.ray_box import enter_box
 from tomo.trace import trace
-from tomo.trace.box import enter_box
 
 Row = dict[str, Any]
 Progress = Callable[[int, int, str], None]
@@ -68,7 +68,7 @@ def _on_the_fly(voxels: int, views: int, repeats: int) -> list[Row]:
     seen = zip(rig, system.pixels, strict=True)  # the walk, too, is given just these rays
     box = enter_box(Rays.concatenate(Rays.from_camera(c, pixels) for c, pixels in seen), grid)
     size = {
-        "voxels": voxels, "views": views, "rays": flying.shape[0], "crossings": flying.n_crossings,
+        "voxels": voxels, "views": views, "rays": flying.shape[0], "crossings": flying.n_segments,
     }  # fmt: skip
     volume = np.random.default_rng(0).random(grid.size, np.float32)
     images = np.random.default_rng(1).random(flying.shape[0], np.float32)
@@ -169,7 +169,7 @@ def _stored(voxels: int, views: int, repeats: int) -> list[Row]:
     volume = np.random.default_rng(0).random(grid.size, np.float32)
     images = np.random.default_rng(1).random(stored.shape[0], np.float32)
     large = np.ones(cores.LARGE, np.float32)
-    entries = stored.n_crossings
+    entries = stored.n_segments
     size = {
         "voxels": voxels, "views": views,
         "rays": int((np.diff(stored.segments.ptr) > 0).sum()), "crossings": entries,

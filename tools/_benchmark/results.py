@@ -11,7 +11,7 @@ from _results import earlier_run, plain, studies_of, write_json, write_text
 from _benchmark.claims import claims
 from _benchmark.page import page
 from _benchmark.plots import plots
-from tomo.view.figures import save_figure
+from tomo.draw.figures import save_figure
 
 FORMAT, VERSION = "emission-benchmark", 1
 JSON, PAGE, PLOTS = "benchmark.json", "benchmark.md", "benchmark"

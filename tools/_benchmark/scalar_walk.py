@@ -16,9 +16,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compile import compiled
+from tomo._compute.jit import compiled
 from tomo.grid import VoxelGrid
-from tomo.trace.box import BoxCrossing
+from tomo.rays.ray_box import BoxCrossing
 
 
 @compiled(inline=True)

@@ -16,8 +16,8 @@ from _benchmark.sizes import Sizes
 from _benchmark.solvers import Progress, Rows
 from _benchmark.timing import in_turn
 from tomo import LinearSystem, VoxelGrid
-from tomo._memory import available_memory
-from tomo.support import STORED, estimate_memory
+from tomo._compute.memory import available_memory
+from tomo.operators import STORED, estimate_memory
 
 FORMS = ("on-the-fly", "stored")
 MACHINE = "the machine"

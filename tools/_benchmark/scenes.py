@@ -14,8 +14,9 @@ import phantoms
 import rigs
 from _benchmark.sizes import Sizes
 from tomo import Scan, VoxelGrid
-from tomo import noise as noises
-from tomo.simulate import SimulatedScan, simulate
+from tomo.simulation import camera_noise as noises
+from tomo.simulation import simulate
+from tomo.simulation.simulate import SimulatedScan
 
 RIGS = {33: "paper33_pitch", 11: "paper11_33deg"}
 """The preset for each number of views; 11 cover the same 363 degrees."""
@@ -48,7 +49,7 @@ class Scene:
         return list(self.scan.images.values())
 
     def saved(self, folder: Path) -> Scan:
-        """Return the scan as `tomo.reconstruct` takes it, written into ``folder``."""
+        """Return the scan as `tomo.pipeline.reconstruct` takes it, written into ``folder``."""
         return Scan.load(self.scan.save(folder / f"{self.flame}_{self.views}_{self.noise}"))
 
 

@@ -11,7 +11,7 @@ from _benchmark.sizes import Sizes
 from _benchmark.skipping import SEED
 from _benchmark.solvers import Progress
 from tomo import LinearSystem, metrics
-from tomo.live_voxels import LiveVoxels
+from tomo.grid import ActiveVoxels
 
 FAINTEST = (0.0, 0.001, 0.005, 0.02)
 """Shares of the brightest voxel up to which the others are left out."""
@@ -34,19 +34,19 @@ def skippable(sizes: Sizes, progress: Progress) -> list[dict[str, Any]]:
 def _rows(seen: Scene) -> list[dict[str, Any]]:
     scan, rows = seen.scan, []
     every = LinearSystem.from_rig(scan.rig, scan.grid, skip=False, form="on-the-fly")
-    everything = every.projector.n_crossings
+    everything = every.projector.n_segments
     for share in FAINTEST:
         bright = scan.truth > share * scan.truth.max()
-        live = LiveVoxels.from_mask(scan.grid, bright)
-        system = LinearSystem.from_rig(scan.rig, scan.grid, live=live, form="stored")
+        active = ActiveVoxels.from_mask(scan.grid, bright)
+        system = LinearSystem.from_rig(scan.rig, scan.grid, active=active, form="stored")
         rows.append(
             {
                 "flame": seen.flame,
                 "share": share,
-                "live_voxels": live.size,
+                "active_voxels": active.size,
                 "voxels": scan.grid.size,
-                "segments": system.projector.n_crossings,
-                "fewer": everything / system.projector.n_crossings,
+                "segments": system.projector.n_segments,
+                "fewer": everything / system.projector.n_segments,
                 "cosine_distance": metrics.cosine_distance(
                     np.where(bright, scan.truth, np.float32(0)), scan.truth
                 ),

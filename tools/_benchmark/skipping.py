@@ -14,8 +14,8 @@ from _benchmark.problems import problem
 from _benchmark.scenes import scene
 from _benchmark.sizes import Sizes
 from _benchmark.solvers import Progress, seconds_of
-from tomo import solve
-from tomo.reconstruct import reconstruct
+from tomo import solvers
+from tomo.pipeline import reconstruct
 
 REACHED = 1e-3
 METHODS = ("sart", "cgls", "nnls")
@@ -32,7 +32,7 @@ class Skipped:
     flame, noise, method : str
         Method ``auto`` is the default, which stops by itself; the others are best-stopped.
     skip : bool
-    segments, live_voxels : int
+    segments, active_voxels : int
     prepare_seconds, seconds : float
         Tracing and what comes before it; until the best pass or the default's end. Medians.
     seconds_to_1e3 : float or None
@@ -45,7 +45,7 @@ class Skipped:
     method: str
     skip: bool
     segments: int
-    live_voxels: int
+    active_voxels: int
     prepare_seconds: float
     seconds: float
     seconds_to_1e3: float | None
@@ -55,7 +55,7 @@ class Skipped:
 
 def skipping(sizes: Sizes, progress: Progress) -> list[dict[str, Any]]:
     """Return a row for each flame, noise, method, and skipping on and off."""
-    methods = [method for method in METHODS if method in solve.METHODS]
+    methods = [method for method in METHODS if method in solvers.METHODS]
     cases = list(itertools.product(sizes.flames, NOISES, [*methods, "auto"]))
     rows = []
     for number, (flame, noise, method) in enumerate(cases):
@@ -87,8 +87,8 @@ def _best_stopped(seen: Any, method: str, sizes: Sizes) -> list[Skipped]:
                 seen.noise,
                 method,
                 skip,
-                segments=ready.system.projector.n_crossings,
-                live_voxels=ready.system.projector.live.size,
+                segments=ready.system.projector.n_segments,
+                active_voxels=ready.system.projector.active.size,
                 prepare_seconds=statistics.median(r.seconds for r, _ in results),
                 seconds=statistics.median(w.seconds[w.best] for _, w in results),
                 seconds_to_1e3=None if None in reached else statistics.median(reached),
@@ -114,7 +114,7 @@ def _default(seen: Any, skip: bool) -> Skipped:
         "auto",
         skip,
         segments=outcome.counts["segments"],
-        live_voxels=outcome.counts["active_voxels"],
+        active_voxels=outcome.counts["active_voxels"],
         prepare_seconds=outcome.seconds["prepare"] + outcome.seconds["trace"],
         seconds=total,
         seconds_to_1e3=reached,

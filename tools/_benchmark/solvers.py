@@ -15,8 +15,8 @@ from _benchmark.courses import Course, course
 from _benchmark.problems import Problem, problem
 from _benchmark.scenes import NOISES, RIGS, Scene, scene
 from _benchmark.sizes import Sizes
-from tomo import solve
-from tomo.reconstruct import reconstruct
+from tomo import solvers as methods
+from tomo.pipeline import reconstruct
 
 Progress = Callable[[int, int, str], None]
 Rows = dict[str, list[dict[str, Any]]]
@@ -58,7 +58,7 @@ class Run:
         Until then, since the images were in memory.
     prepare_seconds : float
         Of these, before the first pass; for ``auto`` also choosing.
-    segments, live_voxels : int
+    segments, active_voxels : int
     course : list of (seconds, cosine distance, NRMSE), or None
         After each pass; of the first seed only.
     """
@@ -76,7 +76,7 @@ class Run:
     seconds: float
     prepare_seconds: float
     segments: int
-    live_voxels: int
+    active_voxels: int
     course: list | None = None
 
 
@@ -90,12 +90,12 @@ def solvers(sizes: Sizes, progress: Progress) -> Rows:
         seen = scene(flame, views, noise, seed, sizes)
         images = seen.scan.rig, seen.scan.grid, seen.images
         skipped, plain = (problem(*images, skip=skip) for skip in (True, False))
-        ready = {m: plain if m == BASELINE else skipped for m in solve.METHODS}
+        ready = {m: plain if m == BASELINE else skipped for m in methods.METHODS}
         kind = flame, views, noise
         if seed == 0:
             settings[kind] = {m: _tuned(m, ready[m], seen, sizes) for m in ready}
             continue
-        for method in solve.METHODS:
+        for method in methods.METHODS:
             chosen = settings[kind][method]
             went = course(ready[method], seen.scan.truth, method, chosen, passes=sizes.passes)
             runs.append(
@@ -108,7 +108,7 @@ def solvers(sizes: Sizes, progress: Progress) -> Rows:
 
 def settings_of(method: str, most: int) -> list[dict[str, Any]]:
     """Return at most ``most`` settings of a method to try, the likeliest first."""
-    known = inspect.signature(getattr(solve, method)).parameters
+    known = inspect.signature(getattr(methods, method)).parameters
     tried = {name: v for name, v in TRIED.get(method, {}).items() if name in known}
     every = (
         dict(zip(tried, values, strict=True)) for values in itertools.product(*tried.values())
@@ -182,8 +182,8 @@ def _run(
         nrmse=went.nrmses[went.best],
         seconds=went.seconds[went.best],
         prepare_seconds=ready.seconds,
-        segments=ready.system.projector.n_crossings,
-        live_voxels=ready.system.projector.live.size,
+        segments=ready.system.projector.n_segments,
+        active_voxels=ready.system.projector.active.size,
         course=[list(entry) for entry in zip(*columns, strict=True)] if keep else None,
     )
 
@@ -210,7 +210,7 @@ def _default(seen: Scene) -> Run:
         seconds=total,
         prepare_seconds=total - solving,
         segments=outcome.counts["segments"],
-        live_voxels=outcome.counts["active_voxels"],
+        active_voxels=outcome.counts["active_voxels"],
     )
 
 

@@ -26,7 +26,13 @@ def timed(name: str, function, *arguments: object, **options: object) -> object:
 
 def load_libraries() -> None:
     """Import what the packages load on first use."""
-    for name in ("numba", "rigs.camera", "scipy.sparse", "tomo.linear_system", "tomo.reconstruct"):
+    for name in (
+        "numba",
+        "rigs.camera",
+        "scipy.sparse",
+        "tomo.operators.system",
+        "tomo.pipeline.reconstruct",
+    ):
         importlib.import_module(name)
 
 
@@ -36,7 +42,7 @@ def kernels() -> None:
     import numpy as np
 
     from rigs import ring
-    from tomo import LinearSystem, VoxelGrid, solve
+    from tomo import LinearSystem, VoxelGrid, solvers
 
     grid = VoxelGrid((6, 8, 6), 1.0)
     rig = ring(4, distance=100.0, image_size=(8, 8), footprint=1.2)
@@ -50,15 +56,15 @@ def kernels() -> None:
     timed("on the fly", products, "on-the-fly")
     system = timed("tracer and stored matrix", products, "stored")
     measured = system.projector @ np.ones(grid.size, np.float32)
-    for method in solve.METHODS:
-        timed("solvers", getattr(solve, method), system.projector, measured, iterations=1)
+    for method in solvers.METHODS:
+        timed("solvers", getattr(solvers, method), system.projector, measured, iterations=1)
 
 
 def reconstruct(path: str) -> None:
     """Load a scan and reconstruct it by the default method."""
     timed("import libraries", load_libraries)
     from tomo import Scan
-    from tomo.reconstruct import reconstruct as run
+    from tomo.pipeline import reconstruct as run
 
     timed("reconstruct", run, Scan.load(path))
 

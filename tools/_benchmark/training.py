@@ -15,10 +15,10 @@ from _benchmark.scenes import Scene, scene
 from _benchmark.sizes import Sizes
 from _benchmark.solvers import Progress
 from _benchmark.timing import in_turn
-from tomo.wernet import RaySamples, WeightEncoder, WERNet
 from tomo.wernet.device import adam
-from tomo.wernet.parts import on_cores
-from tomo.wernet.training import train_epoch
+from tomo.wernet.micro_batches import on_cores
+from tomo.wernet.paper import RaySamples, WeightEncoder, WERNet
+from tomo.wernet.paper.wernet_paper import train_epoch
 
 FORMS = (("padded", False, "cpu"), ("packed", False, "cpu"), ("packed", True, "cpu"))
 """How rays lie in memory, whether dark pixels and voxels are skipped, and where training runs; the
@@ -42,7 +42,7 @@ class Trained:
     Attributes
     ----------
     variant, layout, skip, device
-        See `tomo.wernet.wernet_paper` and `FORMS`.
+        See `tomo.wernet.paper.wernet_paper` and `FORMS`.
     rays, segments : int
         Of an epoch.
     steps, timed_rays : int
@@ -95,7 +95,7 @@ def samples_of(seen: Scene, skip: bool) -> tuple[RaySamples, NDArray[np.int64]]:
     projector = ready.system.projector
     measured = ready.measured / ready.measured.max()
     samples = RaySamples.from_segments(
-        projector.segments, projector.grid, measured, live=projector.live
+        projector.segments, projector.grid, measured, active=projector.active
     )
     first = np.cumsum([0, *(image.size for image in seen.images)])
     views = zip(first, ready.system.pixels, strict=False)

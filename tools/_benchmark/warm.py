@@ -11,8 +11,8 @@ from _benchmark.problems import problem
 from _benchmark.scenes import scene
 from _benchmark.sizes import TINY
 from _benchmark.solvers import settings_of
-from tomo import solve
-from tomo.reconstruct import reconstruct
+from tomo import solvers
+from tomo.pipeline import reconstruct
 
 
 def warm_up() -> float:
@@ -22,7 +22,7 @@ def warm_up() -> float:
     rig, grid = seen.scan.rig, seen.scan.grid
     problem(rig, grid, seen.images, skip=True, form="on-the-fly")
     ready = problem(rig, grid, seen.images, skip=True)
-    for method in solve.METHODS:
+    for method in solvers.METHODS:
         for settings in settings_of(method, 2):
             course(ready, seen.scan.truth, method, settings, passes=2)
     with tempfile.TemporaryDirectory() as folder:

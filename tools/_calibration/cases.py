@@ -12,7 +12,7 @@ import numpy as np
 from _calibration.rendering import Board, Exposure
 from _calibration.scenes import COMPLETE, Poses, arc_rig, held, photograph, ring_rig
 from rigs import Rig
-from rigs.calibrate.target_text import parse_target
+from rigs.calibrate.targets import parse_target
 
 TARGET = "charuco:9x7:18:13.5:DICT_4X4_50"
 """In mm; 48 inner corners on 162 x 126 mm, seen in images of 256 x 205 mm."""

@@ -14,7 +14,7 @@ from rigs import Camera
 if TYPE_CHECKING:
     import open3d
 
-    from rigs.calibrate.targets import Target
+    from rigs.calibrate.targets.boards import Target
 
 _CHANGE = 1e-3  # grey values between a pixel's corners, above which one ray does not do
 _MARGIN = (

@@ -16,7 +16,9 @@ from _calibration.peer import attempts, refined, stereo_pair
 from _calibration.scenes import COMPLETE, arc_rig, held
 from _calibration.truth import in_metres, of_complete_targets, true_ray_miss
 from rigs import Rig, Volume
-from rigs.calibrate import Calibration, Observations, calibrate, observe, parse_target
+from rigs.calibrate import Calibration, Observations, calibrate
+from rigs.calibrate.detect import observe
+from rigs.calibrate.targets import parse_target
 
 Row = dict[str, Any]
 Say = Callable[[str], None]

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 import phantoms
 import rigs
 from _paper.sizes import Problem
-from tomo import LinearSystem, VoxelGrid, noise
-from tomo.support import carve
+from tomo import LinearSystem, VoxelGrid
+from tomo.hull import carve
+from tomo.simulation import camera_noise
 
 NOISE = 0.10
 """Standard deviation of the noise over the images' maximum."""
@@ -66,8 +67,8 @@ class Case:
             "views": len(self.system.rig),
             "noise": self.noise,
             "rays": int(np.count_nonzero(np.diff(projector.segments.ptr))),
-            "segments": projector.n_crossings,
-            "live_voxels": projector.live.size,
+            "segments": projector.n_segments,
+            "active_voxels": projector.active.size,
             "prepare_seconds": self.seconds,
         }
 
@@ -100,11 +101,11 @@ def case(flame: str, layout: str, problem: Problem, fraction: float = 0.0) -> Ca
     whole = LinearSystem.from_rig(rig, grid, form="stored")
     images = whole.images(whole.projector @ truth.reshape(-1))
     if fraction:
-        images = noise.gaussian(images, fraction, np.random.default_rng(SEED))
+        images = camera_noise.gaussian(images, fraction, np.random.default_rng(SEED))
     started = time.perf_counter()
     carving = carve(tuple(rig), images, None, grid)
     system = LinearSystem.from_rig(
-        rig, grid, masks=carving.pixels, live=carving.live, midpoints=True, form="stored"
+        rig, grid, masks=carving.pixels, active=carving.active, midpoints=True, form="stored"
     )
     measured = system.flatten(images)
     seconds = time.perf_counter() - started

@@ -16,7 +16,7 @@ _LAYOUT: Column = ("layout", lambda row: short(row["layout"]))
 _COST: list[Column] = [
     ("rays", number("rays")),
     ("segments", number("segments")),
-    ("live voxels", number("live_voxels")),
+    ("active voxels", number("active_voxels")),
     ("core seconds/epoch", number("core_seconds_per_epoch", 2)),
     ("minutes", number("seconds", 2, 1 / 60)),
 ]
@@ -168,8 +168,7 @@ def _about(sizes: Sizes) -> str:
         "Images are the true voxels projected through the chord lengths of those same voxels, "
         "which is taken to be the paper's way: there is no error of discretisation, which real "
         "images have.",
-        "Voxels that dark pixels prove empty, and their rays, are left out "
-        "(`tomo.support.carve`).",
+        "Voxels that dark pixels prove empty, and their rays, are left out (`tomo.hull.carve`).",
         "One seed, 0, for flame, noise, encoder and order of the rays.",
         "What the text leaves open was decided on the jet, and used where a table says nothing "
         "else: "
@@ -189,7 +188,7 @@ def _about(sizes: Sizes) -> str:
     title = (
         'Pan, Li, Xu, "Weight Encode Reconstruction Network for Computed Tomography in a '
         'Semi-Case-Wise and Learning-Based Way", arXiv 2010.00893: its experiments, with '
-        "`tomo.wernet.wernet_paper`."
+        "`tomo.wernet.paper.wernet_paper`."
     )
     return "\n".join([title, "", *(f"- {point}" for point in points)])
 

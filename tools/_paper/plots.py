@@ -12,7 +12,7 @@ from _paper.cases import FINER, grid_of, truth_of
 from _paper.claims import short
 from _paper.sizes import Problem, Sizes
 from _paper.training import PER_MILLE, section
-from tomo.view.figures import INK, MUTED, new_figure, thin_lines
+from tomo.draw.figures import INK, MUTED, new_figure, thin_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,7 @@ from _paper.claims import claims
 from _paper.page import page
 from _paper.plots import plots
 from _paper.sizes import Sizes
-from tomo.view.figures import save_figure
+from tomo.draw.figures import save_figure
 
 FORMAT, VERSION = "wernet-paper-experiments", 2
 PAGE, FOLDER, JSON = "paper.md", "paper", "paper/paper.json"

@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from _paper.cases import SEED, Case
-from tomo.wernet import RaySamples, WeightEncoder, WERNet, epoch_batches
+from tomo.wernet.paper import RaySamples, WeightEncoder, WERNet, epoch_batches
 
 if TYPE_CHECKING:
     from _paper.training import Reading
@@ -47,7 +47,7 @@ class Step(NamedTuple):
 def steps(seen: Case, reading: Reading, encoder: WeightEncoder) -> Iterator[Step]:
     """Train without end, ``encoder`` in place; yield after every step.
 
-    With a reading that `tomo.wernet.wernet_paper` knows the steps are the same as there.
+    With a reading that `tomo.wernet.paper.wernet_paper` knows the steps are the same as there.
     """
     projector = seen.system.projector
     measured = seen.measured / float(seen.measured.max())
@@ -55,7 +55,7 @@ def steps(seen: Case, reading: Reading, encoder: WeightEncoder) -> Iterator[Step
         projector.segments,
         projector.grid,
         measured,
-        live=projector.live,
+        active=projector.active,
         inputs="relative" if reading.inputs == "relative" else "absolute",
     )
     if reading.inputs == "unscaled":
@@ -63,7 +63,7 @@ def steps(seen: Case, reading: Reading, encoder: WeightEncoder) -> Iterator[Step
             samples, index=samples.index * samples.half, midpoint=samples.midpoint * samples.half
         )
     generator = torch.Generator().manual_seed(SEED)
-    random = torch.rand(projector.live.size, generator=generator)
+    random = torch.rand(projector.active.size, generator=generator)
     voxels = reading.first_voxels * random * samples.crossed()
     by_ray = reading.normalise_gradient and reading.norm == "ray"
     by_batch = reading.normalise_gradient and reading.norm == "batch"
@@ -98,7 +98,7 @@ def steps(seen: Case, reading: Reading, encoder: WeightEncoder) -> Iterator[Step
 def epochs(
     seen: Case, reading: Reading, encoder: WeightEncoder, total: int
 ) -> Iterator[tuple[int, NDArray[np.float32], float]]:
-    """Train for ``total`` epochs; yield number, live voxels and relative residual of each.
+    """Train for ``total`` epochs; yield number, active voxels and relative residual of each.
 
     The voxels are in the images' units, at the scale at which their chord lengths' projection
     best fits the images.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from _paper.cases import FINER, NOISE, SHIFTED, Case, case
 from _paper.sizes import PAPER_SAMPLES, Sizes
 from _paper.training import Progress, Reading, Source, first_steps, section, trained
-from tomo import LinearSystem, metrics, solve
+from tomo import LinearSystem, metrics, solvers
 
 Rows = dict[str, list[dict[str, Any]]]
 LAYOUTS = ("paper33_level", "paper33_pitch", "paper33_random", "paper33_level" + SHIFTED)
@@ -208,7 +208,7 @@ def _best_art(
 
         def judge(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
             nonlocal best
-            found = system.projector.live.expand(volume).reshape(seen.truth.shape)
+            found = system.projector.active.expand(volume).reshape(seen.truth.shape)
             distance = metrics.cosine_distance(found, seen.truth)
             reached.append(distance)  # noqa: B023 - called within this turn of the loop only
             if distance < best.get("cosine_distance", np.inf):
@@ -216,7 +216,7 @@ def _best_art(
                 best |= {"sweeps": index, "relaxation": relaxation}  # noqa: B023
             return index - int(np.argmin(reached)) >= _PATIENCE  # noqa: B023
 
-        solve.art(
+        solvers.art(
             system.projector, measured, iterations=sizes.sweeps, relaxation=relaxation,
             callback=judge,
         )  # fmt: skip
@@ -226,7 +226,7 @@ def _best_art(
 def _plain_art(seen: Case, measured: NDArray[np.float32], sizes: Sizes) -> dict[str, Any]:
     """Return what ART's own step gives, neither relaxed nor stopped by the truth."""
     sweeps = min(_PLAIN_SWEEPS, sizes.sweeps)
-    found = solve.art(
+    found = solvers.art(
         seen.whole.projector, measured, iterations=sweeps, relaxation=_PLAIN_RELAXATION
     ).volume
     row = {"stopped": "plain", **_art_row(seen, seen.whole, found, sizes)}
@@ -240,7 +240,7 @@ def _art_row(
         "flame": seen.flame,
         "layout": seen.layout,
         "noise": seen.noise,
-        "segments": system.projector.n_crossings,
+        "segments": system.projector.n_segments,
         "cosine_distance": metrics.cosine_distance(found, seen.truth),
         "nrmse": metrics.nrmse(found, seen.truth),
         "section": section(found, seen.truth, sizes.large),

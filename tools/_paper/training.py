@@ -19,12 +19,8 @@ from _paper.sizes import Problem
 from _paper.steps import epochs as epochs_by_steps
 from _paper.steps import steps
 from tomo import metrics
-from tomo.view.planes import middle_planes
-from tomo.wernet import (
-    TrainingDivergedError,
-    WeightEncoder,
-    wernet_paper,
-)
+from tomo.draw.volume.planes import middle_planes
+from tomo.wernet.paper import TrainingDivergedError, WeightEncoder, wernet_paper
 
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, where)``."""
@@ -34,7 +30,7 @@ PER_MILLE = 1000
 
 _OF_ENCODER = ("variant", "blocks", "first_bias")
 _OF_STUDY = ("norm", "loss", "first_voxels")
-"""Of a reading: what `tomo.wernet.wernet_paper` always does as a reading does unless told."""
+"""What `tomo.wernet.paper.wernet_paper` does by default in every reading."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +40,7 @@ class Reading:
     Attributes
     ----------
     variant, blocks, samples_per_batch, normalise_gradient
-        Of `tomo.wernet.wernet_paper`.
+        Of `tomo.wernet.paper.wernet_paper`.
     inputs : str
         As well, or ``unscaled``: the absolute ones counted in voxels.
     norm : {"ray", "batch"}
@@ -87,7 +83,7 @@ class Reading:
 
     @property
     def known_to_solver(self) -> bool:
-        """Whether `tomo.wernet.wernet_paper` can be asked for it."""
+        """Whether `tomo.wernet.paper.wernet_paper` can be asked for it."""
         as_solver = all(getattr(self, name) == getattr(Reading, name) for name in _OF_STUDY)
         return as_solver and self.inputs != "unscaled"
 
@@ -150,9 +146,9 @@ def row_and_encoder(
     course: list[tuple[int, float, float]] = []
     volume = np.zeros_like(seen.truth)
 
-    def judge(epoch: int, live: NDArray[np.float32], residual: float) -> None:
+    def judge(epoch: int, active: NDArray[np.float32], residual: float) -> None:
         nonlocal volume
-        volume = seen.system.projector.live.expand(live).reshape(seen.truth.shape)
+        volume = seen.system.projector.active.expand(active).reshape(seen.truth.shape)
         course.append((epoch, metrics.cosine_distance(volume, seen.truth), residual))
 
     started, worked = time.perf_counter(), time.process_time()
@@ -172,8 +168,8 @@ def row_and_encoder(
         except TrainingDivergedError as error:
             end = str(error)
     else:
-        for epoch, live, residual in epochs_by_steps(seen, reading, encoder, epochs):
-            judge(epoch, live, residual)
+        for epoch, active, residual in epochs_by_steps(seen, reading, encoder, epochs):
+            judge(epoch, active, residual)
         end = f"all {epochs} epochs done"
     seconds, work = time.perf_counter() - started, time.process_time() - worked
     distances = [distance for _, distance, _ in course]
@@ -211,7 +207,7 @@ def first_steps(seen: Case, reading: Reading, count: int) -> dict[str, Any]:
     """
     taken = list(islice(steps(seen, reading, reading.encoder()), count))
     voxels = taken[-1].model.voxels.detach().numpy()
-    found = seen.system.projector.live.expand(voxels).reshape(seen.truth.shape)
+    found = seen.system.projector.active.expand(voxels).reshape(seen.truth.shape)
     return {
         **seen.described(),
         **asdict(reading),

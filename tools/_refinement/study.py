@@ -15,11 +15,11 @@ import phantoms
 import rigs
 from rigs import Rig, box_points, ray_miss
 from tomo import Scan, VoxelGrid
-from tomo.reconstruct import reconstruct
-from tomo.refine import refine_cameras
-from tomo.refine.parameters import COUNT, moved_rig
-from tomo.refine.prior import units
-from tomo.simulate import simulate
+from tomo.pipeline import reconstruct
+from tomo.selfcal.refine import refine_cameras
+from tomo.selfcal.refine.parameters import COUNT, moved_rig
+from tomo.selfcal.refine.prior import units
+from tomo.simulation import simulate
 
 VIEWS, NOISE = 12, 0.02
 ERROR = 0.35

@@ -12,11 +12,11 @@ from scipy.ndimage import shift
 
 from _stress.calibration_scene import FOOTPRINT, GRID, KINDS, VIEWS, Flame, noisier, simulated
 from _stress.row import Chart, Progress, Row, Size
-from tomo import solve
-from tomo._prepare import prepare
-from tomo.reconstruct import reconstruct
+from tomo import solvers
+from tomo.pipeline import reconstruct
+from tomo.pipeline.register import prepare
 
-METHODS = ("auto", *solve.METHODS)
+METHODS = ("auto", *solvers.METHODS)
 CHARTED = ("auto", "cgls", "sirt", "mlem", "tv")
 QUICK_METHODS = ("auto",)
 PIXELS = (0.25, 0.5, 1.0, 2.0, 3.0)

@@ -17,8 +17,8 @@ from _stress.values_scene import simulated_by
 from rigs import Camera, Distortion, Rig
 from tomo import Scan
 from tomo.grid import VoxelGrid
-from tomo.noise import gaussian
-from tomo.simulate import SimulatedScan
+from tomo.simulation.camera_noise import gaussian
+from tomo.simulation.simulate import SimulatedScan
 
 GRID = VoxelGrid((20, 40, 20), 0.5)
 VIEWS = 12

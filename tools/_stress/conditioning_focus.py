@@ -8,8 +8,8 @@ import numpy as np
 
 from _stress.row import Row, worst_of
 from _stress.values_scene import ring, run, simulated_by
-from tomo import LinearSystem, dot_test, solve
-from tomo.methods import method_named
+from tomo import LinearSystem, dot_test, solvers
+from tomo.pipeline.methods import method_named
 
 VIEWS = 9
 NOISE = 0.1
@@ -24,7 +24,7 @@ def focus_rows(quick: bool) -> Iterator[Row]:
     seen = simulated_by(ring(VIEWS), noise=NOISE, seed=1)
     pixel = float(np.median(seen.rig.footprint(seen.grid.center)))
     images = list(seen.images.values())
-    methods = [name for name in solve.METHODS if method_named(name).through_lenses]
+    methods = [name for name in solvers.METHODS if method_named(name).through_lenses]
     adjoints: dict[type, list[tuple[str, float]]] = {np.float64: [], np.float32: []}
     brightest = []
     for form in ("stored", "on-the-fly"):

@@ -9,8 +9,8 @@ import numpy as np
 
 from _stress.row import Row, worst_of
 from _stress.values_scene import ring, run, simulated_by
-from tomo import LinearSystem, solve
-from tomo.support import carve
+from tomo import LinearSystem, solvers
+from tomo.hull import carve
 
 NOISE = 0.1
 VIEWS = 5
@@ -19,7 +19,7 @@ SCENES = 8
 SUBSETS = 8
 
 CASES: tuple[tuple[str, dict[str, Any]], ...] = (
-    *((method, {}) for method in solve.METHODS),
+    *((method, {}) for method in solvers.METHODS),
     ("sirt", {"subsets": SUBSETS}),
     ("mlem", {"subsets": SUBSETS}),
 )
@@ -33,7 +33,7 @@ def grazing_rows(quick: bool) -> Iterator[Row]:
         images = list(seen.images.values())
         carving = carve(tuple(seen.rig), images, None, seen.grid)
         system = LinearSystem.from_rig(
-            seen.rig, seen.grid, masks=carving.pixels, live=carving.live, form="stored"
+            seen.rig, seen.grid, masks=carving.pixels, active=carving.active, form="stored"
         )
         measured, rows = system.flatten(images), system.projector.row_sums
         grazing.append(rows[rows > 0].min() / np.median(rows))

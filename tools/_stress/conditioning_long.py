@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from _stress.row import Row, worst_of
 from _stress.values_scene import Scene, ring, run, scene_of
-from tomo import VoxelGrid, solve
-from tomo._sums import norm
-from tomo.reconstruction import Reconstruction
+from tomo import VoxelGrid, solvers
+from tomo._compute.reductions import norm
+from tomo.solvers import Solution
 
 ITERATIONS = 10_000
 QUICK = 400
@@ -34,7 +34,7 @@ def long_rows(quick: bool) -> Iterator[Row]:
     over = f"{count} iterations, {', '.join(_images(seen, quick))}"
     faults, grown, apart, lost = [], [], [], []
     for what, measured in _images(seen, quick).items():
-        for method in solve.METHODS:
+        for method in solvers.METHODS:
             name = f"{method}, {what}"
             found, finite = _watched(method, seen, measured, count)
             if not (finite and found.volume.min() >= 0):
@@ -92,9 +92,7 @@ def _images(seen: Scene, quick: bool) -> Mapping[str, NDArray[np.float32]]:
     return {name: pixels.astype(np.float32) for name, pixels in images.items()}
 
 
-def _watched(
-    method: str, seen: Scene, measured: NDArray, count: int
-) -> tuple[Reconstruction, bool]:
+def _watched(method: str, seen: Scene, measured: NDArray, count: int) -> tuple[Solution, bool]:
     """Return a long run, and whether each of its volumes was finite."""
     finite = []
 
@@ -105,21 +103,21 @@ def _watched(
     return run(method, seen.stored, measured, count, callback=watch), all(finite)
 
 
-def _free(method: str, seen: Scene, measured: NDArray, count: int) -> Reconstruction:
+def _free(method: str, seen: Scene, measured: NDArray, count: int) -> Solution:
     return run(method, seen.stored, measured, count, nonnegative=False)
 
 
-def _late_growth(found: Reconstruction) -> float:
+def _late_growth(found: Solution) -> float:
     residuals = [entry.relative_residual for entry in found.history]
     return residuals[-1] / min(residuals[len(residuals) // 2 :])
 
 
-def _residual(seen: Scene, measured: NDArray, found: Reconstruction) -> float:
+def _residual(seen: Scene, measured: NDArray, found: Solution) -> float:
     projected = seen.stored @ found.volume.ravel().astype(np.float64)
     return norm(measured - projected) / norm(measured)
 
 
-def _lost_light(seen: Scene, measured: NDArray, found: Reconstruction) -> float:
+def _lost_light(seen: Scene, measured: NDArray, found: Solution) -> float:
     """Return how far the projection's total is from the images', negative pixels cut."""
     total = float((seen.stored @ found.volume.ravel().astype(np.float64)).sum())
     return abs(total / np.maximum(measured, 0).sum(dtype=np.float64) - 1)

@@ -20,9 +20,9 @@ from _stress.values_scene import (
     scene_of,
 )
 from rigs import Rig
-from tomo import LinearSystem, VoxelGrid, solve
+from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.metrics import nrmse
-from tomo.outcome import Outcome
+from tomo.pipeline import Reconstruction
 
 VIEWS = (1, 2, 3, 5, 9, 17, 33)
 FAN = 30.0  # degrees
@@ -70,7 +70,7 @@ def _finite(scenes: Mapping[str, Scene]) -> Row:
     """Run every classic method on every rig."""
     faults = []
     for name, seen in scenes.items():
-        for method in solve.METHODS:
+        for method in solvers.METHODS:
             found = run(method, seen.stored, seen.measured)
             if not (np.isfinite(found.volume).all() and found.volume.min() >= 0):
                 faults.append(f"{method}, {name}")
@@ -81,7 +81,9 @@ def _finite(scenes: Mapping[str, Scene]) -> Row:
     )
 
 
-def _better_than_nothing(scenes: Mapping[str, Scene], outcomes: Mapping[str, Outcome]) -> Row:
+def _better_than_nothing(
+    scenes: Mapping[str, Scene], outcomes: Mapping[str, Reconstruction]
+) -> Row:
     worst, where = worst_of(
         (name, nrmse(_volume(outcomes[name]), seen.truth)) for name, seen in scenes.items()
     )
@@ -96,7 +98,7 @@ def _better_than_nothing(scenes: Mapping[str, Scene], outcomes: Mapping[str, Out
 
 
 def _more_views(
-    views: tuple[int, ...], scenes: Mapping[str, Scene], outcomes: Mapping[str, Outcome]
+    views: tuple[int, ...], scenes: Mapping[str, Scene], outcomes: Mapping[str, Reconstruction]
 ) -> Row:
     errors = [nrmse(_volume(outcomes[f"{n} views"]), scenes[f"{n} views"].truth) for n in views]
     worst, where = worst_of(
@@ -114,12 +116,12 @@ def _more_views(
     )
 
 
-def _unseen(scenes: Mapping[str, Scene], outcomes: Mapping[str, Outcome]) -> Iterator[Row]:
+def _unseen(scenes: Mapping[str, Scene], outcomes: Mapping[str, Reconstruction]) -> Iterator[Row]:
     """Look at the voxels that no ray crosses."""
     seen, outcome = scenes["partly unseen"], outcomes["partly unseen"]
     dark = seen.stored.column_sums == 0
     lit = []
-    for method in solve.METHODS:
+    for method in solvers.METHODS:
         if method in SMOOTHING:  # those follow their neighbours
             continue
         volume = run(method, seen.stored, seen.measured).volume.ravel()
@@ -168,7 +170,7 @@ def _twice() -> Row:
                 run(method, seen.stored, seen.measured).volume,
             ),
         )
-        for method in solve.METHODS
+        for method in solvers.METHODS
         if method not in ORDERED
     )
     return Row(
@@ -181,5 +183,5 @@ def _twice() -> Row:
     )
 
 
-def _volume(outcome: Outcome) -> NDArray[np.float32]:
+def _volume(outcome: Reconstruction) -> NDArray[np.float32]:
     return outcome.reconstruction.volume

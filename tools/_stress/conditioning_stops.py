@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from _stress.row import Chart, Row, worst_of
 from _stress.values_scene import Scene, run, scene
-from tomo import solve
+from tomo import solvers
 from tomo.metrics import nrmse
-from tomo.reconstruction import Callback
-from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
+from tomo.selection import choose_by_held_out_views
+from tomo.selection.choose import solve_as_chosen
+from tomo.solvers.solution import Callback
 
 NOISE = 0.1
 LONGEST = 400
@@ -34,10 +35,10 @@ def _methods(longest: int) -> Row:
     """Run every classic method far beyond its best."""
     seen = scene(NOISE)
     curves, said, figures = {}, [], []
-    for method in solve.METHODS:
+    for method in solvers.METHODS:
         errors: list[float] = []
         run(method, seen.stored, seen.measured, longest, callback=_recorder(seen, errors))
-        default = inspect.signature(getattr(solve, method)).parameters["iterations"].default
+        default = inspect.signature(getattr(solvers, method)).parameters["iterations"].default
         best = int(np.argmin(errors))
         stopped = errors[min(default, len(errors) - 1)]
         curves[method] = [(index, error) for index, error in enumerate(errors) if index]

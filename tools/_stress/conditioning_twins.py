@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from _stress.conditioning_long import small_scene
 from _stress.row import Row, relative_error, worst_of
 from _stress.values_scene import run
-from tomo.solve._gradient import Gradient
-from tomo.solve.mlem import sensitivity
-from tomo.solve.sart import view_orders
+from tomo.priors.differences import Gradient
+from tomo.solvers.mlem import sensitivity
+from tomo.solvers.sart import view_orders
 
 ITERATIONS = 20
 SETTLED = 2_000
@@ -43,7 +43,7 @@ def twin_rows() -> Iterator[Row]:
         "of the volume",
         note=where,
     )
-    gradient = Gradient(seen.stored.live)
+    gradient = Gradient(seen.stored.active)
     unit = np.eye(matrix.shape[1], dtype=np.float32)
     differences = np.stack([gradient.forward(column).ravel() for column in unit], axis=1)
     largest = (matrix.T @ (matrix @ np.ones(matrix.shape[1]))).max()

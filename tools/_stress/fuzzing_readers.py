@@ -43,7 +43,7 @@ def in_groups(names: Iterable[str]) -> list[str]:
 
 def _scans(folder: Path) -> list[Reader]:
     from rigs import formats
-    from rigs.file import save_rig
+    from rigs.files import save_rig
     from tomo import Scan, VoxelGrid
     from tomo.io import write_volume
 
@@ -91,9 +91,9 @@ def _volumes(folder: Path) -> list[Reader]:
 
 
 def _images(folder: Path) -> list[Reader]:
-    from rigs.calibrate import _detection_cache
-    from rigs.calibrate._found import Found
-    from rigs.calibrate.image_sets import read_source
+    from rigs.calibrate.detect import _detection_cache
+    from rigs.calibrate.detect.found import Found
+    from rigs.calibrate.detect.image_sets import read_source
     from tomo.io import is_integer_image, read_image
     from tomo.io._lzw import unpacked_length
 
@@ -121,12 +121,11 @@ def _images(folder: Path) -> list[Reader]:
 def _learned(folder: Path) -> list[Reader]:
     import torch
 
-    from tomo.solve.stopping import Choice
-    from tomo.wernet._checkpoint import Checkpoint, Learned, State
-    from tomo.wernet.correction import CorrectionEncoder, ViewTokens
-    from tomo.wernet.encoder import WeightEncoder
-    from tomo.wernet.encoder_file import load_encoder, save_encoder
-    from tomo.wernet.ray_weights import RayWeights
+    from tomo.selection import Choice
+    from tomo.wernet import load_encoder, save_encoder
+    from tomo.wernet.default import CorrectionEncoder, RayWeights, ViewTokens
+    from tomo.wernet.default.checkpoint import Checkpoint, Learned, State
+    from tomo.wernet.paper import WeightEncoder
 
     files, path = [], folder / "a.pt"
     for encoder in (

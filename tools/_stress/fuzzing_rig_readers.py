@@ -17,9 +17,9 @@ MOST_RAYS = 1 << 14
 def rig_readers(folder: Path) -> list[Reader]:
     """Make them; ``folder`` is for the files that the writers write."""
     from rigs import RayTable, formats
-    from rigs.file import load_rig, save_rig
+    from rigs.files import load_rig, save_rig
     from rigs.formats import _image_size
-    from rigs.ray_file import load_ray_table, save_ray_table
+    from rigs.ray_table.ray_file import load_ray_table, save_ray_table
 
     # tables of rays take as much as the camera has pixels, which is no matter of the file's size
     _image_size.MOST_RAYS = MOST_RAYS

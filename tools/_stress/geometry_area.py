@@ -18,7 +18,7 @@ from _stress.geometry_motion import motion_rows
 from _stress.geometry_scenes import TILTED, Case, roundings_apart
 from _stress.row import Progress, Row, Size, worst_of
 from tomo import Projector, dot_test
-from tomo.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly.projector import OnTheFlyProjector
 from tomo.trace import TRACERS, trace
 
 Cases = Callable[[int, np.random.Generator], Iterator[Case]]

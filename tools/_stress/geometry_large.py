@@ -18,14 +18,14 @@ import rigs
 from _stress.row import Row, Size, faults_of_refusing, relative_error
 from tomo import Projector
 from tomo.grid import VoxelGrid
+from tomo.operators import check_memory, choose_form
+from tomo.operators.on_the_fly import kernels
+from tomo.operators.on_the_fly.ray_setup import WIDTH
+from tomo.operators.on_the_fly.ray_sources import RayPixels
+from tomo.operators.on_the_fly.running_sums import turned
 from tomo.rays import Rays
-from tomo.segments import Segments
-from tomo.support import check_memory, choose_form
-from tomo.trace import TRACERS, column_changes, trace
-from tomo.trace.columns import turned
-from tomo.trace.courses import WIDTH
+from tomo.trace import TRACERS, Segments, trace
 from tomo.trace.march import _move_down
-from tomo.trace.sources import RayPixels
 
 SIDE = 3000
 COLUMNS = 300  # of a ray, that hold anything
@@ -89,7 +89,7 @@ def _running_sums(grid: VoxelGrid, rays: Rays, segments: Segments, seed: int) ->
             sums[one * (SIDE + 1) + 1 : (one + 1) * (SIDE + 1)] = np.cumsum(value)
         images = np.zeros(len(rays))
         number, ptr = np.zeros(0, np.int64), rays.pixel_ptr
-        column_changes.forward(courses, ptr, shape, number, np.zeros(0, np.float32), sums, images)
+        kernels.forward(courses, ptr, shape, number, np.zeros(0, np.float32), sums, images)
         del sums
         order = np.argsort(chosen)
         found = np.minimum(np.searchsorted(chosen, column, sorter=order), len(chosen) - 1)
@@ -100,7 +100,7 @@ def _running_sums(grid: VoxelGrid, rays: Rays, segments: Segments, seed: int) ->
 
         differences = _untouched(SIDE * SIDE * (SIDE + 1) + 1, np.uint64)
         for low, high in ((0, SIDE // 2), (SIDE // 2, SIDE)):
-            column_changes.adjoint(
+            kernels.adjoint(
                 courses, ptr, shape, number, low, high, 2.0**40, measured,
                 differences[low * SIDE * (SIDE + 1) :],
             )  # fmt: skip

@@ -12,7 +12,7 @@ from rigs import Camera, Distortion
 from rigs.camera import look_at
 from tomo import Projector, dot_test
 from tomo.grid import VoxelGrid
-from tomo.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly.projector import OnTheFlyProjector
 from tomo.rays import Rays
 from tomo.trace import trace
 

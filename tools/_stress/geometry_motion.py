@@ -18,10 +18,10 @@ from rigs import Camera, Distortion
 from rigs.camera import look_at
 from tomo import LinearSystem, Projector
 from tomo.grid import VoxelGrid
-from tomo.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly.projector import OnTheFlyProjector
 from tomo.rays import Rays
-from tomo.simulate import simulate
-from tomo.solve import cgls
+from tomo.simulation import simulate
+from tomo.solvers import cgls
 from tomo.trace import trace
 
 

@@ -120,7 +120,7 @@ def small_scan(folder: Path) -> Path:
     from phantoms import create
     from rigs import ring
     from tomo import VoxelGrid
-    from tomo.simulate import simulate
+    from tomo.simulation import simulate
 
     grid = VoxelGrid((6, 10, 6), 1.0)
     rig = ring(4, distance=60.0, image_size=(18, 12), footprint=0.8, pitch_degrees=20)

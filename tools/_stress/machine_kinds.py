@@ -62,7 +62,8 @@ def _figures() -> Kind:
 def _encoder() -> Kind:
     import torch
 
-    from tomo.wernet import CorrectionEncoder, load_encoder, save_encoder
+    from tomo.wernet import load_encoder, save_encoder
+    from tomo.wernet.default import CorrectionEncoder
 
     def write(folder: Path, encoder: CorrectionEncoder, version: int) -> None:
         with torch.no_grad():
@@ -78,8 +79,8 @@ def _encoder() -> Kind:
 
 
 def _checkpoint() -> Kind:
-    from tomo.solve.stopping import Choice
-    from tomo.wernet._checkpoint import Checkpoint, State
+    from tomo.selection import Choice
+    from tomo.wernet.default.checkpoint import Checkpoint, State
 
     def write(folder: Path, _: None, version: int) -> None:
         volume = np.full(EDGE**3, version, np.float32)
@@ -94,8 +95,8 @@ def _checkpoint() -> Kind:
 
 
 def _cache() -> Kind:
-    from rigs.calibrate import _detection_cache
-    from rigs.calibrate._found import Found
+    from rigs.calibrate.detect import _detection_cache
+    from rigs.calibrate.detect.found import Found
 
     def write(folder: Path, _: None, version: int) -> None:
         found = Found(np.arange(60), np.full((60, 2), float(version)), float(version))
@@ -112,7 +113,7 @@ def _cache() -> Kind:
 def _scan() -> Kind:
     from tomo import Scan, VoxelGrid
     from tomo.io import read_volume
-    from tomo.scan_file import save_scan
+    from tomo.scan import save_scan
 
     def write(folder: Path, _: None, version: int) -> None:
         rig = rig_of(6, version)
@@ -135,11 +136,11 @@ def _outcome() -> Kind:
     """Pictures are drawn once: the writing of files is what has to be killed."""
     from _stress.machine_commands import small_scan
     from tomo.io import read_volume
-    from tomo.view import outcome_files
+    from tomo.report import outcome_files
 
     def prepare() -> Any:
         from tomo import Scan
-        from tomo.reconstruct import reconstruct
+        from tomo.pipeline import reconstruct
 
         with tempfile.TemporaryDirectory() as folder:
             scan = Scan.load(small_scan(Path(folder)))

@@ -14,7 +14,7 @@ from _stress.machine_kind import Kind, versions
 
 if TYPE_CHECKING:
     from rigs import Rig
-    from tomo.view.scene import Scene
+    from tomo.draw import Scene
 
 
 def rig() -> Kind:
@@ -63,7 +63,7 @@ def model() -> Kind:
 def ray_table() -> Kind:
     """Write a table of rays, all from the place that tells the version."""
     from rigs import RayTable
-    from rigs.ray_file import load_ray_table, save_ray_table
+    from rigs.ray_table.ray_file import load_ray_table, save_ray_table
 
     looking = np.broadcast_to([0.0, 0.0, 1.0], (480, 640, 3))
 
@@ -80,7 +80,7 @@ def page() -> Kind:
     """Write a page to turn a rig on; its title tells the version."""
     import plotly.graph_objects  # noqa: F401  before there are forks
 
-    from tomo.view import write_html
+    from tomo.draw import write_html
 
     def write(folder: Path, scene: Scene, version: int) -> None:
         write_html(folder / "page.html", scene, title=f"version {version}")
@@ -97,7 +97,7 @@ def meshes() -> Kind:
     """Write a rig's meshes, whose names tell the version."""
     import trimesh  # noqa: F401  before there are forks
 
-    from tomo.view import write_glb
+    from tomo.draw import write_glb
 
     def write(folder: Path, scene: Scene, version: int) -> None:
         named = [replace(mesh, group=f"version {version}") for mesh in scene.meshes]
@@ -113,6 +113,6 @@ def meshes() -> Kind:
 
 
 def _scene() -> Scene:
-    from tomo.view import rig_scene
+    from tomo.draw.rig import rig_scene
 
     return rig_scene(rig_of(6, 1)).without("stems")

@@ -76,9 +76,9 @@ def _import_what_training_imports(scan: Path, folder: Path) -> None:
 
 def _train(scan: Path, out: Path, rounds: int) -> None:
     """Train as the command does, going on where there is a checkpoint; draw nothing."""
+    from rigs.files import remove_leftovers
     from tomo import Scan
-    from tomo.io import remove_leftovers
-    from tomo.reconstruct import reconstruct
+    from tomo.pipeline import reconstruct
 
     out.mkdir(exist_ok=True)
     remove_leftovers(out)

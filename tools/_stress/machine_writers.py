@@ -34,7 +34,7 @@ def kill_at_random(kind: Kind, folder: Path, times: int, seed: int) -> dict[str,
         ``faults``, and how many ``left`` a temporary file, were done (``new``), or were
         ``between``: stopped while files were moved, which the folder says.
     """
-    from tomo.io import remove_leftovers
+    from rigs.files import remove_leftovers
 
     random = np.random.default_rng(seed)
     prepared = _in_fork(kind.prepare)

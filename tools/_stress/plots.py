@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from _benchmark.plot_axes import draw_line, log_log, looks_of
 
 from _stress import AREAS
-from tomo.view.figures import INK, MUTED, new_figure, plain, thin_lines
+from tomo.draw.figures import INK, MUTED, new_figure, plain, thin_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,7 +12,7 @@ from _results import earlier_run, write_json, write_text
 from _stress.page import page
 from _stress.plots import OVERALL, plots
 from _stress.row import Size
-from tomo.view.figures import save_figure
+from tomo.draw.figures import save_figure
 
 FORMAT, VERSION = "emission-stress", 1
 JSON, PAGE, PLOTS = "stress.json", "stress.md", "stress"

@@ -24,9 +24,9 @@ from _stress.robustness_scene import (
 )
 from _stress.row import Progress, Row, Size, worst_of
 from rigs import Rig
-from tomo.effects import Effects
-from tomo.outcome import Outcome
-from tomo.suspects import find_suspects
+from tomo.pipeline import Reconstruction
+from tomo.screening import find_suspects
+from tomo.simulation.effects import Effects
 
 WORSE = 1.5
 """How many times its clean error the default method may have."""
@@ -156,7 +156,7 @@ class _Measured:
             faults += [f"{where}: {fault}" for fault in _not_as_named(outcome, wrong)]
 
 
-def _not_as_named(outcome: Outcome, wrong: tuple[str, ...]) -> Iterator[str]:
+def _not_as_named(outcome: Reconstruction, wrong: tuple[str, ...]) -> Iterator[str]:
     left_out = [view.name for view in outcome.views if view.left_out]
     for name in wrong:
         told = any(warning.startswith(f"camera {name}: ") for warning in outcome.warnings)

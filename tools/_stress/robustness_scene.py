@@ -15,10 +15,9 @@ import rigs
 from _stress.values_scene import simulated_by
 from rigs import Rig
 from tomo import Scan, VoxelGrid
-from tomo.effects import Effects
-from tomo.outcome import Outcome
-from tomo.reconstruct import reconstruct
-from tomo.scan_file import save_scan
+from tomo.pipeline import Reconstruction, reconstruct
+from tomo.scan import save_scan
+from tomo.simulation.effects import Effects
 
 PRESET = "paper33_pitch"
 FLAMES = ("jet", "turbulent")
@@ -57,7 +56,7 @@ class Scene:
         """The brightest pixel of all."""
         return max(float(image.max()) for image in self.images)
 
-    def reconstructed(self, images: Images) -> Outcome:
+    def reconstructed(self, images: Images) -> Reconstruction:
         """Return what the default method makes of other images of the same cameras."""
         with tempfile.TemporaryDirectory() as folder:
             named = dict(zip(self.rig.names, images, strict=True))

@@ -13,11 +13,11 @@ from _stress.row import Progress, Row, Size, relative_error, worst_of
 from _stress.scaling_parts import alignment_rows, carving_rows, figures_rows, gains_rows
 from _stress.scaling_scene import EXACT, FACTORS, RANGE, Scaled
 from _stress.values_scene import BY_PIXEL, reconstructed, ring, run, scene, simulated_by
-from tomo import solve
-from tomo.effects import Effects
-from tomo.outcome import Outcome
-from tomo.solve.stopping import choose_by_held_out_views
-from tomo.viewed import ViewedOperator
+from tomo import solvers
+from tomo.operators.operator import ProjectionOperator
+from tomo.pipeline import Reconstruction
+from tomo.selection import choose_by_held_out_views
+from tomo.simulation.effects import Effects
 
 
 def rows(size: Size, progress: Progress) -> Iterator[Row]:
@@ -45,7 +45,7 @@ def rows(size: Size, progress: Progress) -> Iterator[Row]:
 def _solvers(plain: Scaled, others: Sequence[Scaled], quick: bool) -> Iterator[Row]:
     for what in ("lengths", "intensities"):
         figures = []
-        for method in solve.METHODS:
+        for method in solvers.METHODS:
             forms = ["system"] if quick or method in BY_PIXEL else ["system", "on_the_fly"]
             for form in forms:
                 expected = run(method, _form(plain, form), plain.measured).volume
@@ -79,7 +79,7 @@ def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
         "default method, through files", RANGE, worst, EXACT, "relative to scale 1", note=where
     )
     yield Row(
-        "what the default method chooses: method, width, iterations, live voxels, warnings",
+        "what the default method chooses: method, width, iterations, active voxels, warnings",
         RANGE,
         len(changed),
         0,
@@ -120,17 +120,17 @@ def _learned(others: Sequence[Scaled]) -> Iterator[Row]:
     yield Row("WERNet: whether learned weights are kept", RANGE, len(changed), 0, "changes")
 
 
-def _form(scaled: Scaled, form: str) -> ViewedOperator:
+def _form(scaled: Scaled, form: str) -> ProjectionOperator:
     return scaled.on_the_fly if form == "on_the_fly" else scaled.system.projector
 
 
-def _choice(outcome: Outcome) -> Mapping[str, object]:
+def _choice(outcome: Reconstruction) -> Mapping[str, object]:
     settings = outcome.reconstruction.settings
     return {
         "method": settings["method"],
         "width": settings["smooth_width"],
         "strength": settings.get("strength"),
         "iterations": settings["iterations"],
-        "live voxels": outcome.counts["active_voxels"],
+        "active voxels": outcome.counts["active_voxels"],
         "warnings": len(outcome.warnings),
     }

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from _stress.row import Row, relative_error, worst_of
 from _stress.scaling_scene import EXACT, RANGE, Scaled
 from _stress.values_scene import ring, run, scene_of
-from tomo import metrics, solve
-from tomo.alignment import Alignment, align_views
-from tomo.gains import Gains, fit_gains, solve_with_gains
-from tomo.support import Carving, carve, estimate_noise
+from tomo import metrics, solvers
+from tomo.hull import Carving, carve
+from tomo.measurement import estimate_noise
+from tomo.selfcal.gains import Gains, fit_gains, solve_with_gains
+from tomo.selfcal.shifts import Alignment, align_views
 
 GAINS = (1.0, 1.2, 0.9)
 """Of the cameras, in turn: what gains are to be found."""
@@ -32,13 +33,13 @@ def carving_rows(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
     for other in others:
         found = carved(other)
         differing.append(
-            (other.name, float(np.count_nonzero(found.live.mask != expected.live.mask)))
+            (other.name, float(np.count_nonzero(found.active.mask != expected.active.mask)))
         )
         for name, factor in (("threshold", other.intensities), ("smoothing", 1), ("margin", 1)):
             value, wanted = getattr(found, name) / factor, getattr(expected, name)
             settings.append((f"{name}, {other.name}", abs(value - wanted) / (wanted or 1)))
     worst, where = worst_of(differing)
-    yield Row("carving: live voxels", RANGE, worst, 0, "that differ", note=where)
+    yield Row("carving: active voxels", RANGE, worst, 0, "that differ", note=where)
     worst, where = worst_of(settings)
     yield Row("carving: threshold, blur, margin", RANGE, worst, EXACT, "relative", note=where)
 
@@ -51,7 +52,7 @@ def gains_rows(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
         gains = np.resize(GAINS, projector.n_views)
         measured = scaled.measured * np.repeat(gains, np.diff(projector.view_ptr))
         volume, found = solve_with_gains(
-            lambda pixels: solve.mlem(projector, pixels, iterations=6),
+            lambda pixels: solvers.mlem(projector, pixels, iterations=6),
             projector,
             measured.astype(np.float32),
         )

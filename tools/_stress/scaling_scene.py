@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo import LinearSystem, VoxelGrid
-from tomo.on_the_fly import OnTheFlyProjector
-from tomo.simulate import SimulatedScan
+from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.simulation.simulate import SimulatedScan
 
 FACTORS = (1e-6, 3.7e-6, 2.9e5, 1e6)
 RANGE = f"x {min(FACTORS):g} to {max(FACTORS):g}"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from _stress.row import Progress, Row, Size, relative_error, worst_of
 from _stress.values_scene import ring, simulated_by
-from tomo.effects import Effects
+from tomo.simulation.effects import Effects
 
 POOLS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 CHILD = Path(__file__).with_name("threads_child.py")

@@ -48,10 +48,10 @@ def hash_of(array: NDArray) -> str:
 def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
     from _stress.values_scene import ring, run, scene_of
     from tomo import Scan
-    from tomo.alignment import align_views
-    from tomo.gains import estimate_gains
-    from tomo.reconstruct import reconstruct
-    from tomo.support import carve
+    from tomo.hull import carve
+    from tomo.pipeline import reconstruct
+    from tomo.selfcal.gains import estimate_gains
+    from tomo.selfcal.shifts import align_views
 
     scan = Scan.load(folder)
     images, masks = scan.read()
@@ -68,7 +68,7 @@ def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
         yield f"{method}, {', '.join(settings)}", found.volume
     yield from _fewer(seen)
     cameras = tuple(scan.rig)
-    yield "carving", carve(cameras, images, masks, scan.grid).live.mask
+    yield "carving", carve(cameras, images, masks, scan.grid).active.mask
     yield "gains", estimate_gains(seen.stored, seen.measured).gain
     few = replace(scan.rig, cameras=cameras[:5])
     yield "alignment", align_views(few, images[:5], scan.grid, masks=masks[:5]).shifts
@@ -91,7 +91,7 @@ def _fewer(seen: Scene) -> Iterator[tuple[str, NDArray]]:
 
 def _learned(folder: Path) -> Iterator[tuple[str, NDArray]]:
     from tomo import Scan
-    from tomo.reconstruct import reconstruct
+    from tomo.pipeline import reconstruct
 
     found = reconstruct(Scan.load(folder), method="wernet", iterations=LEARNED_ROUNDS)
     yield "wernet", found.reconstruction.volume

@@ -12,8 +12,8 @@ from _stress.row import Progress, Row, Size, relative_error, worst_of
 from _stress.trust_scenes import SHAPE, TrustScene, seen_by, trust_scene
 from phantoms import GaussianBlobs
 from rigs import Rig, arc
-from tomo.condition import Condition, assess, half_widths
-from tomo.simulate import simulate
+from tomo.simulation import simulate
+from tomo.uncertainty import Condition, assess, half_widths
 
 WITHIN = 1.5
 SHARE = 0.8
@@ -145,12 +145,12 @@ def resolution_row(scene: TrustScene, found: Condition) -> Row:
     voxels are wider than one voxel, in squares.
     """
     system, grid = scene.problem.system, scene.clean.grid
-    live = system.projector.live
+    active = system.projector.active
     before = scene.solve(scene.problem.measured)
     bright = np.flatnonzero(before > 0.3 * before.max())
     widths, own = [], []
     for unknown in bright[np.linspace(0, len(bright) - 1, 5).astype(int)[1:-1]]:
-        flat = int(unknown if live.index is None else live.index[unknown])
+        flat = int(unknown if active.index is None else active.index[unknown])
         place = tuple(int(index) for index in np.unravel_index(flat, grid.shape))
         point = tuple(float(axis[index]) for axis, index in zip(grid.axes(), place, strict=True))
         blob = GaussianBlobs((point,), (BLOB * min(grid.spacing),), (1.0,))
@@ -158,7 +158,7 @@ def resolution_row(scene: TrustScene, found: Condition) -> Row:
         light = system.flatten(list(seen.images.values()))
         light = light * (0.5 * float(before.max()) / float(seen.truth.max()))
         change = scene.solve((scene.problem.measured + light).astype(np.float32)) - before
-        response = live.expand(change.astype(np.float64)).reshape(grid.shape)
+        response = active.expand(change.astype(np.float64)).reshape(grid.shape)
         widths.append(half_widths(response, place))
         own.append(half_widths(seen.truth.astype(np.float64), place))
     blob, spot = np.median(own, axis=0), np.median(found.resolution.widths, axis=0)

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from _stress.values_scene import simulated_by
 from rigs import Rig
 from tomo import VoxelGrid
-from tomo import noise as noises
-from tomo.condition import Solve
-from tomo.simulate import SimulatedScan, simulate
-from tomo.solve.stopping import Choice, choose_by_held_out_views, solve_as_chosen
+from tomo.selection import Choice, choose_by_held_out_views
+from tomo.selection.choose import solve_as_chosen
+from tomo.simulation import camera_noise as noises
+from tomo.simulation import simulate
+from tomo.simulation.simulate import SimulatedScan
+from tomo.uncertainty import Solve
 
 FRACTION, PHOTONS = 0.02, 1000.0
 SHAPE, SPACING, SHRINK = (30, 140, 30), 0.5, 2
@@ -55,7 +57,7 @@ class TrustScene:
 
         def solve(measured: NDArray[np.float32]) -> NDArray[np.float32]:
             volume = solve_as_chosen(projector, measured, self.choice).volume
-            return projector.live.compress(volume)
+            return projector.active.compress(volume)
 
         return solve
 
@@ -85,10 +87,10 @@ class TrustScene:
 
         And how many sets led to the same choice.
         """
-        live, volumes, same = self.problem.system.projector.live, [], 0
+        active, volumes, same = self.problem.system.projector.active, [], 0
         for images in self._noisy_sets(count, batch):
             _, choice, volume = _by_default(self.clean.rig, self.clean.grid, images)
-            volumes.append(live.compress(volume))
+            volumes.append(active.compress(volume))
             same += _key(choice) == _key(self.choice)
         return np.std(volumes, axis=0, ddof=1, dtype=np.float64), same
 

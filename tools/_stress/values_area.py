@@ -14,12 +14,12 @@ from _stress.scaling_scene import Scaled
 from _stress.values_pixels import pixel_rows
 from _stress.values_scene import SMOOTHING, Scene, reconstructed, run, scene
 from tomo.metrics import nrmse
-from tomo.simulate import SimulatedScan
-from tomo.viewed import ViewedOperator
+from tomo.operators.operator import ProjectionOperator
+from tomo.simulation.simulate import SimulatedScan
 
 FACTORS = (1e-30, 1e-12, 3.7e-7, 3.7e6, 1e12, 1e30)
 EXACT = 1e-5
-Cases = Sequence[tuple[str, str, ViewedOperator]]
+Cases = Sequence[tuple[str, str, ProjectionOperator]]
 SETTLED = 100
 """Iterations that gather one voxel's light."""
 NEGATIVE_TOO = ("art", "cgls", "curvature", "nnls", "sart", "sirt", "tikhonov", "tv")

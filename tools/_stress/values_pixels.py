@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from _stress.row import Row, faults_of_refusing, relative_error, worst_of
 from _stress.values_scene import Scene, run
 from tomo import Scan
-from tomo.corrections import Corrections
+from tomo.hull import carve
 from tomo.metrics import nrmse
-from tomo.reconstruct import reconstruct
-from tomo.simulate import SimulatedScan
-from tomo.support import carve
+from tomo.pipeline import reconstruct
+from tomo.scan import Corrections
+from tomo.simulation.simulate import SimulatedScan
 
 WILD: Mapping[str, float] = {"NaN": np.nan, "+inf": np.inf, "-inf": -np.inf}
 UNDER_A_MASK = {**WILD, "1e30": 1e30, "-1e30": -1e30, "0": 0.0}
@@ -63,13 +63,13 @@ def _refused(seen: Scene) -> Iterator[Row]:
     images = list(seen.simulated.images.values())
     masks = [np.ones(image.shape, bool) for image in images]
     masks[0][PLACE] = False
-    expected = carve(tuple(seen.simulated.rig), images, masks, seen.grid).live.mask
+    expected = carve(tuple(seen.simulated.rig), images, masks, seen.grid).active.mask
     figures = []
     for what, value in WILD.items():
         spoiled = [images[0].copy(), *images[1:]]
         spoiled[0][PLACE] = value
-        live = carve(tuple(seen.simulated.rig), spoiled, None, seen.grid).live.mask
-        figures.append((what, float(np.count_nonzero(live != expected))))
+        active = carve(tuple(seen.simulated.rig), spoiled, None, seen.grid).active.mask
+        figures.append((what, float(np.count_nonzero(active != expected))))
     worst, where = worst_of(figures)
     yield Row(
         "carving with one NaN or infinite pixel against one masked",

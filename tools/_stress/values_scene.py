@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 import phantoms
 import rigs
 from rigs import Rig
-from tomo import LinearSystem, Scan, VoxelGrid, solve
-from tomo.on_the_fly import OnTheFlyProjector
-from tomo.outcome import Outcome
-from tomo.reconstruct import reconstruct
-from tomo.reconstruction import Reconstruction
-from tomo.simulate import SimulatedScan, simulate
-from tomo.viewed import ViewedOperator
+from tomo import LinearSystem, Scan, VoxelGrid, solvers
+from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.operators.operator import ProjectionOperator
+from tomo.pipeline import Reconstruction, reconstruct
+from tomo.simulation import simulate
+from tomo.simulation.simulate import SimulatedScan
+from tomo.solvers import Solution
 
 SHAPE = (12, 28, 12)
 SPACING = 0.5
@@ -35,14 +35,14 @@ class Scene:
     Attributes
     ----------
     simulated : SimulatedScan
-    stored, on_the_fly : ViewedOperator
+    stored, on_the_fly : ProjectionOperator
         The same matrix.
     measured : (pixels,) float32
     """
 
     simulated: SimulatedScan
-    stored: ViewedOperator
-    on_the_fly: ViewedOperator
+    stored: ProjectionOperator
+    on_the_fly: ProjectionOperator
     measured: NDArray[np.float32]
 
     @property
@@ -55,16 +55,16 @@ class Scene:
         """The voxels."""
         return self.simulated.grid
 
-    def projectors(self, method: str) -> list[tuple[str, ViewedOperator]]:
+    def projectors(self, method: str) -> list[tuple[str, ProjectionOperator]]:
         """Return the forms of the matrix that a method can use, by name."""
         forms = [("stored", self.stored), ("on the fly", self.on_the_fly)]
         return forms[:1] if method in BY_PIXEL else forms
 
-    def cases(self) -> list[tuple[str, str, ViewedOperator]]:
+    def cases(self) -> list[tuple[str, str, ProjectionOperator]]:
         """Return every classic method with every form of the matrix: name, method, projector."""
         return [
             (f"{method}, {form}", method, projector)
-            for method in solve.METHODS
+            for method in solvers.METHODS
             for form, projector in self.projectors(method)
         ]
 
@@ -99,13 +99,13 @@ def scene_of(rig: Rig, noise: float = 0.0, grid: VoxelGrid | None = None) -> Sce
 
 def run(
     method: str,
-    projector: ViewedOperator,
+    projector: ProjectionOperator,
     measured: NDArray,
     iterations: int = ITERATIONS,
     **settings: object,
-) -> Reconstruction:
+) -> Solution:
     """Return what one classic method makes of the images."""
-    return getattr(solve, method)(projector, measured, iterations=iterations, **settings)
+    return getattr(solvers, method)(projector, measured, iterations=iterations, **settings)
 
 
 def simulated_by(
@@ -124,7 +124,7 @@ def simulated_by(
     return simulate(rig, field, grid, **{"supersample": 2, "refine": 2} | settings)
 
 
-def reconstructed(simulated: SimulatedScan, **settings: object) -> Outcome:
+def reconstructed(simulated: SimulatedScan, **settings: object) -> Reconstruction:
     """Return what becomes of simulated images: by the default method, through files."""
     with tempfile.TemporaryDirectory() as folder:
         return reconstruct(Scan.load(simulated.save(folder)), **settings)

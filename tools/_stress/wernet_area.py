@@ -41,7 +41,7 @@ def over_classic(runs: Iterable[Run], seen: Scene, classic: np.ndarray) -> tuple
 
 
 def _solve(seen: Scene, **options: object) -> partial:
-    from tomo.wernet import wernet
+    from tomo.wernet.default import wernet
 
     return partial(wernet, seen.projector, seen.measured, **options)
 
@@ -64,7 +64,7 @@ def _seeds(seen: Scene, classic: np.ndarray, size: Size) -> Iterator[Row]:
 
 def _trained(seen: Scene, classic: np.ndarray, size: Size) -> Iterator[Row]:
     """Train at other rates and with other batches; a start given, there is no first guess."""
-    from tomo.wernet import fixed_voxels
+    from tomo.wernet.default import fixed_voxels
 
     pixels = len(seen.measured)
     factors, batches = (
@@ -89,7 +89,7 @@ def _trained(seen: Scene, classic: np.ndarray, size: Size) -> Iterator[Row]:
 
 
 def _exploding(seen: Scene, classic: np.ndarray, size: Size) -> Iterator[Row]:
-    from tomo.wernet import CorrectionEncoder
+    from tomo.wernet.default import CorrectionEncoder
 
     runs = []
     values = EXPLODING[2::3] if size.quick else EXPLODING

@@ -15,7 +15,7 @@ EPOCHS = 3
 
 def paper_rows(seen: Scene, size: Size) -> Iterator[Row]:
     """Yield rows of the paper's method; each counts the runs that end without a word."""
-    from tomo.wernet import WeightEncoder, wernet_paper
+    from tomo.wernet.paper import WeightEncoder, wernet_paper
 
     def solve(name: str, measured: np.ndarray = seen.measured, **options: object) -> Run:
         options = {"iterations": EPOCHS, **options}

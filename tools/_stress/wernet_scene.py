@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.metrics import cosine_similarity
-from tomo.projector import Projector
-from tomo.reconstruction import Reconstruction
+from tomo.operators import Projector
+from tomo.solvers import Solution
 
 if TYPE_CHECKING:
     import torch
@@ -43,7 +43,8 @@ class Scene:
 
     def classic(self) -> NDArray[np.float32]:
         """Return the volume that chord lengths give, ``(nx, ny, nz)``."""
-        from tomo.solve.stopping import choose_by_held_out_views, solve_as_chosen
+        from tomo.selection import choose_by_held_out_views
+        from tomo.selection.choose import solve_as_chosen
 
         choice = choose_by_held_out_views(self.projector, self.measured)
         return solve_as_chosen(self.projector, self.measured, choice).volume
@@ -67,8 +68,8 @@ def scene(views: int = VIEWS, edge: float = 0.5, empty_rays: bool = False) -> Sc
     from phantoms import create
     from rigs import ring
     from tomo import LinearSystem, VoxelGrid
-    from tomo.effects import Effects
-    from tomo.simulate import simulate
+    from tomo.simulation import simulate
+    from tomo.simulation.effects import Effects
 
     grid = VoxelGrid((8, 10, 8), edge)
     pixel, distance = 0.6 * edge, 200.0 * edge
@@ -87,7 +88,7 @@ class Run:
     Attributes
     ----------
     name : str
-    found : Reconstruction or None
+    found : Solution or None
     word : str
         Why it ended: its stop reason, or what it raised.
     fault : str
@@ -95,14 +96,14 @@ class Run:
     """
 
     name: str
-    found: Reconstruction | None
+    found: Solution | None
     word: str
     fault: str = ""
 
 
-def run(name: str, solve: Callable[[], Reconstruction]) -> Run:
+def run(name: str, solve: Callable[[], Solution]) -> Run:
     """Run it; the end has to be a finite volume and a reason, or an error that says why."""
-    from tomo.wernet import TrainingDivergedError
+    from tomo.wernet.paper import TrainingDivergedError
 
     try:
         found = solve()
@@ -124,7 +125,7 @@ def trained_with(rate: float | None = None, rays: int | None = None) -> Iterator
     dict
         Counts ``gradients`` and how many of them were ``not_finite`` though a step was taken.
     """
-    from tomo.wernet import alternation, fixed_voxels
+    from tomo.wernet.default import alternation, fixed_voxels
 
     counts = {"gradients": 0, "not_finite": 0}
     plain = fixed_voxels.FixedVoxels.set_gradients

@@ -7,8 +7,8 @@ import pytest
 
 from rigs import Distortion, RayTable, Rig, ray_miss
 from rigs.calibrate import Observations, calibrate
-from rigs.calibrate._duplicates import without_repeats
-from rigs.calibrate._lens_choice import TERMS
+from rigs.calibrate.adjust.duplicates import without_repeats
+from rigs.calibrate.adjust.lens_choice import TERMS
 
 
 @pytest.fixture(scope="module")

@@ -4,14 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from rigs.calibrate import (
-    Observations,
-    calibrate,
-    detections,
-    image_set,
-    observe,
-    parse_target,
-)
+from rigs.calibrate import Observations, calibrate
+from rigs.calibrate.detect import detections, image_set, observe
+from rigs.calibrate.targets import parse_target
 
 
 @pytest.fixture(scope="module")

@@ -204,15 +204,15 @@ def test_what_is_written_is_never_too_densely_packed_to_be_read(
     tmp_path, monkeypatch, suffix, more
 ):
     """Readers weigh the values, writers the file, in which there is a header too."""
-    from rigs import _unpacked
+    from rigs.files import archives
 
     grid = VoxelGrid((64, 64, 64), 1.0)
     sparse = np.zeros(grid.shape, np.float32)
     sparse[30, 30] = np.random.default_rng(0).random(64)
     path = tmp_path / f"volume{suffix}"
     write_volume(path, sparse, grid)
-    free = sparse.nbytes - _unpacked.RATIO * path.stat().st_size
-    monkeypatch.setattr(_unpacked, "FREE", free + more)
+    free = sparse.nbytes - archives.RATIO * path.stat().st_size
+    monkeypatch.setattr(archives, "FREE", free + more)
     write_volume(path, sparse, grid)
     np.testing.assert_array_equal(read_volume(path)[0], sparse)
 

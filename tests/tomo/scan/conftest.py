@@ -7,7 +7,7 @@ import yaml
 from rigs import Camera, Rig
 from rigs.camera import look_at
 from tomo import VoxelGrid
-from tomo.scan_file import save_scan
+from tomo.scan import save_scan
 
 SIZES = {"left": (7, 5), "right": (9, 8)}  # (width, height)
 

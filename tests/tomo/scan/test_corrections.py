@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from tomo import Scan
-from tomo.corrections import Corrections
 from tomo.io import write_image
-from tomo.scan import Frame
+from tomo.scan import Corrections, Frame
 
 
 def test_corrections_follow_the_formula(folder, frames, edit):

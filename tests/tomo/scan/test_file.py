@@ -8,7 +8,7 @@ import pytest
 
 from tomo import Scan
 from tomo.io import read_volume, write_image
-from tomo.scan_file import save_scan
+from tomo.scan import save_scan
 
 
 def test_round_trip(folder, rig, frames, grid):
@@ -62,7 +62,7 @@ def test_an_interrupted_run_leaves_the_scan_that_was_there(tmp_path, monkeypatch
             raise OSError(errno.ENOSPC, "No space left on device", str(path))
         write_image(path, image)
 
-    monkeypatch.setattr("tomo.scan_file.write_image", full_disk)
+    monkeypatch.setattr("tomo.scan.files.write_image", full_disk)
     with pytest.raises(OSError, match="No space left") as caught:
         save_scan(tmp_path, rig, brighter)
     assert Path(caught.value.filename).parents[2] == tmp_path  # as the user knows it

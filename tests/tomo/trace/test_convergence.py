@@ -36,7 +36,7 @@ from scipy.special import erf
 
 from phantoms import GaussianBlobs, sample
 from tomo.grid import VoxelGrid
-from tomo.projector import Projector
+from tomo.operators import Projector
 from tomo.rays import Rays
 from tomo.trace import trace
 

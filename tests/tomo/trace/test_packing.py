@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from tomo._lanes import LANES
+from tomo._compute.simd import LANES
 from tomo.trace._packing import PIECES, ROOM, pack_numbered, pack_own, picks_lanes
 
 

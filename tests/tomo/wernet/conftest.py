@@ -12,7 +12,7 @@ import pytest
 import rigs
 from phantoms import GaussianBlobs
 from tomo import LinearSystem, VoxelGrid
-from tomo.simulate import simulate
+from tomo.simulation import simulate
 
 GRID = VoxelGrid((10, 16, 10), 1.0, (4.0, -2.0, 1.0))
 

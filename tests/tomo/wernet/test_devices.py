@@ -7,20 +7,11 @@ import numpy as np
 import pytest
 import torch
 
-from tomo.effects import Effects
 from tomo.metrics import cosine_distance
-from tomo.wernet import (
-    CorrectionEncoder,
-    RaySamples,
-    RayWeights,
-    ViewTokens,
-    WeightEncoder,
-    WERNet,
-    load_encoder,
-    save_encoder,
-    wernet,
-    wernet_paper,
-)
+from tomo.simulation.effects import Effects
+from tomo.wernet import load_encoder, save_encoder
+from tomo.wernet.default import CorrectionEncoder, RayWeights, ViewTokens, wernet
+from tomo.wernet.paper import RaySamples, WeightEncoder, WERNet, wernet_paper
 
 GAINS = Effects(gain_spread=0.1)
 OWN_LIGHT = Effects(self_absorption=0.2)

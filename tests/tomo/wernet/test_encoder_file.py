@@ -1,13 +1,9 @@
 import pytest
 import torch
 
-from tomo.wernet import (
-    VARIANTS,
-    CorrectionEncoder,
-    WeightEncoder,
-    load_encoder,
-    save_encoder,
-)
+from tomo.wernet import load_encoder, save_encoder
+from tomo.wernet.default import CorrectionEncoder
+from tomo.wernet.paper import VARIANTS, WeightEncoder
 
 
 @pytest.mark.parametrize("variant", VARIANTS)

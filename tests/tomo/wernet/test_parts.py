@@ -3,7 +3,7 @@ import threading
 import pytest
 import torch
 
-from tomo.wernet.parts import add_gradients, cut, on_cores
+from tomo.wernet.micro_batches import add_gradients, cut, on_cores
 
 CPU = torch.device("cpu")
 

@@ -1,5 +1,7 @@
 """The encoders that come with the package: whole, small, local, and of no harm."""
 
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -8,15 +10,9 @@ import phantoms
 import rigs
 from tomo import LinearSystem, VoxelGrid
 from tomo.metrics import cosine_distance
-from tomo.simulate import simulate
-from tomo.wernet import (
-    CorrectionEncoder,
-    RayWeights,
-    ViewTokens,
-    load_encoder,
-    shipped_encoders,
-    wernet,
-)
+from tomo.simulation import simulate
+from tomo.wernet import load_encoder, shipped_encoders
+from tomo.wernet.default import CorrectionEncoder, RayWeights, ViewTokens, wernet
 from tomo.wernet.encoder_file import SHIPPED
 
 NAME = "finite-pixels"
@@ -56,7 +52,7 @@ def test_it_corrects_little_and_by_the_voxel_alone(scene):
         learned = weights.projector(projector).segments.length
         return learned / projector.segments.length
 
-    volume = projector.live.compress(truth)
+    volume = projector.active.compress(truth)
     found = ratio(volume, True)
     long = projector.segments.length > 0.2
     assert np.abs(found[long] - 1).max() < 0.5
@@ -77,18 +73,18 @@ def test_frozen_it_transfers_without_harm(scene):
 
 def test_frozen_it_is_judged_and_solved_as_the_chords_were(scene, monkeypatch):
     """Choosing anew took longer than all else."""
-    from tomo.solve import stopping
-    from tomo.wernet import _rounds, default
+    from tomo.selection import choose
+    from tomo.wernet.default import outer_iterations
 
     projector, measured, _ = scene
     made = []
 
-    def choose(*arguments, **how):
-        made.append(stopping.choose_by_held_out_views(*arguments, **how))
+    def noted(*arguments, **how):
+        made.append(choose.choose_by_held_out_views(*arguments, **how))
         return made[-1]
 
-    for module in (default, _rounds):
-        monkeypatch.setattr(module, "choose_by_held_out_views", choose)
+    for module in (sys.modules["tomo.wernet.default.wernet"], outer_iterations):
+        monkeypatch.setattr(module, "choose_by_held_out_views", noted)
     found = wernet(projector, measured, encoder=NAME, freeze_encoder=True)
     assert len(made) == 1
     assert found.settings["held_out_residual"]["chords"] == made[0].held_out_residual

@@ -11,7 +11,7 @@ import yaml
 from phantoms import create
 from rigs import ring
 from tomo import VoxelGrid
-from tomo.simulate import simulate
+from tomo.simulation import simulate
 
 TOOLS = Path(__file__).parents[3] / "tools"
 GRID = VoxelGrid((6, 10, 6), 1.0)

@@ -193,7 +193,9 @@ def test_a_wrong_entry_of_transforms(refused, scan, tmp_path, fields, words):
 
 
 def _write_encoder(path, kind):
-    from tomo.wernet import CorrectionEncoder, WeightEncoder, save_encoder
+    from tomo.wernet import save_encoder
+    from tomo.wernet.default import CorrectionEncoder
+    from tomo.wernet.paper import WeightEncoder
 
     save_encoder({"weights": WeightEncoder, "correction": CorrectionEncoder}[kind](), path)
 

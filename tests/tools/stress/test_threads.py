@@ -7,7 +7,7 @@ import pytest
 from _stress.threads_area import Made, _scan, classic_rows, learned_rows, made_by
 from _stress.threads_child import hash_of
 
-from tomo.effects import Effects
+from tomo.simulation.effects import Effects
 
 VOLUME = np.arange(8, dtype=np.float32).reshape(2, 2, 2)
 

@@ -1,0 +1,1 @@
+"""From observations to lenses and poses: first values, bundle adjustment, robust steps."""

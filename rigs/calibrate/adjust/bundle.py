@@ -1,0 +1,249 @@
+"""One least-squares adjustment of all lenses, camera poses and target poses.
+
+Each sighting touches one camera and one frame, so the frames' 6 x 6 blocks of the normal
+equations are eliminated first (Schur complement) and what is solved has the size of the cameras
+alone: Triggs, McLauchlan, Hartley and Fitzgibbon, "Bundle adjustment, a modern synthesis" (2000),
+section 6.1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.calibrate.adjust.observation_arrays import (
+    Freedom,
+    Scene,
+    Sightings,
+    camera_rows,
+    jacobian,
+    predicted,
+    rotation_matrices,
+    runs,
+)
+
+_LEAST_GAIN = 1e-8  # relative fall of the cost below which the method has arrived
+_DAMPING = 1e-4
+_LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e9
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The adjusted scene and what the sightings still say about it.
+
+    Parameters
+    ----------
+    scene : Scene
+    residuals : (N, 2) float64
+        Measured less projected, pixels.
+    cost : float
+    iterations : int
+    """
+
+    scene: Scene
+    residuals: NDArray[np.float64]
+    cost: float
+    iterations: int
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """Normal equations in blocks; P camera parameters, F frames with sightings."""
+
+    cameras: NDArray[np.float64]  # (P, P)
+    targets: NDArray[np.float64]  # (F, 6, 6)
+    mixed: NDArray[np.float64]  # (F, P, 6)
+    camera_gradient: NDArray[np.float64]  # (P,)
+    target_gradient: NDArray[np.float64]  # (F, 6)
+    frames: NDArray[np.int64]  # (F,) places of these frames in the scene
+
+
+def adjust(
+    scene: Scene,
+    sightings: Sightings,
+    freedom: Freedom,
+    *,
+    huber: NDArray[np.float64] | None = None,
+    iterations: int = 60,
+    tolerance: float = _LEAST_GAIN,
+) -> Solution:
+    """Return the scene of least squared residuals, by Levenberg and Marquardt's method.
+
+    Parameters
+    ----------
+    scene : Scene
+        Start; every frame with a sighting needs a pose with its points before their cameras.
+    sightings : Sightings
+        In order of camera, then frame.
+    freedom : Freedom
+    huber : (N,) float64, optional
+        Residual length from which a sighting counts linearly (Huber's loss); squares when None.
+    iterations : int
+        At most.
+    tolerance : float
+        Relative fall of the cost, promised or made, that ends the method.
+    """
+    residuals, cost = _residuals(scene, sightings, huber)
+    if not np.isfinite(cost):
+        raise ValueError("scene: found a sighting behind its camera, expected a start before it")
+    damping, done = _DAMPING, 0
+    for _ in range(iterations):
+        normal = _normal_equations(scene, sightings, freedom, huber)
+        done += 1
+        gain = 0.0
+        while damping < _MOST_DAMPING:
+            step = _solve(normal, damping)
+            if step is not None:
+                promised = _promised(normal, *step)
+                if promised < tolerance * cost:
+                    break
+                trial = _moved(scene, freedom, normal.frames, *step)
+                trial_residuals, trial_cost = _residuals(trial, sightings, huber)
+                if trial_cost < cost:
+                    gain = (cost - trial_cost) / cost
+                    kept = (cost - trial_cost) / promised
+                    scene, residuals, cost = trial, trial_residuals, trial_cost
+                    # Nearly linear: trust the next step more; in a bent valley less
+                    trust = 0.01 if kept > 0.75 else 0.3 if kept > 0.25 else 2.0
+                    damping = max(damping * trust, _LEAST_DAMPING)
+                    break
+            damping *= 10
+        if gain < tolerance:
+            break
+    return Solution(scene, residuals, cost, done)
+
+
+def information(
+    scene: Scene, sightings: Sightings, freedom: Freedom
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what the sightings say about all cameras' free parameters at unit pixel noise.
+
+    Returns
+    -------
+    matrix : (P, P) float64
+        The normal equations with the target poses eliminated; its inverse times the noise's
+        variance is the covariance.
+    gradient : (P,) float64
+        Of half the sum of squares, with the target poses at their best.
+    """
+    normal = _normal_equations(scene, sightings, freedom, None)
+    return _reduced(normal, 0.0)[:2]
+
+
+def _residuals(
+    scene: Scene, sightings: Sightings, huber: NDArray | None
+) -> tuple[NDArray[np.float64], float]:
+    """Return measured less projected ``(N, 2)`` and the cost; infinite behind a camera."""
+    residuals = sightings.uv - predicted(scene, sightings)
+    squares = (residuals**2).sum(axis=1)
+    if huber is not None:
+        length = np.sqrt(squares)
+        squares = np.where(length > huber, huber * (2 * length - huber), squares)
+    cost = float(squares.sum()) / 2
+    return residuals, cost if np.isfinite(cost) else np.inf
+
+
+def _normal_equations(
+    scene: Scene, sightings: Sightings, freedom: Freedom, huber: NDArray | None
+) -> _Normal:
+    """Return the normal equations of Gauss and Newton, weighted for Huber's loss."""
+    slices = freedom.slices
+    size = slices[-1].stop
+    frames = np.unique(sightings.frame)
+    cameras, camera_gradient = np.zeros((size, size)), np.zeros(size)
+    targets, target_gradient = np.zeros((len(frames), 6, 6)), np.zeros((len(frames), 6))
+    mixed = np.zeros((len(frames), size, 6))
+    for camera, rows in camera_rows(sightings):
+        uv, by_camera, by_target = jacobian(scene, sightings, camera, rows)
+        residual = sightings.uv[rows] - uv
+        if huber is not None:
+            length = np.linalg.norm(residual, axis=1)
+            root = np.sqrt(np.minimum(1.0, huber[rows] / np.maximum(length, 1e-300)))
+            residual = residual * root[:, None]
+            by_camera, by_target = by_camera * root[:, None, None], by_target * root[:, None, None]
+        by_camera = by_camera[:, :, freedom.columns(camera)]
+        own = slices[camera]
+        for frame, part in runs(sightings.frame[rows]):
+            place = int(np.searchsorted(frames, frame))
+            r = residual[part].reshape(-1)
+            A = by_camera[part].reshape(len(r), by_camera.shape[2])
+            B = by_target[part].reshape(len(r), 6)
+            targets[place] += B.T @ B
+            target_gradient[place] += B.T @ r
+            mixed[place, own] = A.T @ B
+        flat = by_camera.reshape(2 * len(uv), by_camera.shape[2])
+        cameras[own, own] = flat.T @ flat
+        camera_gradient[own] = flat.T @ residual.reshape(-1)
+    return _Normal(cameras, targets, mixed, camera_gradient, target_gradient, frames)
+
+
+def _reduced(
+    normal: _Normal, damping: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the camera equations with the targets eliminated, and ``mixed inverse(targets)``.
+
+    Marquardt's damping is relative to the diagonal, so that units do not matter.
+    """
+    diagonal = np.einsum("fii->fi", normal.targets)
+    floor = 1e-14 * diagonal.max(axis=1, keepdims=True)
+    targets = normal.targets + np.eye(6) * (damping * diagonal + floor)[:, None, :]
+    solved = np.linalg.solve(targets, normal.mixed.transpose(0, 2, 1)).transpose(0, 2, 1)
+    size = len(normal.cameras)
+    width = 6 * len(targets)
+    left = solved.transpose(1, 0, 2).reshape(size, width)
+    right = normal.mixed.transpose(1, 0, 2).reshape(size, width)
+    matrix = normal.cameras + np.diag(damping * np.diag(normal.cameras)) - left @ right.T
+    gradient = normal.camera_gradient - left @ normal.target_gradient.reshape(-1)
+    return (matrix + matrix.T) / 2, gradient, targets
+
+
+def _solve(normal: _Normal, damping: float) -> tuple[NDArray, NDArray] | None:
+    """Return the damped step of the cameras ``(P,)`` and targets ``(F, 6)``, None on failure."""
+    matrix, gradient, targets = _reduced(normal, damping)
+    camera_step = np.zeros(len(gradient))
+    if len(gradient):
+        scale = np.sqrt(np.maximum(np.diag(normal.cameras), 1e-300))
+        try:
+            camera_step = np.linalg.solve(matrix / np.outer(scale, scale), gradient / scale)
+        except np.linalg.LinAlgError:  # too little damping for where the scene is
+            return None
+        camera_step /= scale
+    right = normal.target_gradient - np.einsum("fpi,p->fi", normal.mixed, camera_step)
+    target_step = np.linalg.solve(targets, right[:, :, None])[:, :, 0]
+    finite = np.isfinite(camera_step).all() and np.isfinite(target_step).all()
+    return (camera_step, target_step) if finite else None
+
+
+def _promised(normal: _Normal, camera_step: NDArray, target_step: NDArray) -> float:
+    """Return by how much the cost would fall, were the residuals linear in the parameters."""
+    slope = normal.camera_gradient @ camera_step + (normal.target_gradient * target_step).sum()
+    return float(slope) / 2
+
+
+def _moved(
+    scene: Scene,
+    freedom: Freedom,
+    frames: NDArray[np.int64],
+    camera_step: NDArray[np.float64],
+    target_step: NDArray[np.float64],
+) -> Scene:
+    """Return the scene after a step of the free parameters."""
+    lenses, full = [], np.zeros((len(scene.lenses), 6))
+    for camera, (lens, own) in enumerate(zip(scene.lenses, freedom.slices, strict=True)):
+        step = np.zeros(6 + lens.size)
+        step[freedom.columns(camera)] = camera_step[own]
+        full[camera] = step[:6]
+        lenses.append(lens.moved(step[6:]))
+    target_R, target_t = scene.target_R.copy(), scene.target_t.copy()
+    target_R[frames] = rotation_matrices(target_step[:, :3]) @ target_R[frames]
+    target_t[frames] += target_step[:, 3:]
+    return replace(
+        scene,
+        lenses=tuple(lenses),
+        camera_R=rotation_matrices(full[:, :3]) @ scene.camera_R,
+        camera_t=scene.camera_t + full[:, 3:],
+        target_R=target_R,
+        target_t=target_t,
+    )

@@ -1,0 +1,168 @@
+"""Which terms of a lens model pay: freed one after another while frames left out gain by it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.calibrate.adjust.bundle import Solution
+from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, jacobian
+from rigs.calibrate.adjust.projection import Lens
+from rigs.calibrate.adjust.robust import adjust_robustly, noise
+
+# By how many standard errors the gain must stand out. A needless term of the polynomials costs
+# less than one that is missing; the rational model's poles are another matter.
+_STANDARD_ERRORS = {"none": 0.0, "radial": 0.0, "brown4": 0.0, "brown5": 0.0, "rational": 2.0}
+
+
+@dataclass(frozen=True)
+class Terms:
+    """A lens model and which of its coefficients are free.
+
+    Parameters
+    ----------
+    name : str
+    model : str
+        Of `rigs.Distortion`.
+    free : tuple of bool
+        One a coefficient; the others stay zero.
+    """
+
+    name: str
+    model: str
+    free: tuple[bool, ...]
+
+    def freedom(self) -> NDArray[np.bool_]:
+        """Return what is free of fx, fy, cx, cy and the coefficients."""
+        return np.r_[np.ones(4, bool), np.array(self.free, bool)]
+
+
+#: The models that `calibrate` knows, each containing those before it but for the fisheye.
+TERMS: dict[str, Terms] = {
+    terms.name: terms
+    for terms in (
+        Terms("none", "none", ()),
+        Terms("radial", "brown", (True, True, False, False)),
+        Terms("brown4", "brown", (True,) * 4),
+        Terms("brown5", "brown", (True,) * 5),
+        Terms("rational", "rational", (True,) * 8),
+        Terms("thin_prism", "thin_prism", (True,) * 12),
+        Terms("tilted", "tilted", (True,) * 14),
+        Terms("fisheye", "fisheye", (True,) * 4),
+    )
+}
+_DETERMINED = 1e-8  # least eigenvalue of a lens's normal equations, scaled to a unit diagonal
+
+
+def choose(
+    start: Scene, sightings: Sightings, image_size: tuple[int, int], asked: str
+) -> tuple[Terms, Solution]:
+    """Return the terms of one camera's lens that pay, and the adjustment with them.
+
+    The gain is judged frame by frame: each frame's cost is predicted with the lens adjusted to
+    all the other frames, to second order, and a richer model must lower the mean. A model that
+    maps no direction to a corner of the image is not taken, and the rational one is tried only
+    where all of brown5 pays.
+
+    Parameters
+    ----------
+    start : Scene
+        Of one camera.
+    sightings : Sightings
+    image_size : (int, int)
+    asked : str
+        "auto", or the name of the terms to take.
+    """
+    if asked != "auto":
+        return TERMS[asked], _fit(start, sightings, TERMS[asked])
+    best, best_score = None, None
+    for name, standard_errors in _STANDARD_ERRORS.items():
+        terms = TERMS[name]
+        if name == "rational" and best[0].name != "brown5":
+            break
+        if 2 * len(sightings) <= 6 * len(np.unique(sightings.frame)) + len(terms.freedom()):
+            break
+        solution = _fit(start if best is None else best[1].scene, sightings, terms)
+        score = held_out_costs(solution, sightings, terms)
+        if best is None:
+            best, best_score = (terms, solution), score
+            continue
+        if not np.isfinite(score).all():
+            continue
+        if not np.isfinite(best_score).all():
+            best, best_score = (terms, solution), score
+            continue
+        gain = best_score - score
+        error = gain.std(ddof=1) / np.sqrt(len(gain)) if len(gain) > 1 else np.inf
+        pays = gain.mean() > standard_errors * error
+        if pays and covers_image(solution.scene.lenses[0], image_size):
+            best, best_score = (terms, solution), score
+    return best
+
+
+def covers_image(lens: Lens, image_size: tuple[int, int]) -> bool:
+    """Say whether every pixel at the image's edge has a line of sight."""
+    width, height = image_size
+    u, v = np.linspace(-0.5, width - 0.5, 17), np.linspace(-0.5, height - 0.5, 17)
+    edge = np.concatenate(
+        [np.stack([u, np.full(17, side)], -1) for side in (-0.5, height - 0.5)]
+        + [np.stack([np.full(17, side), v], -1) for side in (-0.5, width - 0.5)]
+    )
+    plane = np.linalg.solve(lens.matrix, np.c_[edge, np.ones(len(edge))].T).T[:, :2]
+    return bool(np.isfinite(lens.distortion.unproject(plane)).all())
+
+
+def held_out_costs(solution: Solution, sightings: Sightings, terms: Terms) -> NDArray[np.float64]:
+    """Return each frame's cost with the lens adjusted to all other frames, ``(frames,)``.
+
+    With S_f and g_f the normal equations and gradient that frame f gives the lens, its own pose
+    eliminated, leaving it out moves the lens by ``d = -(S - S_f)^-1 g_f``, where the gradient of
+    all is zero; its cost then is ``cost_f - g_f d + d S_f d / 2``. Infinite where the terms are
+    not determined, or the adjustment has not arrived.
+    """
+    free = np.r_[np.zeros(6, bool), terms.freedom()]
+    uv, by_camera, by_target = jacobian(solution.scene, sightings, 0, slice(0, len(sightings)))
+    residual = sightings.uv - uv
+    huber = 3 * noise(residual, sightings.camera, 1)[0]
+    length = np.maximum(np.linalg.norm(residual, axis=1), 1e-300)
+    weight = np.sqrt(np.minimum(1.0, huber / length))[:, None]
+    costs, matrices, gradients = [], [], []
+    for frame in np.unique(sightings.frame):
+        own = sightings.frame == frame
+        A = (by_camera[own][:, :, free] * weight[own, :, None]).reshape(-1, int(free.sum()))
+        B = (by_target[own] * weight[own, :, None]).reshape(-1, 6)
+        r = (residual[own] * weight[own]).reshape(-1)
+        pose, *_ = np.linalg.lstsq(B, np.c_[A, r], rcond=None)
+        left = A - B @ pose[:, :-1]
+        costs.append(
+            np.where(
+                length[own] > huber, huber * (2 * length[own] - huber), length[own] ** 2
+            ).sum()
+            / 2
+        )
+        matrices.append(left.T @ left)
+        gradients.append(left.T @ (r - B @ pose[:, -1]))
+    matrices, gradients = np.array(matrices), np.array(gradients)
+    scale = np.sqrt(np.maximum(np.einsum("fii->i", matrices), 1e-300))
+    matrices, gradients = matrices / np.outer(scale, scale), gradients / scale
+    whole = matrices.sum(axis=0)
+    values = np.linalg.eigvalsh(whole)
+    slack = float(gradients.sum(axis=0) @ np.linalg.pinv(whole) @ gradients.sum(axis=0))
+    if values[0] < _DETERMINED * values[-1] or slack > 1e-3 * sum(costs):
+        return np.full(len(costs), np.inf)
+    rest = whole - matrices + 1e-12 * np.eye(len(scale))
+    shift = -np.linalg.solve(rest, gradients[:, :, None])[:, :, 0]  # (frames, n)
+    return (
+        np.array(costs)
+        - np.einsum("fi,fi->f", gradients, shift)
+        + np.einsum("fi,fij,fj->f", shift, matrices, shift) / 2
+    )
+
+
+def _fit(start: Scene, sightings: Sightings, terms: Terms) -> Solution:
+    """Return the one-camera scene adjusted with ``terms`` free."""
+    lens = start.lenses[0].with_model(terms.model, len(terms.free))
+    scene = Scene((lens,), start.camera_R, start.camera_t, start.target_R, start.target_t)
+    return adjust_robustly(scene, sightings, Freedom((terms.freedom(),), np.zeros(1, bool)))

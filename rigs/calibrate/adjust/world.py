@@ -1,0 +1,122 @@
+"""Which world a finished rig is told in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.calibrate.adjust.observation_arrays import Scene
+from rigs.geometry.rotation import numbers
+
+_POORLY_MET = 0.05  # of how far given positions lie from their middle, RMS
+
+
+def placed(
+    scene: Scene,
+    cameras: tuple[str, ...],
+    frames: tuple[str, ...],
+    world: str | Mapping[str, ArrayLike] | None,
+    rescale: bool,
+) -> tuple[Scene, str, float, tuple[str, ...]]:
+    """Return the scene in the world asked for, that world in words, and what lengths grew by.
+
+    Last comes a line of doubt where given positions are poorly met, else nothing.
+
+    Parameters
+    ----------
+    scene : Scene
+    cameras, frames : tuple of str
+    world : str or mapping of str to (3,) array_like, optional
+        See `rigs.calibrate.calibrate`.
+    rescale : bool
+        Let given positions set the scale too.
+
+    Raises
+    ------
+    ValueError
+        If a name is neither camera nor frame with a pose, or positions do not fix the world.
+    """
+    if rescale and not isinstance(world, Mapping):
+        raise ValueError("rescale: found True, expected world to give positions to scale by")
+    if isinstance(world, Mapping):
+        return _aligned(scene, cameras, frames, world, rescale)
+    name = cameras[0] if world is None else world
+    if name in cameras:
+        index = cameras.index(name)
+        R, t = scene.camera_R[index], scene.camera_t[index]
+        words = f"axes of camera {name}: origin in its centre, x right, y down, z forward"
+    else:
+        index = _posed_frame(scene, frames, name)
+        R, t = scene.target_R[index].T, -scene.target_R[index].T @ scene.target_t[index]
+        words = f"axes of the target in frame {name}: origin in its point (0, 0, 0), z its normal"
+    return _moved(scene, R, t, 1.0), words, 1.0, ()
+
+
+def _aligned(
+    scene: Scene,
+    cameras: tuple[str, ...],
+    frames: tuple[str, ...],
+    world: Mapping[str, ArrayLike],
+    rescale: bool,
+) -> tuple[Scene, str, float, tuple[str, ...]]:
+    """Return the scene moved onto given positions in the least-squares sense.
+
+    Umeyama, "Least-squares estimation of transformation parameters between two point patterns"
+    (1991).
+    """
+    given, found = [], []
+    for name, position in world.items():
+        given.append(numbers(position, (3,), f"world: {name}"))
+        if name in cameras:
+            index = cameras.index(name)
+            found.append(-scene.camera_R[index].T @ scene.camera_t[index])
+        else:
+            found.append(scene.target_t[_posed_frame(scene, frames, name)])
+    given, found = np.reshape(given, (-1, 3)), np.reshape(found, (-1, 3))
+    for points in (given, found):
+        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        if len(points) < 3 or spread[1] < 1e-6 * spread[0]:
+            raise ValueError(
+                f"world: found {len(points)} positions, expected at least 3 that are not on a line"
+            )
+    from_, onto = found - found.mean(axis=0), given - given.mean(axis=0)
+    left, values, right = np.linalg.svd(onto.T @ from_)
+    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    R = left @ (sign[:, None] * right)
+    size = float((values * sign).sum() / (from_**2).sum()) if rescale else 1.0
+    t = given.mean(axis=0) - size * R @ found.mean(axis=0)
+    off = np.sqrt((((size * found @ R.T + t) - given) ** 2).sum(axis=1).mean())
+    apart = np.sqrt((onto**2).sum(axis=1).mean())
+    words = f"given positions of {', '.join(world)}, met within {off:.3g} RMS"
+    words += ", which set the scale" if rescale else ""
+    doubt = (
+        f"world: the given positions are met within {off:.3g} only, {100 * off / apart:.0f} % of "
+        f"how far they lie from their middle: are they in {'one' if rescale else 'the same'} "
+        "length unit, of these cameras and frames, and not mirrored?",
+    )
+    return _moved(scene, R, t, size), words, size, doubt if off > _POORLY_MET * apart else ()
+
+
+def _posed_frame(scene: Scene, frames: tuple[str, ...], name: str) -> int:
+    """Return the place of the frame called ``name``."""
+    if name not in frames:
+        raise ValueError(f"world: found {name!r}, expected the name of a camera or of a frame")
+    index = frames.index(name)
+    if not np.isfinite(scene.target_t[index]).all():
+        raise ValueError(f"world: frame {name}: found no pose of the target in it")
+    return index
+
+
+def _moved(scene: Scene, R: NDArray, t: NDArray, size: float) -> Scene:
+    """Return the scene after ``x_new = size R x_old + t`` of its world."""
+    camera_R = scene.camera_R @ R.T
+    return replace(
+        scene,
+        camera_R=camera_R,
+        camera_t=size * scene.camera_t - camera_R @ t,
+        target_R=R @ scene.target_R,
+        target_t=size * scene.target_t @ R.T + t,
+    )

@@ -1,0 +1,130 @@
+"""Corners of chessboards to a few hundredths of a pixel, from where a search had them."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.calibrate.detect._saddle import Saddles, fit_saddles
+from rigs.calibrate.detect.found import local_axes, smooth_map
+
+_REACH = 16.0  # pixels: further out the lens bends the edges more than pixels there tell
+_SMALLEST_SIDE = 5.0  # pixels
+_PLAIN = 0.6  # pixels between the blurred edges of a square and of its marker
+_MARGIN = 1.5  # pixels of a marker's blur, before the blur is known
+
+
+def refine_corners(
+    image: NDArray[np.float32],
+    places: NDArray[np.float64],
+    start: NDArray[np.float64],
+    gap: float | None = None,
+    white: NDArray[np.int64] | None = None,
+) -> tuple[Saddles, NDArray[np.bool_]]:
+    """Measure corners whose rough place is known.
+
+    Parameters
+    ----------
+    image : (rows, columns) float32
+    places : (corners, 2) float64
+        On the board, in squares.
+    start : (corners, 2) float64
+        Pixel coordinates.
+    gap : float, optional
+        Plain strip between a marker and its square, in squares; None without markers.
+    white : (corners,) int64, optional
+        1 where the quadrants with markers are those with x y > 0, -1 where x y < 0.
+
+    Returns
+    -------
+    saddles : Saddles
+    good : (corners,) bool
+        False where there is no such corner: the fit did not converge, or went elsewhere, or
+        leaves too much.
+    """
+    axes = local_axes(places, start)
+    start = _near_corners(image, start, axes, gap)
+    blur = np.full(len(places), _MARGIN / 2)
+    bend = None
+    for _ in range(2):
+        axes = local_axes(places, start)
+        saddles, good = _fit(image, start, axes, gap, white, blur, bend)
+        if np.count_nonzero(good) < 4:
+            return saddles, np.zeros(len(good), bool)
+        smooth, _ = smooth_map(places[good], saddles.uv[good])
+        off = np.linalg.norm(saddles.uv[good] - smooth, axis=-1)
+        good[good] = off < 0.15 * _shortest_side(axes[good])
+        start = np.where(good[:, None], saddles.uv, start)
+        blur = np.where(good, saddles.blur.max(axis=-1), blur)
+        bend = np.zeros((len(places), 2))
+        if np.count_nonzero(good) >= 4:
+            bending = smooth_map(places[good], start[good])[1]
+            bend[good] = _curvature(local_axes(places[good], start[good]), bending)
+    return saddles, good
+
+
+def are_corners(
+    image: NDArray[np.float32], start: NDArray[np.float64], axes: NDArray[np.float64], least: float
+) -> NDArray[np.bool_]:
+    """Return at which places ``(corners, 2)`` squares meet with at least that much contrast."""
+    start = _near_corners(image, start, axes, None)
+    blur = np.full(len(start), _MARGIN / 2)
+    saddles, good = _fit(image, start, axes, None, None, blur, None)
+    return good & (np.abs(np.nan_to_num(saddles.contrast)) > least)
+
+
+def _fit(image, start, axes, gap, white, blur, bend) -> tuple[Saddles, NDArray[np.bool_]]:
+    """Fit the corners once, and judge each fit by itself."""
+    side = _shortest_side(axes)
+    plain = None if gap is None else np.maximum(gap - 2 * blur / side, 1 / side)
+    reach = np.minimum(0.64 * side, _REACH)
+    saddles = fit_saddles(image, start, axes, reach, plain, white, bend)
+    good = np.isfinite(saddles.uv).all(axis=-1) & (side >= _SMALLEST_SIDE)
+    moved = np.linalg.norm(saddles.uv - start, axis=-1)
+    with np.errstate(invalid="ignore"):
+        good &= moved < np.maximum(0.2 * side, 1.0)
+        good &= saddles.misfit < 0.3 * np.abs(saddles.contrast)
+        good &= saddles.blur.max(axis=-1) < 0.25 * side
+        if gap is not None:
+            # Seen at a grazing angle, markers come so close to the edges that they pull the corner
+            # by a tenth of a pixel. Where squares are small in any direction there is no better
+            needed = 2 * saddles.blur.max(axis=-1) + _PLAIN
+            longest = np.linalg.norm(axes, axis=1).max(axis=-1)
+            good &= (gap * side > needed) | (gap * longest < needed)
+    return saddles, good
+
+
+def _near_corners(
+    image: NDArray[np.float32],
+    start: NDArray[np.float64],
+    axes: NDArray[np.float64],
+    gap: float | None,
+) -> NDArray[np.float64]:
+    """Bring each corner to within a few tenths of a pixel, in a window that fits its squares."""
+    side = _shortest_side(axes)
+    window = np.round(np.clip(0.3 * side if gap is None else 0.7 * gap * side, 2, 11))
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.01)
+    near = start.copy()
+    limits = np.array(image.shape[::-1]) - 1
+    for k, half in enumerate(window.astype(int).tolist()):
+        if (start[k] < 0).any() or (start[k] > limits).any():
+            continue
+        found = cv2.cornerSubPix(
+            image, start[k].astype(np.float32).reshape(1, 1, 2), (half, half), (-1, -1), criteria
+        )
+        if np.linalg.norm(found[0, 0] - start[k]) <= half:
+            near[k] = found[0, 0]
+    return near
+
+
+def _shortest_side(axes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the shortest extent of the squares around each corner, in pixels ``(corners,)``."""
+    return np.abs(np.linalg.det(axes)) / np.linalg.norm(axes, axis=1).max(axis=-1)
+
+
+def _curvature(axes: NDArray[np.float64], bending: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the curvature of both edges ``(corners, 2)``, in 1 / pixel, positive to the left."""
+    along = axes.transpose(0, 2, 1)  # (corners, edges, 2)
+    cross = along[..., 0] * bending[..., 1] - along[..., 1] * bending[..., 0]
+    return cross / np.linalg.norm(along, axis=-1) ** 3

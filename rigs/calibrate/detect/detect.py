@@ -1,0 +1,256 @@
+"""Detection: where the points of a target are in the images of one or more cameras."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.calibrate.detect import _detection_cache
+from rigs.calibrate.detect._charuco import other_dictionary
+from rigs.calibrate.detect._chessboard import larger_chessboard
+from rigs.calibrate.detect._detection_cache import Entry
+from rigs.calibrate.detect._detection_run import Job, find, search_images
+from rigs.calibrate.detect.found import Found, Search
+from rigs.calibrate.detect.image_sets import Source, read_source
+from rigs.calibrate.observations import Observations
+from rigs.calibrate.targets import CharucoBoard, Chessboard
+from rigs.calibrate.targets.boards import Target
+
+ImageSet = Mapping[str, Mapping[str, Source]]
+"""Images by camera and by frame, as `rigs.calibrate.detect.image_set` gives them."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Detections:
+    """What was found in a set of images.
+
+    Parameters
+    ----------
+    observations : Observations
+    blur : (cameras, frames) float64
+        How blurred the target's edges are, standard deviation in pixels; NaN where the target
+        was not found. About 0.5 to 1 is sharp.
+    reasons : dict of (camera, frame) to str
+        Of images without the target: what was found instead.
+    """
+
+    observations: Observations
+    blur: NDArray[np.float64]
+    reasons: dict[tuple[str, str], str]
+
+    def __repr__(self) -> str:
+        return f"<Detections: {self.observations!r}, {len(self.reasons)} images without target>"
+
+    def blurred(self, factor: float = 2.0) -> tuple[tuple[str, str, float], ...]:
+        """Return camera, frame and blur of images ``factor`` times as blurred as is usual.
+
+        Usual is the median over the camera's images, or one pixel where that is less.
+        """
+        usual = np.full(len(self.blur), np.nan)
+        for camera, row in enumerate(self.blur):
+            if np.isfinite(row).any():
+                usual[camera] = max(np.nanmedian(row), 1.0)
+        with np.errstate(invalid="ignore"):
+            where = np.argwhere(self.blur > factor * usual[:, None])
+        names = self.observations
+        return tuple(
+            (names.cameras[camera], names.frames[frame], float(self.blur[camera, frame]))
+            for camera, frame in where
+        )
+
+
+def find_target(image: NDArray, target: Target) -> Found:
+    """Return what one grey image ``(rows, columns)`` shows of the target.
+
+    Returns
+    -------
+    found : Found
+        ``point`` (points,) and ``uv`` (points, 2), pixel centres at integers; ``blur``; and
+        ``reason``, a text, where nothing was found.
+    """
+    return find(Search.of(image), target)
+
+
+def observe(
+    images: ImageSet,
+    target: Target,
+    *,
+    cache: str | os.PathLike | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    workers: int | None = None,
+) -> Observations:
+    """Return the sightings of a target: `detections` without what else it tells."""
+    return detections(images, target, cache=cache, progress=progress, workers=workers).observations
+
+
+def detections(
+    images: ImageSet,
+    target: Target,
+    *,
+    cache: str | os.PathLike | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    workers: int | None = None,
+) -> Detections:
+    """Find the points of a target in every image.
+
+    Corners of squares are measured by fitting a model of the blurred corner, centres of circles
+    by fitting ellipses to edges, with the shift that perspective gives an ellipse's centre
+    taken out. A chessboard and a circle grid are found whole, of a ChArUco board any part.
+
+    Parameters
+    ----------
+    images : mapping of camera to mapping of frame to source
+        Files, pictures of videos or arrays, as `image_set` gives them. Images of one frame show
+        the target in one place.
+    target : Chessboard, CharucoBoard or CircleGrid
+    cache : path-like, optional
+        A file that keeps what was found (.npz). An image is searched again when its path, size
+        or time of change, or the target, is another.
+    progress : callable, optional
+        Called with the number of images done and the number of all.
+    workers : int, optional
+        Threads; as many as there are cores by default. Results do not depend on it.
+
+    Raises
+    ------
+    ValueError
+        In one line: an image that cannot be read, images of one camera that differ in size, a
+        camera that never sees the target, several cameras and a target whose pose is ambiguous,
+        a cache that is another kind of file.
+    """
+    if not images:
+        raise ValueError("images: found no cameras, expected at least one")
+    for camera, frames in images.items():
+        if not frames:
+            raise ValueError(f"camera {camera}: found no images, expected at least one")
+    if len(images) > 1 and target.ambiguity:
+        raise ValueError(
+            f"target: found {target}, which cannot tell how cameras stand to each other: "
+            f"{target.ambiguity}; expected another target, or one camera at a time"
+        )
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers: found {workers}, expected at least 1")
+    jobs = [
+        (camera, frame, images[camera][frame]) for camera in images for frame in images[camera]
+    ]
+    known = {} if cache is None else _detection_cache.read(Path(cache))
+    used: dict[str, Entry] = {}
+    try:
+        entries = search_images(jobs, target, True, known, used, progress, workers)
+        settled = _layout(target, entries)
+        if settled is not None:
+            again = [
+                job
+                for job, (found, _) in zip(jobs, entries, strict=True)
+                if len(found.point) and _legacy(found, target) != settled.legacy
+            ]
+            second = iter(search_images(again, settled, False, known, used, None, workers))
+            redone = {(camera, frame) for camera, frame, _ in again}
+            entries = [
+                next(second) if job[:2] in redone else entry
+                for job, entry in zip(jobs, entries, strict=True)
+            ]
+    finally:
+        if cache is not None and used.keys() - known.keys():
+            _detection_cache.write(Path(cache), known | used)
+    _check_sizes(jobs, entries)
+    _check_seen(jobs, entries, target)
+    return _collect(images, jobs, entries, target)
+
+
+def _legacy(found: Found, target: CharucoBoard) -> bool:
+    return target.legacy if found.legacy is None else found.legacy
+
+
+def _layout(target: Target, entries: list[Entry]) -> Target | None:
+    """Return the target in the layout that most images decided for; None where all agree."""
+    if not isinstance(target, CharucoBoard):
+        return None
+    seen = [found for found, _ in entries if len(found.point)]
+    votes = Counter(found.legacy for found in seen if found.legacy is not None)
+    if not votes:
+        return None
+    legacy = max((target.legacy, not target.legacy), key=lambda layout: votes[layout])
+    if all(_legacy(found, target) == legacy for found in seen):
+        return None
+    return replace(target, legacy=legacy)
+
+
+def _check_sizes(jobs: list[Job], entries: list[Entry]) -> None:
+    first: dict[str, tuple[Source, tuple[int, int]]] = {}
+    for (camera, frame, source), (_, size) in zip(jobs, entries, strict=True):
+        other, expected = first.setdefault(camera, (_name(source, frame), size))
+        if size != expected:
+            raise ValueError(
+                f"camera {camera}: {_name(source, frame)}: found {size[0]}x{size[1]} pixels, "
+                f"expected {expected[0]}x{expected[1]} as in {other}"
+            )
+
+
+def _check_seen(jobs: list[Job], entries: list[Entry], target: Target) -> None:
+    """Refuse a camera that never saw the target, and tell what its images show instead."""
+    for camera in dict.fromkeys(job[0] for job in jobs):
+        own = [k for k, job in enumerate(jobs) if job[0] == camera]
+        if any(len(entries[k][0].point) for k in own):
+            continue
+        reasons = Counter(entries[k][0].reason for k in own)
+        usual = max(reasons, key=lambda reason: reasons[reason])
+        example = next(k for k in own if entries[k][0].reason == usual)
+        _, frame, source = jobs[example]
+        instead = _instead(read_source(source), target)
+        raise ValueError(
+            f"camera {camera}: {_name(source, frame)}: found {instead or usual}, expected "
+            f"{target}, which none of its {len(own)} images shows"
+        )
+
+
+def _instead(image: NDArray, target: Target) -> str | None:
+    """Return what an image shows that is not the target but might be meant."""
+    search = Search.of(image)
+    if isinstance(target, Chessboard):
+        size = larger_chessboard(search)
+        return size and f"a chessboard of {size[0]}x{size[1]} inner corners"
+    if len(find(search.mirrored(), target).point):
+        return "the target mirrored"
+    if isinstance(target, CharucoBoard):
+        name = other_dictionary(search, target)
+        return name and f"markers of {name}"
+    return None
+
+
+def _name(source: Source, frame: str) -> str:
+    return f"frame {frame}" if isinstance(source, np.ndarray) else str(source)
+
+
+def _collect(
+    images: ImageSet, jobs: list[Job], entries: list[Entry], target: Target
+) -> Detections:
+    cameras = tuple(images)
+    longest = max(images.values(), key=len)
+    # A camera's own order stands where one camera has every moment, else names are sorted
+    frames = tuple(dict.fromkeys([*longest, *(name for own in images.values() for name in own)]))
+    if len(frames) > len(longest):
+        frames = tuple(sorted(frames))
+    place = {name: k for k, name in enumerate(frames)}
+    blur = np.full((len(cameras), len(frames)), np.nan)
+    parts: list[tuple[NDArray, ...]] = []
+    reasons, sizes = {}, {}
+    for (camera, frame, _), (found, size) in zip(jobs, entries, strict=True):
+        sizes[camera] = size
+        row, column = cameras.index(camera), place[frame]
+        blur[row, column] = found.blur
+        if not len(found.point):
+            reasons[camera, frame] = found.reason
+        index = np.full((len(found.point), 2), (row, column))
+        parts.append((index[:, 0], index[:, 1], found.point, found.uv))
+    columns = [np.concatenate(arrays) for arrays in zip(*parts, strict=True)]
+    observations = Observations(
+        target.points, cameras, tuple(sizes[name] for name in cameras), frames, *columns
+    )
+    return Detections(observations, blur, reasons)

@@ -1,0 +1,230 @@
+"""Images of a target as they lie in folders: which camera, which moment, and how to read them."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.recordings.decoded import decoded
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp")
+VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
+
+
+@dataclass(frozen=True)
+class VideoFrame:
+    """One picture of a video.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The video.
+    index : int
+        The picture's number, from 0.
+    """
+
+    path: Path
+    index: int
+
+    def __str__(self) -> str:
+        return f"{self.path}: frame {self.index}"
+
+
+Source = str | os.PathLike | VideoFrame | np.ndarray
+"""Where an image comes from: a file, a picture of a video, or the image itself."""
+
+
+def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, Source]]:
+    """Return the images in ``folder``: one folder a camera, or one video a camera.
+
+    Parameters
+    ----------
+    folder : path-like
+        Either folders named as the cameras, in which equal file names without their suffix are
+        one moment; or videos named as the cameras, in which equal numbers of pictures are.
+        Names that begin with a dot are passed over, and so are files of other kinds.
+    every : int
+        Take every so many pictures of a video.
+
+    Returns
+    -------
+    images : dict of camera to dict of frame to source
+        In natural order: ``cam2`` before ``cam10``.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to read, folders and videos are mixed, a camera's folder is empty or
+        has one moment twice, or a video cannot be decoded.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: found no folder, expected one folder or one video a camera")
+    if every < 1:
+        raise ValueError(f"every: found {every}, expected at least 1")
+    inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    inside.sort(key=lambda path: _natural(path.name))
+    folders = [path for path in inside if path.is_dir()]
+    videos = [path for path in inside if path.suffix.lower() in VIDEO_SUFFIXES and path.is_file()]
+    if folders and videos:
+        raise ValueError(
+            f"{folder}: found the folder {folders[0].name} and the video {videos[0].name}, "
+            "expected one folder a camera or one video a camera"
+        )
+    if not folders and not videos:
+        loose = sum(path.suffix.lower() in IMAGE_SUFFIXES for path in inside)
+        there = f"{loose} images in no camera's folder" if loose else "neither"
+        raise ValueError(f"{folder}: found {there}, expected one folder or one video a camera")
+    if folders:
+        return {path.name: _images_in(path) for path in folders}
+    images: dict[str, dict[str, Source]] = {}
+    for path in videos:
+        if path.stem in images:
+            raise ValueError(f"{folder}: camera {path.stem}: found two videos, expected one")
+        images[path.stem] = {
+            f"{index:06d}": VideoFrame(path, index)
+            for index in range(0, _count_pictures(path), every)
+        }
+    return images
+
+
+def read_source(source: Source) -> NDArray:
+    """Return the grey image ``(rows, columns)`` of a source, in the numbers stored.
+
+    Colour, blue first as OpenCV has it, becomes grey by its luminance. How a file says it should
+    be turned for viewing is passed over: calibration is about the sensor.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read, is truncated, or is no image; the message names the file.
+    """
+    if isinstance(source, VideoFrame):
+        return next(iter(read_pictures(source.path, [source.index])))[1]
+    if isinstance(source, np.ndarray):
+        return _grey(source, "image")
+    path = Path(source)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
+    try:
+        image = decoded(content)
+    except ValueError as error:
+        raise ValueError(f"{path}: not a readable image: {error}") from None
+    return _grey(image, str(path))
+
+
+def read_pictures(path: Path, indices: Iterable[int]) -> Iterator[tuple[int, NDArray]]:
+    """Yield number and grey image of a video's pictures, in order.
+
+    A video is decoded from its beginning: jumping to a picture is inexact in many formats.
+
+    Raises
+    ------
+    ValueError
+        If the video cannot be opened or ends before the last picture asked for.
+    """
+    wanted = sorted(set(indices))
+    video = _open_video(path)
+    try:
+        at = 0
+        for index in wanted:
+            while at <= index:
+                if not video.grab():
+                    raise ValueError(
+                        f"{path}: decoding stops at picture {at}, expected {wanted[-1] + 1}"
+                    )
+                at += 1
+            decoded, image = video.retrieve()
+            if not decoded:
+                raise ValueError(f"{path}: picture {index} cannot be decoded")
+            yield index, _grey(image, f"{path}: picture {index}")
+    finally:
+        video.release()
+
+
+def _images_in(folder: Path) -> dict[str, Source]:
+    paths = [
+        path
+        for path in folder.iterdir()
+        if path.is_file()
+        and path.suffix.lower() in IMAGE_SUFFIXES
+        and not path.name.startswith(".")
+    ]
+    if not paths:
+        raise ValueError(
+            f"{folder}: camera {folder.name}: found no images, expected some of "
+            f"{', '.join(IMAGE_SUFFIXES)}"
+        )
+    images: dict[str, Source] = {}
+    for path in sorted(paths, key=lambda path: _natural(path.name)):
+        if path.stem in images:
+            raise ValueError(
+                f"{path}: camera {folder.name}: found the moment {path.stem} twice, "
+                f"{Path(images[path.stem]).name} is another, expected one image"
+            )
+        images[path.stem] = path
+    return images
+
+
+def _open_video(path: Path) -> cv2.VideoCapture:
+    if not path.is_file():
+        raise ValueError(f"{path}: found no such video")
+    video = cv2.VideoCapture(str(path))
+    if not video.isOpened():
+        raise ValueError(f"{path}: not a readable video: damaged, or no decoder for it")
+    return video
+
+
+def _count_pictures(path: Path) -> int:
+    """Count by decoding: what a file says of itself is often wrong."""
+    video = _open_video(path)
+    stated = int(max(video.get(cv2.CAP_PROP_FRAME_COUNT), 0))
+    count = 0
+    while video.grab():
+        count += 1
+    video.release()
+    if count == 0 or count < 0.9 * stated:
+        raise ValueError(
+            f"{path}: camera {path.stem}: decoding stops at picture {count}, expected {stated}: "
+            "damaged or truncated"
+        )
+    return count
+
+
+def _grey(image: NDArray, name: str) -> NDArray:
+    """Return a colour image's luminance, a grey image as it is."""
+    channels = image.shape[2] if image.ndim == 3 else 1
+    if (
+        image.ndim not in (2, 3)
+        or channels not in (1, 3, 4)
+        or min(image.shape[:2]) < 2
+        or image.dtype.kind not in "uif"
+    ):
+        raise ValueError(
+            f"{name}: found shape {image.shape} of {image.dtype}, expected an image in grey or "
+            "colour"
+        )
+    if channels > 1:
+        if image.dtype not in (np.uint8, np.uint16):
+            image = image.astype(np.float32)  # no other kind of number is made grey by OpenCV
+        code = cv2.COLOR_BGR2GRAY if channels == 3 else cv2.COLOR_BGRA2GRAY
+        image = cv2.cvtColor(image, code)
+    image = image.reshape(image.shape[:2])
+    if image.dtype.kind == "f" and not np.isfinite(image).all():
+        raise ValueError(f"{name}: found NaN or infinite pixels, expected finite ones")
+    return image
+
+
+def _natural(name: str) -> list[tuple[int, int | str]]:
+    """Return a key that sorts numbers inside names by value."""
+    parts = re.split(r"(\d+)", name)
+    return [(0, int(part)) if part.isdecimal() else (1, part) for part in parts if part]

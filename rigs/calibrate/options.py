@@ -1,0 +1,60 @@
+"""What can be refused by names alone, before any image is read."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from numpy.typing import ArrayLike
+
+from rigs.calibrate.adjust.lens_choice import TERMS
+from rigs.ray_table import RayTable
+from rigs.rig import Rig
+
+
+def check_asked(
+    cameras: Collection[str],
+    frames: Collection[str],
+    *,
+    intrinsics: Rig | None,
+    world: str | Mapping[str, ArrayLike] | None,
+    rescale: bool,
+    length_unit: str,
+    distortion: str,
+    target: object | None,
+) -> None:
+    """Raise unless `rigs.calibrate.calibrate` can do what is asked with such cameras and frames.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, what was found and what was expected.
+    """
+    if distortion != "auto" and distortion not in TERMS:
+        raise ValueError(
+            f"distortion: found {distortion!r}, expected one of auto, {', '.join(TERMS)}"
+        )
+    if not isinstance(length_unit, str) or not length_unit.strip():
+        raise ValueError(f"length_unit: found {length_unit!r}, expected a unit, like mm")
+    ambiguity = getattr(target, "ambiguity", None)
+    if ambiguity and len(cameras) > 1:
+        raise ValueError(
+            f"target: its pose is ambiguous ({ambiguity}), expected one that looks the same from "
+            "one side only, to find where cameras stand"
+        )
+    for name in cameras if intrinsics is not None else ():
+        if name not in intrinsics:
+            raise ValueError(f"intrinsics: camera {name}: not in the rig, expected its lens")
+        if isinstance(intrinsics[name], RayTable):
+            raise ValueError(f"intrinsics: camera {name}: found a table of rays, expected a lens")
+    if rescale and not isinstance(world, Mapping):
+        raise ValueError("rescale: found True, expected world to give positions to scale by")
+    for name in [world] if isinstance(world, str) else world or ():
+        if name not in cameras and name not in frames:
+            raise ValueError(
+                f"world: found {name!r}, expected the name of a camera or of a frame; cameras are "
+                f"{', '.join(cameras)}"
+            )
+    if isinstance(world, Mapping) and len(world) < 3:
+        raise ValueError(
+            f"world: found {len(world)} positions, expected at least 3 that are not on a line"
+        )

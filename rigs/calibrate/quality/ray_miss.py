@@ -1,0 +1,80 @@
+"""The ray-miss that a covariance predicts: rays from their best common point."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, rays_by_camera
+from rigs.rig import Rig
+
+_BLOCK = 64  # points at a time
+
+
+def views(rig: Rig, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Say which camera has which of ``points`` in its image, ``(cameras, points)``."""
+    seen = np.zeros((len(rig), len(points)), bool)
+    for index, camera in enumerate(rig):
+        seen[index] = camera.inside(camera.project(points)[0])
+    return seen
+
+
+def predicted_squares(
+    scene: Scene,
+    freedom: Freedom,
+    covariance: NDArray[np.float64],
+    points: NDArray[np.float64],
+    seen: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """Return the expected squared distances of rays, from the covariance of all cameras.
+
+    A small change p of the parameters shifts the ray through a fixed pixel, where it passes point
+    X, by ``e = -pinv(du/dX) du/dp p`` across the ray. The common point is the least-squares one
+    of all shifted rays, so the distances are linear in p and their expected squares follow from
+    the joint covariance: what moves the whole rig alike does not count.
+
+    Parameters
+    ----------
+    scene : Scene
+    freedom : Freedom
+    covariance : (P, P) float64
+        Of the parameters that are free.
+    points : (points, 3) float64
+    seen : (cameras, points) bool
+        At least two a point.
+
+    Returns
+    -------
+    (cameras, points) float64
+        In squared length units; 0 where not seen.
+    """
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(deviation, deviation))
+    root = deviation[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))  # (P, P)
+    squares = np.zeros(seen.shape)
+    for start in range(0, len(points), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        squares[:, block] = _block_squares(scene, freedom, root, points[block], seen[:, block])
+    return squares
+
+
+def _block_squares(
+    scene: Scene, freedom: Freedom, root: NDArray, points: NDArray, seen: NDArray
+) -> NDArray[np.float64]:
+    """Return `predicted_squares` of some points; ``root`` ``(P, P)`` is of the covariance."""
+    shifts = np.zeros((len(scene.lenses), len(points), 3, len(root)))
+    across = np.zeros((len(scene.lenses), len(points), 3, 3))
+    for camera, own in enumerate(freedom.slices):
+        rows = seen[camera]
+        by_point, by_camera = rays_by_camera(scene, camera, points[rows])
+        back = np.linalg.pinv(by_point)  # (n, 3, 2)
+        shifts[camera, rows] = -back @ (by_camera[:, :, freedom.columns(camera)] @ root[own])
+        across[camera, rows] = back @ by_point
+    nearest = _inverse(across.sum(axis=0)) @ shifts.sum(axis=0)  # (points, 3, P)
+    miss = across @ nearest - shifts
+    return (miss**2).sum(axis=(2, 3))
+
+
+def _inverse(matrices: NDArray) -> NDArray[np.float64]:
+    """Return the inverses ``(n, 3, 3)``; along rays that are all parallel nothing moves."""
+    return np.linalg.pinv(matrices, rcond=1e-9, hermitian=True)

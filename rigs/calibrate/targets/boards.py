@@ -1,0 +1,203 @@
+"""Chessboards and ChArUco boards: where their points lie, and what they look like in print.
+
+A target's axes follow its front as OpenCV does: x to the right, y down, z into the board, so a
+camera in front of the board stands at negative z and sees x, y turned as columns and rows are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.calibrate.targets.circle_grid import CircleGrid
+from rigs.calibrate.targets.flat import Drawn, check_counts, check_length, grid, is_among
+
+if TYPE_CHECKING:
+    import cv2
+
+
+@dataclass(frozen=True)
+class Chessboard(Drawn):
+    """A plain chessboard; its points are the inner corners, the first at (0, 0, 0).
+
+    Parameters
+    ----------
+    columns, rows : int
+        Inner corners across and down, at least 3 each: one less than squares.
+    square : float
+        Side of a square, in any length unit.
+
+    Raises
+    ------
+    ValueError
+        If a field is out of range.
+
+    Notes
+    -----
+    The square up and left of the first point is black. Turned by 180 degrees, a board with
+    an even and an odd side has white there, which settles its order of points. Every chessboard
+    is its own mirror image: no single image tells that it was flipped.
+    """
+
+    columns: int
+    rows: int
+    square: float
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_counts(self, 3)
+        check_length(self, "square")
+
+    def __str__(self) -> str:
+        return f"chessboard:{self.columns}x{self.rows}:{self.square!r}"
+
+    @cached_property
+    def points(self) -> NDArray[np.float64]:
+        """``(columns * rows, 3)`` float64, row by row."""
+        return grid(self.columns, self.rows, self.square, 0)
+
+    @property
+    def extent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest (x, y) of the drawing: the squares and a margin of one square."""
+        high = np.array([self.columns + 1, self.rows + 1]) * self.square
+        return np.full(2, -2 * self.square), high
+
+    @property
+    def ambiguity(self) -> str | None:
+        """Why the board's pose cannot be told from its image, or None."""
+        if (self.columns + self.rows) % 2:
+            return None
+        angle = 90 if self.columns == self.rows and self.columns % 2 == 0 else 180
+        kind = "odd" if self.columns % 2 else "even"
+        return (
+            f"a chessboard of {self.columns}x{self.rows} inner corners, both {kind}, looks the "
+            f"same turned by {angle} degrees"
+        )
+
+    def brightness(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """Return the print's brightness at target coordinates: 0 is black, 1 white."""
+        column = np.floor(np.asarray(x, np.float64) / self.square) + 1
+        row = np.floor(np.asarray(y, np.float64) / self.square) + 1
+        inside = is_among(column, self.columns + 1) & is_among(row, self.rows + 1)
+        return np.where(inside, (column + row) % 2, 1.0)
+
+
+@dataclass(frozen=True)
+class CharucoBoard(Drawn):
+    """A chessboard with an ArUco marker in each white square, so that parts of it suffice.
+
+    Its points are the inner corners, row by row, numbered and placed as OpenCV does: the first
+    at (square, square, 0), with the origin at the outer corner of the first square.
+
+    Parameters
+    ----------
+    columns, rows : int
+        Squares across and down, at least 2 each and 3 of one.
+    square, marker : float
+        Sides of the squares and of the smaller markers, in one length unit.
+    dictionary : str
+        OpenCV's name, for example ``DICT_4X4_1000``.
+    legacy : bool
+        Boards of OpenCV before 4.6 with an even number of rows begin with a white square.
+
+    Raises
+    ------
+    ValueError
+        If a field is out of range or the dictionary is unknown or too small.
+    """
+
+    columns: int
+    rows: int
+    square: float
+    marker: float
+    dictionary: str
+    legacy: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_counts(self, 2)
+        if (self.columns - 1) * (self.rows - 1) < 2:
+            raise ValueError("columns: found 2x2 squares, expected at least 3x2: two points")
+        check_length(self, "square")
+        check_length(self, "marker")
+        if self.marker >= self.square:
+            raise ValueError(
+                f"marker: found {self.marker:g}, expected less than the square's {self.square:g}"
+            )
+        capacity = len(aruco_dictionary(self.dictionary).bytesList)
+        if self.columns * self.rows // 2 > capacity:
+            raise ValueError(
+                f"dictionary: found {self.dictionary} with {capacity} markers, expected at least "
+                f"{self.columns * self.rows // 2}, one for each white square"
+            )
+
+    def __str__(self) -> str:
+        return (
+            f"charuco:{self.columns}x{self.rows}:{self.square!r}:{self.marker!r}:"
+            f"{self.dictionary}{':legacy' if self.legacy else ''}"
+        )
+
+    @cached_property
+    def points(self) -> NDArray[np.float64]:
+        """``((columns - 1) * (rows - 1), 3)`` float64, row by row."""
+        return grid(self.columns - 1, self.rows - 1, self.square, 1)
+
+    @property
+    def extent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest (x, y) of the drawing: the squares and a margin of one square."""
+        high = np.array([self.columns + 1, self.rows + 1]) * self.square
+        return np.full(2, -self.square), high
+
+    @property
+    def ambiguity(self) -> str | None:
+        """None: the markers tell the points apart."""
+        return None
+
+    @property
+    def first_white(self) -> int:
+        """1 where the first square is black, 0 where it is white: (column + row) % 2 of white."""
+        return 0 if self.legacy and self.rows % 2 == 0 else 1
+
+    def brightness(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """Return the print's brightness at target coordinates: 0 is black, 1 white."""
+        x, y = np.broadcast_arrays(
+            np.asarray(x, np.float64) / self.square, np.asarray(y, np.float64) / self.square
+        )
+        column, row = np.floor(x), np.floor(y)
+        inside = is_among(column, self.columns) & is_among(row, self.rows)
+        white = (column + row) % 2 == self.first_white
+        bits = self._bits  # (markers, cells, cells)
+        cells = bits.shape[1]
+        margin = 0.5 * (1 - self.marker / self.square)
+        scale = cells * self.square / self.marker
+        across = np.floor((x - column - margin) * scale)
+        down = np.floor((y - row - margin) * scale)
+        marked = inside & white & is_among(across, cells) & is_among(down, cells)
+        number = (row * self.columns + column) // 2  # row by row along the white squares
+        index = [np.where(marked, part, 0).astype(np.int64) for part in (number, down, across)]
+        return np.where(marked, bits[tuple(index)], np.where(inside, white, 1.0))
+
+    @cached_property
+    def _bits(self) -> NDArray[np.float64]:
+        dictionary = aruco_dictionary(self.dictionary)
+        cells = dictionary.markerSize + 2
+        count = (self.columns * self.rows + 1) // 2
+        count = min(count, len(dictionary.bytesList))
+        return np.stack([dictionary.generateImageMarker(n, cells) / 255.0 for n in range(count)])
+
+
+Target = Chessboard | CharucoBoard | CircleGrid
+
+
+def aruco_dictionary(name: str) -> cv2.aruco.Dictionary:
+    """Return OpenCV's predefined dictionary of markers called ``name``."""
+    import cv2
+
+    names = [item for item in dir(cv2.aruco) if item.startswith("DICT_")]
+    if name not in names:
+        raise ValueError(f"dictionary: found {name!r}, expected one of {', '.join(names)}")
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))

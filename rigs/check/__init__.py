@@ -1,0 +1,12 @@
+"""Is a rig good enough for a volume, where is it not, and which camera is responsible."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "compare": ["compare_rigs"],
+        "coverage": ["Coverage"],
+        "rig_check": ["check_rig"],
+    },
+)

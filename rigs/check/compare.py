@@ -1,0 +1,218 @@
+"""Two rigs against each other: what moved, what turned, what the lenses do otherwise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.camera import Camera
+from rigs.files.units import in_unit
+from rigs.geometry import ray_distances
+from rigs.rig import Rig
+
+_LATTICE = 25  # points along an image's longer side at which lenses are compared
+
+
+@dataclass(frozen=True)
+class CameraDifference:
+    """How one camera differs in two rigs, once these are laid over each other.
+
+    Attributes
+    ----------
+    name : str
+    distance : float
+        Between both positions, in the first rig's length unit.
+    angle : float
+        Of the rotation between both orientations, in degrees.
+    focal_length : float
+        The second's over the first's, less 1.
+    lens : float
+        RMS over the image of how far the same direction lies apart in both, in pixels: camera
+        matrix and distortion together. NaN where the images differ in size, or one camera is a
+        table of rays.
+    distortion : float
+        The same for the distortion alone: both seen through the first's camera matrix.
+    ray_miss : float
+        RMS over the volume of the distance of the camera's lines of sight from the best common
+        point, see `rigs.ray_miss`; NaN without points.
+    """
+
+    name: str
+    distance: float
+    angle: float
+    focal_length: float
+    lens: float
+    distortion: float
+    ray_miss: float
+
+
+@dataclass(frozen=True, eq=False)
+class RigDifference:
+    """How two rigs differ.
+
+    Attributes
+    ----------
+    cameras : tuple of CameraDifference
+        Of the names that both have.
+    only_first, only_second : tuple of str
+        Names that the other has not.
+    R, t : (3, 3), (3,) float64
+        The rigid motion ``x_first = R x_second + t`` that lays the second rig's cameras over the
+        first's best.
+    turn, shift : float
+        Its angle in degrees, and how far it moves the middle of the cameras.
+    scale : float
+        By how much the first rig is larger; stated, not applied. NaN for a single camera.
+    ray_miss : float
+        RMS over points and cameras; free of any common motion. NaN without points.
+    second : Rig
+        The second rig, moved so and in the first's length unit.
+    """
+
+    cameras: tuple[CameraDifference, ...]
+    only_first: tuple[str, ...]
+    only_second: tuple[str, ...]
+    R: NDArray[np.float64]
+    t: NDArray[np.float64]
+    turn: float
+    shift: float
+    scale: float
+    ray_miss: float
+    second: Rig
+
+
+def compare_rigs(
+    first: Rig, second: Rig, points: ArrayLike | None = None, *, align: bool = True
+) -> RigDifference:
+    """Return how two rigs of the same cameras differ.
+
+    Parameters
+    ----------
+    first, second : Rig
+        Cameras are matched by name; lengths of the second are taken into the first's unit.
+    points : (N, 3) array_like, optional
+        All over the volume, in the first rig's world: for the ray-miss. The first's cameras see
+        them, the second's cast their pixels back.
+    align : bool
+        Whether to lay the second rig over the first before cameras are compared.
+
+    Raises
+    ------
+    ValueError
+        If the rigs have no camera in common, or units that cannot be told into each other.
+
+    Notes
+    -----
+    The motion is the one that moves each camera's position and the three points one arm's length
+    along its axes least, in the sum of squares (Kabsch). The arm is the cameras' RMS distance
+    from their middle, so that three cameras in a row, or a single one, have an answer too.
+    """
+    names = tuple(name for name in first.names if name in second)
+    if not names:
+        raise ValueError(
+            f"cameras: found none in common: {_some(first.names)} and {_some(second.names)}"
+        )
+    second = in_unit(second, first.length_unit)
+    one, other = ([rig[name] for name in names] for rig in (first, second))
+    R, t, scale = _motion(one, other) if align else (np.eye(3), np.zeros(3), _scale(one, other))
+    moved = second.transformed(R, t)
+    middle = np.mean([camera.position for camera in other], axis=0)
+    miss = None
+    if points is not None:
+        miss = ray_distances(
+            first.without(*set(first.names) - set(names)), moved, points
+        )  # (C, N)
+    differences = tuple(
+        _difference(first[name], moved[name], math.nan if miss is None else _rms(miss[number]))
+        for number, name in enumerate(names)
+    )
+    return RigDifference(
+        differences,
+        tuple(name for name in first.names if name not in second),
+        tuple(name for name in second.names if name not in first),
+        R,
+        t,
+        _angle(R),
+        float(np.linalg.norm(R @ middle + t - middle)),
+        scale,
+        math.nan if miss is None else _rms(miss),
+        moved,
+    )
+
+
+def _motion(one: list[Camera], other: list[Camera]) -> tuple[NDArray, NDArray, float]:
+    """Return R, t of ``x_one = R x_other + t``, and how much larger the first is."""
+    positions = [np.array([camera.position for camera in some]) for some in (one, other)]
+    arm = _spread(positions[0]) or 1.0
+    clouds = [
+        np.concatenate(
+            [place, *(place + arm * np.array([c.R[k] for c in some]) for k in range(3))]
+        )
+        for place, some in zip(positions, (one, other), strict=True)
+    ]
+    middles = [cloud.mean(axis=0) for cloud in clouds]
+    U, _, Vt = np.linalg.svd((clouds[0] - middles[0]).T @ (clouds[1] - middles[1]))
+    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    return R, middles[0] - R @ middles[1], _scale(one, other)
+
+
+def _scale(one: list[Camera], other: list[Camera]) -> float:
+    """Return how much farther from their middle the first cameras stand; NaN for a single one."""
+    first, second = (_spread(np.array([c.position for c in some])) for some in (one, other))
+    return first / second if first > 0 and second > 0 else math.nan
+
+
+def _spread(positions: NDArray) -> float:
+    """Return the RMS distance from the middle."""
+    return float(np.sqrt(((positions - positions.mean(axis=0)) ** 2).sum(axis=1).mean()))
+
+
+def _difference(one: Camera, other: Camera, miss: float) -> CameraDifference:
+    focal = [math.sqrt(c.camera_matrix[0, 0] * c.camera_matrix[1, 1]) for c in (one, other)]
+    lens, distortion = _lenses(one, other)
+    return CameraDifference(
+        one.name,
+        float(np.linalg.norm(one.position - other.position)),
+        _angle(one.R @ other.R.T),
+        focal[1] / focal[0] - 1,
+        lens,
+        distortion,
+        miss,
+    )
+
+
+def _lenses(one: Camera, other: Camera) -> tuple[float, float]:
+    """Return by how many pixels whole lens and distortion differ, RMS over the image."""
+    if one.image_size != other.image_size or not all(
+        isinstance(camera, Camera) for camera in (one, other)
+    ):
+        return math.nan, math.nan
+    width, height = one.image_size
+    columns = np.linspace(-0.5, width - 0.5, _LATTICE)
+    rows = np.linspace(-0.5, height - 0.5, max(2, round(_LATTICE * height / width)))
+    uv = np.stack([axis.ravel() for axis in np.meshgrid(columns, rows)], axis=-1)
+    plane = (uv - one.camera_matrix[:2, 2]) @ np.linalg.inv(one.camera_matrix[:2, :2]).T
+    directions = one.distortion.unproject(plane)
+    elsewhere, valid = other.distortion.project(np.nan_to_num(directions, nan=-1.0))
+    valid = valid & np.isfinite(directions).all(axis=1)
+    there = elsewhere @ other.camera_matrix[:2, :2].T + other.camera_matrix[:2, 2]
+    alone = (elsewhere - plane) @ one.camera_matrix[:2, :2].T
+    return tuple(_rms(np.linalg.norm(off[valid], axis=1)) for off in (there - uv, alone))
+
+
+def _angle(R: NDArray) -> float:
+    """Return the angle of a rotation in degrees, exact for small ones too."""
+    sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+    return float(np.degrees(np.arctan2(sine, (np.trace(R) - 1) / 2)))
+
+
+def _rms(values: NDArray) -> float:
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if values.size else math.nan
+
+
+def _some(names: tuple[str, ...]) -> str:
+    return ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")

@@ -1,0 +1,140 @@
+"""Slips of convention and unit that a rig file can hold, and what would put them right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.camera import Camera
+from rigs.check.coverage import coverage
+from rigs.rig import Rig
+
+_FLIP = np.diag([1.0, -1.0, -1.0])
+_LENGTHS = {
+    1000.0: "metres, the grid millimetres",
+    1e-3: "millimetres, the grid metres",
+    100.0: "metres, the grid centimetres",
+    0.01: "centimetres, the grid metres",
+    10.0: "centimetres, the grid millimetres",
+    0.1: "millimetres, the grid centimetres",
+    25.4: "inches, the grid millimetres",
+    1 / 25.4: "millimetres, the grid inches",
+}
+_COARSE = 8.0  # voxels a pixel: no rig is built to see less
+_FINE = 1 / 8  # voxels a pixel, where little of the volume is seen
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A reading of the rig under which cameras see the volume that do not as given.
+
+    Attributes
+    ----------
+    text : str
+        What seems to have happened, and what would put it right.
+    cameras : tuple of str
+        Those that it concerns.
+    """
+
+    text: str
+    cameras: tuple[str, ...]
+
+
+def find_slips(rig: Rig, points: ArrayLike, voxel: float) -> tuple[Slip, ...]:
+    """Return the slips of convention or unit that explain why cameras see badly.
+
+    Parameters
+    ----------
+    rig : Rig
+    points : (N, 3) array_like
+        All over the volume.
+    voxel : float
+        A voxel's edge length.
+
+    Notes
+    -----
+    A camera is wrong that sees less than 2 % of the volume, or with pixels larger than 8 voxels,
+    or less than a quarter of it with pixels smaller than 1/8 voxel. Each known slip is undone in
+    turn; the first is told after which those cameras see most of the volume with pixels of 0.01
+    to 4 voxels. A rig whose world is mirrored as a whole, poses and all, agrees with itself:
+    only images tell.
+    """
+    points = np.asarray(points, np.float64)
+    share, size = _sight(rig, points, voxel)
+    wrong = (share < 0.02) | (size > _COARSE) | ((share < 0.25) & (size < _FINE))
+    cameras = tuple(
+        camera
+        for camera, is_wrong in zip(rig, wrong, strict=True)
+        if is_wrong and isinstance(camera, Camera)  # a table of rays has no pose to slip
+    )
+    if not cameras:
+        return ()
+    for alternatives in _undone():
+        told = _best(rig, cameras, alternatives, points, voxel)
+        if told is not None:
+            return (Slip(told, tuple(camera.name for camera in cameras)),)
+    if (size > _COARSE).all():
+        text = f"pixels are {np.median(size):.3g} voxels wide at the volume, in every camera"
+        return (Slip(f"{text}: rig and grid seem to count in different units", rig.names),)
+    return ()
+
+
+def _best(
+    rig: Rig, cameras: tuple[Camera, ...], alternatives: dict, points: NDArray, voxel: float
+) -> str | None:
+    """Return in words which slip, undone, lets the cameras see most and finest; None if none."""
+    found = []
+    for text, undo in alternatives.items():
+        undone = replace(rig, cameras=tuple(map(undo, cameras)))
+        share, size = _sight(undone, points, voxel)
+        if (share > 0.5).mean() > 0.75 and 0.01 < np.nanmedian(size) < 4:
+            found.append((-round(float(np.median(share)), 1), float(np.nanmedian(size)), text))
+    if not found:
+        return None
+    _, size, text = min(found)
+    who = "the camera sees" if len(cameras) == 1 else f"{len(cameras)} cameras see"
+    return f"{text}; with that undone {who} the volume at {size:.2g} voxels a pixel"
+
+
+def _sight(rig: Rig, points: NDArray, voxel: float) -> tuple[NDArray, NDArray]:
+    """Return each camera's share of the volume, and its pixels' median size in voxels."""
+    found = coverage(rig, points)
+    size = np.full(len(rig), np.nan)
+    some = found.seen.any(axis=1)
+    if some.any():
+        size[some] = np.nanmedian(found.footprint[some], axis=1) / voxel
+    return found.seen.mean(axis=1), size
+
+
+def _undone() -> list[dict[str, Callable[[Camera], Camera]]]:
+    """Return the slips that are looked for, each with the way to undo it; likeliest first."""
+
+    def opengl(camera: Camera) -> Camera:
+        return replace(camera, R=_FLIP @ camera.R, t=_FLIP @ camera.t)
+
+    def inverse(camera: Camera) -> Camera:
+        return replace(camera, R=camera.R.T, t=-camera.R.T @ camera.t)
+
+    def inverse_opengl(camera: Camera) -> Camera:
+        return opengl(inverse(camera))
+
+    def position(camera: Camera) -> Camera:
+        return replace(camera, t=-camera.R @ camera.t)
+
+    def scaled(factor: float) -> Callable[[Camera], Camera]:
+        return lambda camera: replace(camera, t=camera.t * factor)
+
+    lengths = {
+        f"t seems to be in {words} (times {factor:g})": scaled(factor)
+        for factor, words in _LENGTHS.items()
+    }
+    return [
+        {"axes seem to be OpenGL's (y up, z backward), expected OpenCV's": opengl},
+        {"poses seem to be camera-to-world, expected x_cam = R x_world + t": inverse},
+        {"poses seem to be camera-to-world in OpenGL's axes, expected OpenCV's": inverse_opengl},
+        {"t seems to be the camera's position, expected t = -R position": position},
+        lengths,
+    ]

@@ -1,0 +1,201 @@
+"""How well the cameras of a rig see given points: views, gaps, pixel sizes, blur, ray-miss."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.camera import Camera
+from rigs.check.angular_gap import largest_gap
+from rigs.geometry import image_motion
+from rigs.ray_table import RayTable
+from rigs.rig import Rig
+
+PIXEL_ACCURACY = 0.2
+"""RMS error of a line of sight in pixels, per image axis, where no calibration tells it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """What a rig's cameras make of points; from `coverage`.
+
+    Attributes
+    ----------
+    rig : Rig
+    points : (N, 3) float64
+        In the rig's length unit.
+    seen : (C, N) bool
+        Whether a camera's image holds the point.
+    directions : (N, C, 3) float64
+        Unit vectors along the lines of sight, from the cameras to the points.
+    footprint : (C, N) float64
+        The size of a pixel at the point, across the line of sight; NaN where not seen.
+    blur : (C, N) float64
+        Diameter, at the point, of what a pixel's centre gathers for being out of focus; NaN where
+        not seen or where the lens's figures are not known.
+    gap : (N,) float64
+        The largest angular gap in degrees, see `rigs.check.angular_gap.largest_gap`.
+    gap_normal : (N, 3) float64
+        Where it is.
+    ray_miss : (N,) float64
+        Expected RMS distance of the lines of sight from their best common point, for the pixel
+        accuracy given; NaN with fewer than two views.
+    """
+
+    rig: Rig
+    points: NDArray[np.float64]
+    seen: NDArray[np.bool_]
+    directions: NDArray[np.float64]
+    footprint: NDArray[np.float64]
+    blur: NDArray[np.float64]
+    gap: NDArray[np.float64]
+    gap_normal: NDArray[np.float64]
+    ray_miss: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        """Name the sizes: the arrays themselves are too long to print."""
+        return f"<Coverage of {len(self.points)} points by {len(self.rig)} cameras>"
+
+    @property
+    def views(self) -> NDArray[np.int64]:
+        """How many cameras see each point, ``(N,)``."""
+        return self.seen.sum(axis=0)
+
+    @property
+    def blur_in_pixels(self) -> NDArray[np.float64]:
+        """`blur` over `footprint`, ``(C, N)``."""
+        return self.blur / self.footprint
+
+    @property
+    def median_footprint(self) -> NDArray[np.float64]:
+        """The median over the cameras that see a point, ``(N,)``; NaN where none does."""
+        median = np.full(len(self.points), np.nan)
+        some = self.seen.any(axis=0)
+        if some.any():
+            median[some] = np.nanmedian(self.footprint[:, some], axis=0)
+        return median
+
+
+def coverage(
+    rig: Rig, points: ArrayLike, *, pixel_accuracy: ArrayLike = PIXEL_ACCURACY
+) -> Coverage:
+    """Return how the cameras of a rig see points.
+
+    Parameters
+    ----------
+    rig : Rig
+        At least one camera.
+    points : (N, 3) array_like
+        In the rig's length unit, voxels' centres say.
+    pixel_accuracy : float or (C,) array_like
+        RMS error of each camera's lines of sight, in pixels along each image axis.
+
+    Raises
+    ------
+    ValueError
+        If the rig is empty, or points or accuracies are of the wrong shape or not finite.
+
+    Notes
+    -----
+    A pixel's size at a point is ``1 / sqrt(|det J|)`` with J the derivative of the pixel
+    coordinates across the line of sight: depth over focal length on a pinhole's axis.
+
+    The blur is that of a thin lens of diameter ``D`` (focal length over f-number) focused at the
+    depth ``s``: the cone of light through the lens's rim is ``D |1 - z / s|`` wide at the depth
+    ``z``, as in `tomo.simulation.effects`; divided by the pixel's size it is the circle of
+    confusion in pixels.
+
+    With independent errors of RMS ``a_i`` (accuracy times pixel size) along both directions
+    across each line, the best common point of n lines leaves
+
+        ray_miss² = (sum_i 2 a_i² - tr(M^-1 sum_i a_i² P_i)) / n ,   M = sum_i P_i ,
+
+    where ``P_i = I - d_i d_i^T`` projects across line i. For many views of equal accuracy that
+    is nearly ``2 a²``.
+    """
+    points = np.asarray(points, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise ValueError(f"points: found shape {points.shape}, expected finite (N, 3)")
+    if not len(rig):
+        raise ValueError("rig: found no camera, expected at least one")
+    accuracy = np.asarray(pixel_accuracy, np.float64)
+    if (
+        accuracy.shape not in ((), (len(rig),))
+        or not (np.isfinite(accuracy) & (accuracy > 0)).all()
+    ):
+        raise ValueError(
+            f"pixel_accuracy: found {pixel_accuracy!r}, expected a positive number or one a camera"
+        )
+    seen = np.zeros((len(rig), len(points)), bool)
+    footprint = np.full(seen.shape, np.nan)
+    blur = np.full(seen.shape, np.nan)
+    directions = np.zeros((len(points), len(rig), 3))
+    for number, camera in enumerate(rig):
+        view = _view(camera, points)
+        directions[:, number], seen[number], footprint[number], blur[number] = view
+    gap, normal = largest_gap(directions, seen.T)
+    error = footprint * np.broadcast_to(accuracy, len(rig))[:, None]
+    miss = expected_ray_miss(directions, np.where(seen, error, np.nan).T)
+    return Coverage(rig, points, seen, directions, footprint, blur, gap, normal, miss)
+
+
+def expected_ray_miss(
+    directions: NDArray[np.float64], error: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the expected ray-miss of lines with known errors, see `coverage`, ``(N,)``.
+
+    Parameters
+    ----------
+    directions : (N, C, 3) float64
+        Unit vectors along the lines.
+    error : (N, C) float64
+        RMS displacement of each line along each direction across it, in lengths; NaN where
+        there is no line.
+    """
+    there = np.isfinite(error)
+    variance = np.where(there, error, 0.0) ** 2  # (N, C)
+    across = np.eye(3) - directions[..., :, None] * directions[..., None, :]  # (N, C, 3, 3)
+    across = across * there[..., None, None]
+    inverse = np.linalg.pinv(across.sum(axis=1), rcond=1e-9, hermitian=True)
+    weighted = (across * variance[..., None, None]).sum(axis=1)
+    total = 2 * variance.sum(axis=1) - np.einsum("nij,nji->n", inverse, weighted)
+    count = there.sum(axis=1)
+    miss = np.sqrt(np.maximum(total, 0) / np.maximum(count, 1))
+    return np.where(count >= 2, miss, np.nan)
+
+
+def _view(camera: Camera, points: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Return of each point its line of sight, whether it is in the image, pixel size and blur."""
+    uv, depth, _ = camera.project(points)
+    seen = camera.inside(uv)
+    footprint = np.full(len(points), np.nan)
+    blur = np.full(len(points), np.nan)
+    away = points - camera.position
+    distance = np.linalg.norm(away, axis=1, keepdims=True)
+    lines = away / np.maximum(distance, 1e-300)  # (N, 3)
+    if not seen.any():
+        return lines, seen, footprint, blur
+    if isinstance(camera, RayTable):  # its rays need not come from one place
+        origins, lines[seen] = camera.rays(uv[seen])
+        distance[seen, 0] = np.linalg.norm(points[seen] - origins, axis=1)
+    along, distance = lines[seen], distance[seen]
+    helper = np.eye(3)[np.abs(along).argmin(axis=1)]
+    first = np.cross(helper, along)
+    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
+    step = 1e-4 * distance  # radians: far above rounding, far below what a lens bends
+    derivative = [
+        image_motion(camera, points[seen], step * way) / step
+        for way in (first, np.cross(along, first))
+    ]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        area = np.abs(
+            derivative[0][:, 0] * derivative[1][:, 1] - derivative[0][:, 1] * derivative[1][:, 0]
+        )
+        footprint[seen] = 1 / np.sqrt(area)
+    optics = camera.optics
+    if optics and optics.focal_length and optics.f_number and optics.focus_distance:
+        aperture = optics.focal_length / optics.f_number
+        blur[seen] = aperture * np.abs(1 - depth[seen] / optics.focus_distance)
+    return lines, seen, footprint, blur

@@ -1,0 +1,299 @@
+"""The rules by which a rig's figures become faults, warnings and notes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.camera import Camera
+from rigs.check.angular_gap import new_view
+from rigs.check.convention_errors import find_slips
+from rigs.check.rig_check import Finding, angles_to_middle, short, slip_points
+
+if TYPE_CHECKING:
+    from rigs.check.rig_check import RigCheck
+
+_LEVELS = ("fault", "warning", "note")
+_AXES = "xyz"
+_WIDE_GAP = 35.0  # degrees: angles alone tell apart little below two thirds of the width
+
+
+def findings(check: RigCheck) -> tuple[Finding, ...]:
+    """Return all there is to say about a rig, the worst first."""
+    rules = (
+        _slips,
+        _lenses,
+        _blind,
+        _cut_off,
+        _unseen,
+        _gaps,
+        _repeats,
+        _footprints,
+        _blur,
+        _miss,
+    )
+    names: dict[tuple[str, str], dict[str, None]] = {}  # the same of several cameras is told once
+    for rule in rules:
+        for finding in rule(check):
+            told = names.setdefault((finding.level, finding.text), {})
+            told.update(dict.fromkeys(finding.cameras))
+    order = check.coverage.rig.names.index
+    found = [
+        Finding(level, text, tuple(sorted(cameras, key=order)))
+        for (level, text), cameras in names.items()
+    ]
+    return tuple(sorted(found, key=lambda finding: _LEVELS.index(finding.level)))
+
+
+def _slips(check: RigCheck) -> Iterator[Finding]:
+    """Tell units and conventions mixed up, and cameras upside down against the others."""
+    rig = check.coverage.rig
+    for slip in find_slips(rig, slip_points(check.coverage), check.voxel):
+        yield Finding("fault", slip.text, slip.cameras)
+    down = np.array([camera.R[1] for camera in rig])
+    most = down.sum(axis=0)
+    if len(rig) > 2 and np.linalg.norm(most) > 0.3 * len(rig):
+        turned = tuple(
+            name
+            for name, way in zip(rig.names, down @ most, strict=True)
+            if way < -0.5 * np.linalg.norm(most)
+        )
+        if turned:
+            yield Finding("warning", "upside down against the others: on purpose?", turned)
+
+
+def _lenses(check: RigCheck) -> Iterator[Finding]:
+    """Tell camera matrices that do not belong to their images."""
+    for camera, figures in zip(check.coverage.rig, check.cameras, strict=True):
+        if not isinstance(camera, Camera):  # a table of rays has none
+            continue
+        size = np.array(camera.image_size)
+        fx, fy = camera.camera_matrix[0, 0], camera.camera_matrix[1, 1]
+        if camera.distortion.model != "fisheye" and figures.field_of_view > 150:
+            yield Finding(
+                "fault",
+                f"{figures.field_of_view:.0f} degrees across with a focal length of {fx:.4g} "
+                f"pixels: is it given in millimetres?",
+                (camera.name,),
+            )
+        off = (camera.camera_matrix[:2, 2] - (size - 1) / 2) / size
+        if (np.abs(off) > 0.2).all() and abs(off[0] - off[1]) < 0.1:
+            cx, cy = camera.camera_matrix[:2, 2]
+            yield Finding(
+                "warning",
+                f"principal point ({cx:.0f}, {cy:.0f}) lies far from the middle of "
+                f"{size[0]} x {size[1]} pixels: is the camera matrix that of another image size?",
+                (camera.name,),
+            )
+        if not 0.8 < fx / fy < 1.25:
+            yield Finding(
+                "warning",
+                f"focal lengths {fx:.5g} and {fy:.5g} pixels differ: are the pixels not square?",
+                (camera.name,),
+            )
+
+
+def _blind(check: RigCheck) -> Iterator[Finding]:
+    """Tell cameras that see nothing of the volume, and why."""
+    points = check.coverage.points
+    middle = points.mean(axis=0)
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    for camera, figures in zip(check.coverage.rig, check.cameras, strict=True):
+        position = camera.position
+        if ((position > lower) & (position < upper)).all():
+            yield Finding("fault", "inside the volume", (camera.name,))
+        elif figures.sees == 0:
+            depth = (points @ camera.R[2] + camera.t[2] > 0).mean()
+            away = middle - position
+            angle = np.degrees(
+                np.arccos(np.clip(camera.R[2] @ away / np.linalg.norm(away), -1, 1))
+            )
+            why = "turned away from it" if depth == 0 else f"aimed {angle:.0f} degrees past it"
+            yield Finding("fault", f"nothing of the volume in the image: {why}", (camera.name,))
+
+
+def _cut_off(check: RigCheck) -> Iterator[Finding]:
+    """Tell cameras whose image cuts the volume off."""
+    cut = [figures for figures in check.cameras if 0 < figures.sees < 0.995]
+    for figures in sorted(cut, key=lambda figures: figures.sees):
+        number = check.coverage.rig.names.index(figures.name)
+        where = _where(check, ~check.coverage.seen[number])
+        yield Finding(
+            "warning" if figures.sees < 0.95 else "note",
+            f"{figures.sees:.0%} of the volume in the image, cut off {where}",
+            (figures.name,),
+        )
+
+
+def _unseen(check: RigCheck) -> Iterator[Finding]:
+    """Tell what no camera sees, or a single one."""
+    views = check.coverage.views
+    for few, level, words in ((0, "fault", "no camera"), (1, "fault", "a single camera")):
+        poor = views == few
+        if not poor.any() or (few == 1 and len(check.coverage.rig) == 1):
+            continue
+        # to blame are the cameras that see most elsewhere, and not here
+        sees = np.array([figures.sees for figures in check.cameras])
+        missing = (~check.coverage.seen[:, poor]).mean(axis=1) > 0.5
+        guilty = tuple(
+            name
+            for name, is_missing, share in zip(
+                check.coverage.rig.names, missing, sees, strict=True
+            )
+            if is_missing and share < 0.995
+        )
+        share = check.share(poor)
+        text = f"{words} sees {share:.1%} of the volume"
+        if share < 0.0005:
+            text = f"less than 0.1% of the volume is seen by {words}"
+        yield Finding(
+            level if share >= 0.01 else "warning",
+            f"{text}, {_where(check, poor)}",
+            guilty if len(guilty) < len(check.coverage.rig) else (),
+        )
+    if len(check.coverage.rig) == 1:
+        yield Finding("fault", "a single view tells no depth: expected at least two cameras")
+
+
+def _gaps(check: RigCheck) -> Iterator[Finding]:
+    """Tell the largest angular gap, what it costs, and where a camera would close it."""
+    found = check.coverage
+    some = found.views >= 2
+    if not some.any():
+        return
+    gap = float(np.median(found.gap[some]))
+    middle = found.points.mean(axis=0)
+    point = np.flatnonzero(some)[np.linalg.norm(found.points[some] - middle, axis=1).argmin()]
+    normal = found.gap_normal[point]
+    lines = found.directions[point][found.seen[:, point]]
+    names = [
+        name for name, sees in zip(found.rig.names, found.seen[:, point], strict=True) if sees
+    ]
+    way = new_view(normal, lines)
+    if way is None:
+        return
+    size = float(np.abs(way) @ check.extent)
+    feature = size * np.radians(gap)
+    even = 180.0 / len(names)
+    text = f"the largest angular gap is {gap:.3g} degrees ({len(names)} views, even in a ring: "
+    unit = found.rig.length_unit
+    text += f"{even:.3g}); by angles alone nothing "
+    if feature < size:
+        text += f"below {feature:.3g} {unit} ({short(feature / check.voxel)} voxels) "
+    text += f"is told apart across {size:.3g} {unit}"
+    # round a ring the gap is a wedge of all heights, elsewhere the widest of many small holes
+    is_ring = np.linalg.eigvalsh(lines.T @ lines)[0] < 0.01 * len(lines)
+    if gap <= _WIDE_GAP and not (is_ring and gap > max(2.5 * even, 15.0)):
+        yield Finding("note", text)
+        return
+    beside = np.argsort(np.abs(lines @ normal), kind="stable")[:2]
+    away = float(np.median([figures.distance for figures in check.cameras]))
+    place = middle - away * way
+    step = 10.0 ** np.floor(np.log10(away) - 2)
+    spot = ", ".join(f"{value:.6g}" for value in np.round(place / step) * step + 0.0)
+    text += f"; a camera at ({spot}), or opposite, would close it"
+    yield Finding("warning", text, tuple(names[number] for number in sorted(beside)))
+
+
+def _repeats(check: RigCheck) -> Iterator[Finding]:
+    """Tell cameras whose lines of sight another one has already."""
+    rig = check.coverage.rig
+    angles = angles_to_middle(check.coverage)
+    limit = min(0.1 * 180.0 / len(rig), 2.0)
+    told = set()
+    pairs = []
+    for one, other in zip(*np.nonzero(np.triu(angles < limit)), strict=True):
+        if one in told or other in told:
+            continue
+        told |= {one, other}
+        pairs.append((rig.names[one], rig.names[other]))
+    if pairs:
+        words = ", ".join(" and ".join(pair) for pair in pairs[:4]) + (
+            ", ..." if pairs[4:] else ""
+        )
+        distinct = len(rig) - len(pairs)
+        yield Finding(
+            "warning" if 3 * len(pairs) >= len(rig) else "note",
+            f"{words}: line integrals are the same from both ends, so that {len(rig)} cameras "
+            f"give {distinct} views; an odd number in a ring, or half a step's turn of one of "
+            "each pair, would give more",
+            tuple(name for pair in pairs for name in pair[1:]),
+        )
+
+
+def _footprints(check: RigCheck) -> Iterator[Finding]:
+    """Tell pixels too coarse for the voxels, wastefully fine, or unlike the other cameras'."""
+    sizes = np.array([figures.footprint_in_voxels for figures in check.cameras])
+    known = np.isfinite(sizes)
+    if not known.any():
+        return
+    typical = float(np.median(sizes[known]))
+    names = np.array(check.coverage.rig.names)
+    unit = check.coverage.rig.length_unit
+    if typical > 1.5:
+        yield Finding(
+            "warning",
+            f"a pixel is {short(typical)} voxels wide: images hold no more than voxels of "
+            f"{typical * check.voxel:.2g} {unit}",
+        )
+    elif typical < 0.3:
+        yield Finding(
+            "note",
+            f"a voxel is {short(1 / typical)} pixels wide: images could be shrunk "
+            f"(--scale {int(0.5 / typical)}), or voxels be {typical * check.voxel * 2:.2g} {unit}",
+        )
+    coarse = known & (sizes > max(2 * typical, 1.0))
+    for name, size in zip(names[coarse], sizes[coarse], strict=True):
+        text = f"pixels {short(size)} voxels wide, those of most cameras {typical:.2g}"
+        yield Finding("warning", text, (str(name),))
+
+
+def _blur(check: RigCheck) -> Iterator[Finding]:
+    """Tell lenses out of focus in the volume."""
+    for figures in check.cameras:
+        if figures.blur_in_voxels > 1 and figures.blur_in_pixels > 1.5:
+            yield Finding(
+                "warning",
+                f"out of focus by up to {short(figures.blur_in_pixels)} pixels "
+                f"({short(figures.blur_in_voxels)} voxels) in the volume",
+                (figures.name,),
+            )
+
+
+def _miss(check: RigCheck) -> Iterator[Finding]:
+    """Tell lines of sight that do not meet within a voxel."""
+    if not np.isfinite(check.ray_miss):
+        return
+    ratio = check.ray_miss / check.voxel
+    unit = check.coverage.rig.length_unit
+    text = f"lines of sight miss each other by {check.ray_miss:.3g} {unit} ({ratio:.2g} voxels)"
+    text += f", by {check.ray_miss_from}"
+    # by calibration each camera has a figure of its own, else the largest pixels err most
+    own = np.array([f.ray_miss for f in check.cameras])
+    own = np.array([f.footprint for f in check.cameras]) if np.isnan(own).any() else own
+    guilty = tuple(
+        figures.name
+        for figures, value in zip(check.cameras, own, strict=True)
+        if ratio > 0.5 and value > 1.5 * np.nanmedian(own)
+    )
+    level = "fault" if ratio > 2 else "warning" if ratio > 0.5 else "note"
+    yield Finding(level, text, guilty)
+
+
+def _where(check: RigCheck, poor: NDArray[np.bool_]) -> str:
+    """Return in words which part of the volume ``poor`` ``(N,)`` is."""
+    points = check.coverage.points
+    offset = (points[poor].mean(axis=0) - points.mean(axis=0)) / check.extent
+    sides = [
+        f"{'+' if offset[axis] > 0 else '-'}{_AXES[axis]}"
+        for axis in np.argsort(-np.abs(offset))
+        if abs(offset[axis]) > 0.15
+    ]
+    if sides:
+        return f"toward {' and '.join(sides)}"
+    spread = (points[poor].std(axis=0) + 1e-300) / (points.std(axis=0) + 1e-300)
+    axis = int(spread.argmax())
+    return f"at both ends of {_AXES[axis]}" if spread[axis] > 1.15 else "on all sides"

@@ -1,0 +1,128 @@
+"""What is wrong with the content of a file, in the file's words: one line for every schema."""
+
+from __future__ import annotations
+
+import difflib
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal
+
+import pydantic
+
+from rigs.files.text import shortened
+
+_PLAIN = {float: "number", int: "whole number", str: "text"}
+_TOLD_FIRST = {"literal_error": 0, "extra_forbidden": 1}
+_FEW = 6  # fields that are named
+
+
+def first_problem(
+    error: pydantic.ValidationError, model: type[pydantic.BaseModel], data: Mapping[str, Any]
+) -> tuple[list[str | int], str]:
+    """Return where in ``data`` the first problem is, and what was found and expected there.
+
+    Of several problems the most specific one is told: another format or version before unknown
+    fields before missing ones.
+    """
+    problems = error.errors(include_url=False)
+    problem = min(problems, key=lambda found: _TOLD_FIRST.get(found["type"], len(_TOLD_FIRST)))
+    path = _path(problem["loc"], data, is_missing=problem["type"] == "missing")
+    return path, _said(problem, path, model)
+
+
+def dotted(path: Sequence[str | int]) -> str:
+    """Return ``distortion.coefficients[3]`` of its steps."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text.encode("unicode_escape").decode()
+
+
+def _path(loc: Sequence[str | int], data: Any, is_missing: bool) -> list[str | int]:
+    """Return the steps of pydantic's path that the data has, without the types it tried."""
+    path: list[str | int] = []
+    for step, part in enumerate(loc):
+        is_item = isinstance(data, list) and isinstance(part, int) and part < len(data)
+        if is_item or (isinstance(data, dict) and part in data):
+            path.append(part)
+            data = data[part]
+        elif is_missing and step == len(loc) - 1:
+            path.append(part)
+    return path
+
+
+def _said(problem: Mapping[str, Any], path: list[str | int], model: type) -> str:
+    if problem["type"] == "extra_forbidden":
+        known = list(_annotation_at(model, path[:-1]).model_fields)
+        near = difflib.get_close_matches(str(path[-1]), known, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
+        return f"unknown field, {hint}"
+    if problem["type"] == "missing":
+        if isinstance(path[-1], int):  # a tuple that is too short
+            count = path.pop()
+            values = "value" if count == 1 else "values"
+            return f"found {count} {values}, expected {_in_words(_annotation_at(model, path))}"
+        return f"missing, expected {_in_words(_annotation_at(model, path))}"
+    annotation = _annotation_at(model, path)
+    if problem["type"] == "value_error" and len(_choices(annotation)) == 1:
+        expected = str(problem["ctx"]["error"])
+        if ": found " in f": {expected}":  # all of it is told there
+            return expected
+    else:
+        expected = _in_words(annotation)
+    return f"found {shortened(problem['input'])}, expected {expected}"
+
+
+def _annotation_at(model: Any, path: Sequence[str | int]) -> Any:
+    """Return the type that a schema has at a place."""
+    here = model
+    for part in path:
+        for choice in _choices(here):
+            is_model = isinstance(choice, type) and issubclass(choice, pydantic.BaseModel)
+            if is_model and part in choice.model_fields:
+                here = choice.model_fields[part].annotation
+                break
+            inner = typing.get_args(choice)
+            if inner and (isinstance(part, int) or typing.get_origin(choice) is dict):
+                here = inner[-1]
+                break
+    return _choices(here)[0] if len(_choices(here)) == 1 else here
+
+
+def _choices(annotation: Any) -> list[Any]:
+    """Return the types that may stand for one, without None."""
+    origin = typing.get_origin(annotation)
+    if origin is Annotated:
+        return _choices(typing.get_args(annotation)[0])
+    if origin in (typing.Union, types.UnionType):
+        return [
+            choice
+            for one in typing.get_args(annotation)
+            if one is not type(None)
+            for choice in _choices(one)
+        ]
+    return [annotation]
+
+
+def _in_words(annotation: Any) -> str:
+    """Return ``a number or a list of 3 numbers``."""
+    return " or ".join(_one_in_words(choice) for choice in _choices(annotation))
+
+
+def _one_in_words(annotation: Any, plural: bool = False) -> str:
+    origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Literal:
+        return " or ".join(str(value) for value in inner)
+    if annotation is str:
+        return "text"
+    many = "s" if plural else ""
+    word = f"{_PLAIN.get(annotation, 'mapping')}{many}"
+    if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
+        fields = tuple(annotation.model_fields)
+        word += f" with {', '.join(fields)}" if len(fields) <= _FEW and not plural else ""
+    if origin in (tuple, list):
+        count = f"{len(inner)} " if origin is tuple else ""
+        item = _choices(inner[0])[0]
+        word = f"list{many} of {count}{_one_in_words(item, plural=True)}"
+    return word if plural else f"a {word}"

@@ -1,0 +1,287 @@
+"""rig.yaml: rigs in and out of files that people, OpenCV and other programs can read."""
+
+from __future__ import annotations
+
+import math
+import os
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rigs.camera import Camera, look_at
+from rigs.files.schema import CameraEntry, RigEntry, parse_rig
+from rigs.files.text import breaks_a_line, read_yaml_mapping, write_text
+from rigs.lens import Distortion
+from rigs.optics import Optics
+from rigs.ray_table import RayTable
+from rigs.ray_table.ray_file import load_ray_table, save_ray_table
+from rigs.rig import Rig, Volume
+
+FORMAT = "emission-rig"
+VERSION = 1
+
+
+def load_rig(path: str | os.PathLike) -> Rig:
+    """Return the rig in a ``rig.yaml``.
+
+    A camera's pose is ``R`` and ``t``, or ``position``, ``look_at`` and ``up``; its intrinsics
+    are ``camera_matrix``, or ``focal_length`` and ``pixel_pitch`` in one unit (with
+    ``principal_point`` in pixels, by default the image's middle). Instead of both it may name a
+    ``ray_table``, an ``.npz`` beside the file (`rigs.RayTable`).
+
+    Raises
+    ------
+    FileNotFoundError, IsADirectoryError
+        If there is no such file.
+    ValueError
+        In one line that names the file, the camera, the field, what was found and what was
+        expected.
+    """
+    data = read_yaml_mapping(path)
+    try:
+        for field, expected in (("format", FORMAT), ("version", VERSION)):
+            if field not in data:
+                raise ValueError(f"{field}: missing, expected {expected}")
+            if data[field] != expected or isinstance(data[field], bool):
+                raise ValueError(f"{field}: found {data[field]!r}, expected {expected}")
+        entry = parse_rig(data)
+        if entry.convention != "opencv":
+            raise ValueError(f"convention: found {entry.convention!r}, expected opencv")
+        return _rig(entry, Path(path).parent)
+    except ValueError as error:
+        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
+
+
+def save_rig(rig: Rig, path: str | os.PathLike) -> None:
+    """Write ``rig`` to a ``rig.yaml``; `load_rig` returns an equal one, bit by bit.
+
+    Poses are written as ``R`` and ``t``, intrinsics as ``camera_matrix``. ``cv2.FileStorage``
+    reads the file too, as long as the keys in ``rig.calibration`` are plain words. Tables of rays
+    are written beside it, into ``<stem>_rays_<camera>.npz``.
+
+    Raises
+    ------
+    ValueError
+        If ``rig.calibration`` holds something other than plain data.
+    """
+    text = rig_to_yaml(rig, Path(path).stem)
+    for camera in rig:
+        if isinstance(camera, RayTable):
+            save_ray_table(camera, Path(path).with_name(_table_name(camera, Path(path).stem)))
+    write_text(path, text)
+
+
+def rig_to_yaml(rig: Rig, stem: str = "rig") -> str:
+    """Return the text that `save_rig` writes into a file of that stem."""
+    data: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "length_unit": rig.length_unit,
+        "convention": "opencv",
+        "world_frame": rig.world_frame,
+        "cameras": [_camera_data(camera, stem) for camera in rig.cameras],
+    }
+    if rig.volume is not None:
+        data["volume"] = {
+            "shape": list(rig.volume.shape),
+            "spacing": list(rig.volume.spacing),
+            "center": list(rig.volume.center),
+        }
+    if rig.calibration is not None:
+        _check_plain(rig.calibration, "calibration")
+        data["calibration"] = rig.calibration
+    return yaml.dump(
+        data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=2**30, indent=2
+    )
+
+
+def preset_names() -> tuple[str, ...]:
+    """Return the names of the rigs that come with the package."""
+    return tuple(sorted(file.name.removesuffix(".yaml") for file in _preset_files()))
+
+
+def preset(name: str) -> Rig:
+    """Return the rig called ``name`` of those that come with the package."""
+    for file in _preset_files():
+        if file.name == f"{name}.yaml":
+            with resources.as_file(file) as path:
+                return load_rig(path)
+    raise ValueError(f"preset: found {name!r}, expected one of {', '.join(preset_names())}")
+
+
+def _preset_files() -> list[Any]:
+    folder = resources.files("rigs") / "presets"
+    return [file for file in folder.iterdir() if file.name.endswith(".yaml")]
+
+
+def _rig(entry: RigEntry, folder: Path) -> Rig:
+    """Return the rig of a checked file in ``folder``."""
+    if not entry.cameras:
+        raise ValueError("cameras: found none, expected at least one")
+    volume = entry.volume and Volume(entry.volume.shape, entry.volume.spacing, entry.volume.center)
+    cameras = tuple(_camera(camera, folder) for camera in entry.cameras)
+    return Rig(cameras, entry.length_unit, entry.world_frame, volume, entry.calibration)
+
+
+def _camera(entry: CameraEntry, folder: Path) -> Camera | RayTable:
+    """Return the camera of a checked entry."""
+    if entry.ray_table is not None:
+        return _ray_table(entry, folder)
+    try:
+        if entry.image_size is None:
+            raise ValueError("image_size: missing, expected width and height in pixels")
+        distortion = Distortion(entry.distortion.model, tuple(entry.distortion.coefficients))
+        optics = entry.optics and Optics(**entry.optics.model_dump())
+        K = _intrinsics(entry)
+        R, t = _pose(entry)
+    except ValueError as error:
+        raise ValueError(f"camera {entry.name}: {error}") from None
+    return Camera(entry.name, entry.image_size, K, distortion, R, t, optics, entry.status)
+
+
+def _ray_table(entry: CameraEntry, folder: Path) -> RayTable:
+    """Return the table of rays that an entry names."""
+    kept = {"name", "ray_table", "image_size", "optics", "status"}
+    try:
+        for field in sorted(entry.model_fields_set - kept):
+            raise ValueError(f"{field}: found beside ray_table, expected one of the two")
+        optics = entry.optics and Optics(**entry.optics.model_dump())
+    except ValueError as error:
+        raise ValueError(f"camera {entry.name}: {error}") from None
+    camera = load_ray_table(entry.name, entry.ray_table, folder, optics, entry.status)
+    if entry.image_size not in (None, camera.image_size):
+        raise ValueError(
+            f"camera {entry.name}: image_size: found {entry.image_size}, "
+            f"expected {camera.image_size} as in {entry.ray_table}"
+        )
+    return camera
+
+
+def _table_name(camera: RayTable, stem: str) -> str:
+    """Return the name of the file of a camera's rays, beside a rig of that stem."""
+    return f"{stem}_rays_{camera.name}.npz"
+
+
+def _intrinsics(entry: CameraEntry) -> Any:
+    """Return the camera matrix, as given or from the focal length and the pixel pitch."""
+    short = ("focal_length", "pixel_pitch", "principal_point")
+    given = [name for name in short if getattr(entry, name) is not None]
+    if entry.camera_matrix is not None:
+        if given:
+            raise ValueError(f"{given[0]}: found beside camera_matrix, expected one of the two")
+        return entry.camera_matrix
+    for name in short[:2]:
+        if name not in given:
+            raise ValueError(
+                f"{name if given else 'camera_matrix'}: missing, expected camera_matrix, "
+                "or focal_length and pixel_pitch"
+            )
+    pitch = entry.pixel_pitch
+    pitch_x, pitch_y = pitch if isinstance(pitch, tuple) else (pitch, pitch)
+    for name, lengths in (
+        ("focal_length", [entry.focal_length]),
+        ("pixel_pitch", [pitch_x, pitch_y]),
+    ):
+        if not all(length > 0 for length in lengths):
+            raise ValueError(f"{name}: found {getattr(entry, name)}, expected positive lengths")
+    return pinhole_matrix(
+        entry.image_size,
+        entry.focal_length / pitch_x,
+        entry.focal_length / pitch_y,
+        entry.principal_point,
+    )
+
+
+def pinhole_matrix(
+    image_size: tuple[int, int],
+    fx: float,
+    fy: float,
+    principal_point: tuple[float, float] | None = None,
+) -> list[list[float]]:
+    """Return a camera matrix, in pixels; the principal point is the image's middle if None."""
+    cx, cy = principal_point or ((image_size[0] - 1) / 2, (image_size[1] - 1) / 2)
+    return [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+
+
+def _pose(entry: CameraEntry) -> tuple[Any, Any]:
+    """Return ``R`` and ``t``, as given or from where the camera stands and looks."""
+    groups = (("R", "t"), ("position", "look_at", "up"))
+    given = [[name for name in names if getattr(entry, name) is not None] for names in groups]
+    if given[0] and given[1]:
+        raise ValueError(f"{given[1][0]}: found beside {given[0][0]}, expected one of the two")
+    names = groups[1] if given[1] else groups[0]
+    for name in names:
+        if getattr(entry, name) is None:
+            raise ValueError(f"{name}: missing, expected R and t, or position, look_at and up")
+    if given[1]:
+        return look_at(entry.position, entry.look_at, entry.up)
+    return entry.R, entry.t
+
+
+def _camera_data(camera: Camera | RayTable, stem: str) -> dict[str, Any]:
+    """Return a camera's plain data, in the order of the file."""
+    if isinstance(camera, RayTable):
+        data = {"name": camera.name, "ray_table": _table_name(camera, stem)}
+        return data | _last_data(camera)
+    data: dict[str, Any] = {
+        "name": camera.name,
+        "image_size": list(camera.image_size),
+        "camera_matrix": camera.camera_matrix.tolist(),
+        "distortion": {
+            "model": camera.distortion.model,
+            "coefficients": list(camera.distortion.coefficients),
+        },
+        "R": camera.R.tolist(),
+        "t": camera.t.tolist(),
+    }
+    return data | _last_data(camera)
+
+
+def _last_data(camera: Camera | RayTable) -> dict[str, Any]:
+    """Return the entries that all cameras end with."""
+    if camera.optics is None:
+        return {"status": camera.status}
+    optics = {k: v for k, v in vars(camera.optics).items() if v is not None}
+    return {"optics": optics, "status": camera.status}
+
+
+def _check_plain(value: object, what: str) -> None:
+    """Raise unless ``value`` is made of what YAML and JSON both hold."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            if not isinstance(key, str):
+                raise ValueError(f"{what}: found the key {key!r}, expected text")
+            _check_plain(item, f"{what}.{key}")
+    elif isinstance(value, (list, tuple)):
+        for index, item in enumerate(value):
+            _check_plain(item, f"{what}[{index}]")
+    elif type(value) not in (str, int, float, bool, type(None)):
+        raise ValueError(f"{what}: found {type(value).__name__}, expected plain data")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{what}: found {value}, expected finite numbers")
+
+
+class _Dumper(yaml.SafeDumper):
+    """Rows of numbers on one line each; lists indented, without which OpenCV does not read."""
+
+    def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:
+        return super().increase_indent(flow, False)
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+    def _list(self, data: list | tuple) -> yaml.Node:
+        on_one_line = not any(isinstance(item, (list, tuple, dict)) for item in data)
+        return self.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=on_one_line)
+
+    def _text(self, data: str) -> yaml.Node:
+        # PyYAML would write line breaks as they are, and read some of them as others.
+        style = '"' if breaks_a_line(data) or data != data.rstrip() else None
+        return self.represent_scalar("tag:yaml.org,2002:str", data, style=style)
+
+
+_Dumper.add_representer(str, _Dumper._text)
+_Dumper.add_representer(list, _Dumper._list)
+_Dumper.add_representer(tuple, _Dumper._list)

@@ -1,0 +1,133 @@
+"""What may stand in a rig.yaml: types and names only; geometry is checked by Camera and Rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import pydantic
+
+from rigs.files.messages import dotted, first_problem
+
+
+def _number(value: object) -> float:
+    """Return a finite float; text like ``1e-5``, which YAML 1.1 takes for text, counts too."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise ValueError("a number")
+    try:
+        number = float(value)
+    except (ValueError, OverflowError):
+        raise ValueError("a number") from None
+    if not math.isfinite(number):
+        raise ValueError("a finite number")
+    return number
+
+
+def _whole(value: object) -> int:
+    """Return a whole number."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value // 1:
+        raise ValueError("a whole number")
+    if abs(value) >= 2**63:
+        raise ValueError("a whole number of 64 bits")
+    return int(value)
+
+
+def _text(value: object) -> str:
+    """Return text; a bare number is an error, because ``01`` and ``1`` would be the same."""
+    if not isinstance(value, str):
+        raise ValueError("text (put it in quotes)")
+    return value
+
+
+Number = Annotated[float, pydantic.BeforeValidator(_number)]
+Whole = Annotated[int, pydantic.BeforeValidator(_whole)]
+Text = Annotated[str, pydantic.BeforeValidator(_text)]
+Vector = tuple[Number, Number, Number]
+Matrix = tuple[Vector, Vector, Vector]
+
+
+class _Entry(pydantic.BaseModel):
+    model_config = pydantic.ConfigDict(extra="forbid", protected_namespaces=())
+
+
+class DistortionEntry(_Entry):
+    """``distortion:`` of a camera."""
+
+    model: Text
+    coefficients: list[Number] = []
+
+
+class OpticsEntry(_Entry):
+    """``optics:`` of a camera."""
+
+    focal_length: Number | None = None
+    f_number: Number | None = None
+    focus_distance: Number | None = None
+    pixel_pitch: Number | None = None
+
+
+class CameraEntry(_Entry):
+    """One of ``cameras:``, with all ways to give the intrinsics and the pose."""
+
+    name: Text
+    ray_table: Text | None = None
+    image_size: tuple[Whole, Whole] | None = None
+    camera_matrix: Matrix | None = None
+    focal_length: Number | None = None
+    pixel_pitch: Number | tuple[Number, Number] | None = None
+    principal_point: tuple[Number, Number] | None = None
+    distortion: DistortionEntry = DistortionEntry(model="none")
+    R: Matrix | None = None
+    t: Vector | None = None
+    position: Vector | None = None
+    look_at: Vector | None = None
+    up: Vector | None = None
+    optics: OpticsEntry | None = None
+    status: Text = "nominal"
+
+
+class VolumeEntry(_Entry):
+    """``volume:`` of a rig."""
+
+    shape: tuple[Whole, Whole, Whole]
+    spacing: Number | Vector
+    center: Vector = (0.0, 0.0, 0.0)
+
+
+class RigEntry(_Entry):
+    """The whole file."""
+
+    format: Text
+    version: Whole
+    length_unit: Text = "mm"
+    convention: Text = "opencv"
+    world_frame: Text = ""
+    cameras: list[CameraEntry]
+    volume: VolumeEntry | None = None
+    calibration: dict[str, Any] | None = None
+
+
+def parse_rig(data: Mapping[str, Any]) -> RigEntry:
+    """Return the checked entries of a rig file.
+
+    Raises
+    ------
+    ValueError
+        In one line: the camera, the field, what was found and what was expected.
+    """
+    try:
+        return RigEntry.model_validate(data)
+    except pydantic.ValidationError as error:
+        path, said = first_problem(error, RigEntry, data)
+        raise ValueError(f"{_where(path, data)}: {said}") from None
+
+
+def _where(path: list[str | int], data: Mapping[str, Any]) -> str:
+    """Return the camera by name, where it has one, and the field."""
+    if path[0] == "cameras" and len(path) > 2:
+        entry = data["cameras"][path[1]]
+        if isinstance(entry.get("name"), str):
+            return f"camera {entry['name']}: {dotted(path[2:])}"
+        return f"{dotted(path[:2])}: {dotted(path[2:])}"
+    return dotted(path)

@@ -1,0 +1,205 @@
+"""Text files in and out: errors that name the file, and nothing half-written."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rigs.files.atomic import atomic_path
+
+_MAX_BYTES = 16 * 2**20
+_MAX_DEPTH = 32
+_MAX_VALUES = 1_000_000  # of a YAML file: 8 cameras and 45,000 frames have almost as many
+
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def read_text(path: str | os.PathLike) -> str:
+    """Return the UTF-8 text of the file at ``path``.
+
+    Raises
+    ------
+    FileNotFoundError, IsADirectoryError
+        In one line that names the file.
+    ValueError
+        If it is not UTF-8, or larger than 16 MiB.
+    """
+    path = Path(path)
+    try:
+        is_folder, exists = path.is_dir(), path.exists()
+    except OSError as error:  # a name that is too long
+        raise ValueError(f"{path}: found no file's name: {error.strerror}") from None
+    if is_folder:
+        raise IsADirectoryError(f"{path}: found a folder, expected a file")
+    if not exists:
+        raise FileNotFoundError(f"{path}: no such file")
+    with path.open("rb") as file:
+        data = file.read(_MAX_BYTES + 1)
+    if len(data) > _MAX_BYTES:
+        raise ValueError(f"{path}: found more than {_MAX_BYTES >> 20} MiB, expected a text file")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(
+            f"{path}: found a byte that is not UTF-8 at {error.start}, expected UTF-8 text"
+        ) from None
+
+
+def write_text(path: str | os.PathLike, text: str) -> None:
+    """Write ``text`` as UTF-8: see `write_bytes`."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: str | os.PathLike, data: bytes) -> None:
+    """Write ``data`` under a temporary name beside ``path``, then rename it.
+
+    Missing folders are made.
+    """
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def shortened(value: object) -> str:
+    """Return what was found, not longer than a line can bear."""
+    text = "nothing" if value is None else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def breaks_a_line(text: str) -> bool:
+    """Say whether a text holds what ends a line, be it its last character."""
+    return text.splitlines() not in ([], [text])
+
+
+def read_yaml_mapping(path: str | os.PathLike) -> dict[str, Any]:
+    """Return the plain data of a YAML file whose top level is a mapping.
+
+    Aliases are refused (a few lines of them stand for any amount of data), so are keys that
+    stand twice. Dates become text.
+    """
+    return yaml_mapping(read_text(path), path)
+
+
+def yaml_mapping(text: str, path: str | os.PathLike) -> dict[str, Any]:
+    """Return the plain data of ``text``, which was read from ``path``: see `read_yaml_mapping`."""
+    try:
+        _check_events(text, path)
+        loader = _Loader(text)
+        try:
+            node = loader.get_single_node()
+            if node is not None:
+                _check_nodes(node, path)
+            data = None if node is None else loader.construct_document(node)
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        where = f" at line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise ValueError(f"{path}: broken YAML{where}: {error.problem}") from None
+    except yaml.YAMLError as error:
+        raise ValueError(f"{path}: broken YAML: {' '.join(str(error).split())}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: broken YAML: nested too deeply") from None
+    except Exception as error:  # tags make PyYAML raise half a dozen kinds: !!int without digits
+        if str(error).startswith(f"{path}: "):
+            raise
+        raise ValueError(f"{path}: broken YAML: {' '.join(str(error).split())}") from None
+    if data is None:
+        raise ValueError(f"{path}: found an empty file, expected a YAML mapping")
+    if not isinstance(data, dict):
+        raise ValueError(
+            f"{path}: found {_kind(data)}, expected a YAML mapping: lines like length_unit: mm"
+        )
+    return _plain(data)
+
+
+def read_json_mapping(path: str | os.PathLike) -> dict[str, Any]:
+    """Return the data of a JSON file whose top level is an object."""
+    text = read_text(path)
+    if not text.strip():
+        raise ValueError(f"{path}: found an empty file, expected JSON")
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{path}: broken JSON at line {error.lineno}: {error.msg}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: broken JSON: nested too deeply") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: broken JSON: {error}") from None
+    if not isinstance(data, dict):
+        raise ValueError(f"{path}: found {_kind(data)}, expected a JSON object")
+    return data
+
+
+def _kind(data: object) -> str:
+    """Return what plain data is, in words."""
+    words = {list: "a list", str: "text", bool: "true or false", type(None): "nothing"}
+    return words.get(type(data), "a number")
+
+
+def _check_events(text: str, path: str | os.PathLike) -> None:
+    """Refuse aliases, deep nesting and too many values before anything is built from them.
+
+    Nodes are built by recursion in C, which overflows the stack at some ten thousand levels.
+    """
+    depth, values, anchors = 0, 0, {}
+    for event in yaml.parse(text, _Loader):
+        if isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        if not isinstance(event, yaml.NodeEvent):
+            continue
+        line = event.start_mark.line + 1
+        if isinstance(event, yaml.AliasEvent):
+            line = anchors.get(event.anchor, line)
+            raise ValueError(f"{path}: found a YAML alias to line {line}, expected plain values")
+        anchors[event.anchor] = line
+        values += 1
+        if values > _MAX_VALUES:
+            raise ValueError(f"{path}: found more than {_MAX_VALUES} values, expected fewer")
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            if depth > _MAX_DEPTH:
+                raise ValueError(f"{path}: broken YAML at line {line}: nested too deeply")
+
+
+def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
+    """Refuse repeated keys; keys become text as they are written.
+
+    Cameras and frames are called 01 or 000012.
+    """
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        line = node.start_mark.line + 1
+        if isinstance(node, yaml.SequenceNode):
+            waiting += node.value
+        elif isinstance(node, yaml.MappingNode):
+            keys = set()
+            for key, value in node.value:
+                if not isinstance(key, yaml.ScalarNode):
+                    raise ValueError(f"{path}: broken YAML at line {line}: a key is no plain text")
+                if key.value in keys:
+                    name = " ".join(key.value.split())[:60]
+                    raise ValueError(
+                        f"{path}: {name}: found twice in one mapping, again at line "
+                        f"{key.start_mark.line + 1}"
+                    )
+                keys.add(key.value)
+                key.tag = "tag:yaml.org,2002:str"
+                waiting.append(value)
+
+
+def _plain(value: Any) -> Any:
+    """Return ``value`` with dates as text."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (datetime.date, datetime.datetime)):
+        return value.isoformat()
+    if isinstance(value, bytes):
+        return value.hex()
+    return value

@@ -1,0 +1,167 @@
+"""Virtual rigs: cameras on circles round a scene, all looking at its middle.
+
+The world's +y points up. Angle 0 is on the +z axis, and angles grow towards +x.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.camera import Camera, look_at
+from rigs.files.rig_yaml import pinhole_matrix
+from rigs.rig import Rig, Volume
+
+UP = (0.0, 1.0, 0.0)
+
+
+def ring(
+    count: int,
+    step_degrees: float | None = None,
+    distance: ArrayLike = 1000.0,
+    *,
+    image_size: tuple[int, int],
+    focal_length: float | None = None,
+    pixel_pitch: float | None = None,
+    footprint: float | None = None,
+    pitch_degrees: ArrayLike = 0.0,
+    start_degrees: float = 0.0,
+    center: ArrayLike = (0.0, 0.0, 0.0),
+    length_unit: str = "mm",
+    volume: Volume | None = None,
+) -> Rig:
+    """Return ``count`` cameras every ``step_degrees`` round the axis +y through ``center``.
+
+    Parameters
+    ----------
+    count : int
+        Cameras; they are called cam00, cam01 and so on.
+    step_degrees : float, optional
+        From one camera to the next; a full circle divided by ``count`` when None.
+    distance : float or sequence of float
+        From ``center``; one for all, or one for each camera.
+    image_size : (int, int)
+        Width and height in pixels.
+    focal_length, pixel_pitch : float
+        Of the lens and the sensor, in one unit.
+    footprint : float
+        Instead of both: a pixel's size at ``center``, for every camera.
+    pitch_degrees : float or sequence of float
+        How far a camera stands above the level of ``center``; negative is below. One for all,
+        or one for each camera.
+    start_degrees : float
+        Where the first camera stands.
+    center : (3,) array_like
+        What all cameras look at.
+    length_unit, volume
+        As in `Rig`.
+
+    Raises
+    ------
+    ValueError
+        If a sequence is not as long as ``count``, or the lens is not given in one way.
+    """
+    step = 360.0 / max(count, 1) if step_degrees is None else step_degrees
+    positions = circle_positions(
+        count, step, distance, pitch_degrees=pitch_degrees, start_degrees=start_degrees
+    )
+    return look_inward(
+        positions + np.asarray(center, np.float64),
+        image_size=image_size,
+        focal_length=focal_length,
+        pixel_pitch=pixel_pitch,
+        footprint=footprint,
+        center=center,
+        length_unit=length_unit,
+        volume=volume,
+    )
+
+
+def arc(count: int, span_degrees: float, distance: ArrayLike = 1000.0, **options: object) -> Rig:
+    """Return ``count`` cameras evenly over ``span_degrees``, the middle of it at angle 0.
+
+    The first and the last camera stand at the ends. ``options`` are those of `ring`.
+    """
+    step = span_degrees / max(count - 1, 1)
+    start = -span_degrees / 2 if count > 1 else 0.0
+    return ring(count, step, distance, **({"start_degrees": start} | options))
+
+
+def circle_positions(
+    count: int,
+    step_degrees: float,
+    distance: ArrayLike,
+    *,
+    pitch_degrees: ArrayLike = 0.0,
+    start_degrees: float = 0.0,
+) -> NDArray[np.float64]:
+    """Return where the cameras of `ring` stand, relative to its middle, ``(count, 3)``."""
+    if count < 1 or count != int(count):
+        raise ValueError(f"ring count: found {count}, expected a whole number >= 1")
+    count = int(count)
+    distances = _per_camera(distance, count, "ring distance")
+    pitch = np.deg2rad(_per_camera(pitch_degrees, count, "ring pitch_degrees"))
+    if not (distances > 0).all():
+        raise ValueError(f"ring distance: found {distance}, expected positive lengths")
+    if not (np.abs(pitch) < np.pi / 2 - 1e-6).all():
+        raise ValueError("ring pitch_degrees: expected angles between -90 and 90")
+    angle = np.deg2rad(start_degrees + step_degrees * np.arange(count))
+    level = np.stack([np.sin(angle), np.zeros(count), np.cos(angle)], axis=-1)
+    return distances[:, None] * (
+        np.cos(pitch)[:, None] * level + np.sin(pitch)[:, None] * np.array(UP)
+    )
+
+
+def look_inward(
+    positions: ArrayLike,
+    *,
+    image_size: tuple[int, int],
+    focal_length: float | None = None,
+    pixel_pitch: float | None = None,
+    footprint: float | None = None,
+    center: ArrayLike = (0.0, 0.0, 0.0),
+    length_unit: str = "mm",
+    volume: Volume | None = None,
+) -> Rig:
+    """Return cameras at ``positions`` ``(N, 3)`` that all look at ``center``; see `ring`."""
+    by_lens = focal_length is not None and pixel_pitch is not None
+    some_lens = focal_length is not None or pixel_pitch is not None
+    if by_lens == (footprint is not None) or (some_lens and footprint is not None):
+        raise ValueError("ring lens: expected focal_length and pixel_pitch, or footprint alone")
+    if footprint is not None and not footprint > 0:
+        raise ValueError(f"ring footprint: found {footprint}, expected a positive length")
+    positions = np.asarray(positions, np.float64)
+    cameras = []
+    for index, position in enumerate(positions):
+        if by_lens:
+            focal = focal_length / pixel_pitch
+        else:
+            focal = float(np.linalg.norm(position - np.asarray(center))) / footprint
+        R, t = look_at(position, center, UP)
+        K = pinhole_matrix(image_size, focal, focal)
+        cameras.append(Camera(f"cam{index:02d}", image_size, K, R=R, t=t))
+    world = "x and z level, y up, origin as given to the layout; camera 0 on the +z side"
+    return Rig(tuple(cameras), length_unit, world, volume)
+
+
+def image_size_for(volume: Volume, rig: Rig, margin: float = 2.0) -> tuple[int, int]:
+    """Return the smallest image that holds ``volume`` in every view of ``rig``, in pixels.
+
+    ``margin`` pixels stay free on every side; the principal point is the image's middle.
+    """
+    reach = np.zeros(2)
+    for camera in rig:
+        uv, _, valid = camera.project(volume.corners())
+        if not valid.all():
+            raise ValueError(f"camera {camera.name}: does not see the whole volume")
+        reach = np.maximum(reach, np.abs(uv - camera.camera_matrix[:2, 2]).max(axis=0))
+    width, height = 2 * np.ceil(reach + margin)
+    return int(width), int(height)
+
+
+def _per_camera(value: ArrayLike, count: int, what: str) -> NDArray[np.float64]:
+    """Return one finite number for each camera."""
+    array = np.asarray(value, np.float64)
+    if array.shape not in ((), (count,)) or not np.isfinite(array).all():
+        raise ValueError(f"{what}: found {value!r}, expected one number or {count}")
+    return np.broadcast_to(array, count)

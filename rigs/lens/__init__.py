@@ -1,0 +1,10 @@
+"""How a lens bends the pinhole's image: OpenCV's distortion models."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "distortion": ["Distortion"],
+    },
+)

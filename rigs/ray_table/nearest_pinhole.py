@@ -1,0 +1,112 @@
+"""The pinhole nearest to a bundle of rays: where such a camera stands and looks, roughly."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.geometry import nearest_point
+
+_SAMPLES = 64  # rays along each side of an image
+_PARALLEL = 1e-9  # certainty a ray of the point nearest to all, below which rays are parallel
+_FAR = 1e3  # spreads of the origins that the eye of parallel rays is put behind them
+_WIDEST = 0.5  # cosine of the angle off the middle up to which rays count
+
+
+def samples(image_size: tuple[int, int], part: float) -> NDArray[np.float64]:
+    """Return pixels ``(N, 2)`` all over the middle part of an image."""
+    axes = []
+    for side in image_size:
+        margin = (1 - part) / 2 * (side - 1)
+        steps = np.linspace(margin, side - 1 - margin, min(side, _SAMPLES))
+        axes.append(np.unique(np.rint(steps)))
+    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+
+
+def nearest_pinhole(
+    uv: NDArray[np.float64], origins: NDArray[np.float64], directions: NDArray[np.float64]
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Return the camera matrix, R ``(3, 3)`` each, and the position ``(3,)``.
+
+    Parameters
+    ----------
+    uv : (N, 2) float64
+        Pixels.
+    origins, directions : (N, 3) float64
+        Their rays, all finite.
+
+    Notes
+    -----
+    The position is the point nearest to all rays; for parallel rays it is put far behind their
+    origins. Matrix and rotation are those of the homography from directions to pixels of least
+    squares (Hartley and Zisserman, "Multiple View Geometry", algorithms 4.1 and A4.1.1). Rays seen
+    in a mirror have a mirrored image: its left and right are then exchanged, as no rotation does
+    that.
+    """
+    axis = _unit(directions.mean(axis=0))
+    position, certainty = nearest_point(origins, directions)
+    if certainty <= _PARALLEL * len(origins):
+        middle = origins.mean(axis=0)
+        spread = float(np.linalg.norm(origins - middle, axis=1).max()) or 1.0
+        position = middle - _FAR * spread * axis
+        directions = origins - position
+        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    ahead = directions @ axis > _WIDEST
+    homography = _homography(uv[ahead], directions[ahead], axis)
+    if homography is None:
+        middle = uv.mean(axis=0)
+        focal = max(float(np.ptp(uv)), 1.0)
+        K = np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]])
+        return K, _frame(axis), position
+    if np.linalg.det(homography) < 0:
+        middle = uv[:, 0].min() + uv[:, 0].max()
+        homography = np.array([[-1.0, 0, middle], [0, 1, 0], [0, 0, 1]]) @ homography
+    K, R = _upper_times_rotation(homography)
+    return K / K[2, 2], R, position
+
+
+def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a vector of length one; forward where there is none."""
+    length = np.linalg.norm(vector)
+    return vector / length if length > 0 else np.array([0.0, 0.0, 1.0])
+
+
+def _frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a rotation ``(3, 3)`` whose third row is ``axis``."""
+    across = np.eye(3)[np.abs(axis).argmin()]
+    right = _unit(np.cross(across, axis))
+    return np.stack([right, np.cross(axis, right), axis])
+
+
+def _homography(
+    uv: NDArray[np.float64], directions: NDArray[np.float64], axis: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Return H ``(3, 3)`` with ``[u, v, 1] ~ H d``; None where the rays do not determine one."""
+    if len(uv) < 4:
+        return None
+    middle, spread = uv.mean(axis=0), uv.std(axis=0)
+    if not (spread > 0).all():
+        return None
+    x, y = ((uv - middle) / spread).T[..., None]
+    frame = _frame(axis)
+    d = directions @ frame.T
+    scale = np.array([*np.maximum(d[:, :2].std(axis=0), 1e-300), 1.0])
+    d = d / scale  # well conditioned for the narrowest lens
+    zero = np.zeros_like(d)
+    rows = np.concatenate(
+        [np.concatenate([d, zero, -x * d], axis=1), np.concatenate([zero, d, -y * d], axis=1)]
+    )
+    _, singular, basis = np.linalg.svd(rows.T @ rows)
+    if singular[7] <= 1e-12 * singular[0]:
+        return None
+    H = basis[8].reshape(3, 3) / scale @ frame
+    H = np.array([[spread[0], 0, middle[0]], [0, spread[1], middle[1]], [0, 0, 1]]) @ H
+    return H if H[2] @ axis > 0 else -H
+
+
+def _upper_times_rotation(matrix: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
+    """Return K, upper triangular with a positive diagonal, and R with ``K R`` the matrix."""
+    q, r = np.linalg.qr(matrix[::-1].T)
+    K, R = r.T[::-1, ::-1], q.T[::-1]
+    signs = np.sign(np.diag(K))
+    return K * signs, signs[:, None] * R

@@ -1,0 +1,96 @@
+"""Tables of rays in ``.npz`` files."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+
+import numpy as np
+
+from rigs.files.archives import read_arrays
+from rigs.files.text import breaks_a_line, shortened, write_bytes
+from rigs.optics import Optics
+from rigs.ray_table.ray_table import RayTable
+
+_OPTIONAL = ("image_size", "scale", "offset")
+
+
+def load_ray_table(
+    name: str,
+    file: str,
+    folder: str | os.PathLike = ".",
+    optics: Optics | None = None,
+    status: str = "calibrated",
+) -> RayTable:
+    """Return the camera of an ``.npz`` with ``origins`` and ``directions``.
+
+    Parameters
+    ----------
+    name : str
+        Of the camera.
+    file : str
+        Relative to ``folder``, which it may not leave.
+    folder : path
+    optics : Optics, optional
+    status : str
+        See `rigs.RayTable`, as are the optional arrays ``image_size, scale, offset``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        In one line: the camera, the file, the array, what was found, what was expected.
+    """
+    where = f"camera {name}: ray_table"
+    path = _inside(file, Path(folder), where)
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such file, which camera {name} has for ray_table")
+    try:
+        found = read_arrays(path)
+    except ValueError as error:
+        raise ValueError(f"{where}: {file}: {error}") from None
+    for key in ("origins", "directions"):
+        if key not in found:
+            raise ValueError(f"{where}: {file}: {key}: missing, expected (height, width, 3)")
+    for key in found:
+        if key not in ("origins", "directions", *_OPTIONAL):
+            raise ValueError(f"{where}: {file}: {key}: unknown array")
+        if found[key].dtype.kind not in "fiu":
+            raise ValueError(
+                f"{where}: {file}: {key}: found {found[key].dtype}, expected real numbers"
+            )
+    more = {key: found[key].tolist() for key in _OPTIONAL if key in found}
+    return RayTable(
+        name, found["origins"], found["directions"], optics=optics, status=status, **more
+    )
+
+
+def save_ray_table(camera: RayTable, path: str | os.PathLike) -> None:
+    """Write a camera's rays to an ``.npz``: `load_ray_table` returns an equal one."""
+    file = io.BytesIO()
+    np.savez(
+        file,
+        origins=camera.own_origins,
+        directions=camera.directions,
+        image_size=np.array(camera.image_size),
+        scale=np.array(camera.scale),
+        offset=np.array(camera.offset),
+    )
+    write_bytes(path, file.getvalue())
+
+
+def _inside(file: str, folder: Path, where: str) -> Path:
+    """Return the path of a file, or raise if it leaves the folder."""
+    message = f"{where}: found {shortened(file)}, expected a path inside the rig's folder"
+    if not file.strip() or "\0" in file or breaks_a_line(file) or Path(file).is_absolute():
+        raise ValueError(message)
+    path = folder / file.replace("\\", "/")
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):
+        inside = False
+    if not inside:
+        raise ValueError(message)
+    return path

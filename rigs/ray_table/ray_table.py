@@ -1,0 +1,307 @@
+"""A camera that is a table of rays: through mirrors, fibre bundles, windows, any optics at all."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.camera import Camera
+from rigs.geometry.image_checks import (
+    check_name,
+    check_status,
+    check_window,
+    image_size,
+    on_image,
+    pixel_centres,
+    rows_of,
+    scaled_size,
+)
+from rigs.geometry.rotation import numbers, rotation
+from rigs.optics import Optics
+from rigs.ray_table.interpolation import between, pixels_of
+from rigs.ray_table.nearest_pinhole import nearest_pinhole, samples
+from rigs.ray_table.ray_arrays import (
+    finite_or_zero,
+    in_largest,
+    origins_for,
+    pieces,
+    unit_or_nan,
+    vectors,
+)
+
+_ENOUGH = 16  # rays that tell the nearest pinhole
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RayTable:
+    """A camera whose every pixel has a ray of its own; it serves wherever a `Camera` does.
+
+    Between pixel centres rays are interpolated, so neighbours are taken to belong together; where
+    two views meet in one image (the edge of a mirror), let a line of pixels see nothing.
+
+    Parameters
+    ----------
+    name : str
+        Names files and folders too: printable, without slashes.
+    origins : (h, w, 3) or (3,) array_like
+        A point on each pixel's ray, from which it runs on; one for all of a central camera.
+    directions : (h, w, 3) array_like
+        Of any length but zero. A pixel with NaN in it sees nothing.
+    image_size : (int, int), optional
+        Width and height in pixels; by default the table's.
+    scale : float
+        Table pixels along an image pixel.
+    offset : (float, float)
+        Table column and row of the image's top-left pixel at scale one. Image coordinates (u, v)
+        are the table's ``(u + 1/2) scale - 1/2 + offset``: so images that are shrunk, cropped or
+        shifted share one table.
+    optics : Optics, optional
+    status : {"calibrated", "nominal", "virtual"}
+
+    Raises
+    ------
+    ValueError
+        Naming the camera and the field, if a value is none of the above.
+
+    Notes
+    -----
+    `position`, `R`, `t` and `camera_matrix` are those of the pinhole nearest to the rays
+    (`rigs.ray_table.nearest_pinhole`), of the largest view where there are several in the image:
+    good for pictures, footprints and first guesses, and never what `rays` and `project` go by. Of
+    a point that is seen several times over, `project` gives one pixel. Rays are extrapolated up to
+    8 table pixels beyond the outermost centres.
+
+    Examples
+    --------
+    >>> camera = Camera("cam00", (9, 9), [[80, 0, 4], [0, 80, 4], [0, 0, 1]], t=[0, 0, 100])
+    >>> RayTable.of(camera).project([[10, 0, 0]])[0].round(6)
+    array([[12.,  4.]])
+    """
+
+    name: str
+    origins: NDArray[np.float64]
+    directions: NDArray[np.float64]
+    image_size: tuple[int, int] | None = None
+    scale: float = 1.0
+    offset: tuple[float, float] = (0.0, 0.0)
+    optics: Optics | None = None
+    status: str = "virtual"
+
+    def __post_init__(self) -> None:
+        """Check every field, make directions unit vectors and arrays read-only."""
+        check_name(self.name)
+        what = f"camera {self.name}"
+        directions = vectors(self.directions, f"{what}: directions")
+        height, width = directions.shape[:2]
+        size = (width, height) if self.image_size is None else self.image_size
+        origins = origins_for(self.origins, directions.shape, f"{what}: origins")
+        directions = unit_or_nan(directions, origins, f"{what}: directions")
+        if self.optics is not None and not isinstance(self.optics, Optics):
+            raise ValueError(f"{what}: optics: found {self.optics!r}, expected Optics or None")
+        check_status(self.status, what)
+        scale = float(numbers(self.scale, (), f"{what}: scale"))
+        if not scale > 0:
+            raise ValueError(f"{what}: scale: found {scale}, expected positive")
+        checked = {
+            "origins": origins,
+            "directions": directions,
+            "image_size": image_size(size, what),
+            "scale": scale,
+            "offset": tuple(numbers(self.offset, (2,), f"{what}: offset").tolist()),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def of(cls, camera: Camera) -> RayTable:
+        """Return the table of a camera's rays, one a pixel."""
+        width, height = camera.image_size
+        _, directions = camera.rays()
+        return cls(
+            camera.name,
+            camera.position,
+            directions.reshape(height, width, 3),
+            optics=camera.optics,
+            status=camera.status,
+        )
+
+    def __repr__(self) -> str:
+        """Name the sizes: the arrays themselves are too long to print."""
+        height, width = self.directions.shape[:2]
+        return (
+            f"<RayTable {self.name}: {self.image_size[0]} x {self.image_size[1]} pixels, "
+            f"table of {width} x {height}, {self.status}>"
+        )
+
+    @cached_property
+    def _values(self) -> tuple:
+        """Everything that makes the camera what it is, comparable and hashable."""
+        digest = hashlib.sha256()
+        for array in (self.origins, self.directions):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        own = (self.name, self.image_size, self.scale, self.offset, self.optics, self.status)
+        return (*own, self.directions.shape, digest.digest())
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, RayTable):
+            return NotImplemented
+        return self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(self._values)
+
+    is_pinhole = False
+
+    @cached_property
+    def _pinhole(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Camera matrix, R and position of the pinhole nearest to the rays."""
+        for part in (0.5, 1.0, None):  # lenses bend least in the middle
+            uv = samples(self.image_size, part) if part else pixel_centres(self.image_size)
+            origins, directions = self.rays(uv)
+            seen = np.isfinite(directions).all(axis=1)
+            if not self.sees_once:
+                seen &= in_largest(self._pieces, self._places(uv))
+            if seen.sum() >= _ENOUGH:
+                break
+        if not seen.any():
+            raise ValueError(f"camera {self.name}: found no pixel that sees, expected one")
+        found = nearest_pinhole(uv[seen], origins[seen], directions[seen])
+        for array in found:
+            array.setflags(write=False)
+        return found
+
+    @property
+    def camera_matrix(self) -> NDArray[np.float64]:
+        """Of the nearest pinhole, ``(3, 3)``; see the notes."""
+        return self._pinhole[0]
+
+    @property
+    def R(self) -> NDArray[np.float64]:  # noqa: N802
+        """Rotation from world to camera axes of the nearest pinhole, ``(3, 3)``."""
+        return self._pinhole[1]
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Translation of the nearest pinhole, ``(3,)``."""
+        return -self.R @ self.position
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """The point nearest to all rays, ``(3,)``; far behind parallel ones."""
+        return self._pinhole[2]
+
+    @cached_property
+    def sees_once(self) -> bool:
+        """Whether the pixels that see hang together: else a point may have several images."""
+        return bool(self._pieces.max() <= 1)
+
+    @cached_property
+    def _pieces(self) -> NDArray[np.integer]:
+        """The view that each pixel of the table belongs to, ``(h, w)``."""
+        return pieces(self.directions)
+
+    @cached_property
+    def _is_whole(self) -> bool:
+        """Whether the table has neither holes nor jumps."""
+        return self.sees_once and not np.isnan(self.directions).any()
+
+    def project(self, points: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
+        """Return where world points appear.
+
+        Parameters
+        ----------
+        points : (N, 3) array_like
+
+        Returns
+        -------
+        uv : (N, 2) float64
+            Pixel coordinates (column, row), inside the image or a little beside it; NaN where
+            not valid.
+        depth : (N,) float64
+            Distance along the optical axis of the nearest pinhole.
+        valid : (N,) bool
+            True where a ray of the table, on from its origin, passes through the point.
+        """
+        points = rows_of(points, 3, "points to project")
+        xy = pixels_of(self.origins, self.directions, points, self._is_whole)
+        uv = (xy + 0.5 - self.offset) / self.scale - 0.5
+        with np.errstate(invalid="ignore", over="ignore"):
+            depth = (points - self.position) @ self.R[2]
+        return uv, depth, np.isfinite(uv).all(axis=1)
+
+    def rays(self, uv: ArrayLike | None = None) -> tuple[NDArray, NDArray]:
+        """Return the lines of sight of pixels, the inverse of `project`.
+
+        Parameters
+        ----------
+        uv : (N, 2) array_like, optional
+            Pixel coordinates (column, row); by default every pixel's centre, row by row.
+
+        Returns
+        -------
+        origins : (N, 3) float64
+            Finite always.
+        directions : (N, 3) float64
+            Unit vectors in the world; NaN where nothing is seen.
+        """
+        if uv is None:
+            height, width = self.directions.shape[:2]
+            own = (self.image_size, self.scale, self.offset) == ((width, height), 1.0, (0.0, 0.0))
+            if own:
+                return finite_or_zero(self.origins.reshape(-1, 3)), self.directions.reshape(
+                    -1, 3
+                ).copy()
+            uv = pixel_centres(self.image_size)
+        uv = rows_of(uv, 2, "pixel coordinates")
+        rays = between(self.origins, self.directions, self._places(uv))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            directions = rays.direction / np.linalg.norm(rays.direction, axis=1, keepdims=True)
+        return finite_or_zero(rays.origin), directions
+
+    def _places(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the places of pixel coordinates in the table, column and row ``(N, 2)``."""
+        return (uv + 0.5) * self.scale - 0.5 + self.offset
+
+    def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
+        """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels.
+
+        NaN, which `project` returns of what is not to be seen, does not.
+        """
+        return on_image(uv, self.image_size)
+
+    def scaled(self, scale: float) -> RayTable:
+        """Return the camera of the image resized by ``scale``: see `Camera.scaled`."""
+        size = scaled_size(self.image_size, scale, f"camera {self.name}")
+        return replace(self, image_size=size, scale=self.scale / scale)
+
+    def cropped(self, x: int, y: int, width: int, height: int) -> RayTable:
+        """Return the camera of the window whose top-left pixel was column ``x``, row ``y``."""
+        check_window((x, y, width, height), self.image_size, f"camera {self.name}")
+        moved = self.shifted(-x, -y)
+        return replace(moved, image_size=(int(width), int(height)))
+
+    def shrunk(self, factor: int) -> RayTable:
+        """Return the camera of area means over ``factor`` x ``factor``: see `Camera.shrunk`."""
+        width, height = (side - side % factor for side in self.image_size)
+        return self.cropped(0, 0, width, height).scaled(1 / factor)
+
+    def shifted(self, right: float, down: float) -> RayTable:
+        """Return the camera whose image lies that many pixels further right and down."""
+        x, y = self.offset
+        return replace(self, offset=(x - right * self.scale, y - down * self.scale))
+
+    def transformed(self, R: ArrayLike, t: ArrayLike) -> RayTable:
+        """Return the camera after the rigid motion ``x_new = R @ x_old + t`` of the world."""
+        R = rotation(R, f"camera {self.name}: motion R")
+        t = numbers(t, (3,), f"camera {self.name}: motion t")
+        return replace(self, origins=self.own_origins @ R.T + t, directions=self.directions @ R.T)
+
+    @property
+    def own_origins(self) -> NDArray[np.float64]:
+        """The origins unrepeated: ``(3,)`` where one serves all rays, else ``(h, w, 3)``."""
+        central = self.origins.strides[:2] == (0, 0)
+        return self.origins[0, 0] if central else self.origins

@@ -1,0 +1,1 @@
+"""The images that cameras wrote, read as stored: linear, row 0 first."""

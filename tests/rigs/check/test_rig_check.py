@@ -1,0 +1,252 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rigs import Distortion, Optics, RayTable, Rig, arc, check_rig, look_at, ring
+from rigs.check.convention_errors import find_slips
+
+EXTENT = np.array([16.0, 40.0, 16.0])
+POINTS = np.stack(
+    np.meshgrid(
+        *[np.linspace(-0.49, 0.49, n) * e for n, e in zip((5, 9, 5), EXTENT, strict=True)]
+    ),
+    axis=-1,
+).reshape(-1, 3)
+FLIP = np.diag([1.0, -1.0, -1.0])
+
+
+def a_ring(count=9, **options):
+    return ring(count, distance=900.0, image_size=(70, 110), footprint=0.5, **options)
+
+
+def check(rig, **options):
+    return check_rig(rig, POINTS, EXTENT, 0.5, **options)
+
+
+def changed(rig, change, *names):
+    names = names or rig.names
+    return replace(rig, cameras=tuple(change(c) if c.name in names else c for c in rig))
+
+
+def found(answer, words, level=None):
+    some = [f for f in answer.findings if words in f.text and level in (None, f.level)]
+    assert len(some) == 1, [(f.level, f.cameras, f.text) for f in answer.findings]
+    return some[0]
+
+
+def test_a_sound_ring_is_good():
+    answer = check(a_ring())
+    assert answer.verdict == "good", answer.findings
+    assert [f.level for f in answer.findings] == ["note"] * len(answer.findings)
+    figures = answer.cameras[0]
+    assert figures.sees == 1
+    assert figures.footprint_in_voxels == pytest.approx(1, rel=0.02)
+    assert figures.nearest_view == pytest.approx(20, abs=1e-6)
+    assert figures.gap_without == pytest.approx(20, abs=1.5)
+    assert figures.field_of_view == pytest.approx(
+        np.degrees(2 * np.arctan(np.hypot(35, 55) / 1800))
+    )
+
+
+def turned_away(camera):
+    R, t = look_at(camera.position, 2 * camera.position)
+    return replace(camera, R=R, t=t)
+
+
+def aimed_aside(camera):
+    R, t = look_at(camera.position, (0, 10, 0))
+    return replace(camera, R=R, t=t)
+
+
+def coarse(camera):
+    K = camera.camera_matrix * [[0.3, 1, 1], [1, 0.3, 1], [1, 1, 1]]
+    return replace(camera, camera_matrix=K)
+
+
+def upside_down(camera):
+    turn = np.diag([-1.0, -1.0, 1.0])
+    return replace(camera, R=turn @ camera.R, t=turn @ camera.t)
+
+
+def millimetres_for_pixels(camera):
+    return replace(camera, camera_matrix=[[8.0, 0, 34.5], [0, 8, 54.5], [0, 0, 1]])
+
+
+def out_of_focus(camera):
+    return replace(camera, optics=Optics(100.0, 1.4, 1000.0))
+
+
+def half_the_matrix(camera):
+    K = camera.camera_matrix * [[1, 1, 0.4], [1, 1, 0.4], [1, 1, 1]]
+    return replace(camera, camera_matrix=K)
+
+
+def not_square(camera):
+    return replace(
+        camera, camera_matrix=camera.camera_matrix * [[1, 1, 1], [1, 0.7, 1], [1, 1, 1]]
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "level"),
+    [
+        (turned_away, "OpenGL", "fault"),
+        (turned_away, "turned away", "fault"),
+        (aimed_aside, "cut off toward -y", "warning"),
+        (coarse, "pixels 3.3 voxels wide, those of most cameras 1", "warning"),
+        (upside_down, "upside down", "warning"),
+        (millimetres_for_pixels, "given in millimetres?", "fault"),
+        (out_of_focus, "out of focus by up to", "warning"),
+        (half_the_matrix, "another image size?", "warning"),
+        (not_square, "pixels not square?", "warning"),
+    ],
+)
+def test_the_camera_to_blame_is_named(change, words, level):
+    answer = check(changed(a_ring(), change, "cam04"))
+    assert found(answer, words, level).cameras == ("cam04",)
+    assert answer.verdict == ("not usable" if level == "fault" else "limited")
+
+
+def test_a_gap_names_its_neighbours_and_where_a_camera_would_close_it():
+    answer = check(arc(7, 90.0, distance=900.0, image_size=(70, 110), footprint=0.5))
+    finding = found(answer, "largest angular gap is 90", "warning")
+    assert finding.cameras == ("cam00", "cam06")
+    assert "900, 0, 0), or opposite, would close it" in finding.text
+
+
+def test_facing_cameras_count_once():
+    answer = check(a_ring(8))
+    finding = found(answer, "8 cameras give 4 views", "warning")
+    assert finding.cameras == ("cam04", "cam05", "cam06", "cam07")
+    assert "cam00 and cam04" in finding.text
+
+
+def test_unseen_part_is_found_with_those_who_miss_it():
+    answer = check(changed(a_ring(3), aimed_aside))
+    finding = found(answer, "no camera sees", "fault")
+    assert "toward -y" in finding.text
+    share = float(finding.text.split("sees ")[1].split("%")[0])
+    assert share == pytest.approx(100 * (answer.coverage.views == 0).mean(), abs=0.06)
+    alone = check(changed(a_ring(3), aimed_aside, "cam01", "cam02"))
+    assert found(alone, "a single camera sees").cameras == ("cam01", "cam02")
+
+
+def test_a_part_too_small_for_a_tenth_of_a_per_cent_is_no_nothing():
+    rig = changed(a_ring(3), aimed_aside)
+    unseen = check(rig).coverage.views == 0
+    weights = np.where(unseen, 1e-4 / unseen.sum(), (1 - 1e-4) / (~unseen).sum())
+    answer = check(rig, weights=weights)
+    found(answer, "less than 0.1% of the volume is seen by no camera", "warning")
+
+
+def test_a_camera_inside_the_volume_and_a_single_camera():
+    inside = changed(a_ring(), lambda c: replace(c, t=-c.R @ [1.0, 2.0, 3.0]), "cam02")
+    assert "cam02" in found(check(inside), "inside the volume", "fault").cameras
+    assert found(check(Rig((a_ring()[0],))), "single view tells no depth").level == "fault"
+
+
+def test_ray_miss_is_the_calibration_s_where_there_is_one():
+    rig = a_ring()
+    assert check(rig, pixel_accuracy=0.4).ray_miss == pytest.approx(
+        2 * check(rig).ray_miss, rel=0.01
+    )
+    answer = check(replace(rig, calibration={"ray_miss_predicted": 0.4}))
+    assert answer.ray_miss == 0.4
+    assert "0.8 voxels), by calibration" in found(answer, "miss each other", "warning").text
+    cameras = {name: {"ray_miss": 0.1 if name != "cam03" else 0.9} for name in rig.names}
+    summary = {"ray_miss_predicted": 0.4, "cameras": cameras}
+    answer = check(replace(rig, calibration=summary))
+    assert found(answer, "miss each other", "warning").cameras == ("cam03",)
+    assert answer.cameras[3].ray_miss == 0.9
+    other_unit = replace(rig, calibration=summary | {"length_unit": "m"})
+    assert check(other_unit).ray_miss_from == "pixel accuracy"
+    assert check(rig, pixel_accuracy=5.0).verdict == "not usable"
+
+
+@pytest.mark.parametrize(
+    ("slip", "words"),
+    [
+        (lambda c: replace(c, t=c.t / 1000), "t seems to be in metres, the grid millimetres"),
+        (lambda c: replace(c, t=c.t * 1000), "t seems to be in millimetres, the grid metres"),
+        (lambda c: replace(c, t=c.t / 25.4), "t seems to be in inches"),
+        (lambda c: replace(c, R=FLIP @ c.R, t=FLIP @ c.t), "OpenGL's (y up, z backward)"),
+        (lambda c: replace(c, R=c.R.T, t=c.position), "camera-to-world, expected"),
+        (
+            lambda c: replace(c, R=(FLIP @ c.R).T, t=c.position),
+            "camera-to-world in OpenGL's axes",
+        ),
+        (lambda c: replace(c, t=c.position), "t seems to be the camera's position"),
+    ],
+)
+def test_slips_of_unit_and_convention_are_named(slip, words):
+    rig = a_ring(pitch_degrees=8.0, start_degrees=7.0)
+    assert find_slips(rig, POINTS, 0.5) == ()
+    (all_wrong,) = find_slips(changed(rig, slip), POINTS, 0.5)
+    assert words in all_wrong.text
+    assert all_wrong.cameras == rig.names
+    (one_wrong,) = find_slips(changed(rig, slip, "cam03"), POINTS, 0.5)
+    assert words in one_wrong.text
+    assert one_wrong.cameras == ("cam03",)
+    assert check(changed(rig, slip)).verdict == "not usable"
+
+
+def test_a_grid_in_another_unit_is_told_without_a_slip_that_explains_it():
+    tiny = Distortion()
+    rig = changed(a_ring(), lambda c: replace(c, distortion=tiny))
+    (slip,) = find_slips(rig, POINTS / 1e5, 0.5e-5)
+    assert "different units" in slip.text
+
+
+@pytest.mark.parametrize(
+    ("extent", "voxel", "words"),
+    [((1, 2), 0.5, "extent"), ((1, 1, 0), 0.5, "extent"), ((1, 1, 1), 0, "voxel")],
+)
+def test_bad_input_is_told(extent, voxel, words):
+    with pytest.raises(ValueError, match=words):
+        check_rig(a_ring(), POINTS, extent, voxel)
+
+
+def test_tables_of_rays_are_judged_like_the_cameras_they_stand_for():
+    rig = a_ring(5)
+    tables = replace(rig, cameras=tuple(RayTable.of(camera) for camera in rig))
+    one, other = check(rig), check(tables)
+    assert other.verdict == one.verdict
+    assert [f.level for f in other.findings] == [f.level for f in one.findings]
+    for wanted, told in zip(one.cameras, other.cameras, strict=True):
+        assert told.sees == wanted.sees
+        assert told.footprint == pytest.approx(wanted.footprint, rel=1e-3)
+        assert told.nearest_view == pytest.approx(wanted.nearest_view, abs=0.01)
+    blind = replace(tables, cameras=(*tables.cameras[:4], RayTable.of(turned_away(rig[4]))))
+    assert "cam04" in found(check(blind), "nothing of the volume").cameras
+
+
+def test_two_views_in_one_image_count_as_two_cameras_do():
+    rig = a_ring(5)
+    left, right = (RayTable.of(camera) for camera in rig[:2])
+    width, height = rig[0].image_size
+    directions = np.concatenate([left.directions, right.directions], axis=1)
+    directions[:, width] = np.nan  # the edge of the mirror
+    origins = np.repeat([left.position, right.position], width, axis=0)
+    table = RayTable("split", np.broadcast_to(origins, (height, 2 * width, 3)), directions)
+    far = np.linalg.norm(table.position - [left.position, right.position], axis=1)
+    assert far.min() < 1e-3  # not between both, where the views cross
+    answer = check(replace(rig, cameras=(table, *rig.cameras[2:])))
+    assert not any("inside the volume" in finding.text for finding in answer.findings)
+    own = answer.coverage.directions[:, 0]
+    truth = [answer.coverage.points - camera.position for camera in (left, right)]
+    off = [1 - (own * t / np.linalg.norm(t, axis=1, keepdims=True)).sum(axis=1) for t in truth]
+    assert np.minimum(*off)[answer.coverage.seen[0]].max() < 1e-9
+    assert answer.cameras[0].footprint == pytest.approx(check(rig).cameras[0].footprint, rel=0.02)
+
+
+def test_points_stand_for_the_parts_of_the_volume_that_they_are_given():
+    rig = changed(a_ring(3), aimed_aside)
+    weights = np.where(POINTS[:, 1] < 0, 3.0, 1.0)
+    answer = check_rig(rig, POINTS, EXTENT, 0.5, weights=weights)
+    unseen = answer.coverage.views == 0
+    assert answer.share(unseen) == pytest.approx(weights[unseen].sum() / weights.sum())
+    sees = weights[answer.coverage.seen[1]].sum() / weights.sum()
+    assert answer.cameras[1].sees == pytest.approx(sees)
+    with pytest.raises(ValueError, match="weights: found shape"):
+        check_rig(rig, POINTS, EXTENT, 0.5, weights=[1, 2])

@@ -1,0 +1,331 @@
+import json
+
+import numpy as np
+import pytest
+
+from rigs import Camera, Distortion, Rig, look_at, ring
+from tomo.draw import write_html
+from tomo.draw.rig import rig_scene
+from tomo.draw.rig.camera_view import camera_views
+from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene
+from tomo.draw.rig.rig_page import check_on_grid, check_table
+from tomo.draw.rig.rig_scene import Target, up_of, volume_scene
+from tomo.draw.rig.thumbnails import image_scene
+from tomo.grid import VoxelGrid
+
+GRID = VoxelGrid((12, 20, 12), 1.0, (3.0, 0.0, -2.0))
+HOSTILE = "<img src=x onerror=alert(1)> & 'x'"
+
+SHOWN = """
+const boxes = [...document.querySelectorAll("#label-layer span")]
+  .filter((span) => span.style.visibility === "visible")
+  .map((span) => { const b = span.getBoundingClientRect();
+                   return [span.textContent, b.left, b.top, b.right, b.bottom]; });
+"""
+
+
+def lens(name, position, model, coefficients, focal):
+    R, t = look_at(position, GRID.center)
+    K = [[focal, 0, 300.0], [0, focal, 250.0], [0, 0, 1]]
+    return Camera(name, (640, 480), K, Distortion(model, coefficients), R, t)
+
+
+@pytest.fixture(scope="module")
+def lenses():
+    return Rig(
+        (
+            lens("pinhole", (150.0, 20.0, 0.0), "none", (), 900.0),
+            lens("bent", (0.0, 10.0, 150.0), "brown", (-0.25, 0.08, 1e-3, -2e-3), 500.0),
+            lens("wide", (-90.0, 0.0, 90.0), "fisheye", (0.02, -0.01, 0.0, 0.0), 300.0),
+            lens(HOSTILE, (-50.0, 60.0, -90.0), "none", (), 700.0),
+            lens("folded", (80.0, -40.0, -80.0), "brown", (-0.25, 0, 0, 0), 120.0),
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def page(lenses, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "rig.html"
+    images = {
+        name: np.uint8(np.linspace(0, 255, 64 * 48)).reshape(48, 64) for name in lenses.names[:2]
+    }
+    check, coarse = check_on_grid(lenses, GRID)
+    maps = coverage_maps(check.coverage, coarse, check.voxel)
+    volume = np.exp(-((GRID.centers() - GRID.center) ** 2).sum(axis=-1) / 9).astype(np.float32)
+    scene = rig_scene(lenses, GRID, volume) + coverage_scene(maps, coarse)
+    scene += image_scene(lenses, Target.of(lenses, GRID), images)
+    write_html(
+        path,
+        scene,
+        title="five lenses",
+        up=up_of(lenses),
+        grid=GRID,
+        volume=volume,
+        views=camera_views(lenses, GRID, images),
+        tables=[check_table(check)],
+    )
+    return path
+
+
+@pytest.fixture(scope="module")
+def opened(open_page, page):
+    return open_page(page, (1150, 720))
+
+
+def test_no_button_sends_the_rig_to_anyone(opened):
+    titles = opened.evaluate(
+        "return [...document.querySelectorAll('.modebar-btn')].map((b) => b.dataset.title);"
+    )
+    assert any(title.startswith("Download") for title in titles)
+    assert not [title for title in titles if "hare" in title or "loud" in title]
+    assert opened.evaluate("return plot._context.plotlyServerURL;") == ""
+
+
+def test_every_layer_switches_what_it_names_and_maps_replace_each_other(opened):
+    found = opened.evaluate(
+        """
+        const state = () => Object.fromEntries([...document.querySelectorAll("[data-layer]")].map(
+          (box) => [box.dataset.layer, box.checked]));
+        const drawn = () => Object.fromEntries(page.layers.filter((l) => l.traces.length).map(
+          (l) => [l.name, l.traces.every((k) => plot.data[k].visible === true)]));
+        const press = async (name) => {
+          document.querySelector(`[data-layer="${name}"]`).click();
+          await pause(20);
+          return [state(), drawn()];
+        };
+        const out = { first: [state(), drawn()] };
+        for (const name of Object.keys(state())) out[name] = await press(name);
+        return out;
+        """,
+    )
+    names = list(found["first"][0])
+    expected = {"cameras", "names", "images", "sight lines", "box", "clicked rays"}
+    assert expected | {"map: views", "map: angular gap", "map: emission"} <= set(names)
+    state = dict(found["first"][0])
+    for name in names:
+        state[name] = not state[name]
+        if name.startswith("map: ") and state[name]:
+            state |= {other: False for other in names if other.startswith("map") and other != name}
+        checked, drawn = found[name]
+        assert checked == state
+        assert drawn == {layer: checked[layer] for layer in drawn}
+    assert sum(checked[name] for name in names if name.startswith("map: ")) == 1
+
+
+def test_a_clicked_pixel_s_ray_is_the_camera_s_own(opened, lenses):
+    wanted = {
+        name: np.random.default_rng(len(name)).uniform([5, 5], [635, 475], (6, 2)).tolist()
+        for name in lenses.names[:4]
+    }
+    found = opened.evaluate(
+        f"""
+        const wanted = {json.dumps(wanted)}, out = {{}};
+        const list = document.getElementById("camera");
+        for (const [name, pixels] of Object.entries(wanted)) {{
+          list.value = name;
+          list.dispatchEvent(new Event("change"));
+          document.getElementById("clear").click();
+          for (const [u, v] of pixels) {{
+            document.getElementById("column").value = u;
+            document.getElementById("row").value = v;
+            document.getElementById("cast").click();
+          }}
+          const trace = plot.data[layers.get("clicked rays").traces[0]];
+          out[name] = [trace.x, trace.y, trace.z];
+        }}
+        return out;
+        """,
+    )
+    for camera in lenses[:4]:
+        points = np.array(found[camera.name], float).T.reshape(6, 3, 3)  # start, end, nothing
+        np.testing.assert_allclose(points[:, 0], np.tile(camera.position, (6, 1)), rtol=1e-12)
+        drawn = points[:, 1] - points[:, 0]
+        drawn /= np.linalg.norm(drawn, axis=1, keepdims=True)
+        true = camera.rays(wanted[camera.name])[1]
+        off = np.linalg.norm(np.cross(drawn, true), axis=1) * camera.camera_matrix[0, 0]
+        assert off.max() < 0.05  # pixels
+
+
+def test_a_click_on_the_picture_is_the_pixel_below_it(opened, lenses):
+    browser = opened
+    x, y = browser.evaluate(
+        """
+        const list = document.getElementById("camera");
+        const picture = document.getElementById("picture");
+        list.value = "bent";
+        list.dispatchEvent(new Event("change"));
+        await pause(300);
+        const b = picture.getBoundingClientRect();
+        return [b.left + picture.clientLeft + 0.25 * picture.clientWidth,
+                b.top + picture.clientTop + 0.5 * picture.clientHeight];
+        """
+    )
+    x, y = round(x), round(y)
+    for kind in ("mousePressed", "mouseReleased"):
+        browser.command(
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1
+        )
+    found = browser.evaluate(
+        """
+        await pause(300);
+        const told = document.getElementById("ray");
+        const picture = document.getElementById("picture"), pen = picture.getContext("2d");
+        const share = pen.getTransform();
+        const [u, v] = rays.marks.get("bent")[0];
+        const at = share.transformPoint(new DOMPoint(u, v));
+        return {
+          pixel: [u, v],
+          asked: [document.getElementById("column").value, document.getElementById("row").value],
+          direction: JSON.parse(told.dataset.direction),
+          told: told.textContent,
+          mark: [...pen.getImageData(Math.round(at.x), Math.round(at.y), 1, 1).data],
+        };
+        """
+    )
+    assert found["pixel"] == pytest.approx([159.5, 239.5], abs=2)  # a screen's pixel holds two
+    assert [float(value) for value in found["asked"]] == pytest.approx(found["pixel"], abs=0.06)
+    true = lenses["bent"].rays([found["pixel"]])[1][0]
+    np.testing.assert_allclose(found["direction"], true, atol=1e-4)
+    assert found["told"].startswith("bent, pixel (1")
+    assert "crosses the volume" in found["told"] or "misses the volume" in found["told"]
+    assert found["mark"][0] > 150 > found["mark"][1]  # the cross, magenta on grey
+
+
+def test_beside_the_lens_there_is_no_ray_and_the_page_says_so(opened, lenses):
+    assert np.isnan(lenses["folded"].rays([[0.0, 0.0]])[1]).all()
+    found = opened.evaluate(
+        """
+        const list = document.getElementById("camera"), out = [];
+        list.value = "folded";
+        list.dispatchEvent(new Event("change"));
+        document.getElementById("clear").click();
+        for (const [u, v] of [[0, 0], [300, 250]]) {
+          document.getElementById("column").value = u;
+          document.getElementById("row").value = v;
+          document.getElementById("cast").click();
+          out.push(document.getElementById("ray").textContent);
+        }
+        return [out, plot.data[layers.get("clicked rays").traces[0]].x.length];
+        """,
+    )
+    assert "maps no direction" in found[0][0]
+    assert "crosses the volume" in found[0][1]
+    assert found[1] == 3
+
+
+def test_orbit_and_zoom_by_mouse_and_the_names_follow(opened):
+    browser = opened
+    state = f"""
+        const eye = plot._fullLayout.scene._scene.getCamera().eye;
+        {SHOWN}
+        return [[eye.x, eye.y, eye.z], boxes, plot.layout.scene.xaxis.range];
+    """
+
+    def mouse(kind, x, y, **options):
+        browser.command("Input.dispatchMouseEvent", type=kind, x=x, y=y, **options)
+
+    eye, boxes, _ = browser.evaluate(state)
+    mouse("mouseMoved", 600, 400)
+    mouse("mousePressed", 600, 400, button="left", buttons=1, clickCount=1)
+    for step in range(1, 9):
+        mouse("mouseMoved", 600 + 15 * step, 400 + 5 * step, button="left", buttons=1)
+    mouse("mouseReleased", 720, 440, button="left", clickCount=1)
+    browser.evaluate("await pause(500);")
+    turned_eye, turned_boxes, whole = browser.evaluate(state)
+    assert np.linalg.norm(np.subtract(eye, turned_eye)) > 0.1
+    assert np.linalg.norm(turned_eye) == pytest.approx(np.linalg.norm(eye), rel=0.02)
+    assert turned_boxes != boxes
+    mouse("mouseWheel", 640, 420, deltaX=0, deltaY=-300)
+    browser.evaluate("await pause(700);")
+    near_eye = browser.evaluate(state)[0]
+    assert np.linalg.norm(near_eye) < 0.95 * np.linalg.norm(eye)
+    press = 'document.querySelectorAll("#zooms button")[{}].click(); await pause(500);'
+    close = browser.evaluate(press.format(1) + state)[2]
+    assert np.ptp(close) < 0.3 * np.ptp(whole)
+    assert close[0] < GRID.lower[0] < GRID.upper[0] < close[1]
+    assert browser.evaluate(press.format(0) + state)[2] == pytest.approx(whole)
+
+
+def test_hostile_names_are_text_and_a_clicked_camera_is_chosen(opened):
+    found = opened.evaluate(
+        """
+        const out = [...document.getElementById("camera").options].map((option) => option.value);
+        const chosen = [];
+        for (const index of [0, 3]) {
+          let curve = -1, point = -1;
+          plot.data.forEach((trace, c) => {
+            if (trace.name !== "cameras") return;
+            const texts = Array.isArray(trace.text) ? trace.text : [trace.text];
+            const plain = (t) => new DOMParser().parseFromString(t, "text/html");
+            const shown = texts.map((t) => plain(t).body.textContent);
+            const place = shown.indexOf(out[index]);
+            if (place >= 0) { curve = c; point = place; }
+          });
+          plot.emit("plotly_click", { points: [{ curveNumber: curve, pointNumber: point }] });
+          chosen.push(document.getElementById("camera").value);
+        }
+        return { names: out, chosen: chosen, images: document.querySelectorAll("img").length,
+                 rows: [...document.querySelectorAll("#tables td:first-child")].map(
+                   (cell) => cell.textContent) };
+        """,
+    )
+    assert found["names"] == ["pinhole", "bent", "wide", HOSTILE, "folded"]
+    assert found["chosen"] == ["pinhole", HOSTILE]
+    assert found["rows"] == found["names"]
+    assert found["images"] == 0
+
+
+def test_names_never_overlap_from_wherever_one_looks(open_page, tmp_path):
+    count = 40
+    rig = ring(count, distance=400.0, image_size=(64, 64), footprint=0.5, pitch_degrees=8.0)
+    write_html(tmp_path / "r.html", rig_scene(rig, GRID), grid=GRID, views=camera_views(rig, GRID))
+    found = open_page(tmp_path / "r.html").evaluate(
+        f"""
+        const out = [];
+        for (const eye of [[1.2, 1.1, 2], [2.4, 0.1, 0], [0.01, 2.6, 0], [-0.3, 0.5, 1.1]]) {{
+          const [x, y, z] = eye;
+          await Plotly.relayout(plot, {{ "scene.camera.eye": {{ x: x, y: y, z: z }} }});
+          await pause(400);
+          {SHOWN}
+          out.push(boxes);
+        }}
+        document.querySelector('[data-layer="names"]').click();
+        await pause(300);
+        {SHOWN}
+        out.push(boxes);
+        return out;
+        """,
+    )
+    *seen, off = found
+    assert off == []
+    assert len(seen[0]) == count
+    for boxes in seen:
+        assert len(boxes) >= 0.5 * count
+        for k, (_, left, top, right, bottom) in enumerate(boxes):
+            for _, *other in boxes[:k]:
+                apart = left >= other[2] or right <= other[0]
+                assert apart or top >= other[3] or bottom <= other[1]
+    assert [b[1:3] for b in seen[0]] != [b[1:3] for b in seen[1]]  # they followed the orbit
+
+
+@pytest.mark.parametrize("shape", [(20, 20, 20), (8, 40, 8), (40, 8, 8)])
+def test_the_whole_box_is_in_the_pane_at_first_and_after_a_zoom(open_page, tmp_path, shape):
+    grid = VoxelGrid(shape, 1.0, (3.0, 0.0, -2.0))
+    rig = ring(6, distance=400.0, image_size=(64, 64), footprint=0.5, center=grid.center)
+    write_html(tmp_path / "volume.html", volume_scene(grid), grid=grid)
+    write_html(tmp_path / "rig.html", rig_scene(rig, grid), grid=grid)
+    corners = np.stack(np.meshgrid(*zip(grid.lower, grid.upper, strict=True)), -1).reshape(-1, 3)
+    seen = f"""
+        await pause(400);
+        const view = projector();
+        return [view.width, view.height, {corners.tolist()}.map((corner) => view.point(corner))];
+    """
+    press = 'document.querySelectorAll("#zooms button")[1].click();'
+    for size in ((1400, 700), (700, 1000)):
+        for name, before in (("volume", ""), ("rig", press)):
+            opened = open_page(tmp_path / f"{name}.html", size)
+            width, height, points = opened.evaluate(before + seen)
+            assert all(0 < p["x"] < width and 0 < p["y"] < height for p in points)
+            across = np.ptp([p["x"] for p in points]) / width
+            along = np.ptp([p["y"] for p in points]) / height
+            assert max(across, along) > 0.3

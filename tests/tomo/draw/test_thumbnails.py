@@ -1,0 +1,81 @@
+import cv2
+import numpy as np
+import pytest
+
+from rigs import ring
+from tomo.draw.rig import frustum
+from tomo.draw.rig.rig_scene import Target, symbol_length, symbol_widening
+from tomo.draw.rig.thumbnails import image_scene, load_thumbnails
+
+RIG = ring(3, distance=500.0, image_size=(80, 60), footprint=1.0)
+
+
+def write(path, image):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    assert cv2.imwrite(str(path), image)
+
+
+def test_pictures_are_found_by_folder_or_by_name_and_share_one_scale(tmp_path):
+    ramp = np.tile(np.arange(80, dtype=np.uint16) * 100, (60, 1))
+    write(tmp_path / "cam00" / "b.tif", ramp)
+    write(tmp_path / "cam00" / "a.tif", np.zeros((60, 80), np.uint16))
+    write(tmp_path / "cam01.png", ramp // 2)
+    found = load_thumbnails(RIG, tmp_path, "b")
+    assert sorted(found) == ["cam00", "cam01"]
+    assert found["cam00"].dtype == np.uint8
+    assert found["cam00"][0, [0, -1]].tolist() == [0, 255]
+    np.testing.assert_allclose(found["cam01"][0], found["cam00"][0] / 2.0, atol=1.5)
+    first = load_thumbnails(RIG, tmp_path)  # the first moment: a
+    assert first["cam00"].max() == 0
+
+
+def test_large_pictures_shrink_by_area(tmp_path):
+    rig = ring(1, distance=500.0, image_size=(1600, 1200), footprint=1.0)
+    board = (np.indices((1200, 1600)).sum(axis=0) % 2 * 200).astype(np.uint8)
+    write(tmp_path / "cam00.png", board)
+    (small,) = load_thumbnails(rig, tmp_path).values()
+    assert small.shape == (360, 480)
+    assert np.ptp(small.astype(int)) < 40  # a fine board turns grey, no pattern of its own
+
+
+def test_pixels_that_are_no_number_are_dark_and_leave_the_others_their_scale(tmp_path):
+    image = np.full((60, 80), 3.0, np.float32)
+    image[0, :3] = np.inf, -np.inf, np.nan
+    write(tmp_path / "cam00.tif", image)
+    found = load_thumbnails(RIG, tmp_path)["cam00"]
+    assert found[0, :3].tolist() == [0, 0, 0]
+    assert (found[1:] == 255).all()
+
+
+def test_bad_sources_are_told(tmp_path):
+    with pytest.raises(FileNotFoundError, match="nowhere: no such folder"):
+        load_thumbnails(RIG, tmp_path / "nowhere")
+    with pytest.raises(ValueError, match="found no image of any camera"):
+        load_thumbnails(RIG, tmp_path)
+    write(tmp_path / "cam02.png", np.zeros((60, 81), np.uint8))
+    with pytest.raises(
+        ValueError, match="camera cam02: found an image of 81 x 60 pixels, expected 80"
+    ):
+        load_thumbnails(RIG, tmp_path)
+    (tmp_path / "cam02.png").write_bytes(b"no image")
+    with pytest.raises(ValueError, match="camera cam02: not readable"):
+        load_thumbnails(RIG, tmp_path)
+
+
+def test_pictures_hang_the_right_way_in_the_symbols_faces():
+    corner = np.zeros((60, 80), np.uint8)
+    corner[:20, :20] = 250  # top left
+    target = Target.of(RIG, None)
+    scene = image_scene(RIG, target, {"cam01": corner})
+    (mesh,) = scene.meshes
+    assert (mesh.group, mesh.name) == ("images", "cam01")
+    camera = RIG["cam01"]
+    length = symbol_length(RIG, target)
+    np.testing.assert_allclose((mesh.vertices - camera.position) @ camera.R[2], 1.01 * length)
+    bright = mesh.vertices[mesh.values > 200].mean(axis=0)
+    corners = frustum(camera, 1.01 * length, widen=symbol_widening(camera))
+    assert np.linalg.norm(corners - bright, axis=1).argmin() == 0  # top left, see border_rays
+    inside = mesh.vertices @ np.linalg.pinv(camera.R[:2]).reshape(3, 2)
+    limits = corners @ np.linalg.pinv(camera.R[:2]).reshape(3, 2)
+    assert (inside.min(axis=0) >= limits.min(axis=0)).all()
+    assert (inside.max(axis=0) <= limits.max(axis=0)).all()

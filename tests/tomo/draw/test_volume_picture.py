@@ -1,0 +1,99 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from tomo.draw.volume import draw_volume
+from tomo.draw.volume.planes import line_integrals, middle_planes
+from tomo.grid import VoxelGrid
+
+GRID = VoxelGrid((4, 7, 5), (0.5, 1.0, 2.0), (10.0, 20.0, 30.0))
+
+
+def test_planes_show_each_value_at_its_place():
+    field = GRID.centers() @ [1.0, 100.0, 10_000.0]  # tells all three coordinates apart
+    for values, (level, upright, across), extent, at in middle_planes(field, GRID):
+        rows, columns = GRID.shape[upright], GRID.shape[level]
+        assert values.shape == (rows, columns)
+        assert at == GRID.center[across]
+        weights = [1.0, 100.0, 10_000.0]
+        x = extent[0] + (np.arange(columns) + 0.5) * (extent[1] - extent[0]) / columns
+        y = extent[2] + (np.arange(rows) + 0.5) * (extent[3] - extent[2]) / rows
+        expected = x[None] * weights[level] + y[:, None] * weights[upright] + at * weights[across]
+        np.testing.assert_allclose(values, expected)
+
+
+def test_line_integrals_keep_the_total_emission():
+    data = np.random.default_rng(0).random(GRID.shape)
+    total = data.sum() * np.prod(GRID.spacing)
+    for values, (level, upright, _), _, _ in line_integrals(data, GRID):
+        area = GRID.spacing[level] * GRID.spacing[upright]
+        np.testing.assert_allclose(values.sum() * area, total)
+
+
+@pytest.mark.parametrize("shape", [(40, 1, 40), (1, 44, 36), (40, 44, 1), (30, 140, 30)])
+def test_words_and_scales_of_a_slice_can_be_read(shape):
+    """What a plane is called is read against it or beside it; numbers lie apart.
+
+    Every colour scale is long enough, and in the figure.
+    """
+    grid = VoxelGrid(shape, 1.0)
+    data = np.exp(-(grid.centers() ** 2).sum(axis=-1) / 80).astype(np.float32)
+    figure = draw_volume(data, grid, supersample=1)
+    figure.canvas.draw()
+    planes = [axes for axes in figure.axes if axes.axison and axes.get_images()]
+    bars = [axes.get_images()[0].colorbar for axes in planes]
+    bars = [bar.ax for bar in bars if bar is not None]
+    assert len(planes) == 6
+    assert len(bars) == (4 if 1 in (shape[0], shape[2]) else 3)
+    for bar in bars:
+        box = bar.get_window_extent()
+        assert box.height > 0.45 * figure.dpi
+        assert box.y0 > 0
+    for axes in planes:
+        (name,) = axes.texts
+        inside, panel = name.get_window_extent(), axes.get_window_extent()
+        if name.get_color() == "white":
+            assert panel.x0 < inside.x0 < inside.x1 < panel.x1
+            assert panel.y0 < inside.y0 < inside.y1 < panel.y1 + 1
+        else:
+            assert not inside.overlaps(panel)
+        low, high = sorted(axes.get_ylim())
+        ticks = [tick for tick in axes.yaxis.get_major_ticks() if low <= tick.get_loc() <= high]
+        labels = [tick.label1 for tick in ticks if tick.label1.get_visible()]
+        spans = sorted((box.y0, box.y1) for box in (one.get_window_extent() for one in labels))
+        assert all(a[1] <= b[0] for a, b in itertools.pairwise(spans))
+
+
+@pytest.mark.parametrize("shape", [(40, 1, 40), (1, 44, 36), (40, 44, 1), (30, 140, 30)])
+def test_line_integrals_along_an_edge_of_a_voxel_can_be_seen(shape):
+    """Each of the three views reaches the upper part of its colour scale."""
+    grid = VoxelGrid(shape, 1.0)
+    data = np.exp(-(grid.centers() ** 2).sum(axis=-1) / 80).astype(np.float32)
+    figure = draw_volume(data, grid, supersample=1)
+    planes = [axes for axes in figure.axes if axes.axison and axes.get_images()]
+    for axes in planes[3:6]:
+        (image,) = axes.get_images()
+        assert image.get_array().max() >= 0.25 * image.get_clim()[1]
+
+
+def test_far_from_the_origin_coordinates_are_written_out():
+    """No plane's numbers are differences from one that stands aside, or rounded beyond use."""
+    grid = VoxelGrid((20, 24, 16), 1.0, (100_000.0, -300_000.0, 200_000.5))
+    data = np.ones(grid.shape, np.float32)
+    figure = draw_volume(data, grid, supersample=1)
+    figure.canvas.draw()
+    planes = [axes for axes in figure.axes if axes.axison and axes.get_images()]
+    names = [axes.texts[0].get_text() for axes in planes[:3]]
+    assert names == ["z = 200000.5", "x = 100000", "y = -300000"]
+    for axes in planes:
+        for axis in (axes.xaxis, axes.yaxis):
+            assert axis.get_offset_text().get_text() == ""
+            low, high = sorted(axis.get_view_interval())
+            ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+            shown = [tick for tick in ticks if tick.label1.get_visible()]
+            for tick in shown:
+                text = tick.label1.get_text().replace("\N{MINUS SIGN}", "-")
+                assert float(text) == tick.get_loc()
+            boxes = [tick.label1.get_window_extent() for tick in shown]
+            assert not any(a.overlaps(b) for a, b in itertools.pairwise(boxes))

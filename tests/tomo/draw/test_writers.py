@@ -1,0 +1,123 @@
+import re
+
+import numpy as np
+import pytest
+import trimesh
+
+from rigs import Camera, Rig, look_at
+from tomo.draw import Scene, write_glb, write_html
+from tomo.draw.rig import draw_rig, rig_scene, write_rig
+from tomo.draw.volume import write_volume_picture
+from tomo.grid import VoxelGrid
+
+GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75), (1.0, 2.0, 3.0))
+HOSTILE = "<img src=x onerror=alert(1)> $x^$"
+
+
+def rig_of(*names, distance=100.0):
+    cameras = []
+    for i, name in enumerate(names):
+        angle = 2 * np.pi * i / len(names)
+        position = np.add(GRID.center, [distance * np.sin(angle), 0, distance * np.cos(angle)])
+        R, t = look_at(position, GRID.center)
+        matrix = [[600, 0, 31.5], [0, 600, 47.5], [0, 0, 1]]
+        cameras.append(Camera(name, (64, 96), matrix, R=R, t=t))
+    return Rig(tuple(cameras))
+
+
+@pytest.fixture(scope="module")
+def volume():
+    return np.exp(-((GRID.centers() - GRID.center) ** 2).sum(axis=-1) / 4).astype(np.float32)
+
+
+def loads(page):
+    """Return what an HTML page makes a browser fetch."""
+    tags = re.findall(r"<(?:script|link|img|iframe|source|object)\b[^>]*>", page)
+    return [t for t in tags if re.search(r"""(?:src|href|data)\s*=\s*["']?(?!data:)""", t)]
+
+
+def test_glb_is_the_scene_in_metres(tmp_path, volume):
+    scene = rig_scene(rig_of("a", "b", "c"), GRID, volume)
+    write_glb(tmp_path / "rig.glb", scene)
+    loaded = trimesh.load(tmp_path / "rig.glb")
+    np.testing.assert_allclose(loaded.bounds, scene.without("stems").bounds / 1000, atol=1e-6)
+    box = loaded.geometry["box/volume box"]
+    np.testing.assert_allclose(box.bounds, scene.only(["box"]).bounds, atol=1e-4)
+    assert {"cameras/a", "cameras/b", "cameras/c"} <= set(loaded.graph.nodes_geometry)
+    assert (
+        loaded.geometry["isosurface 15%/15% of the maximum"].visual.material.alphaMode == "BLEND"
+    )
+
+
+def test_html_names_the_cameras_and_loads_nothing(tmp_path, volume):
+    rig = rig_of("left eye", "right eye")
+    path = tmp_path / "rig.html"
+    write_html(path, rig_scene(rig, GRID, volume), title="my rig", grid=GRID, volume=volume)
+    page = path.read_text(encoding="utf-8")
+    assert "left eye" in page
+    assert "right eye" in page
+    assert "x (mm)" in page
+    assert "<title>my rig</title>" in page
+    assert loads(page) == []
+    assert "cdn.plot.ly" not in re.findall(r"<script[^>]*>", page)
+    assert len(page) > 3_000_000  # plotly itself is inside
+
+
+def test_html_escapes_names(tmp_path):
+    path = tmp_path / "rig.html"
+    write_html(path, rig_scene(rig_of(HOSTILE), GRID), title="</title><script>alert(1)</script>")
+    page = path.read_text(encoding="utf-8")
+    assert "<img" not in page.split("<body>")[1][-200_000:]
+    assert "<script>alert" not in page
+
+
+@pytest.mark.parametrize("count", [1, 5])
+def test_rig_png_has_its_size_and_content(tmp_path, volume, count):
+    import matplotlib.image
+
+    path = tmp_path / "rig.png"
+    names = [HOSTILE, "b", "c", "d", "e"][:count]
+    write_rig(path, rig_of(*names), grid=GRID, volume=volume, supersample=1)
+    picture = matplotlib.image.imread(path)[..., :3]
+    assert picture.shape == (1200, 2200, 3)
+    assert 0.01 < (picture.min(axis=2) < 0.9).mean() < 0.6
+    assert [p.name for p in tmp_path.iterdir()] == ["rig.png"]
+
+
+def test_no_two_names_overlap_in_the_picture():
+    names = [f"camera{i:02d}" for i in range(30)]
+    figure = draw_rig(rig_of(*names), GRID, supersample=1)
+    overview = figure.axes[0]
+    boxes = [t.get_window_extent() for t in overview.texts]
+    written = {t.get_text() for t in overview.texts}
+    assert len(written & set(names)) >= 28  # a name may be left out, not written over another
+    for i, one in enumerate(boxes):
+        assert not any(one.padded(-1).overlaps(other.padded(-1)) for other in boxes[:i])
+
+
+def test_same_picture_twice_is_the_same_file(tmp_path):
+    for name in ("one.png", "two.png"):
+        write_rig(tmp_path / name, rig_of("a", "b"), grid=GRID, supersample=1)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+
+
+def test_volume_png_is_not_blank(tmp_path, volume):
+    import matplotlib.image
+
+    write_volume_picture(tmp_path / "v.png", volume, GRID, supersample=1)
+    assert (matplotlib.image.imread(tmp_path / "v.png")[..., 0] < 0.5).mean() > 0.02
+
+
+def test_dark_volume_is_drawn_too(tmp_path):
+    write_volume_picture(tmp_path / "v.png", np.zeros(GRID.shape), GRID, supersample=1)
+    assert (tmp_path / "v.png").stat().st_size > 10_000
+
+
+def test_bad_volumes_are_told_and_leave_nothing(tmp_path):
+    with pytest.raises(ValueError, match="expected the grid's"):
+        write_volume_picture(tmp_path / "v.png", np.zeros((2, 2, 2)), GRID)
+    with pytest.raises(ValueError, match="no finite value"):
+        write_volume_picture(tmp_path / "v.png", np.full(GRID.shape, np.nan), GRID)
+    with pytest.raises(ValueError, match="no mesh"):
+        write_glb(tmp_path / "v.glb", Scene())
+    assert list(tmp_path.iterdir()) == []

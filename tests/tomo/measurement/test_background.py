@@ -1,0 +1,122 @@
+"""An even background is told of with its level; emission and noise are none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import phantoms
+import rigs
+from tomo import Scan, VoxelGrid
+from tomo.measurement import background, estimate_noise
+from tomo.pipeline import reconstruct
+from tomo.screening import find_suspects
+from tomo.simulation import camera_noise, simulate
+
+GRID = VoxelGrid((20, 40, 20), 1.0)
+
+
+@pytest.fixture(scope="module", params=["jet", "turbulent", "homogeneous"])
+def made(request):
+    return _made(request.param)
+
+
+def _made(phantom, extent=GRID.extent, grid=GRID):
+    size = {"distance": 200.0, "image_size": (60, 100), "footprint": 0.5}
+    rig = rigs.ring(5, pitch_degrees=15, **size)
+    return simulate(rig, phantoms.create(phantom, 1, extent), grid)
+
+
+def levels(images):
+    found = []
+    for image in images:
+        mask = np.ones(image.shape, bool)
+        found.append(background(image, mask, estimate_noise(image, mask)))
+    return found
+
+
+def noisy(made, sigma, kind="gaussian"):
+    random, images = np.random.default_rng(0), list(made.images.values())
+    if kind == "poisson":
+        return camera_noise.poisson(images, 300.0, 0.0, random)
+    return camera_noise.gaussian(images, sigma, random) if sigma else images
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1])
+def test_emission_and_noise_are_no_background(made, sigma):
+    images = noisy(made, sigma)
+    assert levels(images) == [0.0] * 5
+    assert levels([np.maximum(image, 0) for image in images]) == [0.0] * 5  # as cameras clip
+    assert levels(noisy(made, 0, "poisson")) == [0.0] * 5
+
+
+@pytest.mark.parametrize(("share", "sigma"), [(0.02, 0.0), (0.1, 0.02), (0.3, 0.1)])
+def test_the_level_is_found(made, share, sigma):
+    top = max(image.max() for image in made.images.values())
+    lit = [image + np.float32(share * top) for image in noisy(made, sigma)]
+    assert levels(lit) == pytest.approx([share * top] * 5, rel=0.1)
+
+
+def test_emission_that_fills_the_image_is_none():
+    """A plume wider than the image fades towards its edges."""
+    rows, columns = np.mgrid[-50:50, -30:30]
+    wide = np.exp(-(rows**2 + columns**2) / (2 * 40.0**2)).astype(np.float32)
+    assert wide.min() > 0.1
+    assert levels([wide, camera_noise.gaussian([wide], 0.02, np.random.default_rng(0))[0]]) == [
+        0,
+        0,
+    ]
+
+
+def test_dark_and_small_images_say_nothing():
+    assert levels([np.zeros((40, 40), np.float32), np.ones((3, 40), np.float32)]) == [0, 0]
+
+
+def test_a_background_is_told_of_in_place_of_light_beside_the_grid():
+    made = _made("jet")
+    top = max(image.max() for image in made.images.values())
+    images = [image + np.float32(0.1 * top) for image in made.images.values()]
+    images[2] = images[2] + np.float32(0.1 * top)
+    masks = [np.ones(image.shape, bool) for image in images]
+    found = find_suspects(made.rig, images, masks, GRID)
+    (warning,) = found.warnings
+    assert warning.startswith("images of 5 of 5 cameras lie on an even background")
+    assert f"that of camera cam02 on {0.2 * top:.3g}" in warning
+    assert found.report()["background"]["cam02"] == pytest.approx(0.2 * top, rel=0.02)
+
+
+@pytest.mark.parametrize("grid", [GRID, VoxelGrid((80, 100, 80), 1.0)])
+def test_what_to_do_about_it_stands_first(tmp_path, grid):
+    """Also where no line of sight misses the grid; cameras may only seem wrong."""
+    made = _made("jet")
+    top = max(image.max() for image in made.images.values())
+    lit = {name: image + np.float32(0.3 * top) for name, image in made.images.items()}
+    folder = replace(made, images=lit).save(tmp_path / "scan")
+    found = reconstruct(Scan.load(folder), grid, method="mlem", iterations=3, uncertainty=0)
+    told = [line for line in found.warnings if "background, " in line or "calibrate" in line]
+    assert "is it to be subtracted as dark?" in told[0]
+    for line in told[1:]:
+        assert "see to the light that no volume explains first, and if this stays, cal" in line
+    if grid is GRID:
+        assert len(told) > 1
+
+
+@pytest.mark.parametrize("phantom", ["jet", "turbulent"])
+def test_views_are_judged_without_it(phantom):
+    """With it honest views of a third of the brightest light seemed to be other cameras'."""
+    grid = VoxelGrid((15, 70, 15), 1.0)
+    rig = rigs.ring(12, distance=800.0, image_size=(60, 160), footprint=0.55)
+    made = simulate(rig, phantoms.create(phantom, 7, grid.extent), grid, supersample=2)
+    images = list(made.images.values())
+    masks = [np.ones(image.shape, bool) for image in images]
+    top = max(image.max() for image in images)
+    turned = [*images[:3], images[3][::-1], *images[4:]]
+    for shown, wrong in ((images, ()), (turned, ("cam03",))):
+        for share in (0.0, 0.1, 0.3, 1.0):
+            lit = [image + np.float32(share * top) for image in shown]
+            found = find_suspects(rig, lit, masks, grid)
+            assert found.left_out == wrong
+            agreement = [view.agreement for view in found.views]
+            if share == 0:
+                expected = agreement
+            assert agreement == pytest.approx(expected, abs=0.005)

@@ -1,0 +1,216 @@
+"""Boxes or splines: which are taken, and what comes of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+import rigs
+from phantoms import create
+from tomo import Scan, VoxelGrid
+from tomo.io import read_volume
+from tomo.metrics import cosine_distance
+from tomo.pipeline import reconstruct
+from tomo.selection.rules import STRENGTHS
+from tomo.simulation import simulate
+from tomo.simulation.effects import Effects
+
+GRID = VoxelGrid((14, 36, 14), 1.0)
+
+
+@pytest.fixture(scope="session")
+def take(tmp_path_factory):
+    """Return a function that takes images of a flame and returns the scan."""
+
+    def scan(views=11, footprint=0.5, *, name="turbulent", refine=4, **how):
+        folder = tmp_path_factory.mktemp("taken") / "scan"
+        size = (int(22 / footprint), int(44 / footprint))
+        rig = rigs.ring(
+            views,
+            distance=400.0,
+            image_size=size,
+            footprint=footprint,
+            pitch_degrees=np.resize([12.0, -12.0], views),
+            start_degrees=5.0,
+        )
+        field = create(name, 4, GRID.extent, GRID.center)
+        simulate(rig, field, GRID, supersample=3, refine=refine, **how).save(folder)
+        return Scan.load(folder)
+
+    return scan
+
+
+@pytest.fixture(scope="session")
+def fine(take):
+    return take()
+
+
+def basis(outcome):
+    return outcome.report()["settings"]["basis"]["name"]
+
+
+def distance(outcome):
+    return outcome.reconstruction.quality["cosine_distance"]
+
+
+@pytest.fixture(scope="session")
+def by_splines(fine):
+    return reconstruct(fine, hold_out=["cam03"], compare=[("art", 3), ("sirt", 20)])
+
+
+@pytest.fixture(scope="session")
+def by_boxes(fine):
+    settings = {"hold_out": ["cam03"], "compare": [("art", 3), ("sirt", 20)]}
+    return reconstruct(fine, basis="boxes", **settings)
+
+
+def residual_of_used(outcome):
+    used = [view for view in outcome.views if not view.held_out]
+    squared = sum(np.square(view.measured - view.reprojected)[view.mask].sum() for view in used)
+    return np.sqrt(squared / sum(np.square(view.measured)[view.mask].sum() for view in used))
+
+
+def psnr(outcome, name):
+    return outcome.report()["held_out"][name]["psnr"]
+
+
+def test_a_flame_in_fine_pixels_is_nearer_to_the_truth_by_splines(by_splines, by_boxes):
+    assert (basis(by_splines), basis(by_boxes)) == ("splines", "boxes")
+    assert by_splines.settings["basis"]["share"] < 1
+    assert distance(by_splines) < 0.8 * distance(by_boxes)
+    assert psnr(by_splines, "cam03") > psnr(by_boxes, "cam03") + 1
+    json.dumps(by_splines.report(), allow_nan=False)
+
+
+def test_the_volume_holds_means_and_the_distances_are_theirs(by_splines, fine):
+    truth, *_ = read_volume(fine.truth)
+    found = by_splines.reconstruction
+    assert cosine_distance(found.volume, truth) == pytest.approx(distance(by_splines), rel=1e-6)
+    assert by_splines.cosine_distances[0][-1] == pytest.approx(distance(by_splines), rel=1e-5)
+    assert found.volume.sum() == pytest.approx(truth.sum(), rel=0.02)
+    assert found.volume.min() >= 0
+
+
+def test_re_projected_images_are_those_that_were_solved_for(by_splines):
+    residual = by_splines.reconstruction.relative_residual
+    assert residual_of_used(by_splines) == pytest.approx(residual, rel=0.05)
+
+
+def test_what_goes_line_by_line_is_compared_by_boxes(by_splines, by_boxes):
+    art, sirt = (
+        [one.comparisons[number].volume for one in (by_splines, by_boxes)] for number in (0, 1)
+    )
+    np.testing.assert_array_equal(*art)
+    assert (sirt[0] != sirt[1]).any()
+
+
+@pytest.mark.parametrize("method", ["art", "mart", "wernet-paper"])
+def test_what_goes_line_by_line_takes_boxes(fine, method):
+    assert basis(reconstruct(fine.scaled(2), method=method, iterations=1)) == "boxes"
+
+
+def test_pixels_as_large_as_voxels_take_boxes_unless_lines_share_them(take):
+    scan = take(footprint=1.0)
+    assert basis(reconstruct(scan, method="cgls", iterations=2)) == "boxes"
+    shared = reconstruct(scan, method="cgls", iterations=2, supersample=2)
+    assert shared.settings["basis"]["share"] > 0  # both were tried
+
+
+def test_pixels_too_fine_for_their_worth_take_boxes(take):
+    scan = take(views=3, footprint=0.08, refine=1)
+    found = reconstruct(scan, method="cgls", iterations=2)
+    assert "times the work of boxes" in found.settings["basis"]["reason"]
+
+
+def test_light_as_rough_as_boxes_takes_boxes(take):
+    scan = take(name="homogeneous", refine=1)
+    assert basis(reconstruct(scan, method="nnls", iterations=3)) == "boxes"
+
+
+def test_on_the_fly_takes_boxes_and_splines_when_asked(fine):
+    settings = {"method": "sirt", "iterations": 5, "projector": "on-the-fly", "align": False}
+    assert basis(reconstruct(fine, **settings)) == "boxes"
+    found = [
+        reconstruct(fine, **{**settings, "projector": form}, basis="splines").reconstruction.volume
+        for form in ("stored", "on-the-fly")
+    ]
+    assert cosine_distance(*found) < 1e-4
+
+
+def test_many_views_learn_of_boxes_and_leave_images_without_more_to_splines(fine):
+    found = reconstruct(fine, method="wernet", uncertainty=0)
+    assert basis(found) == "splines"
+    assert found.reconstruction.settings["method"] == "wernet"
+    assert found.reconstruction.settings["learned"] is False
+    assert "by splines" in found.reconstruction.stop_reason
+    classic = reconstruct(fine, uncertainty=0)
+    np.testing.assert_array_equal(found.reconstruction.volume, classic.reconstruction.volume)
+
+
+def test_what_many_views_taught_of_boxes_is_solved_for_by_splines(take):
+    scan = take(effects=Effects(gain_spread=0.1), seed=3)
+    settings = {"method": "wernet", "fit_gain": False, "hold_out": ["cam03"]}
+    settings["compare"] = [("sirt", 20)]
+    found, boxes = (reconstruct(scan, basis=one, **settings) for one in ("auto", "boxes"))
+    learned, of_boxes = (one.reconstruction for one in (found, boxes))
+    assert basis(found) == "splines"
+    assert learned.settings["learned"] is of_boxes.settings["learned"] is True
+    assert distance(found) < 0.85 * distance(boxes)
+    assert psnr(found, "cam03") > psnr(boxes, "cam03")
+    # the rounds of boxes stand in the history, the solve by splines at its end
+    assert learned.history[-1].index == of_boxes.history[-1].index + 1
+    assert found.cosine_distances[0][-1] == pytest.approx(distance(found), rel=1e-5)
+    assert found.cosine_distances[0][:-1] == boxes.cosine_distances[0]
+    assert residual_of_used(found) == pytest.approx(learned.relative_residual, rel=0.05)
+    # what is compared with knows the chords alone
+    classic = reconstruct(scan, method="sirt", iterations=20, hold_out=["cam03"], fit_gain=False)
+    np.testing.assert_array_equal(found.comparisons[0].volume, classic.reconstruction.volume)
+
+
+def test_splines_of_clean_images_are_tamed_and_iterated_on(by_splines, by_boxes):
+    settings, boxes = (one.reconstruction.settings for one in (by_splines, by_boxes))
+    assert {tried.method for tried in settings["tried"]} == {"curvature"}
+    assert settings["iterations"] > boxes["iterations"]
+    strengths = [tried.strength for tried in settings["tried"]]
+    assert strengths == list(STRENGTHS[: len(strengths)])
+    assert settings["strength"] in strengths[-2:]
+
+
+def test_weights_that_are_given_are_judged_on_what_predicts_better(fine):
+    settings = {"method": "wernet", "encoder": "finite-pixels", "uncertainty": 0}
+    frozen = reconstruct(fine, freeze_encoder=True, **settings)
+    assert frozen.settings["basis"]["share"] < 1
+    assert np.isfinite(frozen.reconstruction.settings["held_out_residual"]["learned"])
+    classic = reconstruct(fine, uncertainty=0)
+    np.testing.assert_array_equal(frozen.reconstruction.volume, classic.reconstruction.volume)
+
+
+def test_few_views_learn_of_splines(take):
+    scan = take(views=6)
+    found = reconstruct(scan, method="wernet")
+    assert basis(found) == "splines"
+    boxes = reconstruct(scan, method="wernet", basis="boxes")
+    assert distance(found) < distance(boxes)
+
+
+def test_few_views_that_teach_nothing_are_judged_by_the_splines_they_were_solved_by(take):
+    scan, settings = take(views=6), {"hold_out": ["cam02"], "uncertainty": 0}
+    found = reconstruct(scan, method="wernet", iterations=0, **settings)
+    classic = reconstruct(scan, **settings)
+    assert found.reconstruction.settings["learned"] is False
+    assert basis(found) == basis(classic) == "splines"
+    np.testing.assert_array_equal(found.reconstruction.volume, classic.reconstruction.volume)
+    assert psnr(found, "cam02") == psnr(classic, "cam02")
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"basis": "blobs"}, "basis: found 'blobs', expected one of auto, boxes, splines"),
+        ({"basis": "splines", "method": "art"}, "basis: found splines, expected boxes for method"),
+        ({"basis": "splines", "blur": 1.0}, "basis: found splines with blur 1.0, expected boxes"),
+    ],
+)
+def test_what_cannot_be_is_refused(fine, settings, words):
+    with pytest.raises(ValueError, match=words):
+        reconstruct(fine, **settings)

@@ -1,0 +1,44 @@
+"""What is compiled on first use is compiled before anything is timed."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+
+COMPILED_LATER = """
+import sys
+from numba.core.dispatcher import Dispatcher
+from tomo import Scan, VoxelGrid
+from tomo.pipeline.first_use import warm_up, warm_up_alignment, warm_up_carving
+from tomo.pipeline.reconstruct import reconstruct
+
+def known():
+    modules = [module for name, module in sys.modules.items() if name.startswith("tomo")]
+    kernels = [one for m in modules for one in vars(m).values() if isinstance(one, Dispatcher)]
+    return {(one.py_func.__qualname__, str(s)) for one in kernels for s in one.signatures}
+
+warm_up("march")
+warm_up_carving()
+warm_up_alignment()
+before = known()
+grid = VoxelGrid((20, 40, 20), 0.5, (1.0, -2.0, 0.5))
+for basis in ("boxes", "splines"):
+    outcome = reconstruct(
+        Scan.load(sys.argv[1]), grid, method="sirt", iterations=2, basis=basis
+    )
+assert 4096 < outcome.counts["active_voxels"] < grid.size  # some dead, and many others
+assert before
+print(*sorted(name for name, _ in known() - before))
+"""
+
+
+def test_nothing_is_compiled_while_a_reconstruction_is_timed(folder):
+    run = subprocess.run(
+        [sys.executable, "-c", COMPILED_LATER, str(folder)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.split() == []

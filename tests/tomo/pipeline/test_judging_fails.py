@@ -1,0 +1,79 @@
+"""A volume that was solved for stands, whatever becomes of what is said of it afterwards."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tomo import Scan, wernet
+from tomo.pipeline import reconstruct, steps
+from tomo.report import result_figures
+from tomo.report.outcome_files import write_outcome
+from tomo.selfcal import shifts
+
+pytestmark = pytest.mark.usefixtures("coarse_scenes")
+
+
+class OfALibraryError(Exception):
+    """Of no kind that anybody expects."""
+
+
+@pytest.fixture
+def scan(folder):
+    return Scan.load(folder)
+
+
+@pytest.fixture
+def broken(monkeypatch):
+    """Return a function that makes a function of a module or class raise."""
+
+    def breaks(where, name, error):
+        def fails(*_arguments, **_named):
+            raise error
+
+        monkeypatch.setattr(where, name, fails)
+
+    return breaks
+
+
+@pytest.mark.parametrize(
+    ("where", "name", "error", "said"),
+    [
+        (shifts._Judged, "displacement", MemoryError(), "cameras: whether images agree"),
+        (steps, "assess", OfALibraryError("two\nlines"), "condition: how far to trust"),
+        (steps, "views_of", ValueError("wrong"), "re-projected images: not found: wrong"),
+    ],
+)
+def test_a_step_that_judges_may_fail(scan, broken, tmp_path, where, name, error, said):
+    whole = reconstruct(scan, method="mlem", iterations=3)
+    broken(where, name, error)
+    found = reconstruct(scan, method="mlem", iterations=3)
+    np.testing.assert_array_equal(found.volume, whole.volume)
+    (warning,) = [line for line in found.warnings if line.startswith(said)]
+    assert "\n" not in warning
+    if not isinstance(error, ValueError):
+        assert type(error).__name__ in warning
+    write_outcome(tmp_path / "out", found)
+    told = json.loads((tmp_path / "out" / "report.json").read_text())["warnings"]
+    assert warning in told
+
+
+def test_a_comparison_that_diverges_costs_nothing_but_itself(scan, broken):
+    broken(wernet, "wernet_paper", wernet.TrainingDivergedError("loss: found NaN"))
+    found = reconstruct(
+        scan, method="mlem", iterations=3, compare=[("wernet-paper", 1), ("mlem", 2)]
+    )
+    assert len(found.comparisons) == 1
+    assert any("comparison wernet-paper" in line and "NaN" in line for line in found.warnings)
+
+
+def test_a_picture_that_cannot_be_drawn_is_told_of(scan, broken, tmp_path):
+    found = reconstruct(scan, method="mlem", iterations=3)
+    broken(result_figures, "draw_views", ImportError("libGL.so.1: cannot open"))
+    write_outcome(tmp_path / "out", found)
+    assert (tmp_path / "out" / "volume.npz").exists()
+    assert not (tmp_path / "out" / "views.png").exists()
+    assert (tmp_path / "out" / "slices.png").exists()
+    words = "picture views: not drawn: ImportError: libGL.so.1: cannot open"
+    assert words in json.loads((tmp_path / "out" / "report.json").read_text())["warnings"]
+    assert words in (tmp_path / "out" / "report.html").read_text()

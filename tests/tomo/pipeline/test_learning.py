@@ -1,0 +1,100 @@
+"""WERNet as a method among others: what it learns, and what only it may be asked."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import tifffile
+
+from phantoms import GaussianBlobs, create
+from rigs import ring
+from tomo import Scan, VoxelGrid
+from tomo.pipeline import reconstruct
+from tomo.simulation import simulate
+from tomo.simulation.camera_noise import gaussian
+from tomo.simulation.effects import Effects
+
+SIRT = {"method": "sirt", "iterations": 5}
+
+
+@pytest.fixture(scope="module")
+def unequal(tmp_path_factory, grid):
+    """Return the scan of ten cameras whose gains differ and are not told."""
+    folder = tmp_path_factory.mktemp("unequal") / "scan"
+    look = {"image_size": (20, 30), "footprint": 1.0, "pitch_degrees": [10.0, -10.0] * 5}
+    rig = ring(10, distance=200.0, center=grid.center, **look)
+    field = GaussianBlobs(np.add(grid.center, [[1, 3, -1], [-1, -4, 0.5]]), [1.8, 2.2], [1.0, 0.7])
+    effects = Effects(gain_spread=0.1)
+    simulate(rig, field, grid, supersample=2, refine=2, effects=effects, seed=2).save(folder)
+    return Scan.load(folder)
+
+
+def test_wernet_learns_what_chords_do_not_know_and_judges_the_held_out_view(unequal):
+    settings = {"hold_out": ["cam02"], "fit_gain": False}
+    learned = reconstruct(unequal, method="wernet", **settings)
+    classic = reconstruct(unequal, **settings)
+    report = json.loads(json.dumps(learned.report(), allow_nan=False))
+    assert report["method"] == "wernet"
+    assert report["settings"]["learned"] is True
+    assert set(report["settings"]["held_out_residual"]) == {"chords", "learned"}
+    assert list(report["held_out"]) == ["cam02"]
+    # views are seen by the learned weights, which hold the cameras' gains
+    gains = [
+        np.std([view.gain for view in one.views if not view.held_out])
+        for one in (learned, classic)
+    ]
+    assert gains[0] < 0.5 * gains[1]
+    assert gains[1] > 0.05
+    distances = [one.reconstruction.quality["cosine_distance"] for one in (learned, classic)]
+    assert distances[0] < 0.5 * distances[1]
+    own = learned.cosine_distances[0]
+    assert own[-1] == pytest.approx(distances[0], rel=1e-3)
+    assert len(own) == len(learned.reconstruction.history)
+    again = reconstruct(unequal, method="wernet", **settings)
+    np.testing.assert_array_equal(again.reconstruction.volume, learned.reconstruction.volume)
+
+
+@pytest.mark.parametrize(
+    ("effects", "better"),
+    [(Effects(gain_spread=0.1), -0.2), (Effects(absorption=0.054), 0.3)],
+    ids=["gains", "absorption"],
+)
+def test_few_views_teach_what_another_sees_and_not_what_is_their_own(tmp_path, effects, better):
+    grid = VoxelGrid((28, 44, 28), 1.0)
+    look = {"image_size": (70, 100), "footprint": 0.5, "pitch_degrees": 10.0}
+    rig = ring(5, distance=300.0, center=grid.center, start_degrees=5.0, **look)
+    flame = create("turbulent", 13, grid.extent, grid.center)
+    made = simulate(rig, flame, grid, supersample=2, refine=2, effects=effects, seed=13)
+    images = gaussian(list(made.images.values()), 0.005, np.random.default_rng(13))
+    made = replace(made, images=dict(zip(rig.names, images, strict=True)))
+    scan = Scan.load(made.save(tmp_path / "scan"))
+    settings = {"fit_gain": False, "hold_out": ["cam02"], "uncertainty": 0}
+    learned, classic = (
+        reconstruct(scan, method=method, **settings).report()["held_out"]["cam02"]["psnr"]
+        for method in ("wernet", "auto")
+    )
+    assert learned > classic + better
+
+
+def test_wernet_of_dark_images_is_empty(copy):
+    for path in copy.glob("images/*/*.tif"):
+        tifffile.imwrite(path, np.zeros((60, 40), np.float32))
+    found = reconstruct(Scan.load(copy), method="wernet", hold_out=["cam02"])
+    assert not found.reconstruction.volume.any()
+    assert any("the volume is empty" in warning for warning in found.warnings)
+    json.dumps(found.report(), allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"encoder": "x.pt"}, "encoder: found x.pt, expected none for method sirt"),
+        ({"freeze_encoder": True}, "freeze_encoder: found True, expected none for method sirt"),
+        ({"checkpoint": "x.pt"}, "checkpoint: found x.pt, expected none for method sirt"),
+        ({"resume": True}, "resume: found True, expected none for method sirt: only wernet can"),
+    ],
+)
+def test_what_only_wernet_takes_is_refused_elsewhere(folder, settings, words):
+    with pytest.raises(ValueError, match=words):
+        reconstruct(Scan.load(folder), **SIRT, **settings)

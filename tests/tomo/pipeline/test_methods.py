@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+
+from tomo import solvers
+from tomo.pipeline.methods import AUTO, method_named, method_names
+
+
+def test_every_classic_method_the_papers_and_auto_have_a_name():
+    names = method_names()
+    assert set(names) == {AUTO, "wernet", "wernet-paper", *solvers.METHODS}
+    assert len(set(names)) == len(names)
+    assert set(solvers.METHODS) == {
+        "art", "cgls", "curvature", "mart", "mlem", "nnls", "sart", "sirt", "smart", "tikhonov",
+        "tv",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", solvers.METHODS)
+def test_a_name_leads_to_its_solver(name):
+    method = method_named(name)
+    assert method.name == name
+    assert method.solver is getattr(solvers, name)
+    assert not method.needs_midpoints
+
+
+def test_the_papers_method_needs_midpoints():
+    method = method_named("wernet-paper")
+    assert method.needs_midpoints
+    assert method.solver.__name__ == "wernet_paper"
+
+
+@pytest.mark.parametrize("name", ["", "SIRT", "wernet_paper", "METHODS", "__doc__", "stopping"])
+def test_other_names_are_refused_with_those_there_are(name):
+    with pytest.raises(ValueError, match=r"^method: found ") as error:
+        method_named(name)
+    assert repr(name) in str(error.value)
+    assert all(known in str(error.value) for known in method_names())
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", solvers.METHODS)
+def test_a_solver_is_given_only_what_it_takes(name, projector_2x2):
+    arguments = method_named(name).arguments(device="cpu", seed=7, iterations=3)
+    assert arguments["iterations"] == 3
+    assert ("seed" in arguments) == (name in ("art", "mart"))
+    found = method_named(name).solver(projector_2x2, np.ones(2), **arguments)
+    assert found.settings["iterations"] == 3
+    assert found.settings["method"] == name
+    assert found.settings.get("seed", 7) == 7
+
+
+def test_without_a_number_of_iterations_the_method_keeps_its_own():
+    arguments = method_named("mlem").arguments(device="cpu", seed=0, iterations=None)
+    assert "iterations" not in arguments
+
+
+def test_no_iteration_at_all_can_be_asked_for():
+    assert method_named("sirt").arguments(device="cpu", seed=0, iterations=0) == {"iterations": 0}
+
+
+def test_the_papers_method_takes_a_device_and_a_seed():
+    arguments = method_named("wernet-paper").arguments(device="cuda", seed=1, iterations=2)
+    assert (arguments["device"], arguments["seed"]) == ("cuda", 1)
+
+
+@pytest.mark.parametrize("name", solvers.METHODS)
+def test_classic_methods_refuse_a_device(name):
+    with pytest.raises(ValueError, match=f"device: found 'cuda', expected cpu for method {name}"):
+        method_named(name).arguments(device="cuda", seed=0, iterations=None)
+
+
+@pytest.fixture
+def projector_2x2():
+    from tomo.grid import VoxelGrid
+    from tomo.operators import Projector
+    from tomo.trace import Segments
+
+    segments = Segments(np.arange(3), np.arange(2, dtype=np.int32), np.ones(2, np.float32))
+    return Projector(segments, VoxelGrid((2, 1, 1), 1.0))

@@ -1,0 +1,79 @@
+"""Tracers, seeds, limits and frames: what they change, and what they do not."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import tifffile
+import yaml
+
+from rigs import load_rig
+from tomo import Scan
+from tomo.pipeline import reconstruct
+
+SIRT = {"method": "sirt", "iterations": 5}
+
+
+@pytest.mark.parametrize("tracer", ["raycast", "reference"])
+def test_tracers_lead_to_the_same_volume(folder, tracer, volume_of, far):
+    scan = Scan.load(folder).scaled(2)  # the reference is slow
+    assert far(volume_of(scan, tracer=tracer), volume_of(scan)) < 1e-4
+
+
+@pytest.mark.parametrize("settings", [{}, {"method": "wernet-paper", "iterations": 1, "seed": 3}])
+def test_the_same_again_is_the_same_to_the_bit(folder, settings, volume_of):
+    volumes = [volume_of(Scan.load(folder).scaled(2), **settings) for _ in range(2)]
+    np.testing.assert_array_equal(*volumes)
+
+
+def test_another_seed_is_another_start(folder, volume_of, far):
+    scan, settings = Scan.load(folder).scaled(2), {"method": "wernet-paper", "iterations": 1}
+    assert far(volume_of(scan, **settings, seed=1), volume_of(scan, **settings, seed=2)) > 1e-3
+
+
+def test_the_time_limit_stops_the_solver_but_not_before_it_began(folder, outcome):
+    found = reconstruct(Scan.load(folder), method="sirt", iterations=10**6, time_limit=0.3)
+    assert 0.2 < found.reconstruction.history[-1].seconds < 5
+    assert "stopped" in found.reconstruction.stop_reason
+    chosen = reconstruct(Scan.load(folder), time_limit=1e-6)
+    # choosing takes longer, yet is not what the limit is for
+    assert chosen.reconstruction.history[-1].index == 1
+    assert chosen.reconstruction.quality["cosine_distance"] < outcome.cosine_distances[0][0] / 2
+
+
+def test_other_ways_in_lead_to_the_same_volume(folder, tmp_path, grid, volume_of, far):
+    expected = volume_of(folder, grid, **SIRT)
+    given = Scan.from_images(folder / "rig.yaml", folder / "images")
+    np.testing.assert_array_equal(volume_of(given, grid, **SIRT), expected)
+    frames = []
+    for camera in load_rig(folder / "rig.yaml"):
+        pose = np.eye(4)
+        pose[:3, :3] = (np.diag([1, -1, -1]) @ camera.R).T
+        pose[:3, 3] = camera.position
+        K, (width, height) = camera.camera_matrix, camera.image_size
+        frames.append(
+            {
+                "file_path": f"images/{camera.name}/frame_000.tif",
+                "transform_matrix": pose.tolist(),
+                **{"w": width, "h": height, "fl_x": K[0, 0], "fl_y": K[1, 1]},
+                **{"cx": K[0, 2] + 0.5, "cy": K[1, 2] + 0.5},
+            }
+        )
+    shutil.copytree(folder / "images", tmp_path / "images")
+    (tmp_path / "transforms.json").write_text(json.dumps({"frames": frames}))
+    nerf = volume_of(Scan.load(tmp_path / "transforms.json"), grid, **SIRT)
+    assert far(nerf, expected) < 1e-5
+
+
+def test_the_frame_asked_for_is_the_one_used(copy, volume_of):
+    content = yaml.safe_load((copy / "scan.yaml").read_text())
+    bright = {"name": "bright", "images": {}}
+    for camera, image in content["frames"][0]["images"].items():
+        bright["images"][camera] = image.replace("frame_000", "bright")
+        tifffile.imwrite(copy / bright["images"][camera], 3 * tifffile.imread(copy / image))
+    content["frames"].append(bright)
+    (copy / "scan.yaml").write_text(yaml.safe_dump(content))
+    volumes = [volume_of(copy, frame=frame, **SIRT) for frame in (None, "frame_000", "bright")]
+    np.testing.assert_array_equal(volumes[0], volumes[1])
+    np.testing.assert_allclose(volumes[2], 3 * volumes[0], rtol=1e-4, atol=1e-6)

@@ -1,0 +1,78 @@
+"""The volume beside the truth of a simulated scan."""
+
+import numpy as np
+import pytest
+
+from phantoms import GaussianBlobs
+from rigs import ring
+from tomo import Scan, VoxelGrid
+from tomo.io import write_volume
+from tomo.pipeline import reconstruct
+from tomo.simulation import simulate
+
+SIRT = {"method": "sirt", "iterations": 5}
+
+
+def test_the_volume_is_close_to_the_truth(outcome):
+    assert outcome.reconstruction.quality["cosine_distance"] < 0.025
+    assert outcome.reconstruction.quality["total_ratio"] == pytest.approx(1, abs=0.05)
+    assert outcome.reconstruction.relative_residual < 0.17
+    for view in outcome.views:
+        assert view.gain == pytest.approx(1, abs=0.02)
+
+
+def test_the_distances_from_the_truth_end_at_the_volume_s_own(outcome):
+    (distances,) = outcome.cosine_distances
+    assert len(distances) == len(outcome.reconstruction.history)
+    own = outcome.reconstruction.quality["cosine_distance"]
+    assert distances[-1] == pytest.approx(own, rel=1e-3)
+    assert distances[0] > 10 * own
+
+
+def test_a_truth_on_another_grid_is_told_and_not_compared(folder, outcome, grid):
+    coarse = VoxelGrid((5, 10, 5), 2.0, grid.center)
+    found = reconstruct(Scan.load(folder), coarse)
+    told, *others = found.warnings
+    assert told == "truth.npz: the truth is on another grid: no quality figures"
+    assert len(others) == len(outcome.warnings)
+    assert found.truth is None
+    assert found.report()["quality"] == {}
+    # what all voxels emit together is the same on any grid
+    assert 8 * found.reconstruction.volume.sum() == pytest.approx(outcome.truth.sum(), rel=0.1)
+
+
+def test_a_truth_that_is_a_voxel_s_part_off_is_not_compared(copy, grid):
+    for shift, alike in ((1e-9, True), (1e-3, False)):
+        moved = VoxelGrid(grid.shape, grid.spacing, (1e5 + shift, 0.0, 0.0))
+        write_volume(copy / "truth.npz", np.ones(grid.shape), moved)
+        scan = Scan.load(copy)
+        # the same scene far away, where coordinates are large
+        distant = VoxelGrid(grid.shape, grid.spacing, (1e5, 0.0, 0.0))
+        rig = scan.rig.transformed(np.eye(3), np.array([1e5, 0, 0]) - grid.center)
+        scan = Scan(rig, scan.frames, truth=scan.truth, source=copy)
+        assert (reconstruct(scan, distant, **SIRT).truth is not None) == alike
+
+
+def test_shrunk_images_say_the_same(folder, outcome):
+    found = reconstruct(Scan.load(folder).scaled(2))
+    assert found.counts["rays"] < 0.4 * outcome.counts["rays"]
+    assert found.settings["scale"] == 2
+    assert found.reconstruction.quality["cosine_distance"] < 0.025
+    assert found.reconstruction.quality["total_ratio"] == pytest.approx(1, abs=0.05)
+
+
+def test_more_rays_a_pixel(folder):
+    found = reconstruct(Scan.load(folder), supersample=2, method="mlem", iterations=10)
+    assert found.settings["supersample"] == 2
+    assert found.reconstruction.quality["total_ratio"] == pytest.approx(1, abs=0.02)
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_cameras_of_a_row_or_two_show_a_slice(tmp_path, rows):
+    flat = VoxelGrid((20, rows, 20), 1.0)
+    rig = ring(12, distance=200.0, image_size=(64, rows), footprint=0.5)
+    field = GaussianBlobs([[1, 0, 2], [-3, 0, -2]], [2.0, 2.5], [1.0, 0.7])
+    simulate(rig, field, flat, supersample=2).save(tmp_path / "scan")
+    found = reconstruct(Scan.load(tmp_path / "scan"))
+    assert found.reconstruction.quality["cosine_distance"] < 0.002
+    assert found.warnings == ()

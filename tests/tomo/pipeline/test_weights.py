@@ -1,0 +1,111 @@
+"""The default weighs pixels by their noise, where that of photons makes them unlike."""
+
+import numpy as np
+import pytest
+
+import rigs
+from phantoms import create
+from tomo import Scan, VoxelGrid
+from tomo.pipeline import reconstruct
+from tomo.simulation import simulate
+
+GRID = VoxelGrid((20, 52, 20), 0.7)
+PHOTONS = 150
+
+
+@pytest.fixture(scope="module")
+def take(tmp_path_factory):
+    """Return a function: how many views, and what noise, to the scan of a jet."""
+
+    def scan(views=12, **noise):
+        rig = rigs.ring(
+            views,
+            distance=400.0,
+            image_size=(58, 120),
+            footprint=0.35,
+            pitch_degrees=np.resize([12.0, -12.0], views),
+            start_degrees=5.0,
+        )
+        field = create("jet", 4, GRID.extent, GRID.center)
+        taken = simulate(rig, field, GRID, supersample=2, refine=2, **noise)
+        return Scan.load(taken.save(tmp_path_factory.mktemp("taken") / "scan"))
+
+    return scan
+
+
+@pytest.fixture(scope="module")
+def photons(take):
+    return take(photons=PHOTONS)
+
+
+def both(scan, **how):
+    """Return what comes of it unweighted and weighted."""
+    return [reconstruct(scan, uncertainty=0, weigh=weigh, **how) for weigh in (False, True)]
+
+
+def distance(outcome):
+    return outcome.reconstruction.quality["cosine_distance"]
+
+
+@pytest.mark.parametrize("basis", ["boxes", "splines"])
+def test_photons_are_weighed_and_the_volume_comes_nearer_to_the_truth(photons, basis):
+    plain, weighed = both(photons, basis=basis)
+    assert weighed.settings["weights"]["used"]
+    assert weighed.reconstruction.settings["weighted"]
+    assert not plain.settings["weights"]["used"]
+    assert not plain.reconstruction.settings["weighted"]
+    assert distance(weighed) < 0.9 * distance(plain)
+
+
+def test_even_noise_is_left_as_it_is_to_the_bit(take):
+    plain, weighed = both(take(noise=0.05))
+    assert "about as noisy" in weighed.settings["weights"]["reason"]
+    np.testing.assert_array_equal(weighed.reconstruction.volume, plain.reconstruction.volume)
+
+
+def test_few_views_are_weighed_too_and_mlem_which_knows_photons_is_not(take):
+    plain, weighed = both(take(5, photons=PHOTONS), hold_out=["cam02"])
+    assert weighed.settings["weights"]["used"]
+    assert weighed.reconstruction.settings.get("weighted", True) == (
+        weighed.reconstruction.settings["method"] != "mlem"
+    )
+    assert distance(weighed) < 1.1 * distance(plain)
+
+
+def test_a_method_asked_for_by_name_counts_pixels_alike_and_says_so(photons):
+    plain, weighed = both(photons, method="nnls", iterations=8)
+    assert "default method" in weighed.settings["weights"]["reason"]
+    np.testing.assert_array_equal(weighed.reconstruction.volume, plain.reconstruction.volume)
+
+
+def test_wernet_starts_from_the_weighed_default(photons):
+    default = reconstruct(photons, uncertainty=0)
+    learned = reconstruct(photons, method="wernet", iterations=1)
+    assert learned.settings["weights"] == default.settings["weights"]
+    assert learned.reconstruction.settings["weighted"]
+    assert learned.reconstruction.settings["solved_by"]["weighted"]
+    assert distance(learned) < 1.05 * distance(default)
+
+
+def test_pixels_of_brighter_cameras_are_worth_more_once_gains_are_corrected(photons):
+    images = [
+        image * np.float32(3.0 if camera == "cam04" else 1.0)
+        for camera, image in zip(photons.rig.names, photons.read(None)[0], strict=True)
+    ]
+    brighter = _Shown(photons, images)
+    plain, weighed = both(brighter, fit_gain=True)
+    assert weighed.settings["weights"]["used"]
+    assert distance(weighed) < 0.95 * distance(plain)
+
+
+class _Shown:
+    """A scan whose images are others."""
+
+    def __init__(self, scan, images):
+        self._scan, self._images = scan, images
+
+    def __getattr__(self, name):
+        return getattr(self._scan, name)
+
+    def read(self, frame):
+        return self._images, self._scan.read(frame)[1]

@@ -1,0 +1,113 @@
+"""Views held out, pixels masked, rays and voxels left out: what matters to the volume."""
+
+import numpy as np
+import pytest
+import tifffile
+import yaml
+
+from tomo import Scan, VoxelGrid
+from tomo.io import read_volume
+from tomo.pipeline import reconstruct
+from tomo.report.outcome_files import VOLUME_FILES, write_outcome
+
+SIRT = {"method": "sirt", "iterations": 5}
+
+
+def test_the_held_out_view_is_only_judged(copy, garble):
+    before = reconstruct(Scan.load(copy), hold_out=["cam02"])
+    figures = before.report()["held_out"]["cam02"]
+    assert figures["psnr"] > 30
+    assert figures["ssim"] > 0.94
+    assert figures["cosine"] > 0.985
+    garble(copy / "images/cam02/frame_000.tif")
+    after = reconstruct(Scan.load(copy), hold_out=["cam02"])
+    np.testing.assert_array_equal(after.reconstruction.volume, before.reconstruction.volume)
+    assert after.reconstruction.settings == before.reconstruction.settings
+    assert after.report()["held_out"]["cam02"]["psnr"] < 20
+    assert [view.name for view in after.views] == [f"cam0{n}" for n in range(6)]
+    assert [view.held_out for view in after.views] == [n == 2 for n in range(6)]
+
+
+def test_holding_out_is_leaving_the_camera_away(folder, volume_of, far):
+    scan = Scan.load(folder)
+    held_out = volume_of(scan, hold_out=["cam02", "cam05"])
+    np.testing.assert_array_equal(held_out, volume_of(scan.without("cam02", "cam05")))
+    assert far(held_out, volume_of(scan)) > 1e-3
+
+
+def test_masked_pixels_never_matter(copy, volume_of, far, garble):
+    mask = np.ones((60, 40), np.uint8)
+    mask[10:25, 5:30] = 0
+    tifffile.imwrite(copy / "mask.tif", mask)
+    content = yaml.safe_load((copy / "scan.yaml").read_text())
+    content["corrections"] = {"mask": {"cam01": "mask.tif", "cam02": "mask.tif"}}
+    (copy / "scan.yaml").write_text(yaml.safe_dump(content))
+    before = reconstruct(Scan.load(copy), hold_out=["cam02"])
+    for camera in ("cam01", "cam02"):
+        garble(copy / f"images/{camera}/frame_000.tif", mask == 0)
+    after = reconstruct(Scan.load(copy), hold_out=["cam02"])
+    np.testing.assert_array_equal(after.reconstruction.volume, before.reconstruction.volume)
+    assert after.report()["held_out"] == before.report()["held_out"]
+    assert after.report()["views"] == before.report()["views"]
+    assert before.reconstruction.quality["cosine_distance"] < 0.03
+    garble(copy / "images/cam01/frame_000.tif")  # unmasked, it does matter
+    assert far(volume_of(copy, hold_out=["cam02"]), before.reconstruction.volume) > 0.05
+
+
+@pytest.mark.parametrize("method", ["auto", "cgls", "sirt", "mlem", "sart"])
+def test_pixels_that_miss_the_grid_change_nothing(folder, method, far):
+    settings = {"method": method, "iterations": 10}
+    if method == "auto":  # its stop depends on which pixels it leaves out
+        settings |= {"iterations": None, "basis": "boxes"}
+    skipped = reconstruct(Scan.load(folder), margin=np.inf, **settings)
+    whole = reconstruct(Scan.load(folder), skip=False, **settings)
+    assert whole.counts["rays"] == 6 * 40 * 60 > skipped.counts["rays"]
+    assert whole.counts["segments"] == skipped.counts["segments"]
+    assert far(whole.reconstruction.volume, skipped.reconstruction.volume) < 1e-5
+    for one, other in zip(whole.views, skipped.views, strict=True):
+        np.testing.assert_allclose(one.reprojected, other.reprojected, atol=1e-4)
+
+
+def test_voxels_proved_empty_take_no_part_and_cost_nothing(folder, grid):
+    settings = {"method": "cgls", "iterations": 15}
+    carved = reconstruct(Scan.load(folder), **settings)
+    whole = reconstruct(Scan.load(folder), margin=np.inf, **settings)
+    assert carved.counts["active_voxels"] < whole.counts["active_voxels"] == grid.size
+    assert carved.counts["segments"] < whole.counts["segments"]
+    report = carved.report()["skipping"]
+    assert report["active_voxels"] == carved.counts["active_voxels"]
+    assert report["pixels_used"] < report["pixels_recorded"] == 6 * 40 * 60
+    assert "are dark in" in report["reason"]
+    # what was left out is empty, and what is left is found no worse
+    emptied = carved.reconstruction.volume == 0
+    assert np.sum(carved.truth[emptied] ** 2) < 2e-3 * np.sum(carved.truth**2)
+    assert (
+        carved.reconstruction.quality["cosine_distance"]
+        < 1.02 * whole.reconstruction.quality["cosine_distance"]
+    )
+
+
+def test_unseen_voxels_are_counted_and_told(folder, grid):
+    wide = VoxelGrid((60, 20, 10), 1.0, grid.center)
+    found = reconstruct(Scan.load(folder), wide, margin=np.inf, **SIRT)
+    assert 0 < found.counts["active_voxels"] < wide.size
+    share = 1 - found.counts["active_voxels"] / wide.size
+    assert any(w.startswith(f"{share:.1%} of the voxels are seen by no") for w in found.warnings)
+
+
+@pytest.mark.usefixtures("coarse_scenes")
+def test_unseen_voxels_are_marked_on_request(folder, tmp_path, grid):
+    wide = VoxelGrid((60, 20, 10), 1.0, grid.center)
+    zero = reconstruct(Scan.load(folder), wide, **SIRT)
+    marked = reconstruct(Scan.load(folder), wide, unseen="nan", **SIRT)
+    unseen = np.isnan(marked.volume)
+    active = marked.skipping["active_voxels"]
+    assert unseen.sum() == active - marked.counts["active_voxels"] > 0
+    np.testing.assert_array_equal(marked.volume[~unseen], zero.volume[~unseen])
+    assert not zero.volume[unseen].any()
+    write_outcome(tmp_path, marked)
+    for name in VOLUME_FILES:
+        written, _, _ = read_volume(tmp_path / name, allow_nan=True)
+        np.testing.assert_array_equal(np.isnan(written), unseen)
+    with pytest.raises(ValueError, match="unseen: found 'none', expected one of zero, nan"):
+        reconstruct(Scan.load(folder), unseen="none", **SIRT)

@@ -1,0 +1,240 @@
+import itertools
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from rigs import Camera, Rig, look_at
+from tomo.grid import VoxelGrid
+from tomo.report import Convergence, Results, View, draw, write_pictures, write_report
+from tomo.report.result_figures import draw_convergence, draw_difference, draw_views, views_to_show
+
+GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75))
+HOSTILE = "<script>alert(1)<"
+
+
+@pytest.fixture(scope="module")
+def results():
+    rng = np.random.default_rng(0)
+    cameras = []
+    for name, angle in (("cam00", 0.0), (HOSTILE, 1.0)):
+        R, t = look_at([100 * np.sin(angle), 0, 100 * np.cos(angle)], [0, 0, 0])
+        cameras.append(Camera(name, (9, 16), [[80, 0, 4], [0, 80, 8], [0, 0, 1]], R=R, t=t))
+    truth = np.exp(-(GRID.centers() ** 2).sum(axis=-1) / 4).astype(np.float32)
+    image = rng.random((16, 9)).astype(np.float32)
+    return Results(
+        Rig(tuple(cameras)),
+        GRID,
+        truth * 1.1,
+        [View("cam00", image, image * 0.9), View(HOSTILE, image, image, held_out=True)],
+        [
+            {
+                "label": HOSTILE,
+                "iterations": [1, 2],
+                "relative_residual": [0.5, 0.1],
+                "seconds": [0.1, 0.2],
+                "cosine_distance": [0.3, 0.2],
+            }
+        ],
+        truth=truth,
+        comparisons=[("other", truth * 0)],
+        method="cgls",
+    )
+
+
+@pytest.fixture(scope="module")
+def pictures(results):
+    return draw(results)
+
+
+REPORT = {
+    "method": "cgls",
+    "relative_residual": 0.1234,
+    "seconds": {"solve": 1.25, "total": 2.5},
+    "quality": {"cosine_distance": 0.00123, "nrmse": 0.05},
+    "held_out": {HOSTILE: {"psnr": 31.25, "ssim": 0.91, "cosine": 0.99}},
+    "views": {"cam00": {"relative_residual": 0.1, "gain": 1.02}},
+    "voxels": 126000,
+    "seed": 7,
+    "versions": {"numpy": "2.0"},
+    "warnings": [f"camera {HOSTILE} looks beside"],
+    "skipping": {"active_voxels": 31999, "noise": [{"read": 0.12345678}] * 2},
+    "settings": {"note": "</script><script>alert(2)</script>", "hold_out": [HOSTILE]},
+}
+
+
+class Tags(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.found, self.text = [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@pytest.fixture
+def page(tmp_path, results, pictures):
+    write_report(tmp_path / "report.html", REPORT, results, pictures)
+    parser = Tags()
+    parser.feed((tmp_path / "report.html").read_text(encoding="utf-8"))
+    return parser
+
+
+def test_report_loads_nothing_and_runs_nothing(page):
+    assert not [tag for tag, _ in page.found if tag in ("script", "link", "iframe", "object")]
+    sources = [attrs["src"] for tag, attrs in page.found if tag == "img"]
+    assert len(sources) == 5
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+    assert all(attrs.get("alt") for tag, attrs in page.found if tag == "img")
+
+
+def test_hostile_names_are_shown_as_text(page):
+    text = "".join(page.text)
+    assert f"{HOSTILE} (held out)" in text
+    assert "</script><script>alert(2)</script>" in text
+
+
+def test_report_shows_its_figures(page):
+    text = " ".join(page.text)
+    for shown in ("0.00123", "12.34%", "31.2 dB", "0.91", "1.02", "2.5 s", "126,000"):
+        assert shown in text
+    assert re.search(r"seed\s+7", text)
+    assert re.search(r"noise\s+read: 0\.1235; read: 0\.1235", text)
+    assert re.search(r"active voxels\s+31,999", text)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ([], "none"),
+        ({}, "none"),
+        (True, "yes"),
+        ([0.5, None], "0.5, not known"),
+        ({f"cam{n}": [0.0, 0.0] for n in range(33)}, "0, 0 (all 33)"),
+        ({"a": [0.5, 0.25], "b": [1.0, 2.0], "c": [1.0, 2.0]}, "a: 0.5, 0.25; b: 1, 2; c: 1, 2"),
+        ([["nnls", 0.5, 1700], ["mlem", 0.0, 20]], "nnls, 0.5, 1,700; mlem, 0, 20"),
+    ],
+)
+def test_settings_are_told_in_words(tmp_path, value, words):
+    volume = np.zeros(GRID.shape, np.float32)
+    report = {"settings": {"found": value}}
+    write_report(tmp_path / "report.html", report, Results(Rig(()), GRID, volume))
+    parser = Tags()
+    parser.feed((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert re.search(rf"found\s+{re.escape(words)}\s", " ".join(parser.text))
+
+
+def test_report_warns_before_it_shows(page):
+    text = " ".join(page.text)
+    assert text.index(f"camera {HOSTILE} looks beside") < text.index("Reconstructed volume")
+
+
+def test_report_does_with_little(tmp_path):
+    volume = np.zeros(GRID.shape, np.float32)
+    unknown = {"relative_residual": None, "seed": None, "held_out": {"a": {"psnr": None}}}
+    for report in ({}, unknown):
+        write_report(tmp_path / "report.html", report, Results(Rig(()), GRID, volume))
+    assert "Reconstructed volume" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_pictures_are_written_as_they_are_shown(tmp_path, pictures):
+    paths = write_pictures(tmp_path / "new", pictures)
+    assert {p.name for p in paths} == {
+        "rig.png",
+        "slices.png",
+        "views.png",
+        "convergence.png",
+        "difference.png",
+    }
+    for path, picture in zip(paths, pictures, strict=True):
+        assert path.read_bytes() == picture.png
+        assert picture.png.startswith(b"\x89PNG")
+
+
+def test_relative_residual_counts_usable_pixels_only():
+    measured = np.array([[3.0, 4.0, np.nan, 50.0]])
+    mask = np.array([[True, True, True, False]])
+    view = View("a", measured, np.array([[3.0, 3.0, 1.0, 0.0]]), mask)
+    assert view.relative_residual == pytest.approx(1 / 5)
+    assert np.isnan(View("a", np.zeros((2, 2)), np.ones((2, 2))).relative_residual)
+
+
+def test_held_out_views_are_shown_first_and_the_others_spread():
+    image = np.ones((2, 2))
+    views = [View(f"{i}", image, image, held_out=i == 20) for i in range(33)]
+    names = [int(v.name) for v in views_to_show(views, 5)]
+    assert names[0] == 20
+    assert names[1:] == [0, 8, 16, 25]
+
+
+def test_images_of_cameras_of_different_shapes_are_drawn_to_scale():
+    shapes = [(100, 200), (140, 90), (120, 160), (150, 150), (1, 200)]
+    images = [np.random.default_rng(0).random(shape) for shape in shapes]
+    figure = draw_views([View(f"{image.shape}", image, image) for image in images])
+    panels = [axes for axes in figure.axes if axes.get_title()]
+    assert len(panels) == 3 * len(shapes)
+    across, down = figure.get_size_inches()
+    boxes = [axes.get_position() for axes in panels]
+    for axes, box in zip(panels, boxes, strict=True):
+        rows, columns = axes.get_images()[0].get_size()
+        drawn = (box.width * across) / (box.height * down)
+        if rows > 1:
+            assert drawn == pytest.approx(columns / rows)
+        else:
+            assert box.height * down > 0.1
+    for box in boxes:
+        assert not any(box.overlaps(other) for other in boxes if other is not box)
+    assert all(box.x0 >= 0 and box.x1 <= 1 and box.y0 >= 0 and box.y1 <= 1 for box in boxes)
+
+
+def test_parts_that_do_not_fit_are_told():
+    with pytest.raises(ValueError, match="view a: mask: found shape"):
+        View("a", np.ones((2, 2)), np.ones((2, 2)), np.ones((3, 2), bool))
+    with pytest.raises(ValueError, match="history sirt: seconds: found 1"):
+        Convergence("sirt", [1, 2], [0.1, 0.2], [0.3])
+    with pytest.raises(ValueError, match="results truth: found shape"):
+        Results(Rig(()), GRID, np.zeros(GRID.shape), truth=np.zeros((1, 1, 1)))
+
+
+def test_the_convergence_of_dark_images_is_drawn():
+    """One method ends at once, another goes on for long, and no residual is above zero."""
+    figure = draw_convergence(
+        [
+            Convergence("nnls", [0], [0.0], [1e-4]),
+            Convergence("tv", [0, 1], [0.0, 0.0], [0.0, 1.0]),
+        ]
+    )
+    assert len(figure.axes) == 2
+
+
+@pytest.mark.parametrize("center", [0.0, 1e5])
+@pytest.mark.parametrize("with_truth", [True, False])
+def test_numbers_below_neighbouring_planes_lie_apart(results, center, with_truth):
+    grid = VoxelGrid((20, 50, 20), 1.0, (center, 0.0, center))
+    volume = np.ones(grid.shape, np.float32)
+    figure = draw_difference(
+        replace(
+            results,
+            grid=grid,
+            volume=volume,
+            truth=volume if with_truth else None,
+            comparisons=[("other", volume)],
+        )
+    )
+    figure.canvas.draw()
+    rows = {}
+    for axes in figure.axes:
+        low, high = sorted(axes.get_xlim())
+        for tick in axes.xaxis.get_major_ticks():
+            if low <= tick.get_loc() <= high and tick.label1.get_visible() and axes.get_xlabel():
+                box = tick.label1.get_window_extent()
+                rows.setdefault(round(box.y0), []).append((box.x0, box.x1))
+    assert rows
+    for spans in rows.values():
+        assert len(spans) > 3
+        assert all(a[1] < b[0] for a, b in itertools.pairwise(sorted(spans)))

@@ -1,0 +1,118 @@
+import numpy as np
+import pytest
+
+import rigs
+from tomo import LinearSystem, VoxelGrid
+from tomo.selfcal.refine.held_out import Judgement, held_out_tiles, tiles_of
+from tomo.selfcal.refine.joint_step import STIFFNESS, JointStep, weight_of
+
+GRID = VoxelGrid((3, 4, 3), 1.0)
+
+
+def step(seed, views=(0, 2)):
+    rig = rigs.ring(
+        4, distance=50, image_size=(7, 8), footprint=0.8, pitch_degrees=[5, -20, 30, 0]
+    )
+    operator = LinearSystem.from_rig(rig, GRID).projector
+    random = np.random.default_rng(seed)
+    counts = np.diff(operator.view_ptr)
+    joint = JointStep(
+        operator,
+        random.random(GRID.size) < 0.7,
+        views,
+        [random.normal(size=(8, counts[view])) for view in views],
+        random.uniform(0.5, 2.0, len(views)),
+        random.normal(size=(len(views), 8)),
+    )
+    return joint, random.normal(size=operator.shape[0])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_step_is_that_of_dense_least_squares(seed, monkeypatch):
+    from tomo.selfcal.refine import joint_step as module
+
+    monkeypatch.setattr(module, "ITERATIONS", 500)
+    monkeypatch.setattr(module, "DONE", 1e-12)
+    joint, residual = step(seed)
+    A = (joint.operator @ np.eye(GRID.size))[:, joint.free]  # (pixels, free)
+    bound = joint.operator.T @ (joint.operator @ np.ones(GRID.size))
+    stiffness = STIFFNESS * np.median(bound[joint.free])
+    moves = np.zeros((len(A), 16))
+    for number, view in enumerate(joint.views):
+        span = slice(*joint.operator.view_ptr[view : view + 2])
+        moves[span, 8 * number : 8 * number + 8] = joint.derivatives[number].T
+    roots = np.sqrt(np.r_[np.full(A.shape[1], stiffness), np.repeat(joint.weights, 8)])
+    rows = np.vstack([np.hstack([A, moves]), np.diag(roots)])
+    wanted = np.r_[residual, np.zeros(A.shape[1]), -roots[A.shape[1] :] * joint.departures.ravel()]
+    dense = np.linalg.lstsq(rows, wanted, rcond=None)[0][A.shape[1] :]
+    assert joint.solve(residual).ravel() == pytest.approx(dense, abs=1e-5)
+
+
+def test_residuals_that_another_volume_explains_move_no_camera():
+    joint, _ = step(0)
+    settled = JointStep(
+        joint.operator,
+        np.ones(GRID.size, bool),
+        joint.views,
+        joint.derivatives,
+        joint.weights,
+        np.zeros_like(joint.departures),
+    )
+    volume = np.random.default_rng(5).random(GRID.size)
+    moved = settled.solve(np.asarray(joint.operator @ volume, np.float64))
+    alone = JointStep(
+        joint.operator,
+        np.arange(GRID.size) == 0,
+        joint.views,
+        joint.derivatives,
+        joint.weights,
+        np.zeros_like(joint.departures),
+    ).solve(np.asarray(joint.operator @ volume, np.float64))
+    assert np.linalg.norm(moved) < 0.05 * np.linalg.norm(alone)
+
+
+def test_noise_weighs_each_pixel_and_an_error_in_common_each_tile():
+    random = np.random.default_rng(3)
+    tiles = np.repeat(np.arange(100), 25)
+    derivatives = np.ones((1, 2500))
+    noise = random.normal(size=2500)
+    common = np.repeat(random.normal(size=100), 25)
+    assert weight_of(derivatives, noise, tiles) == pytest.approx(1, rel=0.4)
+    assert weight_of(derivatives, common, tiles) == pytest.approx(25, rel=0.4)
+
+
+def test_a_fifth_of_the_pixels_is_held_out_in_whole_tiles():
+    shapes = [(96, 64)] * 5
+    held = np.array(held_out_tiles(shapes))
+    assert held.mean() == pytest.approx(0.2, abs=0.02)
+    tiles = tiles_of((96, 64))
+    for own in held:
+        assert all(len(set(own[tiles == tile])) == 1 for tile in np.unique(tiles))
+    # no pixel is held out in all views, none in no view
+    assert (held.sum(axis=0) == 1).all()
+
+
+def test_an_improvement_has_to_exceed_chance():
+    random = np.random.default_rng(0)
+    before = Judgement(random.random((4, 50)) + 1, 100.0)
+    assert before.is_improved_by(Judgement(0.9 * before.squared_errors, 100.0))
+    assert not before.is_improved_by(before)
+    assert not before.is_improved_by(Judgement(0.99 * before.squared_errors, 100.0))
+    less = Judgement(0.97 * before.squared_errors, 100.0)  # as all cameras bring by chance
+    assert not before.is_improved_by(less)
+    assert before.is_improved_by(less, 0.4)
+    assert not before.is_improved_by(Judgement(0.99 * before.squared_errors, 100.0), 0.0)
+    # a 40th less in all, but by gains and losses of each tile that scatter far more
+    scattered = random.normal(scale=2.0, size=(4, 50))
+    scattered += before.squared_errors.sum() / 40 / scattered.size - scattered.mean()
+    assert not before.is_improved_by(Judgement(before.squared_errors - scattered, 100.0), 0.4)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e-20, 1e20, 1e30])
+def test_the_weight_is_a_squared_intensity_in_any_unit(scale):
+    random = np.random.default_rng(0)
+    derivatives, residual = random.standard_normal((2, 100)), random.standard_normal(100)
+    tiles = np.arange(100) // 10
+    expected = weight_of(derivatives, residual, tiles)
+    found = weight_of(scale * derivatives, scale * residual, tiles)
+    assert found / scale**2 == pytest.approx(expected, rel=1e-9)

@@ -1,0 +1,63 @@
+import json
+
+import numpy as np
+import pytest
+
+from phantoms import create
+from rigs import ring
+from tomo import Scan, VoxelGrid
+from tomo.pipeline import reconstruct
+from tomo.pipeline.asked import repeats_of
+from tomo.pipeline.methods import method_named
+from tomo.simulation import simulate
+from tomo.uncertainty import AUTO_REPEATS
+
+GRID = VoxelGrid((8, 12, 8), 1.0)
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory):
+    rig = ring(7, distance=200.0, image_size=(24, 32), footprint=0.5, pitch_degrees=10.0)
+    field = create("turbulent", 1, GRID.extent, GRID.center)
+    found = simulate(rig, field, GRID, supersample=2, refine=2, noise=0.03)
+    return Scan.load(found.save(tmp_path_factory.mktemp("asked") / "scan"))
+
+
+def test_only_the_default_method_is_repeated_without_being_asked():
+    assert repeats_of("auto", method_named("auto")) == AUTO_REPEATS
+    assert repeats_of("auto", method_named("sirt")) == 0
+    assert repeats_of(30, method_named("sirt")) == 30
+    assert repeats_of("auto", method_named("wernet")) == 0
+
+
+@pytest.mark.parametrize("asked", [1, -3, 2.5, "many"])
+def test_what_is_no_number_of_repeats_is_refused(asked):
+    with pytest.raises(ValueError, match=r"uncertainty: found .*, expected auto, 0, or 2"):
+        repeats_of(asked, method_named("auto"))
+
+
+def test_what_is_learned_is_not_repeated():
+    with pytest.raises(ValueError, match="uncertainty: found 5 repeats, expected 0 or auto"):
+        repeats_of(5, method_named("wernet"))
+
+
+@pytest.mark.parametrize(("method", "asked"), [("auto", "auto"), ("sirt", 4), ("sirt", "auto")])
+def test_the_condition_is_in_the_report(scan, method, asked):
+    outcome = reconstruct(scan, method=method, uncertainty=asked)
+    found = json.loads(json.dumps(outcome.report(), allow_nan=False))["condition"]
+    assert found["voxels"]["median_views"] == 7
+    assert 0 < found["images"]["noise"] < 2 * found["images"]["residual"]
+    repeated = (method, asked) != ("sirt", "auto")
+    assert (found["standard_deviation"] is not None) == repeated
+    assert (found["resolution"] is not None) == repeated
+    if repeated:
+        assert found["standard_deviation"]["repeats"] == (4 if asked == 4 else AUTO_REPEATS)
+        assert 0.001 < found["standard_deviation"]["relative"] < 0.5
+        assert min(found["resolution"]["voxels"]) >= 1
+
+
+def test_the_condition_changes_nothing_of_the_volume(scan):
+    plain, judged = (reconstruct(scan, uncertainty=asked) for asked in (0, 3))
+    assert plain.volume.tobytes() == judged.volume.tobytes()
+    assert plain.condition.standard_deviation is None
+    assert np.isfinite(judged.condition.standard_deviation).all()

@@ -1,0 +1,278 @@
+"""Training that was interrupted goes on as if it had not been."""
+
+import signal
+import subprocess
+import sys
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from tomo.operators import Projector
+from tomo.simulation.effects import Effects
+from tomo.trace import Segments
+from tomo.wernet import save_encoder
+from tomo.wernet.default import CorrectionEncoder, wernet
+
+GAINS = Effects(gain_spread=0.1)
+ROUNDS = 4
+KILLED = """
+import importlib.util, os, signal, sys
+spec = importlib.util.spec_from_file_location("scenes", sys.argv[1])
+scenes = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(scenes)
+import torch
+from tomo.simulation.effects import Effects
+from tomo.wernet import wernet
+
+def kill(index, volume, residual):
+    if index == int(sys.argv[3]):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+torch.set_num_threads(1)
+one = scenes.make_scene(effects=Effects(gain_spread=0.1))
+wernet(one.projector, one.measured, iterations=4, callback=kill, checkpoint=sys.argv[2])
+"""
+
+
+class _InterruptedError(Exception):
+    pass
+
+
+@lru_cache
+def _uninterrupted(make):
+    one = make(effects=GAINS)
+    return wernet(one.projector, one.measured, iterations=ROUNDS)
+
+
+def _interrupt_after(number):
+    def callback(index, volume, residual):
+        if index == number:
+            raise _InterruptedError
+
+    return callback
+
+
+def _assert_same(found, expected, projector):
+    np.testing.assert_array_equal(found.volume, expected.volume)
+    assert found.settings == expected.settings
+    assert found.relative_residual == expected.relative_residual
+    assert (found.weights is None) == (expected.weights is None)
+    if found.weights is not None:
+        lengths = [r.weights.projector(projector).segments.length for r in (found, expected)]
+        np.testing.assert_array_equal(*lengths)
+
+
+@pytest.fixture
+def checkpoint(tmp_path):
+    return tmp_path / "deep" / "checkpoint.pt"
+
+
+def test_a_run_that_was_killed_goes_on_to_the_same_bits(scene, checkpoint):
+    one = scene(effects=GAINS)
+    scenes = Path(__file__).parent.with_name("conftest.py")
+    command = [sys.executable, "-c", KILLED, scenes, checkpoint, "2"]
+    root = Path(__file__).parents[4]
+    done = subprocess.run(command, cwd=root, capture_output=True, timeout=300, check=False)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    assert [path.name for path in checkpoint.parent.iterdir()] == [checkpoint.name]
+    seen = []
+    found = wernet(
+        one.projector,
+        one.measured,
+        iterations=ROUNDS,
+        checkpoint=checkpoint,
+        resume=True,
+        callback=lambda index, volume, residual: seen.append(index),
+    )
+    assert seen[:2] == [0, 3]
+    expected = _uninterrupted(scene)
+    assert expected.weights is not None
+    _assert_same(found, expected, one.projector)
+    assert [path.name for path in checkpoint.parent.iterdir()] == [checkpoint.name]
+
+
+@pytest.mark.parametrize(
+    ("effects", "after"),
+    [*((GAINS, after) for after in (0, 1, 3, ROUNDS)), *((None, after) for after in (0, 1, 3))],
+)
+def test_wherever_it_stopped_it_goes_on_to_the_same_bits(scene, checkpoint, effects, after):
+    one = scene(effects=effects)
+    arguments = {"iterations": ROUNDS, "checkpoint": checkpoint}
+    with pytest.raises(_InterruptedError):
+        wernet(one.projector, one.measured, callback=_interrupt_after(after), **arguments)
+    assert checkpoint.exists() == (after > 0)
+    found = wernet(one.projector, one.measured, resume=True, **arguments)
+    expected = wernet(one.projector, one.measured, iterations=ROUNDS)
+    _assert_same(found, expected, one.projector)
+
+
+def test_the_history_of_what_went_on_ascends(scene, checkpoint):
+    one = scene()  # the classic solve is what is returned, and stands last
+    arguments = {"iterations": ROUNDS, "checkpoint": checkpoint}
+    with pytest.raises(_InterruptedError):
+        wernet(one.projector, one.measured, callback=_interrupt_after(1), **arguments)
+    found = wernet(one.projector, one.measured, resume=True, **arguments)
+    indices = [entry.index for entry in found.history]
+    assert indices == sorted(set(indices))
+
+
+def test_a_run_that_was_done_is_done(scene, checkpoint):
+    one = scene(effects=GAINS)
+    arguments = {"iterations": ROUNDS, "checkpoint": checkpoint}
+    whole = wernet(one.projector, one.measured, **arguments)
+    _assert_same(whole, _uninterrupted(scene), one.projector)
+    again = wernet(one.projector, one.measured, resume=True, **arguments)
+    _assert_same(again, whole, one.projector)
+
+
+def test_a_run_that_had_settled_has_settled(scene, checkpoint):
+    """Training that ended before its last round is not taken up again."""
+    one = scene()
+    arguments = {"iterations": 8, "checkpoint": checkpoint}
+    whole = wernet(one.projector, one.measured, **arguments)
+    assert "rounds done" not in whole.stop_reason
+    seen = []
+    again = wernet(
+        one.projector,
+        one.measured,
+        resume=True,
+        callback=lambda index, volume, residual: seen.append(index),
+        **arguments,
+    )
+    _assert_same(again, whole, one.projector)
+    assert len(seen) <= 2
+
+
+def test_without_resume_it_begins_anew(scene, checkpoint):
+    one = scene(effects=GAINS)
+    arguments = {"iterations": 2, "checkpoint": checkpoint}
+    first = wernet(one.projector, one.measured, **arguments)
+    seen = []
+    second = wernet(
+        one.projector,
+        one.measured,
+        callback=lambda index, volume, residual: seen.append(index),
+        **arguments,
+    )
+    assert seen[:3] == [0, 1, 2]
+    _assert_same(second, first, one.projector)
+
+
+def test_resuming_what_never_began_begins(scene, checkpoint):
+    one = scene(effects=GAINS)
+    found = wernet(
+        one.projector, one.measured, iterations=ROUNDS, checkpoint=checkpoint, resume=True
+    )
+    _assert_same(found, _uninterrupted(scene), one.projector)
+
+
+def _other_images(one):
+    return one.projector, one.measured * np.float32(1.5)
+
+
+def _other_rays(one):
+    s = one.projector.segments
+    voxel = s.voxel.copy()
+    voxel[:2] = voxel[1::-1]
+    segments = Segments(s.ptr, voxel, s.length, s.midpoint)
+    return Projector(segments, one.grid, one.projector.view_ptr), one.measured
+
+
+def _other_lengths(one):
+    s = one.projector.segments
+    segments = Segments(s.ptr, s.voxel, 2 * s.length, s.midpoint)
+    return Projector(segments, one.grid, one.projector.view_ptr), one.measured
+
+
+def _other_views(one):
+    view_ptr = one.projector.view_ptr.copy()
+    view_ptr[1] -= 20
+    return Projector(one.projector.segments, one.grid, view_ptr), one.measured
+
+
+def _through_a_lens(one):
+    return one.system.out_of_focus(3.0).projector, one.measured
+
+
+@pytest.mark.parametrize(
+    "change", [_other_images, _other_rays, _other_lengths, _other_views, _through_a_lens]
+)
+def test_a_checkpoint_of_another_problem_is_refused(scene, checkpoint, change):
+    one = scene(effects=GAINS)
+    wernet(one.projector, one.measured, iterations=1, checkpoint=checkpoint)
+    before = checkpoint.read_bytes()
+    with pytest.raises(ValueError, match=r"problem: found a checkpoint of other images") as caught:
+        wernet(*change(one), iterations=1, checkpoint=checkpoint, resume=True)
+    assert str(checkpoint) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert checkpoint.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "settings", [{"seed": 1}, {"iterations": 2}, {"channels": 8}, {"blocks": 1}, {"start": True}]
+)
+def test_a_checkpoint_of_other_settings_is_refused(scene, checkpoint, settings):
+    one = scene(effects=GAINS)
+    wernet(one.projector, one.measured, iterations=1, checkpoint=checkpoint)
+    arguments = {"iterations": 1, "checkpoint": checkpoint, "resume": True, **settings}
+    if "start" in settings:
+        arguments["start"] = one.truth
+    with pytest.raises(ValueError, match="problem: found a checkpoint of other"):
+        wernet(one.projector, one.measured, **arguments)
+
+
+def _truncated(path):
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def _empty(path):
+    path.write_bytes(b"")
+
+
+def _text(path):
+    path.write_text("no checkpoint")
+
+
+def _an_encoder(path):
+    save_encoder(CorrectionEncoder(), path)
+
+
+def _a_list(path):
+    torch.save([1, 2], path)
+
+
+def _another_version(path):
+    torch.save(torch.load(path, weights_only=True) | {"version": 99}, path)
+
+
+def _a_folder(path):
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize(
+    "spoil", [_truncated, _empty, _text, _an_encoder, _a_list, _another_version, _a_folder]
+)
+def test_a_file_that_is_no_checkpoint_is_refused(scene, checkpoint, spoil):
+    one = scene(effects=GAINS)
+    wernet(one.projector, one.measured, iterations=1, checkpoint=checkpoint)
+    spoil(checkpoint)
+    with pytest.raises(ValueError, match=r"checkpoint\.pt: .*found .*expected") as caught:
+        wernet(one.projector, one.measured, iterations=1, checkpoint=checkpoint, resume=True)
+    assert "\n" not in str(caught.value)
+    assert [path.name for path in checkpoint.parent.iterdir()] == [checkpoint.name]
+
+
+def test_an_encoder_frozen_leaves_no_checkpoint(scene, checkpoint):
+    one = scene(effects=GAINS)
+    wernet(
+        one.projector,
+        one.measured,
+        encoder=CorrectionEncoder(),
+        freeze_encoder=True,
+        checkpoint=checkpoint,
+    )
+    assert not checkpoint.exists()

@@ -1,0 +1,94 @@
+"""The default's encoder: given, frozen, trained on, handed back."""
+
+import numpy as np
+import pytest
+import torch
+
+from tomo.selection import choose_by_held_out_views
+from tomo.selection.choose import solve_as_chosen
+from tomo.simulation.effects import Effects
+from tomo.wernet import save_encoder
+from tomo.wernet.default import CorrectionEncoder, wernet
+
+GAINS = Effects(gain_spread=0.1)
+OWN_LIGHT = Effects(self_absorption=0.2)
+
+
+def test_a_learned_encoder_is_used_again_frozen(scene, tmp_path):
+    one = scene(effects=OWN_LIGHT)
+    learned = wernet(one.projector, one.measured, iterations=8).weights
+    path = tmp_path / "encoder.pt"
+    save_encoder(learned.encoder, path)
+    content = path.read_bytes()
+    seen = []
+    found = wernet(
+        one.projector,
+        one.measured,
+        encoder=path,
+        freeze_encoder=True,
+        callback=lambda index, volume, residual: seen.append(index),
+    )
+    assert path.read_bytes() == content
+    assert [p.name for p in tmp_path.iterdir()] == ["encoder.pt"]
+    assert seen[:2] == [0, 1]
+    assert len(seen) <= 3  # the classic solve once more, should it be kept
+    assert found.settings["encoder"] == str(path)
+    assert found.settings["freeze_encoder"] is True
+    if found.weights is not None:
+        for name, value in learned.encoder.state_dict().items():
+            assert torch.equal(found.weights.encoder.state_dict()[name], value)
+    in_memory = wernet(one.projector, one.measured, encoder=learned.encoder, freeze_encoder=True)
+    np.testing.assert_array_equal(in_memory.volume, found.volume)
+
+
+def test_an_encoder_in_memory_is_not_changed(scene):
+    one = scene(effects=GAINS)
+    encoder = CorrectionEncoder(blocks=1, channels=8, seed=4)
+    before = {name: value.clone() for name, value in encoder.state_dict().items()}
+    found = wernet(one.projector, one.measured, encoder=encoder, seed=4, iterations=2)
+    assert all(torch.equal(before[name], value) for name, value in encoder.state_dict().items())
+    assert not encoder.last.weight.requires_grad or encoder.last.weight.grad is None
+    assert found.settings["encoder"] == "in memory"
+    assert (found.settings["blocks"], found.settings["channels"]) == (1, 8)
+    fresh = wernet(one.projector, one.measured, blocks=1, channels=8, seed=4, iterations=2)
+    np.testing.assert_array_equal(found.volume, fresh.volume)
+
+
+def test_an_encoder_s_file_is_not_changed_by_training(scene, tmp_path):
+    one, path = scene(effects=GAINS), tmp_path / "encoder.pt"
+    encoder = CorrectionEncoder(blocks=1, channels=8, seed=4)
+    save_encoder(encoder, path)
+    content = path.read_bytes()
+    from_file = wernet(one.projector, one.measured, encoder=path, iterations=2)
+    in_memory = wernet(one.projector, one.measured, encoder=encoder, iterations=2)
+    assert path.read_bytes() == content
+    np.testing.assert_array_equal(from_file.volume, in_memory.volume)
+
+
+def test_what_is_returned_does_not_change_with_later_runs(scene):
+    one = scene(effects=GAINS)
+    found = wernet(one.projector, one.measured, iterations=2)
+    before = {name: value.clone() for name, value in found.weights.encoder.state_dict().items()}
+    wernet(one.projector, one.measured, iterations=2, encoder=found.weights.encoder)
+    after = found.weights.encoder.state_dict()
+    assert all(torch.equal(before[name], after[name]) for name in before)
+
+
+@pytest.mark.parametrize("value", [1e4, 1e10, np.nan])
+@pytest.mark.parametrize("freeze", [False, True], ids=["trained", "frozen"])
+def test_an_encoder_that_explodes_leaves_the_classic_solve(scene, value, freeze):
+    """It ended in the classic solve's own error, or in a volume of its wild weights."""
+    one = scene(effects=GAINS)
+    encoder = CorrectionEncoder(blocks=1, channels=4)
+    with torch.no_grad():
+        for parameter in encoder.parameters():
+            parameter.fill_(value)
+    found = wernet(
+        one.projector, one.measured, encoder=encoder, freeze_encoder=freeze, iterations=1
+    )
+    choice = choose_by_held_out_views(one.projector, one.measured)
+    classic = solve_as_chosen(one.projector, one.measured, choice)
+    np.testing.assert_array_equal(found.volume, classic.volume)
+    assert found.weights is None
+    assert "diverged in " in found.stop_reason
+    assert all(np.isfinite(entry.relative_residual) for entry in found.history)

@@ -1,0 +1,212 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from tomo import Projector
+from tomo.grid import ActiveVoxels
+from tomo.operators import dot_test
+from tomo.trace import Segments
+from tomo.wernet.default import CorrectionEncoder, RayFeatures, RayWeights, ViewTokens
+from tomo.wernet.default.fast_forward import streamed_corrections
+from tomo.wernet.default.ray_weights import correction_of, reweighted, trend_corrections
+from tomo.wernet.micro_batches import SEGMENTS_A_PART
+
+
+def _weights(projector, trained=True, tells_views=True):
+    encoder = CorrectionEncoder(blocks=1, channels=8, seed=1)
+    tokens = ViewTokens(projector.n_views, 8)
+    if trained:
+        generator = torch.Generator().manual_seed(0)
+        torch.nn.init.normal_(encoder.last.weight, 0, 0.3, generator=generator)
+        torch.nn.init.normal_(tokens.trend, 0, 0.05, generator=generator)
+        if tells_views:
+            torch.nn.init.normal_(tokens.hidden, 0, 0.3, generator=generator)
+            torch.nn.init.normal_(tokens.level, 0, 0.1, generator=generator)
+    volume = np.random.default_rng(2).random(projector.shape[1]).astype(np.float32)
+    return RayWeights(encoder, tokens, volume, 8.0, tells_views)
+
+
+def test_a_new_encoder_gives_the_chord_projector_itself(scene):
+    chords = scene().projector
+    learned = _weights(chords, trained=False).projector(chords)
+    assert np.array_equal(learned.segments.length, chords.segments.length)
+    assert learned.segments.length.dtype == chords.segments.length.dtype
+    assert np.array_equal(learned.segments.voxel, chords.segments.voxel)
+    assert np.array_equal(learned.view_ptr, chords.view_ptr)
+    volume = scene().truth.ravel()
+    assert np.array_equal(learned @ volume, chords @ volume)
+
+
+@pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-6)])
+def test_the_learned_projector_has_its_adjoint(scene, dtype, bound):
+    chords = scene().projector
+    learned = _weights(chords).projector(chords)
+    assert np.abs(learned.segments.length / chords.segments.length - 1).max() > 0.1
+    for operator in (learned, learned.subset([2, 0]), learned.take(np.arange(0, 3000, 7))):
+        assert max(dot_test(operator, seed, dtype) for seed in range(20)) < bound
+
+
+def test_weights_are_chords_times_one_plus_the_correction_squared(scene):
+    chords = scene().projector
+    weights = _weights(chords)
+    features = RayFeatures.of(chords)
+    front = features.emission_in_front(weights.volume, weights.unit)
+    learned = weights.projector(chords)
+    for ray in range(0, len(features), 131):
+        one = torch.tensor([ray])
+        packing, described = features.packed(one, front)
+        view = int(features.view[ray])
+        token = torch.zeros(len(packing.inside), 8) + weights.tokens.hidden[view]
+        rows = packing.spread(described)
+        with torch.no_grad():
+            correction = weights.encoder(rows, packing.inside, token)[packing.row]
+            trends = (
+                described[:, 6],
+                described[:, 12],
+                features.off_axis[ray].expand(len(described)),
+            )
+            exponent = weights.tokens.level[view] + torch.stack(trends, 1) @ weights.tokens.trend
+            correction = (1 + correction) * torch.exp(exponent) - 1
+        expected = chords.segments.length[packing.entry] * (1 + correction.numpy()) ** 2
+        found = learned.segments.length[packing.entry]
+        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
+        with torch.no_grad():
+            _, again = correction_of(weights.encoder, weights.tokens, features, front, one)
+        np.testing.assert_allclose(again, correction, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize(("blocks", "channels"), [(1, 8), (2, 16), (3, 5)])
+def test_ray_by_ray_the_encoder_gives_what_it_gives_in_training(scene, blocks, channels):
+    chords = scene().projector
+    features = RayFeatures.of(chords)
+    encoder, tokens = CorrectionEncoder(blocks=blocks, channels=channels), ViewTokens(12, channels)
+    generator = torch.Generator().manual_seed(3)
+    for parameter in (encoder.last.weight, encoder.last.bias, *tokens.parameters()):
+        torch.nn.init.normal_(parameter, 0, 0.2, generator=generator)
+    with torch.no_grad():
+        encoder.hidden[0].weight[:, [2, 7]] = 0  # features that are not looked at
+    volume = np.random.default_rng(2).random(chords.shape[1]).astype(np.float32)
+    front = features.emission_in_front(volume, 8.0)
+    crossing = features.count.nonzero()[:, 0]
+    with torch.no_grad():
+        packing, expected = correction_of(encoder, tokens, features, front, crossing)
+    found = streamed_corrections(encoder, tokens, features, front)[packing.entry]
+    assert found.std() > 0.1
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5)
+
+
+def test_an_encoder_of_zeros_leaves_trends_and_levels(scene):
+    chords = scene().projector
+    weights = _weights(chords)
+    features = RayFeatures.of(chords)
+    front = features.emission_in_front(weights.volume, weights.unit)
+    plain = CorrectionEncoder(blocks=1, channels=8)
+    crossing = features.count.nonzero()[:, 0]
+    with torch.no_grad():
+        packing, expected = correction_of(plain, weights.tokens, features, front, crossing)
+    assert expected.abs().max() > 0.1
+    found = trend_corrections(weights.tokens, features, front)[packing.entry]
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
+    simple = RayWeights(plain, weights.tokens, weights.volume, weights.unit, True)
+    lengths = chords.segments.length[packing.entry] * (1 + expected.numpy()) ** 2
+    found = simple.projector(chords).segments.length[packing.entry]
+    np.testing.assert_allclose(found, lengths, rtol=1e-4, atol=1e-6)
+    _, described = features.packed(crossing, front)
+    depth, emission, off_axis = (trend[packing.entry] for trend in features.trends(front))
+    np.testing.assert_allclose(depth, described[:, 6], atol=1e-5)
+    np.testing.assert_allclose(emission, described[:, 12], atol=1e-5)
+    assert np.array_equal(off_axis, packing.per_segment(features.off_axis[crossing]))
+
+
+def test_weights_are_at_least_zero():
+    segments = Segments(
+        np.array([0, 3]), np.arange(3, dtype=np.int32), np.ones(3, np.float32),
+        np.zeros((3, 3), np.float32),
+    )  # fmt: skip
+    from tomo.grid import VoxelGrid
+
+    chords = Projector(segments, VoxelGrid((3, 1, 1), 1.0))
+    found = reweighted(chords, np.array([-3.0, -1.0, 0.5], np.float32))
+    assert found.segments.length.tolist() == [4.0, 0.0, 2.25]
+    assert chords.segments.length.tolist() == [1.0, 1.0, 1.0]
+
+
+def test_the_same_bits_for_any_number_of_threads(scene, on_threads):
+    chords = scene(image_size=(21, 30)).projector
+    assert chords.n_segments > 4 * SEGMENTS_A_PART
+    found = []
+    for threads in (1, 2, 4):
+        with on_threads(threads):
+            found.append(_weights(chords).projector(chords).segments.length)
+            assert torch.get_num_threads() == threads
+    assert all(np.array_equal(found[0], other) for other in found[1:])
+
+
+def test_other_views_take_the_mean_of_what_is_each_view_s_own(scene):
+    chords = scene().projector
+    weights = _weights(chords)
+    mean = weights.tokens.mean(chords.n_views)
+    expected = RayWeights(weights.encoder, mean, weights.volume, weights.unit, True)
+    found = weights.projector(chords, same_views=False).segments.length
+    assert np.array_equal(found, expected.projector(chords).segments.length)
+    assert not np.array_equal(found, weights.projector(chords).segments.length)
+    fewer = chords.subset([1, 4])
+    assert weights.projector(fewer, same_views=False).n_views == 2
+
+
+def test_a_view_s_weights_do_not_depend_on_the_views_beside_it(scene):
+    chords = scene().projector
+    weights = replace(_weights(chords), widest=RayFeatures.of(chords).widest)
+    whole = weights.projector(chords, same_views=False)
+    for view in (0, 1):
+        alone = weights.projector(chords.subset([view]), same_views=False).segments.length
+        np.testing.assert_allclose(alone, whole.subset([view]).segments.length, rtol=1e-5)
+
+
+def test_without_numbers_of_their_own_views_do_not_matter(scene):
+    chords = scene().projector
+    weights = _weights(chords, tells_views=False)
+    whole = weights.projector(chords)
+    some = [7, 2]
+    for same_views in (True, False):
+        found = weights.projector(chords.subset(some), same_views=same_views)
+        np.testing.assert_allclose(
+            found.segments.length, whole.subset(some).segments.length, rtol=1e-5, atol=1e-7
+        )
+
+
+def test_pixels_that_cross_nothing_stay_empty(scene):
+    one = scene()
+    s = one.projector.segments
+    gone = np.zeros(s.n_pixels, bool)
+    gone[[0, 5, 6, 7, 500, s.n_pixels - 1]] = True
+    counts = np.where(gone, 0, np.diff(s.ptr))
+    kept = np.repeat(~gone, np.diff(s.ptr))
+    some = Segments(
+        np.concatenate([[0], np.cumsum(counts)]), s.voxel[kept], s.length[kept], s.midpoint[kept]
+    )
+    chords = Projector(some, one.grid, one.projector.view_ptr)
+    learned = _weights(chords, tells_views=False).projector(chords)
+    assert np.array_equal(learned.segments.ptr, some.ptr)
+    whole = _weights(chords, tells_views=False).projector(one.projector)
+    np.testing.assert_allclose(
+        learned.segments.length, whole.segments.length[kept], rtol=1e-5, atol=1e-7
+    )
+
+
+def test_active_voxels_stay(scene):
+    one = scene()
+    active = ActiveVoxels.from_mask(one.grid, one.truth > 0.05)
+    part = one.projector.segments.renumbered(active.number)
+    chords = Projector(part, one.grid, one.projector.view_ptr, active)
+    learned = _weights(chords).projector(chords)
+    assert learned.active is active
+    assert learned.shape == chords.shape
+    assert max(dot_test(learned, seed) for seed in range(5)) < 1e-12
+
+
+def test_repr_names_the_sizes(scene):
+    text = repr(_weights(scene().projector))
+    assert text == "<RayWeights: 12 views, {'blocks': 1, 'channels': 8}>"

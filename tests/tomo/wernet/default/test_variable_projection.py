@@ -1,0 +1,228 @@
+import numpy as np
+import pytest
+import torch
+
+from tomo._compute.reductions import dot
+from tomo.selection import Choice, choose_by_held_out_views
+from tomo.selection.choose import residual_of_left_out_views
+from tomo.selection.cross_validation import views_to_leave_out
+from tomo.simulation.effects import Effects
+from tomo.wernet.default import CorrectionEncoder, RayFeatures, RayWeights, ViewTokens
+from tomo.wernet.default.linearised import Patches, Thinned
+from tomo.wernet.default.patch_validation import residuals_of_left_out_patches
+from tomo.wernet.default.variable_projection import (
+    LEVELS,
+    PRIOR,
+    _gauss_newton,
+    _promising,
+    first_guess,
+)
+
+
+def _guess(one):
+    choice = choose_by_held_out_views(one.projector, one.measured)
+    unit = float(np.sqrt(np.mean(one.measured**2)))
+    return first_guess(one.projector, one.measured, choice, unit), unit
+
+
+def _linearised(one, tokens, stride=1):
+    unit = float(np.sqrt(np.mean(one.measured**2)))
+    some = Thinned.of(one.projector, one.measured, stride, unit)
+    return some.at(tokens, Choice("nnls", 0.0, 40, 0.1))
+
+
+def test_rows_are_the_change_of_the_residual_that_voxels_leave(scene):
+    one, tokens = scene(), ViewTokens(12, 1)
+    now, small = _linearised(one, tokens), 0.02
+    moved = ViewTokens(12, 1)
+    with torch.no_grad():
+        moved.trend[0] -= small
+    change = (_linearised(one, moved).residual - now.residual) / (small * now.scale(0))
+    apart = np.linalg.norm(now.row(0) - change) / np.linalg.norm(change)
+    assert apart < 0.2  # of which the step's size leaves a tenth
+    moved = ViewTokens(12, 1)
+    with torch.no_grad():
+        moved.level[3] -= small
+    own = now.view == 3
+    change = (_linearised(one, moved).residual - now.residual)[own] / small
+    # of a level voxels imitate as much as one view of twelve weighs
+    share = change @ now.level[own] / (now.level[own] @ now.level[own])
+    assert 0.6 < share < 1
+
+
+@pytest.mark.parametrize(
+    ("effects", "finer", "asked"),
+    [
+        (None, 2, set()),
+        (Effects(gain_spread=0.1), 2, {LEVELS}),
+        (Effects(absorption=0.1), 2, {0}),
+        (Effects(self_absorption=0.2), 1, {1}),
+    ],
+    ids=["chords", "gains", "even", "own"],
+)
+def test_what_is_tried_is_what_the_residuals_ask_for(scene, effects, finer, asked):
+    tokens = ViewTokens(12, 1)
+    now = _linearised(scene(effects=effects, finer=finer), tokens)
+    promising = {part for parts in _promising(now, tokens, ()) for part in parts}
+    assert asked <= promising
+    if not asked - {LEVELS}:
+        assert not promising - {LEVELS}  # no trend but where there is one
+
+
+def test_the_gains_of_the_cameras_are_found(scene):
+    effects = Effects(gain_spread=0.1)
+    tokens, _ = _guess(scene(effects=effects))
+    found = np.exp(2 * tokens.level.detach().numpy())
+    true = effects.gains(12, 3)
+    assert np.corrcoef(found, true)[0, 1] > 0.98
+    assert np.std(found / true) < 0.3 * np.std(true)
+    assert abs(float(tokens.level.detach().mean())) < 1e-6
+    assert tokens.trend.abs().max() < 0.02
+
+
+def test_how_gas_takes_up_its_own_light_is_found(scene):
+    strength = 0.2
+    tokens, unit = _guess(scene(effects=Effects(self_absorption=strength)))
+    depth, front, _ = tokens.trend.tolist()
+    # exp(-q I) = (1 + c)² with ln(1 + c) = -q I / 2
+    assert front == pytest.approx(-strength * unit / 2, rel=0.4)
+    assert abs(depth) < 0.02
+    assert not tokens.level.any()  # they would take most of it, and predict nothing
+
+
+def test_how_gas_takes_up_light_evenly_is_found(scene):
+    strength, one = 0.1, scene(effects=Effects(absorption=0.1))
+    tokens, _ = _guess(one)
+    depth, front, _ = tokens.trend.tolist()
+    # exp(-k d) of what has d to go to the camera; the depth feature is 2 d / edge - 1
+    assert depth == pytest.approx(-strength * one.grid.extent.min() / 4, rel=0.3)
+    assert abs(front) < 0.02
+
+
+def test_lenses_that_darken_are_found_where_pixels_are_fine(scene):
+    lens = Effects(vignetting=0.4)
+    one = scene(effects=lens, finer=2, image_size=(42, 60))
+    tokens, _ = _guess(one)
+    depth, front, off_axis = tokens.trend.tolist()
+    assert depth == front == 0
+    assert not tokens.level.any()
+    # (1 + k r²)^-2 of the light is left, (1 + c)² with ln(1 + c) = -k r² near the axis
+    camera, pixels = one.rig[0], one.system.pixels[0]
+    width = camera.image_size[0]
+    least = lens.falloff(camera, np.stack([pixels % width, pixels // width], 1)).min()
+    assert -off_axis == pytest.approx(least**-0.5 - 1, rel=0.2)
+    plain, _ = _guess(scene(finer=2, image_size=(42, 60)))
+    assert plain is None
+
+
+def test_what_changes_from_pixel_to_pixel_cancels_within_a_patch(scene):
+    one = scene(image_size=(42, 60))
+    patches = Patches.of(one.projector, RayFeatures.of(one.projector))
+    random = np.random.default_rng(0)
+    noise = random.standard_normal((200, one.projector.shape[0]))
+    summed = np.array([patches.sum(image) for image in noise])
+    assert np.std(summed) == pytest.approx(1, rel=0.02)  # white noise keeps its size
+    width = one.rig[0].image_size[0]
+    pixels = np.concatenate(one.system.pixels)
+    board = (-1.0) ** (pixels % width + pixels // width)
+    even = patches.sum(np.ones(len(board)))
+    assert np.linalg.norm(patches.sum(board)) < 0.05 * np.linalg.norm(even)
+    one_view = np.flatnonzero(patches.view == 5)
+    assert not patches.tents[one_view][:, : one.projector.view_ptr[5]].nnz
+
+
+def test_noise_that_rules_single_pixels_hides_no_trend(scene):
+    one = scene(effects=Effects(self_absorption=0.2), image_size=(42, 60))
+    random = np.random.default_rng(5)
+    noisy = one.measured + 0.02 * one.measured.max() * random.standard_normal(len(one.measured))
+    noisy = noisy.astype(np.float32)
+    choice = choose_by_held_out_views(one.projector, noisy)
+    unit = float(np.sqrt(np.mean(noisy**2)))
+    tokens = first_guess(one.projector, noisy, choice, unit)
+    assert tokens.trend[1].item() < -0.02
+    volume = one.projector.active.compress(one.truth)
+    weights = RayWeights(CorrectionEncoder(channels=1), tokens, volume, unit, True)
+    both = one.projector, weights.projector(one.projector)
+    pixels = [residual_of_left_out_views(each, noisy, choice) for each in both]
+    some = Thinned.of(one.projector, noisy, 1, unit)
+    patches = [residuals_of_left_out_patches(some, each, choice)[0, 0] for each in both]
+    assert 1 - patches[1] / patches[0] > 2 * (1 - pixels[1] / pixels[0])
+
+
+def test_what_left_out_views_see_is_judged_up_to_a_factor(scene):
+    one = scene()
+    some = Thinned.of(one.projector, one.measured, 1, 1.0)
+    choice = Choice("nnls", 0.0, 40, 0.1)
+
+    def residuals(view, change):
+        length = one.projector.segments.length.copy()
+        ptr, rows = one.projector.segments.ptr, one.projector.pixels_of([view])
+        within = slice(ptr[rows[0]], ptr[rows[-1] + 1])
+        length[within] *= change(np.linspace(-1, 1, within.stop - within.start))
+        return residuals_of_left_out_patches(some, one.projector.with_lengths(length), choice)
+
+    as_it_is = residuals(0, np.ones_like)
+    left_out, trained = 2, 3
+    assert left_out in views_to_leave_out(range(12))[0]
+    np.testing.assert_allclose(residuals(left_out, lambda place: 1.3), as_it_is, rtol=1e-3)
+    for view, change in ((left_out, lambda place: 1 + 0.3 * place), (trained, lambda place: 1.3)):
+        assert (residuals(view, change) > 3 * as_it_is).all()
+
+
+@pytest.mark.parametrize("finer", [1, 2])
+def test_true_chords_leave_nothing_to_guess(scene, finer):
+    tokens, _ = _guess(scene(finer=finer))
+    assert tokens is None
+
+
+def test_the_same_bits_again_and_the_global_state_is_left_alone(scene):
+    one = scene(effects=Effects(gain_spread=0.1))
+    state = torch.get_rng_state()
+    (first, _), (second, _) = _guess(one), _guess(one)
+    assert torch.equal(torch.get_rng_state(), state)
+    for name, value in first.state_dict().items():
+        assert torch.equal(value, second.state_dict()[name])
+
+
+def test_one_step_solves_the_normal_equations_in_sums_that_no_thread_changes():
+    random = np.random.default_rng(0)
+    view = np.repeat(np.arange(3), 20_000)
+    row, other, residual = random.standard_normal((3, len(view)))
+    level = random.standard_normal(len(view))
+    found = _gauss_newton([row, other], level, view, residual, ViewTokens(3, 1))
+    columns = np.zeros((len(view), 5))
+    columns[:, 0], columns[:, 1] = row, other
+    columns[np.arange(len(view)), 2 + view] = level
+    ridge = np.mean(residual**2) / PRIOR**2
+    normal, right = columns.T @ columns + ridge * np.eye(5), columns.T @ residual
+    np.testing.assert_allclose(found, np.linalg.solve(normal, right), rtol=1e-9)
+    # to the bit it is that of sums in a fixed order, which BLAS in several threads are not
+    for i, one in enumerate((row, other)):
+        right[i] = dot(one, residual)
+        normal[i, 2:] = normal[2:, i] = np.bincount(view, level * one, 3)
+        for j, two in enumerate((row, other)):
+            normal[i, j] = dot(one, two) + (ridge if i == j else 0)
+    power = np.bincount(view, level**2, 3)
+    normal[2:, 2:] = np.diag(power + ridge)
+    right[2:] = np.bincount(view, level * residual, 3)
+    np.testing.assert_array_equal(found, np.linalg.solve(normal, right))
+
+
+@pytest.mark.parametrize("factor", [2.0**-80, 2.0**80])
+def test_a_step_knows_no_smallest_intensity(factor):
+    random = np.random.default_rng(4)
+    row, level, residual = random.random((3, 60))
+    view, tokens = np.repeat(np.arange(5), 12), ViewTokens(5, 1)
+    step = _gauss_newton([row], level, view, 1e-3 * residual, tokens)
+    scaled = _gauss_newton([factor * row], factor * level, view, factor * 1e-3 * residual, tokens)
+    np.testing.assert_array_equal(scaled, step)
+
+
+def test_dark_views_leave_their_levels_as_they_are():
+    view, tokens, dark = np.repeat(np.arange(3), 4), ViewTokens(3, 1), np.zeros(12)
+    assert not _gauss_newton([dark], dark, view, dark, tokens).any()
+    level = np.where(view == 1, 0.0, 1.0)
+    step = _gauss_newton([dark], level, view, 0.1 * level, tokens)
+    assert step[2] == 0
+    ridge = np.mean((0.1 * level) ** 2) / PRIOR**2
+    np.testing.assert_allclose(step[[1, 3]], 0.4 / (4 + ridge))

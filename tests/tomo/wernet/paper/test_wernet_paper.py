@@ -1,0 +1,296 @@
+import numpy as np
+import pytest
+import torch
+
+from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.metrics import cosine_distance
+from tomo.operators import Projector
+from tomo.rays import Rays
+from tomo.trace import Segments, trace
+from tomo.wernet import load_encoder, save_encoder
+from tomo.wernet.paper import VARIANTS, TrainingDivergedError, WeightEncoder, wernet_paper
+
+GRID = VoxelGrid((10, 12, 10), 0.5, (3.0, -2.0, 1.0))
+SMALL_STEPS = {"samples_per_batch": 1, "rays_per_sample": 50}
+
+
+@pytest.fixture(scope="module")
+def projector():
+    """Nine cameras around the box, alternately 15 degrees above and below."""
+    target = np.asarray(GRID.center)
+    side, height = (np.linspace(-0.5, 0.5, 15) * size for size in (8.0, 6.0))
+    origins, points = [], []
+    for view in range(9):
+        azimuth = 2 * np.pi * view / 9
+        pitch = np.radians(15 * (-1) ** view)
+        toward = np.array(
+            [np.cos(azimuth) * np.cos(pitch), np.sin(pitch), np.sin(azimuth) * np.cos(pitch)]
+        )
+        right = np.cross(toward, [0, 1, 0]) / np.cos(pitch)
+        up = np.cross(right, toward)
+        plane = target + side[:, None, None] * right + height[:, None] * up
+        points.append(plane.reshape(-1, 3))
+        origins.append(np.broadcast_to(target + 200 * toward, points[-1].shape))
+    origins, points = np.concatenate(origins), np.concatenate(points)
+    rays = Rays.from_lines(origins, points - origins)
+    return Projector(trace(rays, GRID, midpoints=True), GRID)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    position = (GRID.centers() - GRID.center) / (GRID.extent / 2)
+    volume = np.zeros(GRID.shape)
+    for height, center, width in (
+        (1.0, (0.2, -0.4, 0.0), 0.25),
+        (0.7, (-0.3, 0.3, 0.2), 0.3),
+        (0.4, (0.0, 0.0, -0.4), 0.2),
+    ):
+        volume += height * np.exp(-((position - center) ** 2).sum(axis=-1) / (2 * width**2))
+    return volume
+
+
+@pytest.fixture(scope="module")
+def measured(projector, truth):
+    return projector @ truth.ravel()
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_training_finds_the_phantom_roughly(projector, measured, truth, variant):
+    result = wernet_paper(projector, measured, iterations=8, variant=variant, **SMALL_STEPS)
+    flat = cosine_distance(np.ones(GRID.shape), truth)
+    assert cosine_distance(result.volume, truth) < 0.3 * flat
+    residuals = [entry.relative_residual for entry in result.history]
+    assert residuals[-1] < 0.5 * residuals[0]
+    assert [entry.index for entry in result.history] == list(range(1, 9))
+    assert result.volume.dtype == np.float32
+    assert result.volume.min() >= 0
+    assert result.settings["method"] == "wernet-paper"
+    # The scale of the volume is the one that fits best.
+    projected = projector @ result.volume.ravel().astype(np.float64)
+    assert projected @ measured == pytest.approx(projected @ projected, rel=1e-5)
+
+
+@pytest.mark.parametrize("inputs", ["absolute", "relative"])
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_packed_and_padded_rays_lead_to_the_same_volume(projector, measured, variant, inputs):
+    """One step in double precision would be the same; rounding grows a little with each."""
+    arguments = {"iterations": 1, "variant": variant, "inputs": inputs, **SMALL_STEPS}
+    packed, padded = (
+        wernet_paper(projector, measured, layout=layout, **arguments)
+        for layout in ("packed", "padded")
+    )
+    assert np.abs(packed.volume - padded.volume).max() < 2e-3 * padded.volume.max()
+    assert packed.relative_residual == pytest.approx(padded.relative_residual, rel=1e-4)
+    assert not np.array_equal(packed.volume, padded.volume)  # they are two computations
+
+
+@pytest.mark.parametrize("variant", ["no-bias", "bias-mask"])
+def test_where_rays_are_apart_the_number_of_threads_changes_no_bit(
+    projector, measured, variant, monkeypatch, on_threads
+):
+    monkeypatch.setattr("tomo.wernet.micro_batches.SEGMENTS_A_PART", 200)  # several parts a step
+    volumes = []
+    for threads in (1, 2, 4):
+        with on_threads(threads):
+            found = wernet_paper(projector, measured, iterations=1, variant=variant, **SMALL_STEPS)
+            assert torch.get_num_threads() == threads
+        volumes.append(found.volume)
+    assert all(np.array_equal(volumes[0], other) for other in volumes[1:])
+
+
+def test_parts_of_a_step_are_the_step(projector, measured, monkeypatch):
+    arguments = {"iterations": 1, "variant": "bias-mask", **SMALL_STEPS}
+    whole = wernet_paper(projector, measured, **arguments)
+    monkeypatch.setattr("tomo.wernet.micro_batches.SEGMENTS_A_PART", 100)
+    parts = wernet_paper(projector, measured, **arguments)
+    assert np.abs(parts.volume - whole.volume).max() < 2e-3 * whole.volume.max()
+
+
+def test_active_voxels_alone_are_trained(projector, measured, truth):
+    active = ActiveVoxels.from_mask(GRID, truth > 0.05)
+    part = Projector(
+        projector.segments.renumbered(active.number), GRID, projector.view_ptr, active
+    )
+    seen = part @ active.compress(truth)
+    volumes = []
+    found = wernet_paper(
+        part,
+        seen,
+        iterations=2,
+        callback=lambda index, volume, residual: volumes.append(volume),
+        **SMALL_STEPS,
+    )
+    assert volumes[-1].shape == (active.size,)
+    np.testing.assert_array_equal(active.compress(found.volume), volumes[-1])
+    assert not found.volume.ravel()[active.number < 0].any()
+
+
+def test_where_the_grid_stands_changes_nothing(projector, measured):
+    here = wernet_paper(projector, measured, iterations=1, **SMALL_STEPS)
+    far = VoxelGrid(GRID.shape, GRID.spacing, (1e4, -3e5, 50.0))
+    moved = Projector(projector.segments, far)  # midpoints count from the grid's centre
+    there = wernet_paper(moved, measured, iterations=1, **SMALL_STEPS)
+    np.testing.assert_array_equal(there.volume, here.volume)
+
+
+def test_the_result_scales_with_the_unit_of_the_measurement(projector, measured):
+    one = wernet_paper(projector, measured, iterations=1, **SMALL_STEPS)
+    thousand = wernet_paper(projector, 1024 * measured, iterations=1, **SMALL_STEPS)
+    np.testing.assert_array_equal(thousand.volume, 1024 * one.volume)
+
+
+def test_the_unit_of_length_changes_nothing_but_the_unit(projector, measured, truth):
+    def in_other_unit(factor):
+        s = projector.segments
+        grid = VoxelGrid(GRID.shape, 0.5 * factor, np.multiply(GRID.center, factor))
+        length = (s.length * factor).astype(np.float32)
+        segments = Segments(s.ptr, s.voxel, length, s.midpoint * np.float32(factor))
+        return Projector(segments, grid)
+
+    start = np.random.default_rng(0).random(GRID.shape)
+    mm = wernet_paper(projector, measured, iterations=1, start=start, **SMALL_STEPS)
+    m = wernet_paper(
+        in_other_unit(1 / 1024), measured, iterations=1, start=1024 * start, **SMALL_STEPS
+    )
+    np.testing.assert_allclose(m.volume, 1024 * mm.volume, rtol=1e-2, atol=10)
+    assert np.abs(mm.volume).max() > 0.1  # so that the tolerance above is one per cent of it
+
+
+def test_the_seed_decides_every_bit_and_leaves_the_global_state(projector, measured):
+    def run(seed):
+        return wernet_paper(projector, measured, iterations=2, seed=seed, **SMALL_STEPS)
+
+    state = torch.get_rng_state()
+    first = run(1)
+    assert torch.equal(torch.get_rng_state(), state)
+    np.testing.assert_array_equal(first.volume, run(1).volume)
+    assert not np.array_equal(first.volume, run(2).volume)
+
+
+def test_a_frozen_encoder_is_left_as_it_is_and_helps(projector, measured, truth, tmp_path):
+    trained = WeightEncoder("batch-norm", blocks=2)
+    wernet_paper(projector, measured, iterations=6, encoder=trained, **SMALL_STEPS)
+    path = tmp_path / "encoder.pt"
+    save_encoder(trained, path)
+    before = {name: value.clone() for name, value in trained.state_dict().items()}
+    arguments = {"iterations": 3, "freeze_encoder": True, **SMALL_STEPS}
+    frozen = wernet_paper(projector, measured, encoder=trained, **arguments)
+    after = trained.state_dict()
+    assert all(torch.equal(before[name], after[name]) for name in before)
+    # From a file it is the same encoder, and the file stays as it is.
+    from_file = wernet_paper(projector, measured, encoder=path, **arguments)
+    np.testing.assert_array_equal(from_file.volume, frozen.volume)
+    assert all(torch.equal(load_encoder(path).state_dict()[name], before[name]) for name in before)
+    scratch = wernet_paper(projector, measured, iterations=3, blocks=2, **SMALL_STEPS)
+    assert frozen.relative_residual < scratch.relative_residual
+    assert frozen.settings["blocks"] == 2
+
+
+def test_an_encoder_in_memory_is_trained_in_place(projector, measured):
+    encoder = WeightEncoder(blocks=1)
+    before = encoder.last.weight.clone()
+    wernet_paper(projector, measured, iterations=1, encoder=encoder, **SMALL_STEPS)
+    assert not torch.equal(encoder.last.weight, before)
+
+
+def test_learning_rates_are_halved(projector, measured):
+    # Steps of Adam have about the size of the learning rate: halved every epoch, the later
+    # volumes hardly move; halved never, they do.
+    def moved(halve_every):
+        volumes = []
+        wernet_paper(
+            projector,
+            measured,
+            iterations=8,
+            halve_every=halve_every,
+            callback=lambda index, volume, residual: volumes.append(volume),
+            **SMALL_STEPS,
+        )
+        return np.abs(volumes[-1] - volumes[-2]).mean()
+
+    assert moved(1) < 0.2 * moved(100)
+
+
+def test_the_callback_sees_every_epoch_and_stops(projector, measured):
+    seen = []
+
+    def callback(index, volume, relative_residual):
+        seen.append((index, volume, relative_residual))
+        return index == 2
+
+    result = wernet_paper(projector, measured, iterations=5, callback=callback, **SMALL_STEPS)
+    assert [entry[0] for entry in seen] == [1, 2]
+    assert seen[1][1].shape == (GRID.size,)
+    np.testing.assert_array_equal(seen[1][1].reshape(GRID.shape), result.volume)
+    assert seen[1][2] == result.relative_residual
+    assert "callback" in result.stop_reason
+
+
+def test_a_loss_that_is_not_finite_stops_with_a_clear_error(projector, measured):
+    with pytest.raises(TrainingDivergedError, match=r"epoch 1: loss.*smaller learning rates"):
+        wernet_paper(projector, measured, voxel_learning_rate=1e30, iterations=2, **SMALL_STEPS)
+
+
+def test_divergence_after_an_epoch_keeps_the_volume_of_the_epoch_before(projector, measured):
+    volumes = []
+    encoder = WeightEncoder(blocks=1)
+
+    def callback(index, volume, residual):
+        volumes.append(volume)
+        if index == 2:
+            encoder.last.bias.data.fill_(np.nan)
+
+    result = wernet_paper(
+        projector, measured, encoder=encoder, iterations=5, callback=callback, **SMALL_STEPS
+    )
+    assert len(result.history) == 2
+    assert result.stop_reason.startswith("diverged in epoch 3")
+    np.testing.assert_array_equal(result.volume.ravel(), volumes[1])
+
+
+def test_dark_images_give_an_empty_volume(projector):
+    dark = np.zeros(projector.shape[0])
+    result = wernet_paper(projector, dark, iterations=1, **SMALL_STEPS)
+    assert not result.volume.any()
+
+
+def test_voxels_that_no_ray_crosses_stay_empty(projector, measured):
+    few = projector.rows(0, 225)  # one view
+    result = wernet_paper(few, measured[:225], iterations=1, **SMALL_STEPS)
+    unseen = few.column_sums.reshape(GRID.shape) == 0
+    assert unseen.any()
+    assert not result.volume[unseen].any()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"device": "abacus"}, "device: found 'abacus'"),
+        ({"device": "meta"}, "device: found 'meta'"),
+        ({"variant": "none"}, "variant: found 'none', expected one of no-bias"),
+        ({"layout": "sparse"}, "layout: found 'sparse', expected one of packed, padded"),
+        ({"inputs": "polar"}, "inputs: found 'polar', expected one of absolute, relative"),
+        ({"iterations": 0}, "iterations: found 0"),
+        ({"halve_every": 0}, "halve_every: found 0"),
+        ({"voxel_learning_rate": -1.0}, "voxel_learning_rate: found -1.0"),
+        ({"freeze_encoder": True}, "freeze_encoder"),
+        ({"start": np.ones(7)}, r"start: found shape \(7,\), expected a finite volume"),
+        (
+            {"start": np.full(1200, np.nan)},
+            r"start: found shape \(1200,\), expected a finite volume",
+        ),
+        ({"measured": np.ones(3)}, "measured: found 3 values"),
+        ({"measured": np.full(2025, np.inf)}, "measured: found NaN or infinity"),
+    ],
+)
+def test_bad_arguments_are_named_in_one_line(projector, measured, arguments, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        wernet_paper(projector, **{"measured": measured, **arguments})
+    assert "\n" not in str(caught.value)
+
+
+def test_segments_without_midpoints_are_refused(projector, measured):
+    s = projector.segments
+    plain = Projector(Segments(s.ptr, s.voxel, s.length), GRID)
+    with pytest.raises(ValueError, match="trace with midpoints=True"):
+        wernet_paper(plain, measured)

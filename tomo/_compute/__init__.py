@@ -1,0 +1,1 @@
+"""Compiled kernels, threads, sums that do not depend on threads, and memory."""

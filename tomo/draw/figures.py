@@ -1,0 +1,53 @@
+"""Matplotlib figures without global state: made, filled, written, gone."""
+
+from __future__ import annotations
+
+import io
+import os
+from typing import TYPE_CHECKING
+
+from rigs.files import atomic_path
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INK, MUTED = "#1b2733", "#5b6672"
+"""Of titles, and of what stands back behind them."""
+
+
+def new_figure(width: float, height: float, dpi: int = 160) -> Figure:
+    """Return an empty white figure of ``width`` x ``height`` inches that needs no display."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def thin_lines(axes: Axes) -> None:
+    """Give a plot thin grey lines."""
+    axes.grid(True, which="major", color="#e3e7eb", linewidth=0.7)
+    axes.tick_params(which="both", labelsize=7.5, colors=MUTED)
+    for side, spine in axes.spines.items():
+        spine.set_visible(side in ("left", "bottom"))
+        spine.set_color("#9aa5b1")
+
+
+def plain(text: str) -> str:
+    """Return ``text`` such that matplotlib takes none of it as mathematics."""
+    return text.replace("$", r"\$")
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """Return the figure as PNG; the same figure always gives the same bytes."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def save_figure(figure: Figure, path: str | os.PathLike) -> None:
+    """Write the figure as a PNG file, whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(png_bytes(figure))

@@ -1,0 +1,34 @@
+"""What the HTML pages share: their look, their templates, pictures inside them."""
+
+from __future__ import annotations
+
+import base64
+from importlib import resources
+
+
+def render(template: str, **values: object) -> str:
+    """Return the page that a template of this package makes of ``values``, escaped.
+
+    Parameters
+    ----------
+    template : str
+        A file's name; it may include others, like ``style.html``.
+    """
+    import jinja2
+
+    def source(name: str) -> str:
+        return resources.files("tomo.draw.templates").joinpath(name).read_text(encoding="utf-8")
+
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(source),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(**values)
+
+
+def embedded(png: bytes) -> str:
+    """Return a PNG as text that an image's ``src`` takes."""
+    return "data:image/png;base64," + base64.b64encode(png).decode("ascii")

@@ -1,0 +1,152 @@
+"""Small pictures of what cameras saw, beside a rig's geometry."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Camera, Rig
+from tomo.draw.rig.rig_scene import Target, on_symbol, symbol_length
+from tomo.draw.scene import ColourScale, Mesh, Scene
+from tomo.draw.volume.maps import lattice_triangles
+
+_LONGEST = 480  # pixels of a thumbnail's longer side
+_LONGEST_IN_SPACE = 48  # and of the one that hangs in the camera's symbol
+_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
+
+
+def load_thumbnails(
+    rig: Rig, source: str | os.PathLike, frame: str | None = None
+) -> dict[str, NDArray[np.uint8]]:
+    """Return each camera's picture, shrunk by area means; cameras without one are left out.
+
+    Parameters
+    ----------
+    rig : Rig
+    source : path-like
+        A scan (a folder with a scan.yaml, or a transforms.json), or a folder that holds
+        ``<camera>/<frame>.*`` or ``<camera>.*``. A scan's are corrected as it says.
+    frame : str, optional
+        The moment; the first when None.
+
+    Returns
+    -------
+    dict of (rows, columns) uint8
+        Brightness in one scale for all: the brightest 0.1 % of all cameras' pixels are white.
+
+    Raises
+    ------
+    ValueError
+        If no camera has an image, or one has another size than the camera's.
+    FileNotFoundError
+        If there is no such folder.
+    """
+    source = Path(source)
+    if not source.exists():
+        raise FileNotFoundError(f"{source}: no such folder of images")
+    if source.suffix == ".json" or any(
+        (source / name).exists() for name in ("scan.yaml", "transforms.json")
+    ):
+        images = _of_scan(rig, source, frame)
+    else:
+        found = {camera.name: _file_of(source, camera.name, frame) for camera in rig}
+        images = {name: _read(path, rig[name]) for name, path in found.items() if path is not None}
+    if not images:
+        moment = "<frame>" if frame is None else frame
+        raise ValueError(
+            f"{source}: found no image of any camera, expected <camera>/{moment}.* with a camera "
+            f"of the rig: {', '.join(rig.names)}"
+        )
+    small = {name: _shrunk(image, _LONGEST) for name, image in images.items()}
+    bright = np.quantile(np.concatenate([image.ravel() for image in small.values()]), 0.999)
+    scale = 255 / bright if bright > 0 else 1.0
+    return {name: np.uint8(np.clip(image * scale, 0, 255)) for name, image in small.items()}
+
+
+def image_scene(rig: Rig, target: Target, images: dict[str, NDArray]) -> Scene:
+    """Return the thumbnails in the faces of the cameras' symbols; the group is ``images``."""
+    length = symbol_length(rig, target)
+    meshes = []
+    for camera in rig:
+        if camera.name not in images:
+            continue
+        small = _shrunk(images[camera.name].astype(np.float32), _LONGEST_IN_SPACE)
+        rows, columns = small.shape
+        u, v = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
+        uv = np.stack([u.ravel(), v.ravel()], axis=-1) * camera.image_size - 0.5
+        directions = camera.rays(uv)[1]
+        finite = np.isfinite(directions).all(axis=1)
+        points = on_symbol(camera, np.where(finite[:, None], directions, camera.R[2]), length)
+        triangles = lattice_triangles(rows, columns)
+        meshes.append(
+            Mesh(
+                camera.name,
+                "images",
+                points,
+                triangles[finite[triangles].all(axis=1)],
+                (0.5, 0.5, 0.5),
+                values=small.ravel(),
+                scale=ColourScale("", 0.0, 255.0, "gray"),
+            )
+        )
+    return Scene(tuple(meshes), length_unit=rig.length_unit)
+
+
+def _of_scan(rig: Rig, source: Path, frame: str | None) -> dict[str, NDArray[np.float32]]:
+    """Return the images of a scan's cameras that the rig has too."""
+    from tomo import Scan
+
+    scan = Scan.load(source)
+    common = [name for name in scan.rig.names if name in rig.names]
+    if not common:
+        return {}
+    scan = scan.only(*common)
+    for camera in scan.rig:
+        _check_size(source, camera.image_size, rig[camera.name])
+    return dict(zip(scan.rig.names, scan.images(frame), strict=True))
+
+
+def _file_of(folder: Path, camera: str, frame: str | None) -> Path | None:
+    """Return a camera's image in a folder; None where there is none."""
+    places = (folder / camera, folder)
+    for place, stem in zip(places, (frame, camera), strict=True):
+        if not place.is_dir():
+            continue
+        for path in sorted(place.iterdir()):
+            if path.suffix.lower() in _SUFFIXES and stem in (None, path.stem):
+                return path
+    return None
+
+
+def _read(path: Path, camera: Camera) -> NDArray[np.float32]:
+    """Return a photograph as grey levels."""
+    import cv2
+
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+    if image is None:
+        raise ValueError(f"{path}: camera {camera.name}: not readable, expected an image")
+    _check_size(path, image.shape[::-1], camera)
+    return np.nan_to_num(image.astype(np.float32), posinf=0.0, neginf=0.0)
+
+
+def _check_size(path: Path, size: tuple[int, int], camera: Camera) -> None:
+    if tuple(size) != camera.image_size:
+        raise ValueError(
+            f"{path}: camera {camera.name}: found an image of {size[0]} x {size[1]} pixels, "
+            f"expected {camera.image_size[0]} x {camera.image_size[1]}, the camera's image_size"
+        )
+
+
+def _shrunk(image: NDArray, longest: int) -> NDArray:
+    """Return the image's area means, its longer side at most ``longest``."""
+    import cv2
+
+    rows, columns = image.shape
+    scale = longest / max(rows, columns)
+    if scale >= 1:
+        return image
+    size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)

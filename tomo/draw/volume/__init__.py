@@ -1,0 +1,11 @@
+"""Pictures of volumes."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "isosurface": ["coarsened", "isosurface", "isosurface_scene"],
+        "volume_picture": ["draw_volume", "write_volume_picture"],
+    },
+)

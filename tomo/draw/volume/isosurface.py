@@ -1,0 +1,101 @@
+"""Surfaces of equal intensity, in world coordinates."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.draw.scene import Mesh, Scene, rgb
+from tomo.draw.shapes import Triangles
+from tomo.grid import VoxelGrid
+
+# Light outside, dark inside, all readable on white; the outer ones are more transparent.
+_LEVELS = ((0.15, "#f6b04c", 0.22), (0.4, "#e2582f", 0.40), (0.7, "#8c1d4e", 0.85))
+
+
+def isosurface(data: NDArray, grid: VoxelGrid, level: float) -> Triangles:
+    """Return the closed surface ``data == level`` with normals pointing to lower values.
+
+    Parameters
+    ----------
+    data : (nx, ny, nz)
+        Values at the voxels' centres.
+    grid : VoxelGrid
+    level : float
+        Above zero: outside the grid the value is taken as zero, which closes the surface.
+
+    Returns
+    -------
+    vertices : (V, 3) float64
+        World coordinates, inside the grid's box. Empty when the level is nowhere reached.
+    triangles : (T, 3) int64
+
+    Raises
+    ------
+    ValueError
+        If the volume's shape is not the grid's, or the level is not above zero.
+    """
+    if data.shape != grid.shape:
+        raise ValueError(f"volume: found shape {data.shape}, expected the grid's {grid.shape}")
+    if not level > 0:
+        raise ValueError(f"isosurface level: found {level}, expected a number above zero")
+    import open3d as o3d
+
+    padded = np.pad(np.asarray(data, np.float32), 1)
+    # Open3D names the first array axis z and returns (x, y, z): it gets the transposed array.
+    tensor = o3d.core.Tensor(np.ascontiguousarray(padded.transpose(2, 1, 0)))
+    surface = o3d.t.geometry.TriangleMesh.create_isosurfaces(tensor, [float(level)])
+    index = surface.vertex.positions.numpy().astype(np.float64) - 1  # in voxels from the origin
+    vertices = grid.origin + index * grid.spacing
+    vertices = np.clip(vertices, grid.lower, grid.upper)
+    return vertices, surface.triangle.indices.numpy().astype(np.int64)
+
+
+def coarsened(
+    data: NDArray, grid: VoxelGrid, max_voxels: int = 4_000_000
+) -> tuple[NDArray[np.float32], VoxelGrid]:
+    """Return the volume averaged over blocks, so that its surfaces stay small enough to show.
+
+    Planes beyond the last whole block are left out.
+    """
+    factor = math.ceil((grid.size / max_voxels) ** (1 / 3))
+    if factor <= 1:
+        return np.asarray(data, np.float32), grid
+    shape = tuple(max(n // factor, 1) for n in grid.shape)
+    steps = tuple(min(factor, n) for n in grid.shape)
+    whole = tuple(slice(0, n * s) for n, s in zip(shape, steps, strict=True))
+    nx, ny, nz = shape
+    blocks = np.asarray(data, np.float32)[whole].reshape(nx, steps[0], ny, steps[1], nz, steps[2])
+    spacing = np.multiply(grid.spacing, steps)
+    upper = grid.lower + spacing * shape
+    return blocks.mean(axis=(1, 3, 5)), VoxelGrid.from_bounds(shape, grid.lower, upper)
+
+
+def reference_value(data: NDArray) -> float:
+    """Return the value that levels are fractions of: the maximum without the brightest 0.01 %.
+
+    A single hot voxel, as noise makes it, would otherwise hide everything else.
+    """
+    finite = data[np.isfinite(data)]
+    if not finite.size or finite.max() <= 0:
+        return 0.0
+    bright = float(np.quantile(finite, 0.9999))
+    return bright if bright > 0 else float(finite.max())
+
+
+def isosurface_scene(data: NDArray, grid: VoxelGrid, length_unit: str = "mm") -> Scene:
+    """Return nested surfaces at 15, 40 and 70 % of the (robust) maximum; none if all is dark."""
+    small, small_grid = coarsened(np.nan_to_num(data, nan=0.0), grid)
+    reference = reference_value(small)
+    meshes = []
+    for fraction, colour, opacity in _LEVELS:
+        if reference <= 0:
+            break
+        vertices, triangles = isosurface(small, small_grid, fraction * reference)
+        if len(triangles):
+            name = f"{fraction:.0%} of the maximum"
+            group = f"isosurface {fraction:.0%}"
+            meshes.append(Mesh(name, group, vertices, triangles, rgb(colour), opacity))
+    return Scene(tuple(meshes), length_unit=length_unit)

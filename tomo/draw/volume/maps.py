@@ -1,0 +1,73 @@
+"""Numbers in a box, shown as colours on its three middle planes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.draw.scene import ColourScale, Mesh, Scene
+from tomo.draw.volume.isosurface import coarsened
+from tomo.grid import VoxelGrid
+
+MAP = "map: "
+"""Starts the names of groups of which one is shown at a time: they share the same planes."""
+
+
+def map_scene(
+    values: NDArray, grid: VoxelGrid, name: str, scale: ColourScale, length_unit: str = "mm"
+) -> Scene:
+    """Return the three middle planes, coloured by value; the group is ``map: name``.
+
+    Parameters
+    ----------
+    values : (nx, ny, nz)
+        At the grid's voxels; a plane between two layers of them shows their mean.
+    grid : VoxelGrid
+    name : str
+    scale : ColourScale
+    length_unit : str
+    """
+    if values.shape != grid.shape:
+        raise ValueError(f"values: found shape {values.shape}, expected the grid's {grid.shape}")
+    axes, meshes = grid.axes(), []
+    for across in range(3):
+        level, upright = (axis for axis in range(3) if axis != across)
+        if min(grid.shape[level], grid.shape[upright]) < 2:
+            continue
+        n = grid.shape[across]
+        plane = np.take(values, [(n - 1) // 2, n // 2], axis=across).mean(axis=across)
+        points = np.zeros((*plane.shape, 3))
+        points[..., level], points[..., upright] = np.meshgrid(
+            axes[level], axes[upright], indexing="ij"
+        )
+        points[..., across] = grid.center[across]
+        side = "xyz"[across]
+        meshes.append(
+            Mesh(
+                f"{name}, {side} = {grid.center[across] + 0.0:.4g}",
+                MAP + name,
+                points.reshape(-1, 3),
+                lattice_triangles(*plane.shape),
+                (0.5, 0.5, 0.5),
+                values=plane.ravel(),
+                scale=scale,
+            )
+        )
+    return Scene(tuple(meshes), length_unit=length_unit)
+
+
+def emission_map(volume: NDArray, grid: VoxelGrid, length_unit: str = "mm") -> Scene:
+    """Return a volume's middle planes; the group is ``map: emission``."""
+    small, small_grid = coarsened(volume, grid)
+    highest = float(np.nanmax(small, initial=0.0)) or 1.0
+    scale = ColourScale("emission", 0.0, highest, "inferno")
+    return map_scene(small, small_grid, "emission", scale, length_unit)
+
+
+def lattice_triangles(rows: int, columns: int) -> NDArray[np.int64]:
+    """Return the triangles ``(T, 3)`` between the points of a lattice, numbered row by row."""
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    right, below = corner + 1, corner + columns
+    return np.concatenate(
+        [np.stack([corner, below, right], axis=1), np.stack([right, below, below + 1], axis=1)]
+    )

@@ -1,0 +1,11 @@
+"""Where the voxels are, which of them are unknowns, and in what order they are stored."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "active_voxels": ["ActiveVoxels"],
+        "voxel_grid": ["VoxelGrid", "grid_of_rig"],
+    },
+)

@@ -1,0 +1,11 @@
+"""The voxels that dark pixels prove empty."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "carving": ["Carving", "carve"],
+        "visual_hull": ["VisualHull", "visual_hull"],
+    },
+)

@@ -1,0 +1,229 @@
+"""Dark pixels, and the voxels that they prove empty."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.hull.darkness import Brightness
+from tomo.hull.margins import Hulls, margins_to_try, smallest, votes_to_try
+from tomo.hull.projection_lattice import Lattice
+from tomo.measurement import NoiseModel
+
+if TYPE_CHECKING:
+    from rigs import Camera
+
+WORTH_IT = 0.95  # active share above which nothing is carved
+
+
+@dataclass(frozen=True, eq=False)
+class Carving:
+    """The voxels that can be other than zero, and how they were told from the others.
+
+    Attributes
+    ----------
+    active : ActiveVoxels
+    pixels : tuple of (height, width) bool
+        For each view the usable pixels that may see a active voxel: no other need be traced.
+    margin : float
+        Pixels by which a voxel's image was grown before it was asked whether it is dark.
+    threshold : float
+        The intensity up to which a pixel counts as dark.
+    smoothing : float
+        Standard deviation, in pixels, of the blur before the threshold; 0 is none.
+    votes : int
+        How many views had to find a voxel dark.
+    unexplained : float
+        The largest share of a view's bright light that meets no active voxel.
+    noise : tuple of NoiseModel
+        Of each view.
+    reason : str
+        Why it was done so, in words.
+    """
+
+    active: ActiveVoxels
+    pixels: tuple[NDArray[np.bool_], ...]
+    margin: float
+    threshold: float
+    smoothing: float
+    votes: int
+    unexplained: float
+    noise: tuple[NoiseModel, ...]
+    reason: str
+
+    def report(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return what a report says of it: plain numbers and words; ``names`` are the cameras'."""
+        return {
+            "active_voxels": self.active.size,
+            "voxels": self.active.grid.size,
+            "pixels": int(sum(np.count_nonzero(kept) for kept in self.pixels)),
+            "margin": self.margin,
+            "threshold": self.threshold,
+            "smoothing": self.smoothing,
+            "votes": self.votes,
+            "unexplained": self.unexplained,
+            "noise": {
+                name: {"read": one.read, "gain": one.gain}
+                for name, one in zip(names, self.noise, strict=True)
+            },
+            "reason": self.reason,
+        }
+
+
+def carve(
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray[np.floating]],
+    masks: Sequence[NDArray[np.bool_]] | None,
+    grid: VoxelGrid,
+    *,
+    margin: float | str = "auto",
+    threshold: float | str = "auto",
+    votes: int | str = "auto",
+    views: Sequence[int] | None = None,
+    noise: Sequence[NoiseModel] | None = None,
+) -> Carving:
+    """Find the voxels that dark pixels prove empty.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+    images : sequence of (height, width)
+        Intensities, one image a camera.
+    masks : sequence of (height, width) bool, optional
+        True where a pixel is usable. An unusable pixel proves nothing.
+    grid : VoxelGrid
+    margin : float or "auto"
+        Pixels that the cameras may be off; ``auto`` finds the smallest that contradicts no view.
+        Infinite: nothing is carved.
+    threshold : float or "auto"
+        The intensity up to which a pixel is dark; ``auto`` takes it from the noise.
+    votes : int or "auto"
+        Views that must find a voxel dark.
+    views : sequence of int, optional
+        The cameras whose word counts; all when None. The others' pixels are told too.
+    noise : sequence of NoiseModel, optional
+        Of each image, where it is known already; estimated when None.
+
+    Raises
+    ------
+    ValueError
+        If images or masks do not fit the cameras, or a setting is out of range.
+
+    Notes
+    -----
+    A view finds a voxel dark when no pixel is bright that the voxel's projected box, grown by the
+    margin, so much as touches; a box with an unusable pixel, or that leaves the image, is not
+    dark. With exact cameras and images without noise a voxel that emits is dark in no view: what
+    remains holds the visual hull (Laurentini, "The visual hull concept for silhouette-based image
+    understanding", IEEE PAMI 16, 1994), and that holds the emission.
+
+    Cameras that are not exact contradict each other: some cut away what others see, and their
+    bright pixels meet no active voxel. The margin grows until at most a thousandth of the bright
+    light of any view goes unexplained; where no margin does it, one more view must agree, and if
+    two more do not do it nothing is carved.
+    """
+    _check(cameras, images, masks, margin, threshold, votes)
+    lattices = Lattice.of_all(cameras, grid)
+    brightness = Brightness.of(images, masks, _pixels_a_voxel(lattices), threshold, noise)
+    judges = list(range(len(cameras)) if views is None else views)
+    hull = Hulls(lattices, brightness, judges, grid.shape)
+    if not hull.bright:
+        reason = "no pixel is surely bright: nothing is carved"
+        return _uncarved(brightness, hull.seen, grid, reason)
+    for enough in votes_to_try(votes, len(judges)):
+        found = smallest(hull, enough, margins_to_try(margin, judges, images), margin != "auto")
+        if found is not None:
+            break
+    else:
+        return _uncarved(brightness, hull.seen, grid, "the views contradict: nothing is carved")
+    reach, active, explained, missed = found
+    if active.mean() > WORTH_IT:
+        reason = "hardly a voxel is dark: nothing is carved"
+        return _uncarved(brightness, hull.seen, grid, reason)
+    return Carving(
+        ActiveVoxels.from_mask(grid, active),
+        tuple(a & b for a, b in zip(explained, brightness.usable, strict=True)),
+        reach,
+        brightness.threshold,
+        brightness.smoothing,
+        enough,
+        missed,
+        brightness.noise,
+        _in_words(active, reach, enough, len(judges), brightness, missed),
+    )
+
+
+def _pixels_a_voxel(lattices: list[Lattice]) -> float:
+    sizes = [lattice.pixels_a_voxel for lattice in lattices]
+    sizes = [size for size in sizes if math.isfinite(size)]
+    return float(np.median(sizes)) if sizes else 0.0
+
+
+def _uncarved(
+    brightness: Brightness, seen: list[NDArray[np.bool_]], grid: VoxelGrid, reason: str
+) -> Carving:
+    return Carving(
+        ActiveVoxels(grid),
+        tuple(a & b for a, b in zip(seen, brightness.usable, strict=True)),
+        0.0,
+        brightness.threshold,
+        brightness.smoothing,
+        0,
+        0.0,
+        brightness.noise,
+        reason,
+    )
+
+
+def _in_words(
+    active: NDArray[np.bool_],
+    margin: float,
+    votes: int,
+    views: int,
+    brightness: Brightness,
+    missed: float,
+) -> str:
+    blur = f" after a blur of {brightness.smoothing:.1f} pixels" if brightness.smoothing else ""
+    return (
+        f"{1 - active.mean():.1%} of the voxels are dark in {votes} or more of {views} views: no "
+        f"pixel within {margin:g} of them is above {brightness.threshold:.3g}{blur}; "
+        f"{missed:.2%} of the bright light of a view at most is left unexplained"
+    )
+
+
+def _check(
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray],
+    masks: Sequence[NDArray] | None,
+    margin: float | str,
+    threshold: float | str,
+    votes: int | str,
+) -> None:
+    """Check what comes in; one line names what is wrong."""
+    for what, found in (("images", images), ("masks", masks)):
+        if found is None:
+            continue
+        if len(found) != len(cameras):
+            raise ValueError(
+                f"{what}: found {len(found)}, expected one for each of {len(cameras)} cameras"
+            )
+        for camera, one in zip(cameras, found, strict=True):
+            width, height = camera.image_size
+            if np.shape(one) != (height, width):
+                raise ValueError(
+                    f"{what}: camera {camera.name}: found shape {np.shape(one)}, expected "
+                    f"{(height, width)}"
+                )
+    for name, value, endless in (("margin", margin, True), ("threshold", threshold, False)):
+        is_good = isinstance(value, Real) and value >= 0 and (endless or math.isfinite(value))
+        if value != "auto" and not is_good:
+            raise ValueError(f"{name}: found {value!r}, expected auto or a number >= 0")
+    if votes != "auto" and not (isinstance(votes, Integral) and 1 <= votes <= 255):
+        raise ValueError(f"votes: found {votes!r}, expected auto or a whole number from 1 to 255")

@@ -1,0 +1,119 @@
+"""Which voxels views prove dark, and which pixels a set of voxels can explain.
+
+A voxel's image is bounded by the box of pixels that its projected edges span; a count of bright
+pixels summed along rows and columns tells in four look-ups whether such a box is dark
+(Crow, "Summed-area tables for texture mapping", SIGGRAPH 1984). Whole bricks are tested first.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.hull import _kernels as kernels
+from tomo.hull.projection_lattice import STEP, Lattice, bricks_of
+
+Shapes = Sequence[tuple[int, int]]
+
+
+def dark_votes(
+    bright: Sequence[NDArray[np.bool_]],
+    lattices: Sequence[Lattice],
+    shape: tuple[int, int, int],
+    *,
+    margin: float,
+    enough: int,
+) -> NDArray[np.uint8]:
+    """Return how many views prove each voxel dark, counted up to ``enough``: ``shape``.
+
+    Parameters
+    ----------
+    bright : sequence of (height, width) bool
+        True also where a pixel cannot be trusted: no box with such a pixel is dark, nor one that
+        leaves the image.
+    lattices : sequence of Lattice
+        One a view.
+    margin : float
+        Pixels by which a voxel's box is grown on every side.
+    enough : int
+        1 to 255.
+    """
+    votes = np.zeros(shape, np.uint8)
+    reach = np.array([margin + lattice.slack for lattice in lattices])
+    corners = np.stack([lattice.corners for lattice in lattices])
+    layout = _layout([image.shape for image in bright])
+    tables = np.zeros(int(layout[-1, 0]), np.int32)
+    for image, table in zip(bright, _tables(tables, layout), strict=True):
+        table[1:, 1:] = image
+    kernels.sum_up(tables, layout)
+    kernels.vote(tables, layout, corners, reach, enough, votes)
+    return votes
+
+
+def touched(
+    active: NDArray[np.bool_], lattices: Sequence[Lattice], image_shapes: Shapes
+) -> list[NDArray[np.bool_]]:
+    """Return for each view the pixels that the active voxels' boxes touch: its ``image_shape``.
+
+    All of them where the camera does not see every brick: it cannot be told.
+    """
+    layout = _layout(image_shapes)
+    steps = np.zeros(int(layout[-1, 0]), np.int32)
+    slack = np.array([lattice.slack for lattice in lattices])
+    corners = np.stack([one.corners for one in lattices])
+    kernels.splat(corners, *_by_brick(surface(active)), slack, layout, steps)
+    kernels.sum_up(steps, layout)
+    found = []
+    for lattice, counts in zip(lattices, _tables(steps, layout), strict=True):
+        seen = counts[:-1, :-1] > 0
+        if active.any() and not np.isfinite(lattice.corners).all():
+            seen[:] = True
+        found.append(seen)
+    return found
+
+
+def surface(active: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the active voxels that are not active all round: no others show from outside."""
+    inner = active.copy()
+    for axis in range(3):
+        along = np.moveaxis(active, axis, 0)
+        kept = np.moveaxis(inner, axis, 0)
+        kept[1:] &= along[:-1]
+        kept[:-1] &= along[1:]
+        kept[[0, -1]] = False
+    return active & ~inner
+
+
+def _by_brick(
+    active: NDArray[np.bool_],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return the bricks with a active voxel (B, 3), and where in each its active voxels are.
+
+    Brick ``b`` has the voxels ``ptr[b]:ptr[b + 1]``, their middles from 0 to 1 across it: (V, 3).
+    """
+    shape = bricks_of(active.shape)
+    padded = np.pad(active, [(0, STEP * b - n) for b, n in zip(shape, active.shape, strict=True)])
+    cells = padded.reshape(*(size for b in shape for size in (b, STEP)))
+    inside = cells.transpose(0, 2, 4, 1, 3, 5).reshape(-1, STEP**3)
+    counts = np.count_nonzero(inside, axis=1)
+    found = np.flatnonzero(counts)
+    place = np.stack(np.unravel_index(np.flatnonzero(inside) % STEP**3, (STEP,) * 3), axis=1)
+    ptr = np.concatenate([[0], np.cumsum(counts[found])])
+    return np.stack(np.unravel_index(found, shape), axis=1), ptr, (place + 0.5) / STEP
+
+
+def _layout(image_shapes: Shapes) -> NDArray[np.int64]:
+    """Return ``(views + 1, 3)``: where each view's table begins in one vector, height, width."""
+    layout = np.zeros((len(image_shapes) + 1, 3), np.int64)
+    layout[:-1, 1:] = np.reshape(image_shapes, (-1, 2))
+    layout[1:, 0] = np.cumsum(np.prod(layout[:-1, 1:] + 1, axis=1))
+    return layout
+
+
+def _tables(values: NDArray[np.int32], layout: NDArray[np.int64]) -> Iterator[NDArray[np.int32]]:
+    """Go through the views' tables, ``(height + 1, width + 1)`` each."""
+    for (start, height, width), (stop, _, _) in itertools.pairwise(layout):
+        yield values[start:stop].reshape(height + 1, width + 1)

@@ -1,0 +1,16 @@
+"""One image by itself: noise, pixel weights, bad pixels, background."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "background": ["background"],
+        "bad_pixels": ["usable_pixels"],
+        "below_zero": ["below_zero"],
+        "focus": ["blur_of_images"],
+        "noise_model": ["NoiseModel", "estimate_noise"],
+        "outlier_pixels": ["wild_pixels"],
+        "pixel_weights": ["PixelWeights", "weigh_pixels"],
+    },
+)

@@ -1,0 +1,170 @@
+"""Wild pixels: single ones, or two side by side, that no lens could have drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo.measurement.noise_model import NoiseModel, estimate_noise
+
+TIMES = 3.0
+"""By how much a pixel must be farther from its neighbours' word than they are from theirs."""
+
+TYPICAL = 6
+"""The so-manieth largest deviation of the 24 pixels around speaks for all of them."""
+
+ALONG = 0.4
+"""Share of its deviation by which it must miss the nearest of the four lines' predictions too."""
+
+SIGMAS = 3.0  # of the noise, times TIMES
+SHARE = 0.015  # of the image's brightest light, likewise
+ROUNDS = 6
+"""A wild pixel makes its neighbours look strange: of those that touch, only the strangest are left
+out, and the others are looked at again without them."""
+
+AROUND = [(y, x) for y in range(-2, 3) for x in range(-2, 3) if (y, x) != (0, 0)]
+RING = [(y, x) for y, x in AROUND if max(abs(y), abs(x)) == 2]
+TOUCHING = [step for step in AROUND if step not in RING]
+SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
+PAIRS = ((0, 1), (1, 0), (1, 1), (1, -1))
+OPPOSITE = [(-y, -x) for y, x in PAIRS]
+
+
+def wild_pixels(
+    image: ArrayLike, mask: ArrayLike | None = None, noise: NoiseModel | None = None
+) -> NDArray[np.bool_]:
+    """Return the usable pixels that their neighbours contradict, ``(height, width)``.
+
+    Parameters
+    ----------
+    image : (height, width)
+    mask : (height, width) bool, optional
+        True where a pixel is usable as far as is known; the others say nothing.
+    noise : NoiseModel, optional
+        Of the image; estimated when None.
+
+    Notes
+    -----
+    Each of the four lines through a pixel predicts it by the mean of the two neighbours on it;
+    the middle of the four, the mean of the second and third of them, is not moved by one wild
+    neighbour. On a smooth image the deviation from it is the curvature, which the pixels around
+    share. A pixel is wild when it deviates three times as much as the sixth largest of the 24
+    around it, three standard deviations of the noise, one photon and 1.5 % of the image's
+    brightest light together, and lies beyond what each of the lines predicts: creases, as where
+    a box seen on edge begins, go straight on along one of them. Lenses spread real light: where
+    three of the four pixels beside a pixel are lifted as well, by a third of its deviation, the
+    spot is real.
+    """
+    image = np.asarray(image, np.float32)
+    usable = np.isfinite(image)
+    if mask is not None:
+        usable &= np.asarray(mask, bool)
+    wild = np.zeros(image.shape, bool)
+    if min(image.shape) < 5 or not image.any(where=usable):
+        return wild
+    scale = np.float32(np.abs(image).max(where=usable, initial=0.0))
+    noise = estimate_noise(image, usable) if noise is None else noise
+    noise = NoiseModel(noise.read / scale, noise.gain / scale)
+    image = np.where(usable, image / scale, 0)
+    known = usable
+    for _ in range(ROUNDS):
+        filled = np.where(known, image, _mean_around(image, known))
+        expected = _middle_of_pairs(filled)
+        deviation = np.where(usable, image, expected) - expected
+        light = float(expected.max(initial=0.0, where=known))
+        sigma = np.sqrt(noise.variance(expected)).astype(np.float32)
+        far = SHARE * light + SIGMAS * sigma + np.float32(noise.gain)
+        # What the pixels around deviate by counts them filled: wild ones stand for nobody.
+        spread = np.abs(filled - expected)
+        found = _confirmed(deviation, filled, spread, far, usable & ~wild)
+        if not found.any():
+            break
+        wild |= found
+        known = known & ~found
+    return wild
+
+
+def _confirmed(
+    deviation: NDArray[np.float32],
+    filled: NDArray[np.float32],
+    spread: NDArray[np.float32],
+    far: NDArray[np.float32],
+    asked: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """Return which of the pixels asked for are wild, looking closely at the few that may be."""
+    found = np.zeros(asked.shape, bool)
+    rows, columns = np.nonzero(asked & (np.abs(deviation) > TIMES * far))
+    if not len(rows):
+        return found
+    filled = np.pad(filled, 2, mode="reflect")
+    own = deviation[rows, columns]  # (candidates,)
+    sign = np.sign(own)
+    ends = (_beside(filled, rows, columns, side) for side in (PAIRS, OPPOSITE))
+    lines = sign * sum(ends) / 2  # (4, candidates)
+    beyond = sign * filled[rows + 2, columns + 2] - lines.max(axis=0)
+    likely = beyond > ALONG * np.abs(own)
+    rows, columns, own, sign = rows[likely], columns[likely], own[likely], sign[likely]
+    if not len(rows):
+        return found
+    spread = np.pad(spread, 2, mode="reflect")
+    typical = np.partition(_beside(spread, rows, columns, AROUND), -TYPICAL, axis=0)[-TYPICAL]
+    near = sign * _beside(filled, rows, columns, SIDES)
+    ground = sign * _beside(filled, rows, columns, RING)
+    lifted = np.sort(near, axis=0)[1] - np.median(ground, axis=0)
+    level = np.maximum(typical + far[rows, columns], lifted)
+    wild = np.abs(own) > TIMES * level
+    rows, columns, own = rows[wild], columns[wild], own[wild]
+    if not len(rows):
+        return found
+    found[rows, columns] = True
+    strange = np.pad(np.where(found, np.abs(deviation), 0), 2, mode="reflect")
+    stranger = _beside(strange, rows, columns, TOUCHING)
+    found[rows, columns] = np.abs(own) >= stranger.max(axis=0)
+    return found
+
+
+def _beside(
+    padded: NDArray[np.float32],
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    steps: Sequence[tuple[int, int]],
+) -> NDArray[np.float32]:
+    """Return what lies so many rows and columns from each candidate: ``(steps, candidates)``.
+
+    ``padded`` has two pixels more on every side.
+    """
+    return np.stack([padded[rows + 2 + y, columns + 2 + x] for y, x in steps])
+
+
+def _middle_of_pairs(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the mean of the second and third of the four lines' predictions."""
+    height, width = image.shape
+    # Odd reflection goes on straight beyond the border: a slope is no deviation.
+    padded = np.pad(image, 1, mode="reflect", reflect_type="odd")
+
+    def at(y: int, x: int) -> NDArray[np.float32]:
+        return padded[1 + y : 1 + y + height, 1 + x : 1 + x + width]
+
+    total = np.zeros(image.shape, np.float32)
+    lowest = np.full(image.shape, np.inf, np.float32)
+    highest = np.full(image.shape, -np.inf, np.float32)
+    for y, x in PAIRS:
+        pair = (at(y, x) + at(-y, -x)) / 2
+        total += pair
+        np.minimum(lowest, pair, out=lowest)
+        np.maximum(highest, pair, out=highest)
+    return (total - lowest - highest) / 2
+
+
+def _mean_around(image: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return the mean of the known pixels of each 3 x 3; zero where there is none."""
+    if known.all():
+        return image
+    import cv2
+
+    size = (3, 3)
+    total = cv2.blur(np.where(known, image, 0), size, borderType=cv2.BORDER_REFLECT_101)
+    share = cv2.blur(known.astype(np.float32), size, borderType=cv2.BORDER_REFLECT_101)
+    return np.divide(total, share, out=np.zeros_like(total), where=share > 1e-6)

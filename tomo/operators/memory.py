@@ -1,0 +1,213 @@
+"""The memory that a reconstruction takes, and the form of projector that fits in it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Camera
+from tomo._compute.grouping import golden_section
+from tomo._compute.memory import available_memory
+from tomo.grid import VoxelGrid
+from tomo.rays import Rays
+from tomo.rays.ray_box import enter_box
+
+STORED, ON_THE_FLY = "stored", "on-the-fly"
+"""The forms of a projector: `tomo.operators.stored` and `tomo.operators.on_the_fly.projector`."""
+
+BYTES_PER_SEGMENT = 20  # an entry, its copy while views are joined, and what trials take
+BYTES_PER_MIDPOINT = 24  # and its copy while views are joined
+BYTES_PER_RAY = 32  # on the fly: its pixel's number, what the lens does, and the images
+BYTES_PER_VOXEL = 64  # the volume, its updates and sums, and the column pointers
+SAMPLED_RAYS = 2_000  # a camera: enough for a few per cent
+
+
+@dataclass(frozen=True)
+class MemoryNeed:
+    """An estimate of what a reconstruction takes.
+
+    Attributes
+    ----------
+    rays : int
+        Lines of sight that meet the grid.
+    segments : int
+        Crossings of rays with voxels.
+    voxels : int
+    nbytes : int
+    """
+
+    rays: int
+    segments: int
+    voxels: int
+    nbytes: int
+
+
+def estimate_memory(
+    cameras: list[Camera] | tuple[Camera, ...],
+    grid: VoxelGrid,
+    *,
+    form: str = STORED,
+    supersample: int = 1,
+    midpoints: bool = False,
+) -> MemoryNeed:
+    """Estimate the memory of reconstructing from all pixels of some cameras.
+
+    Rays and crossings are counted on a sample of the rays; ``form`` is that of the projector.
+    """
+    rays = segments = 0.0
+    for camera in cameras:
+        sample, share = _sampled_pixels(math.prod(camera.image_size))
+        box = enter_box(Rays.from_camera(camera, sample), grid)
+        share *= supersample**2
+        inside = box.length > 0
+        crossings = box.planes_between(grid.shape)[inside] + 1
+        rays += share * inside.sum()
+        segments += share * crossings.sum()
+    per_segment = BYTES_PER_SEGMENT + (BYTES_PER_MIDPOINT if midpoints else 0)
+    matrix = per_segment * segments if form == STORED else BYTES_PER_RAY * rays
+    nbytes = matrix + BYTES_PER_VOXEL * grid.size
+    return MemoryNeed(round(rays), round(segments), grid.size, round(nbytes))
+
+
+def _sampled_pixels(count: int) -> tuple[NDArray[np.int64], float]:
+    """Return some of ``count`` pixels spread over the image, and how many each stands for.
+
+    Even steps would fall into step with the image's width and see a few columns only.
+    """
+    if count <= SAMPLED_RAYS:
+        return np.arange(count), 1.0
+    places = (np.arange(SAMPLED_RAYS) + 0.5) / SAMPLED_RAYS * count  # one in each stretch
+    jitter = (golden_section(SAMPLED_RAYS) - 0.5) * count / SAMPLED_RAYS
+    return np.clip(places + jitter, 0, count - 1).astype(np.int64), count / SAMPLED_RAYS
+
+
+def check_memory(
+    cameras: list[Camera] | tuple[Camera, ...],
+    grid: VoxelGrid,
+    *,
+    form: str = STORED,
+    supersample: int = 1,
+    midpoints: bool = False,
+    available: int | None = None,
+) -> MemoryNeed:
+    """Refuse a grid that the memory cannot hold, before anything is allocated.
+
+    Parameters
+    ----------
+    available : int, optional
+        Bytes that may be used; what the system has free when None.
+
+    Raises
+    ------
+    ValueError
+        Saying how much the grid would take, how much there is, and what grid would fit.
+    """
+    need = estimate_memory(cameras, grid, form=form, supersample=supersample, midpoints=midpoints)
+    available = available_memory() if available is None else available
+    _refuse_too_large(need, grid, form, available)
+    return need
+
+
+def _refuse_too_large(need: MemoryNeed, grid: VoxelGrid, form: str, available: int) -> None:
+    if need.nbytes <= available:
+        return
+    coarser = _coarser_grid_that_fits(need, grid, form, available)
+    advice = "no grid would fit: use smaller images (--scale) or fewer rays a pixel"
+    if coarser is not None:
+        spacing = " x ".join(f"{s:.4g}" for s in coarser.spacing)
+        advice = f"{_by(coarser.shape)} voxels of {spacing} would fit"
+    raise ValueError(
+        f"grid {_by(grid.shape)}: would take about {_gigabytes(need.nbytes)} "
+        f"({need.rays:,} rays, {need.segments:,} crossings), found {_gigabytes(available)} free; "
+        f"{advice}"
+    )
+
+
+def choose_form(
+    cameras: list[Camera] | tuple[Camera, ...],
+    grid: VoxelGrid,
+    *,
+    wanted: str = "auto",
+    needs_matrix: bool = False,
+    supersample: int = 1,
+    midpoints: bool = False,
+    available: int | None = None,
+) -> tuple[str, str]:
+    """Return the form of projector that fits in memory, and why it.
+
+    A stored matrix is the fastest; where it does not fit, chord lengths are computed anew at
+    every product.
+
+    Parameters
+    ----------
+    wanted : {"auto", "stored", "on-the-fly"}
+    needs_matrix : bool
+        Whether the method goes through the matrix's entries, so that only a stored one will do.
+    available : int, optional
+        Bytes that may be used; what the system has free when None.
+
+    Raises
+    ------
+    ValueError
+        If the form is unknown, cannot serve the method, or does not fit.
+    """
+    forms = ("auto", STORED, ON_THE_FLY)
+    if wanted not in forms:
+        raise ValueError(f"projector: found {wanted!r}, expected one of {', '.join(forms)}")
+    if wanted == ON_THE_FLY and needs_matrix:
+        raise ValueError(
+            "projector: found on-the-fly, expected stored: the method needs the matrix's entries"
+        )
+    available = available_memory() if available is None else available
+    if wanted != ON_THE_FLY:
+        most = _most_stored(cameras, grid, supersample, midpoints)
+        if most <= available:
+            return STORED, f"the matrix takes at most {_gigabytes(most)}"
+    stored = estimate_memory(cameras, grid, supersample=supersample, midpoints=midpoints)
+    takes = f"the matrix takes about {_gigabytes(stored.nbytes)} of {_gigabytes(available)} free"
+    if wanted == STORED or needs_matrix or (wanted == "auto" and stored.nbytes <= available):
+        _refuse_too_large(stored, grid, STORED, available)
+        return STORED, takes
+    check_memory(cameras, grid, form=ON_THE_FLY, supersample=supersample, available=available)
+    return ON_THE_FLY, takes if wanted == "auto" else "asked for"
+
+
+def _most_stored(
+    cameras: list[Camera] | tuple[Camera, ...], grid: VoxelGrid, supersample: int, midpoints: bool
+) -> int:
+    """Return what a stored matrix takes at most: no ray crosses more than the planes between."""
+    rays = supersample**2 * sum(math.prod(camera.image_size) for camera in cameras)
+    per_segment = BYTES_PER_SEGMENT + (BYTES_PER_MIDPOINT if midpoints else 0)
+    return per_segment * rays * (sum(grid.shape) - 2) + BYTES_PER_VOXEL * grid.size
+
+
+def _coarser_grid_that_fits(
+    need: MemoryNeed, grid: VoxelGrid, form: str, available: int
+) -> VoxelGrid | None:
+    """Return the grid of the same box, voxels enlarged alike, that takes 80 % of the memory.
+
+    None if even a single layer of voxels takes more.
+    """
+    per_voxels = BYTES_PER_VOXEL * need.voxels
+    rest = max(need.nbytes - per_voxels, 0)
+    growth = 1 if form == STORED else 0  # crossings go with the resolution, rays do not
+    low, high = 0.0, 1.0
+    for _ in range(60):  # bisection
+        middle = (low + high) / 2
+        taken = per_voxels * middle**3 + rest * middle**growth
+        low, high = (middle, high) if taken <= 0.8 * available else (low, middle)
+    shape = tuple(math.floor(n * low) for n in grid.shape)
+    if min(shape) < 1:
+        return None
+    return VoxelGrid.from_bounds(shape, grid.lower, grid.upper)
+
+
+def _gigabytes(nbytes: int) -> str:
+    return f"{nbytes / 1e9:,.1f} GB"
+
+
+def _by(shape: tuple[int, int, int]) -> str:
+    return "x".join(str(n) for n in shape)

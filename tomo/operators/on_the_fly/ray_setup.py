@@ -1,0 +1,251 @@
+"""What rays do in a grid, seen along the axis on which each moves fastest.
+
+The axis along which a ray moves fastest (in voxels) is its *long* axis ``a``; ``b`` and ``c`` are
+the two others, in either order. A ray is told as two straight lines, ``b(t)`` and ``c(t)`` over
+the position ``t`` along ``a``, all in voxels, ascending along every axis: a line integral does not
+know which way it was taken, and where a ray descends along b or c while it ascends along a, that
+axis is counted from its other end. Such an axis is *mirrored*, and its slope negative.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tomo._compute.jit import compiled
+from tomo.rays.ray_box import STILL
+from tomo.trace.plane_crossings import voxel_units
+
+START_B, SLOPE_B, START_C, SLOPE_C, ENTER, LEAVE, SCALE = range(7)
+"""Columns of a course: ``b`` and ``c`` where ``t`` is zero (counted backwards if mirrored), voxels
+along them per voxel along a, ``t`` where the ray enters and leaves the grid, and weight times
+world length of a step of one voxel along a. A ray that has no course leaves where it enters."""
+
+WIDTH = 8
+"""Numbers kept for a course: a line of a processor's cache."""
+
+_TOGETHER = 256  # rays whose courses are computed in one loop, which vectorises
+
+
+@compiled(inline=True)
+def _bounds(position, direction, count, near, far):
+    """Clip the interval ``near, far`` of a ray to ``0 <= position <= count`` along one axis."""
+    still = abs(direction) < STILL
+    per = 1.0 / (1.0 if still else direction)
+    lower, upper = -position * per, (count - position) * per
+    first, last = (lower, upper) if lower < upper else (upper, lower)
+    inside = (position >= 0) & (position <= count)
+    first = -np.inf if still else first
+    last = (np.inf if inside else -1.0) if still else last
+    return (first if first > near else near), (last if last < far else far)
+
+
+@compiled(inline=True)
+def _moving(position, direction, length):
+    """Return ``direction``, or zero when the ray stays at ``position`` all along ``length``."""
+    return 0.0 if position + direction * length == position else direction
+
+
+@compiled(inline=True)
+def _within(position, count):
+    """Return a position along the long axis, not outside the grid."""
+    position = position if position > 0 else 0.0
+    return position if position < count else count
+
+
+@compiled(inline=True)
+def _set_courses(rays, made, some, shape, before_b, before_c, courses, first, step) -> None:
+    """Write the courses of rays whose long axis is a; no course for any other ray.
+
+    There is no branch that depends on data, so that the loop vectorises.
+
+    Parameters
+    ----------
+    rays : (8, at least some) float64
+        Origin along a, b, c, in voxels from the lower corner, direction along them, in voxels a
+        unit of length, length and weight. A ray of NaN gets no course.
+    made : (7, at least some) float64
+        Written: room.
+    some : int
+    shape : (int, int, int)
+        Voxels along a, b, c.
+    before_b, before_c : bool
+        Whether a ray as fast along b, or c, as along a has a for its long axis.
+    courses : (N, 8) float64
+        Written in each ``step``-th row from ``first`` on.
+    first, step : int
+    """
+    n_a, n_b, n_c = float(shape[0]), float(shape[1]), float(shape[2])
+    for k in range(some):
+        a, b, c = rays[0, k], rays[1, k], rays[2, k]
+        da, db, dc = rays[3, k], rays[4, k], rays[5, k]
+        ahead_b = (abs(da) > abs(db)) | (before_b & (abs(da) == abs(db)))
+        ahead_c = (abs(da) > abs(dc)) | (before_c & (abs(da) == abs(dc)))
+        near, far = 0.0, rays[6, k]
+        near, far = _bounds(a, da, n_a, near, far)
+        near, far = _bounds(b, db, n_b, near, far)
+        near, far = _bounds(c, dc, n_c, near, far)
+        chord = far - near
+        a, b, c = a + da * near, b + db * near, c + dc * near
+        moving = _moving(a, da, chord) != 0
+        db, dc = _moving(b, db, chord), _moving(c, dc, chord)
+        valid = ahead_b & ahead_c & (far > near) & moving
+        end, per = a + da * chord, 1.0 / da
+        slope_b, slope_c = db * per, dc * per
+        b, c = b - slope_b * a, c - slope_c * a
+        made[START_B, k] = n_b - b if slope_b < 0 else b
+        made[SLOPE_B, k] = slope_b
+        made[START_C, k] = n_c - c if slope_c < 0 else c
+        made[SLOPE_C, k] = slope_c
+        made[ENTER, k] = _within(a if a < end else end, n_a) if valid else 0.0
+        made[LEAVE, k] = _within(end if a < end else a, n_a) if valid else 0.0
+        made[SCALE, k] = rays[7, k] * abs(per)
+    for k in range(some):
+        row = np.uint64(first + k * step)
+        for part in range(7):
+            courses[row, part] = made[part, k]
+
+
+@compiled()
+def of_rays(origins, directions, lengths, weights, box, shape, axes, courses) -> None:
+    """Write the courses of rays (N, ...) with ``axes[0]`` for their long axis.
+
+    Parameters
+    ----------
+    origins, directions, lengths, weights
+        As in `tomo.rays.Rays`.
+    box : (3, 3) float64
+        The grid's lower and upper corner and its spacing.
+    shape : (int, int, int)
+        Voxels along a, b, c.
+    axes : (int, int, int)
+        Which axes are a, b and c.
+    courses : (N, 8) float64
+        Written; a ray with another long axis, or one that misses the grid, gets no course.
+    """
+    before = axes[0] < axes[1], axes[0] < axes[2]
+    rays, made = np.zeros((8, _TOGETHER)), np.zeros((7, _TOGETHER))
+    for first in range(0, len(origins), _TOGETHER):
+        some = min(_TOGETHER, len(origins) - first)
+        for k in range(some):
+            for part in range(3):
+                axis = axes[part]
+                rays[part, k] = voxel_units(
+                    origins[first + k, axis], box[0, axis], box[1, axis], box[2, axis], shape[part]
+                )
+                rays[3 + part, k] = directions[first + k, axis] / box[2, axis]
+            rays[6, k], rays[7, k] = lengths[first + k], weights[first + k]
+        _set_courses(rays, made, some, shape, before[0], before[1], courses, first, 1)
+
+
+@compiled(inline=True)
+def _write_numbers(first_pixel, ptr, run, start, some, numbers):
+    """Write pixel numbers from ``start`` on, which is in ``run``; return the run of the last."""
+    k = 0
+    while k < some:
+        while ptr[run + 1] <= start + k:
+            run += 1
+        end = min(ptr[run + 1] - start, some)
+        shift = float(first_pixel[run] + (start - ptr[run]))
+        for m in range(k, end):
+            numbers[m] = shift + m
+        k = end
+    return run
+
+
+@compiled(inline=True)
+def _write_plane(numbers, some, width, lens, step_down, step_right, rays):
+    """Write where pixels are on the plane at distance one: right, down and ahead."""
+    f_x, skew, c_x, f_y, c_y = lens[0], lens[1], lens[2], lens[3], lens[4]
+    per_x, per_y, per_width = 1.0 / f_x, 1.0 / f_y, 1.0 / width
+    for k in range(some):
+        row = np.floor((numbers[k] + 0.5) * per_width)  # faster than by whole numbers
+        down = (row + step_down - c_y) * per_y
+        rays[0, k] = (numbers[k] - row * width + step_right - c_x - skew * down) * per_x
+        rays[1, k] = down
+        rays[2, k] = 1.0
+
+
+@compiled(inline=True)
+def _write_directions(rays, weights, some, to):
+    """Turn right, down and ahead into what `_set_courses` needs of rays from one point."""
+    a, b, c = to[0, 3], to[1, 3], to[2, 3]
+    a_right, a_down, a_ahead = to[0, 0], to[0, 1], to[0, 2]
+    b_right, b_down, b_ahead = to[1, 0], to[1, 1], to[1, 2]
+    c_right, c_down, c_ahead = to[2, 0], to[2, 1], to[2, 2]
+    for k in range(some):
+        right, down, ahead = rays[0, k], rays[1, k], rays[2, k]
+        rays[0, k], rays[1, k], rays[2, k] = a, b, c
+        rays[3, k] = right * a_right + down * a_down + ahead * a_ahead
+        rays[4, k] = right * b_right + down * b_down + ahead * b_ahead
+        rays[5, k] = right * c_right + down * c_down + ahead * c_ahead
+        rays[6, k] = np.inf
+        rays[7, k] = weights[k] * math.sqrt(right * right + down * down + ahead * ahead)
+
+
+@compiled()
+def of_pixels(
+    first_pixel, ptr, run, start, stop, bend, width, lens, steps, turned, position, box, shape,
+    axes, courses,
+) -> None:  # fmt: skip
+    """Write the courses of a camera's pixels with ``axes[0]`` for their long axis.
+
+    Parameters
+    ----------
+    first_pixel, ptr : int32 or int64
+        Flat pixel numbers ``row * width + column`` as runs, as
+        `tomo.operators.on_the_fly.pixel_runs` has them.
+    run : int
+        In which run the first of the pixels wanted is.
+    start, stop : int
+        Which pixels are wanted, P in all.
+    bend : (P, K², 2) float32, (P, K², 3) float64 or (0, 0, 0)
+        What the lens adds to the pinhole's image coordinates, or the ray's direction in the
+        camera's axes; NaN where no direction is seen. Nothing for a lens without distortion.
+    width : int
+    lens : (5,) float64
+        fx, skew, cx, fy, cy.
+    steps : (K², 2) float64
+        Where the rays of a pixel are, down and right of its centre.
+    turned : (3, 3) float64
+        The camera's rotation from the world.
+    position : (3,) float64
+        The camera, in world coordinates.
+    box, shape, axes, courses
+        As in `of_rays`; a pixel's rays stand together.
+    """
+    several, bent = len(steps), bend.shape[2]
+    before = axes[0] < axes[1], axes[0] < axes[2]
+    rays, made = np.zeros((8, _TOGETHER)), np.zeros((7, _TOGETHER))
+    numbers, weights = np.zeros(_TOGETHER), np.full(_TOGETHER, 1.0 / several)
+    to = np.zeros((3, 4))
+    for part in range(3):
+        axis = axes[part]
+        for other in range(3):
+            to[part, other] = turned[other, axis] / box[2, axis]
+        to[part, 3] = voxel_units(
+            position[axis], box[0, axis], box[1, axis], box[2, axis], shape[part]
+        )
+    for first in range(0, stop - start, _TOGETHER):
+        some = min(_TOGETHER, stop - start - first)
+        run = _write_numbers(first_pixel, ptr, run, start + first, some, numbers)
+        for k in range(some if bent else 0):
+            seen = several
+            for part in range(several):
+                seen -= math.isnan(bend[first + k, part, 0])
+            weights[k] = 1.0 / max(seen, 1)
+        for part in range(several):
+            _write_plane(numbers, some, width, lens, steps[part, 0], steps[part, 1], rays)
+            for k in range(some if bent else 0):
+                if bent == 2:
+                    rays[0, k] += bend[first + k, part, 0]
+                    rays[1, k] += bend[first + k, part, 1]
+                else:
+                    rays[0, k], rays[1, k] = bend[first + k, part, 0], bend[first + k, part, 1]
+                    rays[2, k] = bend[first + k, part, 2]
+            _write_directions(rays, weights, some, to)
+            _set_courses(
+                rays, made, some, shape, before[0], before[1], courses, first * several + part,
+                several,
+            )  # fmt: skip

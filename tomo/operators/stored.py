@@ -1,0 +1,200 @@
+"""The projector A and its exact transpose: volume to images and back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numba
+import numpy as np
+import scipy.sparse
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+from scipy.sparse.linalg import LinearOperator
+
+from tomo._compute.jit import compiled
+from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.operators.operator import ProjectionOperator, as_float
+from tomo.operators.spmv import gather, part_bounds, scatter, sums_of_rows
+from tomo.trace import Segments
+
+
+@compiled(parallel=True)
+def _renumber(voxel, number, renumbered) -> None:
+    """Write ``number[voxel]``."""
+    for s in numba.prange(len(voxel)):
+        renumbered[s] = number[np.uint64(voxel[s])]
+
+
+def _unsigned(voxel: NDArray[np.integer]) -> NDArray[np.unsignedinteger]:
+    """Return the same bits without a sign."""
+    return voxel.view(np.uint32 if voxel.dtype.itemsize == 4 else np.uint64)
+
+
+class Projector(ProjectionOperator):
+    """The stored projection matrix: entry (pixel, voxel) is the chord length.
+
+    Parameters
+    ----------
+    segments : Segments
+        What a tracer returned; ``voxel`` are the numbers of the unknowns.
+    grid : VoxelGrid
+    view_ptr : (views + 1,) int, optional
+        Where each view's pixels begin; one view when None.
+    active : ActiveVoxels, optional
+        The voxels that are unknowns; all of the grid when None.
+    by_place : bool
+        Whether ``voxel`` are the unknowns' places (`tomo.ActiveVoxels.place`), not their numbers.
+
+    Attributes
+    ----------
+    matrix : (starts, stops, voxel, length)
+        As compiled products take it: pixel ``p`` owns the entries ``starts[p]:stops[p]`` of
+        ``voxel``, unsigned places of the unknowns, and ``length``; other pixels' lie among them.
+
+    Raises
+    ------
+    ValueError
+        If the segments have numbers that no unknown has, the views do not end with the pixels, or
+        the active voxels are those of another grid.
+
+    Notes
+    -----
+    Forward ``(A x)_p = sum_s l_s x_v(s)`` over the crossings ``s`` of pixel ``p``, summed in
+    double precision. Adjoint ``(A^T y)_v = sum_s l_s y_p(s)`` over the crossings of voxel ``v``,
+    from the same copy of the matrix and summed in the type of ``y``. Both return the type of
+    their argument (float32 or float64). Projectors of some of the pixels share the entries.
+
+    The entries kept have the unknowns numbered brick by brick (`tomo.ActiveVoxels.place`), and
+    every product brings its argument or its result into that order: that takes a hundredth of a
+    product, which is up to four times faster for it.
+
+    Examples
+    --------
+    >>> images = A @ volume.ravel()            # doctest: +SKIP
+    >>> smear = A.T @ images                   # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        segments: Segments,
+        grid: VoxelGrid,
+        view_ptr: ArrayLike | None = None,
+        active: ActiveVoxels | None = None,
+        *,
+        by_place: bool = False,
+    ) -> None:
+        super().__init__(segments.n_pixels, grid, view_ptr, segments.length.dtype, active)
+        # kernels index without checks; negative numbers are the largest of all without their sign
+        if len(segments) and _unsigned(segments.voxel).max() >= self.active.size:
+            low, high = int(segments.voxel.min()), int(segments.voxel.max())
+            raise ValueError(
+                f"segments voxel: found {low} to {high}, expected the numbers of "
+                f"{self.active.size} unknowns, from 0"
+            )
+        if self.active.place is not None and not by_place:
+            voxel = np.zeros_like(segments.voxel)
+            _renumber(segments.voxel, self.active.place, voxel)
+            segments = replace(segments, voxel=voxel)
+        self._set(segments, segments.ptr[:-1], segments.ptr[1:])
+
+    def _set(self, entries: Segments, starts: NDArray[np.int64], stops: NDArray[np.int64]) -> None:
+        """Take the pixels whose entries are ``starts[p]:stops[p]`` of ``entries``."""
+        self._entries, self._starts, self._stops = entries, starts, stops
+        self.matrix = (starts, stops, _unsigned(entries.voxel), entries.length)
+
+    def _of(
+        self,
+        entries: Segments,
+        starts: NDArray[np.int64],
+        stops: NDArray[np.int64],
+        view_ptr: ArrayLike | None,
+    ) -> Projector:
+        """Return the projector of entries whose voxels are in this one's order."""
+        part = Projector.__new__(Projector)
+        part._set(entries, starts, stops)
+        ProjectionOperator.__init__(
+            part, len(starts), self.grid, view_ptr, entries.length.dtype, self.active
+        )
+        return part
+
+    def __repr__(self) -> str:
+        """Name the sizes."""
+        return f"<Projector: {self.n_views} views, {self.shape[0]} pixels, {self.grid}>"
+
+    @cached_property
+    def n_segments(self) -> int:
+        """How many crossings of rays with voxels are stored."""
+        return int((self._stops - self._starts).sum())
+
+    @cached_property
+    def row_sums(self) -> NDArray[np.float64]:
+        """Length of every pixel's rays inside the grid, ``(pixels,)``: ``A 1``."""
+        return sums_of_rows(self._starts, self._stops, self._entries.length, self.n_segments)
+
+    @cached_property
+    def segments(self) -> Segments:
+        """The matrix's rows one after another, voxels under the unknowns' numbers; copied.
+
+        Only voxels are copied, and only many, where the rows lie one behind the other.
+        """
+        segments = self._entries.between(self._starts, self._stops)
+        if self.active.at_place is None:
+            return segments
+        return replace(segments, voxel=self.active.at_place[segments.voxel])
+
+    @cached_property
+    def _parts(self) -> NDArray[np.int64]:
+        return part_bounds(self._stops - self._starts, self.shape[1])
+
+    def _matvec(self, x: NDArray) -> NDArray:
+        x = self.active.to_places(as_float(x.ravel()))
+        images = np.zeros(self.shape[0], x.dtype)
+        gather(*self.matrix, x, images, self.n_segments)
+        return images
+
+    def _rmatvec(self, y: NDArray) -> NDArray:
+        y = as_float(y.ravel())
+        volume = np.zeros(self.shape[1], y.dtype)
+        scatter(*self.matrix, y, self._parts, volume, self.n_segments)
+        return self.active.from_places(volume)
+
+    def with_lengths(self, length: NDArray[np.floating]) -> Projector:
+        """Return the projector with ``length`` (S,), of either sign, in place of its own."""
+        entries = replace(self._entries.between(self._starts, self._stops), length=length)
+        return self._of(entries, entries.ptr[:-1], entries.ptr[1:], self.view_ptr)
+
+    def rows(self, start: int, stop: int) -> Projector:
+        """Return the projector of pixels ``start:stop``; the entries are shared, not copied."""
+        return self._of(self._entries, self._starts[start:stop], self._stops[start:stop], None)
+
+    def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> Projector:
+        return self._of(self._entries, self._starts[pixels], self._stops[pixels], view_ptr)
+
+    def to_scipy(self) -> scipy.sparse.csr_array:
+        """Return the matrix as scipy's CSR; lengths are shared, duplicates are kept."""
+        s = self.segments
+        return scipy.sparse.csr_array((s.length, s.voxel, s.ptr), shape=self.shape)
+
+
+def dot_test(operator: LinearOperator, seed: int = 0, dtype: DTypeLike = np.float64) -> float:
+    """Return how far an operator's adjoint is from its transpose, relative to the products.
+
+    ``|<A x, y> - <x, A^T y>| / (||A x|| ||y||)`` for normal random ``x`` and ``y``: about 1e-16
+    in float64 and 1e-8 in float32 for a matched pair.
+
+    Parameters
+    ----------
+    operator : LinearOperator
+    seed : int
+        Of the random vectors.
+    dtype : {float64, float32}
+        Of the vectors.
+    """
+    random = np.random.default_rng(seed)
+    x = random.standard_normal(operator.shape[1]).astype(dtype)
+    y = random.standard_normal(operator.shape[0]).astype(dtype)
+    forward, adjoint = operator @ x, operator.T @ y
+    in_images = np.dot(forward.astype(np.float64), y.astype(np.float64))
+    in_volume = np.dot(x.astype(np.float64), adjoint.astype(np.float64))
+    scale = np.linalg.norm(forward.astype(np.float64)) * np.linalg.norm(y.astype(np.float64))
+    return float(abs(in_images - in_volume) / max(scale, np.finfo(np.float64).tiny))

@@ -1,0 +1,54 @@
+"""Compile or load the kernels that a reconstruction needs, and say how long that took."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from rigs import ring
+from tomo._compute.reductions import norm
+from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.hull import carve
+from tomo.operators import STORED, Projector
+from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.rays import Rays
+from tomo.selfcal.registration import register, ways_to_shift
+from tomo.trace import trace
+
+
+def warm_up(tracer: str, form: str = STORED) -> float:
+    """Trace and project two rays through some voxels; return the seconds that it took."""
+    started = time.perf_counter()
+    grid = VoxelGrid((17, 17, 17), 1.0)  # so many that they are sorted by bricks
+    active = ActiveVoxels(grid, np.arange(1, grid.size))
+    (camera,) = ring(1, distance=50.0, image_size=(2, 1), footprint=1.0)
+    rays = Rays.from_camera(camera)
+    if form == STORED:
+        for midpoints in (False, True):
+            segments = trace(rays, grid, tracer, midpoints=midpoints, active=active)
+            projector = Projector(segments, grid, active=active)
+    else:
+        projector = OnTheFlyProjector(rays, grid, active=active)
+    norm(projector.row_sums)
+    for dtype in (np.float32, np.float64):
+        norm(projector.T @ (projector @ np.ones(active.size, dtype)))
+    return time.perf_counter() - started
+
+
+def warm_up_carving() -> float:
+    """Carve a small grid by three small views; return the seconds that it took."""
+    started = time.perf_counter()
+    cameras = tuple(ring(3, distance=50.0, image_size=(15, 15), footprint=1.0))
+    place = np.linspace(-3, 3, 15)
+    spot = np.exp(-(place**2) - place[:, None] ** 2).astype(np.float32)  # no hot pixel: as wide
+    carve(cameras, [spot] * 3, None, VoxelGrid((8, 8, 8), 1.0))
+    return time.perf_counter() - started
+
+
+def warm_up_alignment() -> float:
+    """Register a small image; return the seconds that it took."""
+    started = time.perf_counter()
+    image = np.outer(np.hanning(7), np.hanning(7))
+    register(image, image, image >= 0, ways_to_shift(image.shape))
+    return time.perf_counter() - started

@@ -1,0 +1,91 @@
+"""The reconstruction methods by name, and what each needs."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from tomo import solvers, wernet
+from tomo.solvers import Solution
+
+AUTO = "auto"
+_WERNET = {"wernet": "wernet", "wernet-paper": "wernet_paper"}
+_BY_PIXEL = ("art", "mart")
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method that can be asked for by name.
+
+    Attributes
+    ----------
+    name : str
+        ``auto`` chooses between the classic ones by views left out.
+    needs_midpoints : bool
+        Whether it needs the middle of every crossing.
+    needs_matrix : bool
+        Whether it goes through the matrix's entries, so that only a stored one will do.
+    """
+
+    name: str
+    needs_midpoints: bool = False
+    needs_matrix: bool = False
+
+    @property
+    def through_lenses(self) -> bool:
+        """Whether it can go through lenses that spread the light of single lines."""
+        return self.name == "wernet" or not self.needs_matrix
+
+    @property
+    def starts_from_default(self) -> bool:
+        """Whether it starts from what ``auto`` comes to."""
+        return self.name == "wernet"
+
+    @property
+    def solver(self) -> Callable[..., Solution]:
+        """The solver itself, imported now; ``auto`` has none of its own."""
+        if self.name in _WERNET:
+            return getattr(wernet, _WERNET[self.name])
+        return getattr(solvers, self.name)
+
+    def takes(self, name: str) -> bool:
+        """Whether the solver has an argument of that name; ``auto`` has none."""
+        return self.name != AUTO and name in inspect.signature(self.solver).parameters
+
+    @property
+    def default_iterations(self) -> int:
+        """How many iterations the solver runs when it is not told; ``auto`` has no such number."""
+        return inspect.signature(self.solver).parameters["iterations"].default
+
+    def arguments(self, **given: object) -> dict[str, object]:
+        """Return those of the arguments that the solver takes and that are not None.
+
+        Raises
+        ------
+        ValueError
+            If a device is asked for that the method cannot run on.
+        """
+        device = given.get("device", "cpu")
+        if device != "cpu" and not self.takes("device"):
+            raise ValueError(f"device: found {device!r}, expected cpu for method {self.name}")
+        return {k: v for k, v in given.items() if v is not None and self.takes(k)}
+
+
+def method_names() -> tuple[str, ...]:
+    """Return the names that `method_named` knows."""
+    return (AUTO, *solvers.METHODS, *_WERNET)
+
+
+def method_named(name: str) -> Method:
+    """Return the method called ``name``.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+    """
+    if name not in method_names():
+        raise ValueError(f"method: found {name!r}, expected one of {', '.join(method_names())}")
+    learns = name in _WERNET
+    return Method(name, needs_midpoints=learns, needs_matrix=learns or name in _BY_PIXEL)

@@ -1,0 +1,289 @@
+"""The steps of a reconstruction: load, set aside, prepare, trace, solve, and judge the result."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tomo._compute.memory import peak_memory
+from tomo.grid import VoxelGrid
+from tomo.measurement import blur_of_images
+from tomo.operators import STORED, LinearSystem
+from tomo.operators.system import Progress, VolumeNotSeenError
+from tomo.pipeline.as_warning import as_warning
+from tomo.pipeline.basis import of_basis
+from tomo.pipeline.evaluate import (
+    as_learned,
+    data_range,
+    held_out_system,
+    read_truth,
+    summed_up,
+    views_of,
+)
+from tomo.pipeline.first_use import warm_up, warm_up_alignment, warm_up_carving
+from tomo.pipeline.reconstruction import Reconstruction, View
+from tomo.pipeline.refit import solved_once_more
+from tomo.pipeline.register import Prepared, prepare
+from tomo.pipeline.request import Request
+from tomo.pipeline.run import Run
+from tomo.pipeline.screen import ScreenedScan, screen_views
+from tomo.pipeline.stage_timings import Laps
+from tomo.pipeline.weights import weights_of
+from tomo.scan import Scan
+from tomo.selection.basis import SPLINES
+from tomo.selfcal.gains import Gains, gains_worth_correcting
+from tomo.simulation.true_weights import true_effects, true_ratios
+from tomo.solvers import Solution
+from tomo.uncertainty import assess
+
+
+def reconstruct_as_asked(
+    scan: Scan, grid: VoxelGrid | None, request: Request, progress: Progress | None
+) -> Reconstruction:
+    """Return what `tomo.pipeline.reconstruct` does.
+
+    Raises
+    ------
+    ValueError
+        One line that names what is wrong with the input.
+    """
+    laps = Laps()
+    request.check(scan, grid)
+    effects = true_effects(scan)
+    truth, warnings = read_truth(scan, grid)
+    images, masks = scan.read(request.frame)
+    laps.end("load")
+    first_use = warm_up(request.tracer)
+    first_use += warm_up_carving() if request.skip else 0.0
+    first_use += warm_up_alignment() if request.align else 0.0
+    laps.skip()
+
+    screened = screen_views(scan, images, masks, grid, request.hold_out, suspects=request.suspects)
+    brightest = data_range(scan, request.frame, screened.not_left_out)
+    laps.end("suspects")
+    refined = tuple(name for name in request.refined(scan) if name not in screened.left_out)
+    refining = {
+        "cameras": refined,
+        "prior_pixels": request.refine_prior,
+        "progress": progress,
+    }
+    prepared = prepare(
+        screened.training.rig,
+        screened.images,
+        screened.masks,
+        grid,
+        align=request.align,
+        carving=request.carving,
+        refining=refining if refined else None,
+        noise=screened.noise if request.skip else None,
+        strange_light=screened.strange_light,
+    )
+    laps.end("prepare")
+    system, judged_system = _traced(prepared, screened, grid, request, progress)
+    blur = _blur(system, screened, request)
+    if blur:
+        system = system.out_of_focus(blur)
+        judged_system = judged_system and judged_system.out_of_focus(blur)
+    if system.form != STORED:
+        first_use += warm_up(request.tracer, system.form)
+    warnings += screened.warnings
+    later = _warnings_of_views(system, judged_system)
+    if blur and request.diameter is None:
+        later.append(
+            f"images are out of focus: they show discs of {blur:.3g} {scan.rig.length_unit}, "
+            "through which they were reconstructed"
+        )
+    laps.end("trace")
+
+    measured = system.flatten(screened.images)
+    if not (measured > 0).any():
+        later.append("no usable pixel that sees the volume is above 0: the volume is empty")
+    gains = gains_worth_correcting(system.projector, measured, request.fit_gain)
+    if gains:
+        measured = gains.correct(system.projector, measured)
+        later += _warning_of_gains(gains, request.fit_gain)
+    system, basis = of_basis(system, measured, request, request.main)
+    weights, weighing = weights_of(system, screened, gains, request)
+    run = Run(
+        system.projector,
+        measured,
+        truth,
+        request.learning,
+        request.seed,
+        request.time_limit,
+        progress,
+        weights,
+    )
+    found = run.solve(request.main, request.iterations)
+    system, basis, run, found = solved_once_more(system, basis, run, found, request)
+    if basis.name == SPLINES:
+        judged_system = judged_system and judged_system.of_splines(request.supersample)
+    laps.end("solve")
+    comparisons = []
+    for other, count in request.others:
+        with as_warning(f"comparison {other.name}", later):
+            comparisons.append(run.solve(other, count))
+    laps.end("compare")
+    prepared = _cameras_judged(prepared, later)  # takes its time
+    warnings += [*prepared.warnings, *later]
+    condition = None
+    with as_warning("condition: how far to trust the volume was not found", warnings):
+        condition = assess(
+            system.of_averages,
+            measured,
+            found.volume,
+            run.again(request.main, found),
+            repeats=request.repeats,
+            seed=request.seed,
+            progress=progress,
+        )
+        warnings += [f"not to be trusted: {doubt}" for doubt in condition.warnings]
+    laps.end("condition")
+
+    views, learned = [], None
+    with as_warning("re-projected images: not found", warnings):
+        seeing = as_learned(system, found, same_views=True)
+        views += views_of(seeing.of_averages, found.volume, screened.images, screened.masks, gains)
+        views += _views_judged(judged_system, found, screened, request)
+        if found.weights is not None:
+            comparable = request.supersample == 1
+            ratios = true_ratios(system, effects, truth, gains) if comparable else None
+            learned = summed_up(system, seeing, found, ratios)
+    no_ray = system.unseen
+    n_unseen = int(np.count_nonzero(no_ray))
+    if n_unseen:
+        share = n_unseen / grid.size
+        how_many = f"{share:.1%}" if share >= 0.0005 else "less than 0.1%"
+        warnings.append(
+            f"{how_many} of the voxels are seen by no camera: their {request.unseen} says nothing"
+        )
+    names = prepared.rig.names
+    return Reconstruction(
+        reconstruction=replace(found, peak_memory=peak_memory()),
+        rig=scan.rig,
+        views=tuple(sorted(views, key=lambda view: scan.rig.names.index(view.name))),
+        data_range=brightest,
+        truth=truth,
+        comparisons=tuple(comparisons),
+        counts={
+            "rays": system.projector.shape[0] * request.supersample**2,
+            "segments": system.projector.n_segments,
+            "voxels": grid.size,
+            "active_voxels": system.projector.active.size - n_unseen,
+        },
+        skipping=prepared.report(system.projector.shape[0]),
+        suspects=screened.suspects.report() if screened.suspects else None,
+        alignment=prepared.alignment.report(names) if prepared.alignment else None,
+        refinement=prepared.refinement.report() if prepared.refinement else None,
+        refined_rig=prepared.recorded_rig(scan) if refined else None,
+        gains=gains.report(names) if gains else None,
+        seconds={**laps.seconds, "choose": found.seconds["choose"], "total": laps.total},
+        first_use_seconds=first_use,
+        unseen=no_ray,
+        warnings=tuple(warnings),
+        settings={
+            **request.settings(scan, grid),
+            "tracer": request.tracer if system.form == STORED else "column changes",
+            "projector": {"form": system.form, "reason": system.reason},
+            "refine_cameras": list(refined) or None,
+            "blur": blur,
+            "basis": basis.report(),
+            "weights": weighing,
+        },
+        cosine_distances=tuple(run.cosine_distances),
+        learned=learned,
+        condition=condition,
+    )
+
+
+def _cameras_judged(prepared: Prepared, warnings: list[str]) -> Prepared:
+    """Return it with its cameras' displacement found, or without any where that failed."""
+    if prepared.alignment is None:
+        return prepared
+    with as_warning("cameras: whether images agree with them was not found", warnings):
+        _ = prepared.alignment.displacement
+        return prepared
+    return replace(prepared, alignment=replace(prepared.alignment, judged=None))
+
+
+def _traced(
+    prepared: Prepared,
+    screened: ScreenedScan,
+    grid: VoxelGrid,
+    request: Request,
+    progress: Progress | None,
+) -> tuple[LinearSystem, LinearSystem | None]:
+    """Return the system of the views that take part, and that of those only judged, if any are."""
+    how: dict[str, Any] = {
+        "tracer": request.tracer,
+        "supersample": request.supersample,
+        "form": request.projector,
+        "progress": progress,
+    }
+    try:
+        system = LinearSystem.from_rig(
+            prepared.rig,
+            grid,
+            masks=prepared.masks,
+            active=prepared.active,
+            skip=request.skip,
+            midpoints=request.needs_midpoints,
+            needs_matrix=request.needs_matrix,
+            **how,
+        )
+    except VolumeNotSeenError as error:
+        hold_out = request.hold_out
+        held_out = f"; held out: {', '.join(hold_out)}" if hold_out else ""
+        raise VolumeNotSeenError(f"{screened.training.source}: {error}{held_out}") from None
+    how |= {"active": system.projector.active, "midpoints": request.main.needs_midpoints}
+    return system, held_out_system(screened.judged, grid, screened.judged_masks, how)
+
+
+def _blur(system: LinearSystem, screened: ScreenedScan, request: Request) -> float:
+    """Return the diameter of the discs that the images that take part are blurred by."""
+    if request.diameter is not None:
+        return request.diameter
+    images = [
+        np.where(mask, image, np.float32(0))
+        for image, mask in zip(screened.images, screened.masks, strict=True)
+    ]
+    return blur_of_images(system.rig, images, system.projector.grid) or 0.0
+
+
+def _views_judged(
+    system: LinearSystem | None, found: Solution, screened: ScreenedScan, request: Request
+) -> list[View]:
+    """Return the images that took no part beside what the volume would have shown."""
+    if system is None:
+        return []
+    judging = as_learned(system, found, same_views=False)
+    return [
+        replace(
+            view,
+            held_out=view.name in request.hold_out,
+            left_out=view.name in screened.left_out,
+        )
+        for view in views_of(
+            judging.of_averages, found.volume, screened.judged_images, screened.judged_masks
+        )
+    ]
+
+
+def _warnings_of_views(*systems: LinearSystem | None) -> list[str]:
+    return [
+        f"camera {name}: none of its usable pixels sees the volume"
+        for system in systems
+        if system is not None
+        for name in system.blind
+    ]
+
+
+def _warning_of_gains(gains: Gains, asked: bool | None) -> list[str]:
+    if asked:
+        return []
+    return [
+        f"the cameras' gains differ by {gains.disagreement:.1%}, or their backgrounds: both were "
+        "fitted and corrected"
+    ]

@@ -1,0 +1,1 @@
+"""What a solver knows of a volume beforehand: differences, total variation, bounds."""

@@ -1,0 +1,187 @@
+"""Straight pieces of lines of sight, grouped by the pixel that they feed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo._compute.grouping import take_groups
+from tomo.rays.pinhole import FINE, NOT_FINITE, NOT_LONG, NOT_UNIT, lines_of_sight, what_is_wrong
+
+if TYPE_CHECKING:
+    from rigs import Camera
+
+_WRONG = {
+    NOT_FINITE: "rays origins: found NaN or infinity, expected finite coordinates",
+    NOT_UNIT: "rays directions: expected unit vectors",
+    NOT_LONG: "rays lengths: found a negative or NaN length, expected >= 0",
+}
+
+
+def places_in_pixel(supersample: int) -> NDArray[np.float64]:
+    """Return where a pixel's rays are, down and right of its centre, ``(K², 2)``."""
+    steps = steps_in_pixel(supersample)
+    return np.stack([np.repeat(steps, supersample), np.tile(steps, supersample)], axis=1)
+
+
+def steps_in_pixel(supersample: int) -> NDArray[np.float64]:
+    """Return the places of a pixel's rays along one side of it, from its centre, ``(K,)``."""
+    return (np.arange(supersample) + 0.5) / supersample - 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Straight pieces of rays; pixel ``p`` owns the pieces ``pixel_ptr[p]:pixel_ptr[p + 1]``.
+
+    A pixel's projection is the sum over its pieces of ``weight`` times the line integral from
+    ``origins`` along ``directions`` over ``lengths``. One ray a pixel has weight 1; K x K rays a
+    pixel have 1 / K² each; a bent ray is several pieces one behind the other.
+
+    Attributes
+    ----------
+    origins : (N, 3) float64
+        Where each piece starts, in world coordinates.
+    directions : (N, 3) float64
+        Unit vectors.
+    lengths : (N,) float64
+        How long each piece is; infinite for a ray that nothing ends.
+    weight : (N,) float64
+        Quadrature weights.
+    pixel_ptr : (pixels + 1,) int64
+        Where each pixel's pieces begin.
+    """
+
+    origins: NDArray[np.float64]
+    directions: NDArray[np.float64]
+    lengths: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    pixel_ptr: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        """Check shapes and that directions are unit vectors: every tracer relies on it."""
+        n = len(self.origins)
+        for name, shape in (
+            ("origins", (n, 3)),
+            ("directions", (n, 3)),
+            ("lengths", (n,)),
+            ("weight", (n,)),
+        ):
+            found = getattr(self, name)
+            if found.shape != shape or found.dtype != np.float64:
+                raise ValueError(
+                    f"rays {name}: found {found.dtype} {found.shape}, expected float64 {shape}"
+                )
+            # kernels are compiled anew for another order in memory
+            object.__setattr__(self, name, np.ascontiguousarray(found))
+        wrong = what_is_wrong(self.origins, self.directions, self.lengths)
+        if wrong != FINE:
+            raise ValueError(_WRONG[wrong])
+        ptr = self.pixel_ptr
+        if ptr.dtype != np.int64 or len(ptr) < 1 or ptr[0] != 0 or ptr[-1] != n:
+            raise ValueError(f"rays pixel_ptr: expected int64 from 0 to the number of pieces, {n}")
+
+    def __len__(self) -> int:
+        """Return the number of straight pieces."""
+        return len(self.origins)
+
+    def __repr__(self) -> str:
+        """Name the sizes: the arrays themselves are too long to print."""
+        return f"<Rays: {self.n_pixels} pixels, {len(self)} pieces>"
+
+    @property
+    def n_pixels(self) -> int:
+        """Number of pixels."""
+        return len(self.pixel_ptr) - 1
+
+    @classmethod
+    def from_lines(
+        cls, origins: ArrayLike, directions: ArrayLike, lengths: ArrayLike = np.inf
+    ) -> Rays:
+        """Return one ray a pixel from ``origins`` and ``directions``, ``(N, 3)`` or ``(3,)``.
+
+        Directions are normalised here; a single origin, direction or length serves all rays.
+        """
+        origins = np.atleast_2d(np.asarray(origins, np.float64))
+        directions = np.atleast_2d(np.asarray(directions, np.float64))
+        if not np.isfinite(directions).all():
+            raise ValueError("rays directions: found NaN or infinity, expected finite vectors")
+        largest = np.abs(directions).max(axis=1, keepdims=True)
+        if not (largest > 0).all():
+            raise ValueError("rays directions: found a zero vector, expected non-zero")
+        _, exponent = np.frexp(largest)  # by powers of two: squares neither overflow nor vanish
+        directions = np.ldexp(directions, -exponent)
+        norms = np.linalg.norm(directions, axis=1, keepdims=True)
+        lengths = np.atleast_1d(np.asarray(lengths, np.float64))
+        n = max(len(origins), len(directions), len(lengths)) if len(origins) else 0
+        origins = np.array(np.broadcast_to(origins, (n, 3)))
+        directions = np.array(np.broadcast_to(directions / norms, (n, 3)))
+        lengths = np.array(np.broadcast_to(lengths, (n,)))
+        return cls(origins, directions, lengths, np.ones(n), np.arange(n + 1))
+
+    @classmethod
+    def from_camera(
+        cls, camera: Camera, pixels: NDArray[np.integer] | None = None, supersample: int = 1
+    ) -> Rays:
+        """Return the rays of a camera's pixels, ``supersample`` x ``supersample`` for each.
+
+        Sub-pixel rays sit at the centres of equal squares of the pixel (midpoint rule), so their
+        mean is the mean over the pixel's area to second order.
+
+        Parameters
+        ----------
+        camera : Camera
+        pixels : (P,) int, optional
+            Flat pixel numbers ``row * width + column``; all pixels when None.
+        supersample : int
+            Rays along each side of a pixel.
+
+        Notes
+        -----
+        A pixel that the lens maps from no direction at all (beyond the fold of its distortion
+        polynomial) keeps its row and owns no ray.
+        """
+        if supersample < 1:
+            raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
+        width, height = camera.image_size
+        pixels = np.arange(width * height) if pixels is None else np.asarray(pixels, np.int64)
+        places = places_in_pixel(supersample)
+        if camera.is_pinhole:
+            origins, directions = lines_of_sight(camera, pixels, places)
+        else:
+            row, column = np.divmod(pixels, width)
+            v, u = row[:, None] + places[:, 0], column[:, None] + places[:, 1]  # (pixels, K²)
+            origins, directions = camera.rays(np.stack([u, v], axis=-1).reshape(-1, 2))
+        weight = np.full(len(origins), 1.0 / supersample**2)
+        pixel_ptr = supersample**2 * np.arange(len(pixels) + 1)
+        if not np.isfinite(directions).all():
+            seen = np.isfinite(directions).all(axis=1)
+            per_pixel = seen.reshape(-1, supersample**2).sum(axis=1)
+            origins, directions = origins[seen], directions[seen]
+            weight = np.repeat(1.0 / np.maximum(per_pixel, 1), per_pixel)
+            pixel_ptr = np.concatenate([[0], np.cumsum(per_pixel)]).astype(np.int64)
+        return cls(origins, directions, np.full(len(origins), np.inf), weight, pixel_ptr)
+
+    def take(self, pixels: NDArray[np.integer]) -> Rays:
+        """Return the rays of some pixels, in the order given."""
+        ptr, kept = take_groups(self.pixel_ptr, pixels)
+        return Rays(
+            self.origins[kept], self.directions[kept], self.lengths[kept], self.weight[kept], ptr
+        )
+
+    @staticmethod
+    def concatenate(parts: Iterable[Rays]) -> Rays:
+        """Return the rays of ``parts`` one after another."""
+        parts = list(parts)
+        offsets = np.cumsum([0] + [len(part) for part in parts])
+        ptr = [part.pixel_ptr[1:] + o for part, o in zip(parts, offsets[:-1], strict=True)]
+        return Rays(
+            np.concatenate([part.origins for part in parts]),
+            np.concatenate([part.directions for part in parts]),
+            np.concatenate([part.lengths for part in parts]),
+            np.concatenate([part.weight for part in parts]),
+            np.concatenate([np.zeros(1, np.int64), *ptr]),
+        )

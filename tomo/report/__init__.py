@@ -1,0 +1,11 @@
+"""The report of a reconstruction: report.html, report.json and pictures."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "report": ["write_report"],
+        "results": ["Convergence", "Picture", "Results", "View", "draw", "write_pictures"],
+    },
+)

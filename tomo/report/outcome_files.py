@@ -1,0 +1,92 @@
+"""The output folder of a reconstruction: volumes, pictures, report.html and report.json."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from itertools import zip_longest
+from typing import Any
+
+from rigs import save_rig
+from rigs.files import whole_folder
+from tomo.io import write_volume
+from tomo.pipeline import Reconstruction
+from tomo.report.report import write_report
+from tomo.report.results import Convergence, Results, draw, write_pictures
+from tomo.solvers import Solution
+
+PICTURES = ("rig", "slices", "views", "convergence", "difference", "learned", "condition")
+
+RIG_FILE = "refined_rig.yaml"
+"""The rig with its refined cameras, where there are any; a scan's own is its ``rig.yaml``."""
+
+PAGE, FIGURES = "report.html", "report.json"
+
+VOLUME_FILES = ("volume.npz", "volume.vti", "volume.nrrd")
+
+DEVIATION_FILES = ("standard_deviation.npz", "standard_deviation.vti", "standard_deviation.nrrd")
+"""Beside them where the standard deviation of single voxels is known."""
+
+
+def write_outcome(folder: str | os.PathLike, outcome: Reconstruction) -> dict[str, Any]:
+    """Write everything about a reconstruction into a folder; return what is in ``report.json``.
+
+    Until all is written, the folder keeps what stood there before: see `rigs.files.whole_folder`.
+    ``report.json`` comes last: where it stands, the rest is complete and of the same run. Where
+    cameras were refined, ``refined_rig.yaml`` is the rig with them; where the standard deviation
+    of single voxels is known, ``standard_deviation.npz``, ``.vti`` and ``.nrrd`` hold it.
+    Pictures, rig and standard deviations of an earlier outcome that this one does not have are
+    removed. The report's ``warnings`` name the pictures that could not be drawn.
+    """
+    found, report = outcome.reconstruction, outcome.report()
+    others = (RIG_FILE, *DEVIATION_FILES, *(f"{name}.png" for name in PICTURES))
+    with whole_folder(folder, last=(PAGE, FIGURES), others=others) as staging:
+        for name in VOLUME_FILES:
+            path = staging / name
+            write_volume(path, outcome.volume, found.grid, outcome.rig.length_unit, allow_nan=True)
+        results = results_of(outcome)
+        if results.deviation is not None:
+            for name in DEVIATION_FILES:
+                path = staging / name
+                write_volume(path, results.deviation, found.grid, outcome.rig.length_unit)
+        pictures = draw(results, report["warnings"])
+        write_pictures(staging, pictures)
+        write_report(staging / PAGE, report, results, pictures)
+        if outcome.refined_rig is not None:
+            save_rig(outcome.refined_rig, staging / RIG_FILE)
+        text = json.dumps(report, indent=2, allow_nan=False) + "\n"
+        (staging / FIGURES).write_text(text, "utf-8")
+    return report
+
+
+def results_of(outcome: Reconstruction) -> Results:
+    """Return what the figures show of a whole reconstruction."""
+    found, condition = outcome.reconstruction, outcome.condition
+    return Results(
+        rig=outcome.rig,
+        grid=found.grid,
+        volume=found.volume,
+        views=outcome.views,
+        history=[
+            _convergence(one, distances)
+            for one, distances in zip_longest(
+                (found, *outcome.comparisons), outcome.cosine_distances, fillvalue=()
+            )
+        ],
+        truth=outcome.truth,
+        comparisons=[(other.settings["method"], other.volume) for other in outcome.comparisons],
+        method=found.settings["method"],
+        learned=outcome.learned,
+        deviation=condition.standard_deviation if condition and condition.mapped else None,
+    )
+
+
+def _convergence(found: Solution, distances: Sequence[float]) -> Convergence:
+    return Convergence(
+        label=found.settings["method"],
+        iterations=[entry.index for entry in found.history],
+        relative_residual=[entry.relative_residual for entry in found.history],
+        seconds=[entry.seconds for entry in found.history],
+        cosine_distance=distances if len(distances) == len(found.history) else None,
+    )

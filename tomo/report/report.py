@@ -1,0 +1,240 @@
+"""The report of a reconstruction: one HTML page that carries its pictures and loads nothing."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+
+from rigs.files import atomic_path
+from tomo.draw.page import embedded, render
+from tomo.metrics import cosine_distance, nrmse
+from tomo.report.results import Picture, Results, draw
+from tomo.report.uncertainty_tables import condition_section
+
+_TITLES = {
+    "rig": "Cameras and volume",
+    "views": "Measured and re-projected images",
+    "slices": "Reconstructed volume",
+    "convergence": "Convergence",
+    "difference": "Comparison of volumes",
+    "condition": "Standard deviation of every voxel",
+    "learned": "What was learned in place of chord lengths",
+}
+
+
+LONGEST_DETAIL = 1200
+"""Characters; what is longer, values of dozens of cameras, is left to report.json."""
+
+
+def write_report(
+    path: str | os.PathLike,
+    report: Mapping,
+    results: Results,
+    pictures: Sequence[Picture] | None = None,
+) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    path : path-like
+        ``report.html``.
+    report : mapping
+        The contents of ``report.json``; what it lacks is left out.
+    results : Results
+        Volumes, views and histories.
+    pictures : sequence of Picture, optional
+        What `draw` gave for these results; drawn here when None.
+    """
+    report = _without_nulls(report)
+    pictures = draw(results) if pictures is None else pictures
+    shown = {
+        picture.name: {
+            "title": _TITLES.get(picture.name, picture.name),
+            "data": embedded(picture.png),
+            "caption": picture.caption,
+            "alt": picture.alt,
+        }
+        for picture in pictures
+    }
+    text = render(
+        "report.html",
+        method=str(report.get("method", results.method)),
+        headline=_headline(report),
+        warnings=list(report.get("warnings") or ()),
+        pictures=shown,
+        views=_view_rows(report, results),
+        comparisons=_comparison_rows(results),
+        condition=condition_section(report.get("condition"), results.rig.length_unit),
+        refinement=_refinement(report, results.rig.length_unit),
+        details=_details(report),
+    )
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _without_nulls(values: Mapping) -> dict:
+    """Return ``values`` without what is None at any depth: JSON's way to say not known."""
+    return {
+        key: _without_nulls(value) if isinstance(value, Mapping) else value
+        for key, value in values.items()
+        if value is not None
+    }
+
+
+def _number(value: object, digits: int = 3) -> str:
+    """Return a number as text: whole ones in groups of three, others with so many digits."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    if not math.isfinite(value):
+        return "not defined"
+    if float(value).is_integer() and abs(value) >= 1:
+        return f"{int(value):,}"
+    return f"{value:.{digits}g}"
+
+
+def _headline(report: Mapping) -> list[tuple[str, str, str]]:
+    """Return the page's first figures: (value, name, what it means)."""
+    quality = report.get("quality") or {}
+    seconds = report.get("seconds") or {}
+    held_out = report.get("held_out") or {}
+    rows = []
+    if "cosine_distance" in quality:
+        value = _number(quality["cosine_distance"])
+        rows.append((value, "cosine distance", "from the truth; 0 is equal up to brightness"))
+    if "nrmse" in quality:
+        rows.append(
+            (_number(quality["nrmse"]), "NRMSE", "root mean square error over the truth's")
+        )
+    for key, name, unit in (("psnr", "held-out PSNR", " dB"), ("ssim", "held-out SSIM", "")):
+        values = [figures[key] for figures in held_out.values() if key in figures]
+        if values:
+            text = _number(sum(values) / len(values)) + unit
+            rows.append((text, name, f"mean of {len(values)} view(s) never used"))
+    if "relative_residual" in report:
+        value = f"{report['relative_residual']:.2%}"
+        rows.append((value, "relative residual", "of the re-projected images"))
+    for key, name in (("solve", "to solve"), ("total", "in total")):
+        if key in seconds:
+            rows.append((f"{seconds[key]:.3g} s", name, "wall time"))
+    for key, name, words in (
+        ("rays", "rays", "lines of sight used"),
+        ("segments", "segments", "crossings of rays with voxels"),
+        ("voxels", "voxels", "in the grid"),
+        ("active_voxels", "active voxels", "that can be non-zero"),
+    ):
+        if key in report:
+            rows.append((_number(report[key]), name, words))
+    if report.get("peak_memory_mb"):
+        rows.append((f"{report['peak_memory_mb']:,.0f} MB", "peak memory", "of the process"))
+    return rows
+
+
+def _view_rows(report: Mapping, results: Results) -> list[dict]:
+    """Return one row a view, held-out ones first."""
+    held_out, listed = report.get("held_out") or {}, report.get("views") or {}
+    rows = []
+    for view in sorted(results.views, key=lambda v: not (v.held_out or v.left_out)):
+        figures = {**listed.get(view.name, {}), **held_out.get(view.name, {})}
+        residual = figures.get("relative_residual", view.relative_residual)
+        rows.append(
+            {
+                "name": view.name,
+                "held_out": view.held_out,
+                "left_out": view.left_out,
+                "relative_residual": f"{residual:.2%}" if math.isfinite(residual) else "dark",
+                "bar": residual if math.isfinite(residual) else 0.0,
+                "gain": f"{figures['gain']:.3f}" if "gain" in figures else "",
+                **{k: _number(figures[k]) if k in figures else "" for k in ("psnr", "ssim")},
+            }
+        )
+    longest = max((row["bar"] for row in rows), default=0.0) or 1.0
+    return [{**row, "bar": 100 * row["bar"] / longest} for row in rows]
+
+
+def _comparison_rows(results: Results) -> list[tuple[str, str, str]]:
+    """Return cosine distance and NRMSE of every volume, when there is a truth."""
+    if results.truth is None:
+        return []
+    return [
+        (
+            label,
+            _number(cosine_distance(volume, results.truth)),
+            _number(nrmse(volume, results.truth)),
+        )
+        for label, volume in ((results.method, results.volume), *results.comparisons)
+    ]
+
+
+def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return the tables at the end: seconds, settings, versions, and whatever else there is."""
+    tables = []
+    for key, title in (
+        ("seconds", "Time (s)"),
+        ("quality", "Against the truth"),
+        ("suspects", "Wild pixels and wrong views"),
+        ("skipping", "What takes no part"),
+        ("alignment", "Where the cameras look"),
+        ("gains", "Gains and backgrounds"),
+        ("learned", "Learned weights"),
+        ("settings", "Settings"),
+        ("versions", "Versions"),
+    ):
+        values = report.get(key)
+        if isinstance(values, Mapping) and values:
+            lines = [(str(k).replace("_", " "), _in_words(v)) for k, v in values.items()]
+            tables.append((title, [line for line in lines if len(line[1]) <= LONGEST_DETAIL]))
+    rest = [
+        (key.replace("_", " "), _in_words(report[key]))
+        for key in ("method", "seed", "stop_reason", "first_use_seconds")
+        if report.get(key) is not None
+    ]
+    return [("Run", rest), *tables] if rest else tables
+
+
+def _refinement(report: Mapping, length_unit: str) -> dict | None:
+    """Return what was found of every refined camera, and what held-out rays say of it."""
+    found = report.get("refinement")
+    if not found:
+        return None
+    kept = "Used" if found["accepted"] else "Not used"
+    words = (
+        f"{kept}: {found['reason']} (relative error of rays that took no part). Positions and "
+        "turns are along and about each camera's own axes right, down and forward."
+    )
+    titles = ("Camera", "prior (px)", "moved (px)", f"position ({length_unit})")
+    rows = [
+        (
+            name,
+            f"{own['prior_pixels']:.2f}",
+            f"{own['moved_pixels']:.2f}" if "moved_pixels" in own else "not seen",
+            ", ".join(f"{length:+.3g}" for length in own["position_right_down_forward"]),
+            ", ".join(f"{angle:+.3f}" for angle in own["turn_degrees"]),
+            f"x {own['focal_length_ratio']:.4f}",
+            f"{own['gain']:.3f}",
+        )
+        for name, own in found["cameras"].items()
+    ]
+    titles += ("turn (degrees)", "focal length", "gain")
+    return {"words": words, "titles": titles, "rows": rows}
+
+
+def _in_words(value: object) -> str:
+    """Return a value of the report as text: what many cameras share is said once."""
+    if value is None:
+        return "not known"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int | float):
+        return _number(value, 4)
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Mapping):
+        parts = [_in_words(inner) for inner in value.values()]
+        if len(parts) > 2 and len(set(parts)) == 1:
+            return f"{parts[0]} (all {len(parts)})"
+        return "; ".join(f"{k}: {part}" for k, part in zip(value, parts, strict=True)) or "none"
+    if isinstance(value, list | tuple):
+        nested = any(isinstance(inner, Mapping | list | tuple) for inner in value)
+        return ("; " if nested else ", ").join(map(_in_words, value)) or "none"
+    return str(value)

@@ -1,0 +1,236 @@
+"""The figures of a reconstruction: made once, written as PNG files and shown in the report."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from numpy.typing import NDArray
+
+from rigs import Rig
+from rigs.files import atomic_path
+from tomo.draw.figures import png_bytes
+from tomo.grid import VoxelGrid
+from tomo.pipeline.as_warning import as_warning
+from tomo.pipeline.reconstruction import View
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tomo.wernet.default import LearnedWeights
+
+
+@dataclass(frozen=True, eq=False)
+class Convergence:
+    """How one method went, one entry an iteration.
+
+    Attributes
+    ----------
+    label : str
+        The method.
+    iterations, relative_residual, seconds : (N,) sequences
+    cosine_distance : (N,) sequence, optional
+        Against a truth.
+    """
+
+    label: str
+    iterations: Sequence[float]
+    relative_residual: Sequence[float]
+    seconds: Sequence[float]
+    cosine_distance: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        """Check that all columns are equally long."""
+        n = len(self.iterations)
+        for field in ("relative_residual", "seconds", "cosine_distance"):
+            column = getattr(self, field)
+            if column is not None and len(column) != n:
+                raise ValueError(
+                    f"history {self.label}: {field}: found {len(column)} entries, expected {n}"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Everything the figures and the report show.
+
+    Attributes
+    ----------
+    rig : Rig
+    grid : VoxelGrid
+    volume : (nx, ny, nz)
+        What was reconstructed.
+    views : sequence of View, or of mappings with its fields
+    history : sequence of Convergence, or of mappings with its fields
+    truth : (nx, ny, nz), optional
+    comparisons : sequence of (label, volume)
+        What other methods made of the same images.
+    method : str
+        What to call the reconstruction in figures.
+    learned : LearnedWeights, optional
+        What was learned in place of chord lengths.
+    deviation : (nx, ny, nz), optional
+        The standard deviation of every voxel.
+    """
+
+    rig: Rig
+    grid: VoxelGrid
+    volume: NDArray
+    views: Sequence[View | Mapping] = ()
+    history: Sequence[Convergence | Mapping] = ()
+    truth: NDArray | None = None
+    comparisons: Sequence[tuple[str, NDArray]] = ()
+    method: str = "reconstruction"
+    learned: LearnedWeights | None = None
+    deviation: NDArray | None = None
+
+    def __post_init__(self) -> None:
+        """Take mappings for views and histories too, and check shapes."""
+        views = tuple(v if isinstance(v, View) else View(**v) for v in self.views)
+        history = tuple(
+            h if isinstance(h, Convergence) else Convergence(**h) for h in self.history
+        )
+        object.__setattr__(self, "views", views)
+        object.__setattr__(self, "history", history)
+        volumes = [("volume", self.volume), *self.comparisons]
+        if self.truth is not None:
+            volumes.append(("truth", self.truth))
+        if self.deviation is not None:
+            volumes.append(("deviation", self.deviation))
+        for name, volume in volumes:
+            if volume.shape != self.grid.shape:
+                raise ValueError(
+                    f"results {name}: found shape {volume.shape}, expected the grid's "
+                    f"{self.grid.shape}"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure as PNG, with the words that go with it."""
+
+    name: str
+    png: bytes
+    caption: str
+    alt: str
+
+    def __repr__(self) -> str:
+        """Name the size: the bytes themselves are too long to print."""
+        return f"<Picture {self.name!r}: {len(self.png)} bytes>"
+
+
+def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, ...]:
+    """Return the figures; those that there is nothing for are left out.
+
+    Rig, slices, views, convergence, difference, learned weights and standard deviations. Of one
+    that cannot be drawn, as where a library of the system is missing, a line joins ``warnings``;
+    it raises where these are None.
+    """
+    from tomo.draw.rig import draw_rig
+    from tomo.draw.volume import draw_volume
+    from tomo.report import result_figures
+    from tomo.report.uncertainty_figure import draw_deviations
+    from tomo.report.weights_figure import draw_learned
+
+    rig, grid, unit = results.rig, results.grid, results.rig.length_unit
+    recipes: list[tuple[bool, str, Callable[[], Figure], str, str]] = [
+        (
+            len(rig) > 0,
+            "rig",
+            lambda: draw_rig(rig, grid, results.volume, title="Cameras and volume"),
+            "The cameras at true scale, and the volume close up. Colours tell whether a camera "
+            "stands above, level with or below the volume; the arrows show where each looks.",
+            f"Perspective drawing of {len(rig)} cameras around the reconstructed volume.",
+        ),
+        (
+            True,
+            "slices",
+            lambda: draw_volume(
+                results.volume, grid, length_unit=unit, title=f"Reconstruction, {results.method}"
+            ),
+            "The reconstructed emission: planes through the middle of the volume, its integrals "
+            "along the three axes, and surfaces of equal emission.",
+            "Three slices, three projections and nested surfaces of the reconstructed volume.",
+        ),
+        (
+            bool(results.views),
+            "views",
+            lambda: result_figures.draw_views(results.views),
+            "Measured images, the volume projected back into the same cameras, and the "
+            "difference. Held-out views, which the reconstruction never saw, come first. "
+            "Grey pixels were not used.",
+            "For each view: measured image, re-projected image and their difference.",
+        ),
+        (
+            any(len(course.iterations) for course in results.history),
+            "convergence",
+            lambda: result_figures.draw_convergence(results.history),
+            "How far the re-projected images are from the measured ones after each iteration"
+            + (", and how far the volume is from the truth." if _has_cosine(results) else "."),
+            "Line plots of relative residual against iteration and against time.",
+        ),
+        (
+            results.truth is not None or bool(results.comparisons),
+            "difference",
+            lambda: result_figures.draw_difference(results),
+            "Volumes beside each other on one colour scale"
+            + (
+                ", with their differences from the truth below."
+                if results.truth is not None
+                else "."
+            ),
+            "Middle planes of every volume, side by side on one colour scale.",
+        ),
+        (
+            results.learned is not None,
+            "learned",
+            lambda: draw_learned(results.learned, unit),
+            "Learned weights over chord lengths: means over the light (grey: where it is) by "
+            "depth in the grid as seen from the camera, emission in front, place in the image, "
+            "place in the voxel along each axis, and camera; and the relative residual of views "
+            "left out, with chord lengths and with learned weights. A common factor says nothing."
+            + (
+                " Dashed: the true ones, of what the images were simulated with, scaled to the "
+                "same mean."
+                if results.learned is not None and results.learned.true_by_camera is not None
+                else ""
+            ),
+            "Line plots of the learned weight over the chord length against five quantities, and "
+            "bars of left-out views' residuals.",
+        ),
+        (
+            results.deviation is not None,
+            "condition",
+            lambda: draw_deviations(results.volume, results.deviation, grid, length_unit=unit),
+            "Planes through the middle of the volume, and of the standard deviation that noise "
+            "leaves in each voxel, each on its own scale.",
+            "Middle planes of the emission and of its standard deviation side by side.",
+        ),
+    ]
+    pictures = []
+    for wanted, name, make, caption, alt in recipes:
+        if wanted:
+            told = warnings is not None
+            with as_warning(f"picture {name}: not drawn", warnings) if told else nullcontext():
+                pictures.append(Picture(name, png_bytes(make()), caption, alt))
+    return tuple(pictures)
+
+
+def write_pictures(folder: str | os.PathLike, pictures: Sequence[Picture]) -> list[Path]:
+    """Write each picture as ``NAME.png`` into ``folder``; return the paths."""
+    paths = []
+    for picture in pictures:
+        path = Path(folder) / f"{picture.name}.png"
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(picture.png)
+        paths.append(path)
+    return paths
+
+
+def _has_cosine(results: Results) -> bool:
+    """Tell if any method's distance from the truth is known."""
+    return any(course.cosine_distance is not None for course in results.history)

@@ -1,0 +1,12 @@
+"""What calibrated cameras saw: images and rig, on disk and in memory."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "corrections": ["Corrections"],
+        "files": ["save_scan"],
+        "scan": ["Frame", "Scan"],
+    },
+)

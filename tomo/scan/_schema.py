@@ -1,0 +1,138 @@
+"""What a scan.yaml may hold: every field checked before anything else sees it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationError
+
+from rigs.files.messages import dotted, first_problem
+from rigs.files.schema import Number, Text, VolumeEntry, Whole
+from rigs.files.text import read_yaml_mapping, shortened
+
+
+def _named(name: str) -> str:
+    if not name:
+        raise ValueError("found '', expected a name")
+    return name
+
+
+def _some(frames: list) -> list:
+    if not frames:
+        raise ValueError("found none, expected at least one")
+    return frames
+
+
+def _above_zero(number: float) -> float:
+    if not number > 0:
+        raise ValueError(f"found {number:g}, expected a number above 0")
+    return number
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class _Frame(_Strict):
+    name: Annotated[Text, AfterValidator(_named)]
+    images: dict[str, Text]
+
+
+def _one_or_each(expected: str, accepts: Callable[[Any], bool]) -> Any:
+    """Return the type of a correction: one value for all cameras, or a mapping to values."""
+
+    def check(value: Any) -> Any:
+        if value is None:
+            return None
+        each = value if isinstance(value, dict) else {None: value}
+        for camera, one in each.items():
+            if (camera is None and isinstance(value, dict)) or not accepts(one):
+                where = "" if camera is None else f"camera {dotted([camera])}: "
+                raise ValueError(
+                    f"{where}found {shortened(one)}, expected {expected}, or one per camera"
+                )
+        return value
+
+    return Annotated[Any, BeforeValidator(check)]
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) < 1e300 and math.isfinite(value)
+
+
+def _is_path(value: Any) -> bool:
+    return isinstance(value, str) and value != ""
+
+
+def _is_positive(value: Any) -> bool:
+    return _is_number(value) and value > 0
+
+
+def _is_bit_depth(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= 16
+
+
+_Number = _one_or_each("a number or an image's path", lambda v: _is_number(v) or _is_path(v))
+_Positive = _one_or_each("a positive number", _is_positive)
+_Flat = _one_or_each(
+    "a positive number or an image's path", lambda v: _is_positive(v) or _is_path(v)
+)
+_Mask = _one_or_each("an image's path", _is_path)
+_BitDepth = _one_or_each("a whole number from 1 to 16", _is_bit_depth)
+
+
+class _Corrections(_Strict):
+    dark: _Number = None
+    flat: _Flat = None
+    gain: _Positive = None
+    mask: _Mask = None
+    saturation: _Positive = None
+    bit_depth: _BitDepth = None
+
+
+class _Effects(_Strict):
+    """The fields of `tomo.simulation.effects.Effects`, which checks them, and the gains."""
+
+    gain_spread: Number = 0.0
+    absorption: Number = 0.0
+    self_absorption: Number = 0.0
+    vignetting: Number = 0.0
+    aperture: Number = 0.0
+    focus_distance: Number | None = None
+    aperture_rays: Whole = 32
+    gains: dict[str, Annotated[Number, AfterValidator(_above_zero)]] = {}
+
+
+class ScanFile(_Strict):
+    format: Literal["emission-scan"]
+    version: Literal[1]
+    rig: Text
+    grid: VolumeEntry | None = None
+    frames: Annotated[list[_Frame], AfterValidator(_some)]
+    corrections: _Corrections = _Corrections()
+    truth: Text | None = None
+    effects: _Effects | None = None
+
+
+def parse_scan_file(path: Path) -> ScanFile:
+    """Return the checked content of a scan.yaml; whatever is wrong is one line."""
+    content = read_yaml_mapping(path)
+    try:
+        return ScanFile.model_validate(content)
+    except ValidationError as error:
+        steps, said = first_problem(error, ScanFile, content)
+        raise ValueError(f"{path}: {_where(steps, content)}: {said}") from None
+
+
+def _where(steps: list[str | int], content: dict[str, Any]) -> str:
+    """Return the frame by name, where it has one, and the field."""
+    if steps[0] == "frames" and len(steps) > 2:
+        name = content["frames"][steps[1]].get("name")
+        frame = f"frame {name!r}" if isinstance(name, str) and name else dotted(steps[:2])
+        return f"{frame}: {dotted(steps[2:])}"
+    return dotted(steps)

@@ -1,0 +1,1 @@
+"""What the images say of the cameras: shifts, poses, focal lengths, gains."""

@@ -1,0 +1,12 @@
+"""Cameras refined from the images of the scene itself."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "prior": ["prior_lengths"],
+        "refinement": ["Refinement"],
+        "search": ["refine_cameras"],
+    },
+)

@@ -1,0 +1,126 @@
+"""What is asked of a refinement: images, cameras, priors; and what becomes of its answer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Rig, box_points
+from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.hull import carve
+from tomo.scan.downsample import Coarser
+from tomo.selfcal.refine.held_out import Judgement, held_out_tiles
+from tomo.selfcal.refine.parameters import COUNT, PLACE, moved_rig
+from tomo.selfcal.refine.prior import GAIN_PRIOR, units
+from tomo.selfcal.refine.refinement import Refinement
+from tomo.selfcal.refine.resolution_level import Level
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What was asked for.
+
+    Attributes
+    ----------
+    rig : Rig
+    images, masks : tuple of (height, width)
+    grid : VoxelGrid
+    chosen : tuple of int
+        The cameras to refine.
+    prior_pixels : (cameras,) float64
+    skip : bool
+        Whether to carve.
+    """
+
+    rig: Rig
+    images: tuple[NDArray[np.float32], ...]
+    masks: tuple[NDArray[np.bool_], ...]
+    grid: VoxelGrid
+    chosen: tuple[int, ...]
+    prior_pixels: NDArray[np.float64]
+    skip: bool
+
+    @property
+    def lengths(self) -> NDArray[np.float64]:
+        """The prior's standard deviations of all parameters, ``(cameras, 8)``."""
+        rows = []
+        for camera, pixels in zip(self.rig, self.prior_pixels, strict=True):
+            sizes = np.r_[np.full(PLACE, pixels), GAIN_PRIOR]
+            rows.append(sizes * units(camera, self.grid))
+        return np.array(rows)
+
+    def level(self, factor: int) -> Level:
+        """Return images and grid ``factor`` times as coarse."""
+        coarse = Coarser.of(self.rig, self.images, self.masks, self.grid, factor)
+        rig, images, masks = coarse.rig, coarse.images, coarse.masks
+        held = held_out_tiles([image.shape for image in images])
+        trains = [mask & ~own for mask, own in zip(masks, held, strict=True)]
+        active = ActiveVoxels(coarse.grid)
+        if self.skip:
+            active = carve(tuple(rig), images, trains, coarse.grid).active
+        return Level(rig, images, masks, trains, coarse.grid, active, self.chosen, self.lengths)
+
+    def size(self, step: NDArray[np.float64]) -> float:
+        """Return how far a step moves the volume's image, in pixels, RMS over the cameras."""
+        moves = _moves(self.rig, moved_rig(self.rig, step), self.grid)[list(self.chosen)]
+        return float(np.sqrt(np.mean(np.square(moves))))
+
+    def judged(
+        self,
+        parameters: NDArray[np.float64],
+        before: Judgement,
+        after: Judgement,
+        courses: Sequence[float],
+    ) -> Refinement:
+        """Return the refinement with the best parameters found."""
+        errors = before.relative_error, after.relative_error
+        moved = len(self.chosen) / len(self.rig)
+        accepted = bool(parameters.any()) and before.is_improved_by(after, moved)
+        reason = (
+            f"held-out rays are predicted from other views to {errors[1]:.4f} instead of "
+            f"{errors[0]:.4f}"
+            if accepted
+            else f"no refined cameras predict held-out rays clearly better than to {errors[0]:.4f}"
+        )
+        found = moved_rig(self.rig, parameters)
+        moves = _moves(self.rig, found, self.grid)
+        return self._refinement(found, parameters, moves, *errors, courses, accepted, reason)
+
+    def refused(self, reason: str) -> Refinement:
+        """Return the refinement that leaves all cameras as they are."""
+        still = np.zeros((len(self.rig), COUNT))
+        zero = np.zeros(len(self.rig))
+        return self._refinement(
+            self.rig, still, zero, math.nan, math.nan, (), accepted=False, reason=reason
+        )
+
+    def _refinement(
+        self, found, parameters, moves, before, after, courses, accepted, reason
+    ) -> Refinement:
+        return Refinement(
+            self.rig,
+            found,
+            tuple(self.rig.names[view] for view in self.chosen),
+            parameters,
+            self.prior_pixels,
+            moves,
+            before,
+            after,
+            tuple(courses),
+            accepted,
+            reason,
+        )
+
+
+def _moves(rig: Rig, other: Rig, grid: VoxelGrid) -> NDArray[np.float64]:
+    """Return how far points of the volume move in the images of each camera, RMS: (cameras,)."""
+    points, moves = box_points(grid.lower, grid.upper, 5), []
+    for camera, changed in zip(rig, other, strict=True):
+        (here, _, valid), (there, _, still) = camera.project(points), changed.project(points)
+        apart = np.sum(np.square(there - here), axis=1)[valid & still]
+        moves.append(float(np.sqrt(np.mean(apart))) if len(apart) else math.nan)
+    return np.array(moves)

@@ -1,0 +1,270 @@
+"""What gas and cameras do to light that chord lengths leave out.
+
+Chords say that every voxel's light reaches the image undiminished and that a pixel looks along
+one line. Real gas absorbs, real lenses have an aperture and darken towards the corners, and no
+two cameras have the same gain.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo.grid import VoxelGrid
+from tomo.operators.attenuation import transmission
+from tomo.rays import Rays
+from tomo.rays.visible_pixels import pixels_that_see
+from tomo.trace import Segments, trace
+
+if TYPE_CHECKING:
+    from rigs import Camera
+
+_STRENGTHS = ("gain_spread", "absorption", "self_absorption", "vignetting", "aperture")
+_GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
+_GAIN_STREAM = 1  # gains are drawn beside the noise: one does not change the other
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Physics that a simulation may have and a reconstruction is not told of.
+
+    Parameters
+    ----------
+    gain_spread : float
+        Relative standard deviation of the cameras' gains; their mean is one.
+    absorption : float
+        ``k``, in 1 / length: the box of the grid absorbs evenly, and of a segment's light
+        ``exp(-k d)`` remains after the distance ``d`` to where its ray leaves the box towards the
+        camera.
+    self_absorption : float
+        ``q``, in 1 / (emission * length): the gas absorbs where it emits, and ``exp(-q I)``
+        remains of a segment's light, ``I`` being the integral of the emission between segment
+        and camera.
+    vignetting : float
+        Share of the light that is lost at the image's corners, >= 0 and < 1. The pixel at a
+        share ``r`` of the way from the image's middle to its corner receives
+        ``(1 + c r²)^-2``: the fourth power of the cosine of a field angle.
+    aperture : float
+        Diameter of the entrance pupil, in the rig's length unit; 0 is a pinhole.
+    focus_distance : float, optional
+        From the centre of projection to the plane in focus, along the optical axis; that of the
+        camera's `rigs.Optics` when None.
+    aperture_rays : int
+        How many rays a pixel at least has when there is an aperture.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range.
+
+    Examples
+    --------
+    >>> Effects(absorption=0.1)
+    Effects(gain_spread=0.0, absorption=0.1, self_absorption=0.0, vignetting=0.0, aperture=0.0, \
+focus_distance=None, aperture_rays=32)
+    """
+
+    gain_spread: float = 0.0
+    absorption: float = 0.0
+    self_absorption: float = 0.0
+    vignetting: float = 0.0
+    aperture: float = 0.0
+    focus_distance: float | None = None
+    aperture_rays: int = 32
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        for name in _STRENGTHS:
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"{name}: found {value}, expected a number >= 0")
+        if self.vignetting >= 1:
+            raise ValueError(f"vignetting: found {self.vignetting}, expected a share below 1")
+        distance = self.focus_distance
+        if distance is not None and not (math.isfinite(distance) and distance > 0):
+            raise ValueError(f"focus_distance: found {distance}, expected a number > 0")
+        if not (self.aperture_rays >= 1 and self.aperture_rays % 1 == 0):
+            raise ValueError(
+                f"aperture_rays: found {self.aperture_rays}, expected a whole number >= 1"
+            )
+
+    @property
+    def any(self) -> bool:
+        """Whether there is an effect at all."""
+        return any(getattr(self, name) != 0 for name in _STRENGTHS)
+
+    @property
+    def absorbs(self) -> bool:
+        """Whether the gas absorbs."""
+        return self.absorption > 0 or self.self_absorption > 0
+
+    def gains(self, cameras: int, seed: int = 0) -> NDArray[np.float64]:
+        """Return the gains of so many cameras: log-normal, scaled to a mean of exactly one.
+
+        The same seed gives the same gains, whatever noise is drawn from it beside them.
+        """
+        stream = np.random.SeedSequence(seed, spawn_key=(_GAIN_STREAM,))
+        width = math.sqrt(math.log1p(self.gain_spread**2))
+        gains = np.exp(width * np.random.default_rng(stream).standard_normal(cameras))
+        return gains / gains.mean()
+
+    def falloff(self, camera: Camera, uv: ArrayLike) -> NDArray[np.float64]:
+        """Return the share of the light that vignetting leaves at pixel coordinates ``(N, 2)``."""
+        size = np.asarray(camera.image_size, np.float64)
+        square = (np.square(np.asarray(uv) - (size - 1) / 2)).sum(axis=-1)
+        steepness = (1 - self.vignetting) ** -0.5 - 1
+        return (1 + steepness * square / np.square(size / 2).sum()) ** -2
+
+    def rays_per_pixel(self, supersample: int = 1) -> int:
+        """Return how many rays a pixel has: a multiple of ``supersample`` squared."""
+        return supersample**2 * self._lens_points(supersample)
+
+    def rays(
+        self, camera: Camera, pixels: NDArray[np.integer] | None = None, supersample: int = 1
+    ) -> Rays:
+        """Return the rays of a camera's pixels, as `Rays.from_camera` but for the aperture.
+
+        A finite lens spreads each line of sight over points of the entrance pupil; all pass
+        through the point where the line meets the plane in focus. The points lie on a sunflower's
+        spiral, one of equal share of the pupil each (Vogel, Mathematical Biosciences 44, 1979);
+        lines of one pixel take turns along it.
+
+        Raises
+        ------
+        ValueError
+            If no focus distance is known, or a pixel looks along or away from the plane in focus.
+        """
+        lines = Rays.from_camera(camera, pixels, supersample)
+        if self.aperture == 0:
+            return lines
+        focus = self._focus_distance(camera)
+        axis = camera.R[2]
+        ahead = lines.directions @ axis
+        if (ahead <= 1e-3).any():
+            raise ValueError(
+                f"aperture: camera {camera.name}: found a pixel that looks beside the plane in "
+                "focus, expected all to look ahead"
+            )
+        count = self._lens_points(supersample)
+        first = np.repeat(lines.pixel_ptr[:-1], np.diff(lines.pixel_ptr))
+        turn = np.arange(len(lines)) - first  # (lines,): which of its pixel's
+        point = turn[:, None] + supersample**2 * np.arange(count)  # (lines, count)
+        radius = self.aperture / 2 * np.sqrt((point + 0.5) / (supersample**2 * count))
+        angle = _GOLDEN_ANGLE * point
+        lens = np.cos(angle)[..., None] * camera.R[0] + np.sin(angle)[..., None] * camera.R[1]
+        lens *= radius[..., None]  # (lines, count, 3), from the centre of projection
+        directions = (lines.directions * (focus / ahead)[:, None])[:, None] - lens
+        directions = directions.reshape(-1, 3)
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return Rays(
+            (lines.origins[:, None] + lens).reshape(-1, 3),
+            directions,
+            np.repeat(lines.lengths, count),
+            np.repeat(lines.weight / count, count),
+            lines.pixel_ptr * count,
+        )
+
+    def pixels_that_see(self, camera: Camera, grid: VoxelGrid) -> NDArray[np.int64]:
+        """Return, ascending, the pixels that may see the grid's box, however blurred."""
+        if self.aperture > 0:
+            ends = zip(grid.lower, grid.upper, strict=True)
+            corners = np.stack(np.meshgrid(*ends), axis=-1).reshape(-1, 3)
+            depth = corners @ camera.R[2] + camera.t[2]
+            blur = self.aperture * np.abs(1 - depth / self._focus_distance(camera)).max()
+            grid = VoxelGrid((1, 1, 1), grid.extent + blur, grid.center)
+        return pixels_that_see(camera, grid)
+
+    def trace(
+        self, rays: Rays, grid: VoxelGrid, emission: NDArray[np.floating], tracer: str = "march"
+    ) -> Segments:
+        """Return the crossings of a camera's rays; lengths are chords times what gets through.
+
+        Parameters
+        ----------
+        rays : Rays
+            Whole ones, from the camera on.
+        grid : VoxelGrid
+        emission : (nx, ny, nz) or flat
+            Of the gas on the grid, for self-absorption.
+        tracer : str
+            See `tomo.trace.trace`.
+        """
+        if not self.absorbs:
+            return trace(rays, grid, tracer)
+        single = replace(rays, pixel_ptr=np.arange(len(rays) + 1))
+        chords = trace(single, grid, tracer, midpoints=True)
+        through = self._transmission(chords, single, grid, emission)
+        return Segments(chords.ptr[rays.pixel_ptr], chords.voxel, chords.length * through)
+
+    def weight_ratio(
+        self,
+        camera: Camera,
+        segments: Segments,
+        grid: VoxelGrid,
+        emission: NDArray[np.floating] | None = None,
+        *,
+        gain: float = 1.0,
+    ) -> NDArray[np.float64]:
+        """Return the true weight of every segment over its chord: what is there to be learnt.
+
+        Gain, falloff and absorption; the blur of an aperture is no factor of single segments and
+        is left out.
+
+        Parameters
+        ----------
+        camera : Camera
+        segments : Segments
+            One pixel of the camera a row, one ray a pixel, with midpoints.
+        grid : VoxelGrid
+            Which the midpoints are measured from.
+        emission : (voxels,), optional
+            One value for each of the voxel numbers of ``segments``; needed for self-absorption.
+        gain : float
+            The camera's, see `gains`.
+
+        Raises
+        ------
+        ValueError
+            If the segments have no midpoints, or self-absorption lacks the emission.
+        """
+        if segments.midpoint is None:
+            raise ValueError("segments midpoint: found none, expected midpoints")
+        if self.self_absorption > 0 and emission is None:
+            raise ValueError("emission: found none, expected it: self_absorption needs it")
+        seeing, _ = segments.without_empty()
+        last = seeing.midpoint[seeing.ptr[1:] - 1] + np.asarray(grid.center)  # (rays, 3)
+        counts = np.diff(seeing.ptr)
+        ratio = np.repeat(gain * self.falloff(camera, camera.project(last)[0]), counts)
+        if self.absorbs:
+            position = np.tile(camera.position, (len(last), 1))
+            lines = Rays.from_lines(position, last - position)
+            ratio *= self._transmission(seeing, lines, grid, emission)
+        return ratio
+
+    def _transmission(
+        self,
+        segments: Segments,
+        rays: Rays,
+        grid: VoxelGrid,
+        emission: NDArray[np.floating] | None,
+    ) -> NDArray[np.floating]:
+        strengths = self.absorption, self.self_absorption
+        return transmission(segments, rays, grid, *strengths, emission)
+
+    def _lens_points(self, supersample: int) -> int:
+        return 1 if self.aperture == 0 else -(-self.aperture_rays // supersample**2)
+
+    def _focus_distance(self, camera: Camera) -> float:
+        known = self.focus_distance
+        if known is None and camera.optics is not None:
+            known = camera.optics.focus_distance
+        if known is None:
+            raise ValueError(
+                f"focus_distance: camera {camera.name}: found none beside an aperture of "
+                f"{self.aperture}, expected one"
+            )
+        return known

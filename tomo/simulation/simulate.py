@@ -1,0 +1,250 @@
+"""From a known emission to the images that a rig's cameras would take of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from numbers import Integral
+from os import PathLike
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phantoms import Field, sample
+from tomo._compute.by_camera import by_name
+from tomo._compute.memory import available_memory
+from tomo.grid import VoxelGrid
+from tomo.operators import Projector
+from tomo.simulation import camera_noise as noises
+from tomo.simulation.effects import Effects
+
+if TYPE_CHECKING:
+    from rigs import Rig
+
+_CROSSINGS_AT_ONCE = 8_000_000  # 100 MiB of segments, 300 with absorption, at any images' size
+_RAYS_AT_ONCE = 2**19
+_BYTES_PER_VOXEL = 12  # the volume, and the double-precision means of the truth
+_SMALLEST_REFINEMENT = 2  # sub-points along a fine voxel's edge for its mean
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedScan:
+    """Images of a known volume.
+
+    Attributes
+    ----------
+    rig : Rig
+    images : mapping
+        Camera name to float32 ``(h, w)``, in the rig's order.
+    grid : VoxelGrid
+    truth : (nx, ny, nz) float32
+        The means of the field over the voxels of ``grid``.
+    settings : mapping
+        Every argument of the simulation, the ``gains`` of the cameras where they differ, and the
+        ``full_scale`` of quantised images.
+    """
+
+    rig: Rig
+    images: Mapping[str, NDArray[np.float32]]
+    grid: VoxelGrid
+    truth: NDArray[np.float32]
+    settings: Mapping[str, Any]
+
+    def save(self, folder: str | PathLike, frame: str = "frame_000") -> Path:
+        """Write a scan folder of one frame and return its scan.yaml.
+
+        Images quantised to ``bits`` are stored as integers, with ``bit_depth`` and the ``gain``
+        that turns them into intensities again among the scan's corrections.
+        """
+        from tomo.scan import Corrections, save_scan
+
+        images: Mapping[str, NDArray] = self.images
+        bits, corrections = self.settings.get("bits"), None
+        if bits is not None:
+            full_scale = self.settings["full_scale"]
+            corrections = Corrections(gain=full_scale, bit_depth=bits)
+            images = {n: noises.quantise(i, bits, full_scale) for n, i in images.items()}
+        effects = self.settings.get("effects")
+        if effects is not None and "gains" in self.settings:
+            effects = effects | {"gains": self.settings["gains"]}
+        return save_scan(
+            folder,
+            self.rig,
+            {frame: images},
+            grid=self.grid,
+            truth=self.truth,
+            corrections=corrections,
+            effects=effects,
+        )
+
+
+def simulate(
+    rig: Rig,
+    field: Field,
+    grid: VoxelGrid,
+    *,
+    supersample: int = 1,
+    refine: int = 1,
+    effects: Effects | None = None,
+    noise: float = 0.0,
+    photons: float | None = None,
+    read_noise: float = 0.0,
+    bits: int | None = None,
+    seed: int = 0,
+    tracer: str = "march",
+    progress: Callable[[int, int, str], None] | None = None,
+) -> SimulatedScan:
+    """Return the images that a rig takes of a field.
+
+    The field is averaged over the voxels of ``grid.refined(refine)`` and projected from there:
+    with ``refine`` above 1 and several rays a pixel, a reconstruction on ``grid`` is no inversion
+    of the simulation's own matrix.
+
+    Parameters
+    ----------
+    rig : Rig
+    field : callable
+        Maps points ``(N, 3)`` to emission ``(N,)``; what lies outside the grid is not seen.
+    grid : VoxelGrid
+        Where the truth is stored.
+    supersample : int
+        K: K x K rays a pixel; a pixel is the mean of their line integrals.
+    refine : int
+        How many times finer the projected voxels are.
+    effects : Effects, optional
+        What gas and cameras do to the light on its way; nothing when None. Noise comes after.
+    noise : float
+        Standard deviation of white noise, as a fraction of the maximum of all images.
+    photons : float, optional
+        Photons detected in the brightest pixel; photon noise is added when given.
+    read_noise : float
+        Electrons of read-out noise; only with ``photons``.
+    bits : int, optional
+        Quantise to integers of so many bits; full scale is the maximum of all images.
+    seed : int
+        Of the noise and the gains; equal seeds give bit-identical images.
+    tracer : str
+        See `tomo.trace.trace`.
+    progress : callable, optional
+        Called with the pixels done, their total, and the camera's name.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, or no camera sees the grid.
+    """
+    _check(supersample, noise, photons, read_noise, bits, seed)
+    effects = Effects() if effects is None else effects
+    fine_grid = grid.refined(refine)
+    _check_memory(fine_grid)
+    seen = {camera.name: effects.pixels_that_see(camera, grid) for camera in rig}
+    total = sum(len(pixels) for pixels in seen.values())
+    if not total:
+        raise ValueError(
+            f"rig: found no camera that sees the grid from {grid.lower.tolist()} to "
+            f"{grid.upper.tolist()}, expected at least one"
+        )
+    fine = sample(field, fine_grid, _SMALLEST_REFINEMENT)  # (nx R, ny R, nz R)
+    gains = effects.gains(len(rig), seed)
+    images, done = {}, 0
+    for camera, gain in zip(rig, gains, strict=True):
+        width, height = camera.image_size
+        flat = np.zeros(width * height, np.float32)
+        for pixels in _chunks(seen[camera.name], fine_grid, effects.rays_per_pixel(supersample)):
+            rays = effects.rays(camera, pixels, supersample)
+            segments = effects.trace(rays, fine_grid, fine, tracer)
+            centres = np.stack([pixels % width, pixels // width], axis=-1)
+            light = gain * effects.falloff(camera, centres)  # 1 where there is neither
+            flat[pixels] = (Projector(segments, fine_grid) @ fine.ravel()) * light
+            done += len(pixels)
+            if progress is not None:
+                progress(done, total, camera.name)
+        images[camera.name] = flat.reshape(height, width)
+
+    settings: dict[str, Any] = {
+        "field": repr(field),
+        "supersample": supersample,
+        "refine": refine,
+        "effects": asdict(effects) if effects.any else None,
+        "noise": noise,
+        "photons": photons,
+        "read_noise": read_noise,
+        "bits": bits,
+        "seed": seed,
+        "tracer": tracer,
+    }
+    if effects.gain_spread > 0:
+        settings["gains"] = by_name(rig.names, gains)
+    recorded = list(images.values())
+    random = np.random.default_rng(seed)
+    if photons is not None:
+        recorded = noises.poisson(recorded, photons, read_noise, random)
+    if noise:
+        recorded = noises.gaussian(recorded, noise, random)
+    if bits is not None:
+        full_scale = max(float(image.max()) for image in recorded)
+        if full_scale <= 0:
+            raise ValueError("bits: found only dark images, expected a maximum to quantise by")
+        settings["full_scale"] = full_scale
+        integers = noises.quantise(recorded, bits, full_scale)
+        recorded = noises.dequantise(integers, bits, full_scale)
+    truth = grid.average(fine, refine)
+    return SimulatedScan(
+        rig,
+        MappingProxyType(dict(zip(images, recorded, strict=True))),
+        grid,
+        truth,
+        MappingProxyType(settings),
+    )
+
+
+def _chunks(pixels: NDArray, grid: VoxelGrid, rays_per_pixel: int) -> Iterator[NDArray]:
+    """Cut ``pixels`` so that the rays of each part cross a bounded number of voxels."""
+    rays = min(_CROSSINGS_AT_ONCE // sum(grid.shape), _RAYS_AT_ONCE)
+    size = max(1, rays // rays_per_pixel)
+    for start in range(0, len(pixels), size):
+        yield pixels[start : start + size]
+
+
+def _check_memory(fine_grid: VoxelGrid) -> None:
+    """Refuse voxels that the memory cannot hold, before anything is allocated."""
+    needed, available = _BYTES_PER_VOXEL * fine_grid.size, available_memory()
+    if needed > available:
+        shrink = (0.8 * available / needed) ** (1 / 3)
+        shape, fits = (
+            "x".join(str(n) for n in counts)
+            for counts in (fine_grid.shape, (max(int(n * shrink), 1) for n in fine_grid.shape))
+        )
+        raise ValueError(
+            f"grid {shape}, refinement included: would take about {needed / 1e9:,.1f} GB, found "
+            f"{available / 1e9:,.1f} GB free; {fits} voxels would fit"
+        )
+
+
+def _check(
+    supersample: int,
+    noise: float,
+    photons: float | None,
+    read_noise: float,
+    bits: int | None,
+    seed: int,
+) -> None:
+    """Check what would otherwise only fail after all the tracing."""
+    if supersample < 1 or supersample != int(supersample):
+        raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
+    if not isinstance(seed, Integral) or seed < 0:
+        raise ValueError(f"seed: found {seed!r}, expected a whole number >= 0")
+    if not (math.isfinite(noise) and noise >= 0):
+        raise ValueError(f"noise: found {noise}, expected a fraction >= 0")
+    if photons is not None and not (math.isfinite(photons) and photons > 0):
+        raise ValueError(f"photons: found {photons}, expected a number > 0")
+    if not (math.isfinite(read_noise) and read_noise >= 0):
+        raise ValueError(f"read_noise: found {read_noise}, expected electrons >= 0")
+    if read_noise and photons is None:
+        raise ValueError("read_noise: found no photons beside it, expected both or none")
+    if bits is not None and bits not in range(1, 17):
+        raise ValueError(f"bits: found {bits}, expected a whole number from 1 to 16")

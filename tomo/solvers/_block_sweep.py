@@ -1,0 +1,268 @@
+"""A volume brought to agree with one block of pixels after another: views, or ordered subsets.
+
+The update of a block is ``x <- x + r C A^T W R (b - A x)`` over its pixels alone, where ``R`` are
+the reciprocals of the row sums of A, damped as `tomo.solvers._damping` says, and ``C`` those of
+its column sums, weighted by ``W``. A voxel that of a block's rays only one grazes would have all
+of that one's noise.
+
+With a stored matrix a row is projected and, as soon as its residual is known, spread back, while
+its entries are at hand: a block reads them once. Blocks are cut into parts as products are
+(`tomo.operators.spmv`), and the volume stays in the order of the entries from the first block to
+the last.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo._compute.jit import compiled
+from tomo._compute.threads import threads_worth
+from tomo.operators import Projector
+from tomo.operators.operator import ProjectionOperator
+from tomo.operators.spmv import (
+    ADDED_AT_ONCE,
+    NANOSECONDS_GATHERED,
+    NANOSECONDS_SCATTERED,
+    part_bounds,
+    parts_at_once,
+    projected,
+    spread,
+)
+from tomo.solvers._damping import damped
+
+Sweep = Callable[[NDArray[np.float32], float, bool, NDArray[np.int64]], NDArray[np.float32]]
+"""``sweep(x, relaxation, nonnegative, order)``: ``x`` after the updates of blocks ``order``."""
+
+
+def sweep_of(
+    projector: ProjectionOperator,
+    measured: NDArray[np.float32],
+    parts: Sequence[NDArray[np.int64]],
+    weights: NDArray[np.float32] | None = None,
+    *,
+    fair: bool = False,
+) -> Sweep:
+    """Return what updates a volume from each of some blocks of pixels, one after another.
+
+    Parameters
+    ----------
+    projector : ProjectionOperator
+    measured : (pixels,)
+    parts : sequence of (P_b,) int64
+        The ascending numbers of each block's pixels.
+    weights : (pixels,), optional
+        The diagonal of ``W``; ones when None.
+    fair : bool
+        Whether a column sum counts as the even share of that over all blocks at least. Blocks that
+        are dealt out at random see some voxels hardly, and would throw them after the few rays
+        that do; views see a voxel or not.
+    """
+    per_row = _per_row(projector, weights)
+    most = _per_column(_column_sums(projector, weights) / len(parts)) if fair else None
+    if isinstance(projector, Projector) and parts:
+        return _StoredSweep(projector, measured, parts, weights, per_row, most)
+    blocks = [
+        Block(
+            projector.take(p),
+            measured[p],
+            None if weights is None else weights[p],
+            per_row[p],
+            most,
+        )
+        for p in parts
+    ]
+
+    def sweep(
+        x: NDArray[np.float32], relaxation: float, nonnegative: bool, order: NDArray[np.int64]
+    ) -> NDArray[np.float32]:
+        for block in (blocks[number] for number in order):
+            residual = block.measured - block.projector @ x
+            x = block.updated(x, residual, relaxation, nonnegative)
+        return x
+
+    return sweep
+
+
+class Block:
+    """The update ``C A^T W R (b - A x)`` of all pixels of a projector."""
+
+    def __init__(
+        self,
+        projector: ProjectionOperator,
+        measured: NDArray[np.float32],
+        weights: NDArray[np.float32] | None,
+        per_row: NDArray[np.float32] | None = None,
+        most: NDArray[np.float32] | None = None,
+    ) -> None:
+        self.projector = projector
+        self.measured = measured
+        self.per_row = _per_row(projector, weights) if per_row is None else per_row
+        self.per_column = _per_column(_column_sums(projector, weights))
+        if most is not None:
+            self.per_column = np.minimum(self.per_column, most)
+
+    def updated(
+        self,
+        x: NDArray[np.float32],
+        residual: NDArray[np.float32],
+        relaxation: float,
+        nonnegative: bool,
+    ) -> NDArray[np.float32]:
+        """Return ``x`` after the update by the residual ``b - A x``."""
+        x = x + relaxation * (self.per_column * (self.projector.T @ (self.per_row * residual)))
+        return np.maximum(x, 0) if nonnegative else x
+
+
+def _per_row(
+    projector: ProjectionOperator, weights: NDArray[np.float32] | None
+) -> NDArray[np.float32]:
+    """Return the diagonal of ``W R``; what it is where a ray meets no voxel does not matter."""
+    per_row = (1 / damped(projector.row_sums)).astype(np.float32)
+    return per_row if weights is None else weights * per_row
+
+
+def _column_sums(
+    projector: ProjectionOperator, weights: NDArray[np.float32] | None
+) -> NDArray[np.float64]:
+    """Return ``A^T W 1``."""
+    return projector.column_sums if weights is None else projector.T @ weights.astype(np.float64)
+
+
+def _per_column(sums: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the diagonal of ``C``; zero where a voxel meets no ray."""
+    return np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0).astype(np.float32)
+
+
+class _StoredSweep:
+    """The updates of blocks of a stored matrix; its rows are in the order of the blocks here."""
+
+    def __init__(
+        self,
+        projector: Projector,
+        measured: NDArray[np.float32],
+        parts: Sequence[NDArray[np.int64]],
+        weights: NDArray[np.float32] | None,
+        per_row: NDArray[np.float32],
+        most: NDArray[np.float32] | None,
+    ) -> None:
+        order, n_unknowns = np.concatenate(parts), projector.shape[1]
+        ptr = np.cumsum([0] + [len(pixels) for pixels in parts])
+        starts, stops, voxel, length = projector.matrix
+        self._live = projector.active
+        self._matrix = (starts[order], stops[order], voxel, length)
+        self._measured = measured[order]
+        weights = np.ones(len(order), np.float32) if weights is None else weights[order]
+        self._per_row = per_row[order]
+        self._per_column = np.zeros((len(parts), n_unknowns), np.float32)
+        _per_columns(*self._matrix, weights, ptr, self._per_column)
+        if most is not None:
+            np.minimum(self._per_column, self._live.to_places(most), out=self._per_column)
+        counts = self._matrix[1] - self._matrix[0]
+        cuts = [
+            first + part_bounds(counts[first:last], n_unknowns)
+            for first, last in itertools.pairwise(ptr)
+        ]
+        self._bounds = np.concatenate([np.zeros(1, np.int64), *(cut[1:] for cut in cuts)])
+        self._part_ptr = np.cumsum([0] + [len(cut) - 1 for cut in cuts])
+        self._most = max(len(cut) - 1 for cut in cuts)
+        self._nanoseconds = (NANOSECONDS_GATHERED + NANOSECONDS_SCATTERED) * (
+            int(counts.sum()) / int(self._part_ptr[-1])
+        )  # of a part
+
+    def __call__(
+        self,
+        x: NDArray[np.float32],
+        relaxation: float,
+        nonnegative: bool,
+        order: NDArray[np.int64],
+    ) -> NDArray[np.float32]:
+        """Return ``x`` (n,) after the updates of blocks ``order``."""
+        x = np.array(self._live.to_places(x))
+        at_once = parts_at_once(self._most, x.nbytes)
+        private = np.zeros((at_once, len(x)), np.float32)
+        with threads_worth(self._nanoseconds * at_once):
+            _sweep(
+                *self._matrix, self._measured, self._per_row, self._per_column, order,
+                self._part_ptr, self._bounds, np.float32(relaxation), nonnegative, private, x,
+            )  # fmt: skip
+        return self._live.from_places(x)
+
+
+@compiled(parallel=True)
+def _per_columns(starts, stops, voxel, length, weights, ptr, per_column):
+    """Write ``C`` of every block ``ptr[b]:ptr[b + 1]``: (blocks, n)."""
+    for block in numba.prange(len(per_column)):
+        columns = np.zeros(per_column.shape[1])
+        for row in range(ptr[block], ptr[block + 1]):
+            spread(np.float64(weights[row]), voxel, length, starts[row], stops[row], columns)
+        for i in range(len(columns)):
+            if columns[i] > 0:
+                per_column[block, i] = 1 / columns[i]
+
+
+@compiled(parallel=True)
+def _sweep(
+    starts, stops, voxel, length, measured, per_row, per_column, order, part_ptr, bounds,
+    relaxation, nonnegative, private, x,
+):  # fmt: skip
+    """Update ``x`` (n,) from blocks ``order``, whose parts ``part_ptr`` counts.
+
+    Each part's rows ``bounds[p]:bounds[p + 1]`` add into a row of ``private`` (at once, n), which
+    is zeros before and after; those of a block's only part into the update itself.
+    """
+    n, at_once = len(x), len(private)
+    update = np.zeros(n, np.float32)
+    for block in order:
+        end = part_ptr[block + 1]
+        in_one = end - part_ptr[block] == 1  # nobody else adds: no volume of its own is needed
+        for first in range(part_ptr[block], end, at_once):
+            last = min(first + at_once, end)
+            if in_one:
+                _spread_back(
+                    starts, stops, voxel, length, measured, per_row, bounds[first], bounds[last],
+                    x, update,
+                )  # fmt: skip
+            else:
+                for part in numba.prange(first, last):
+                    _spread_back(
+                        starts, stops, voxel, length, measured, per_row, bounds[part],
+                        bounds[part + 1], x, private[part - first],
+                    )  # fmt: skip
+            for some in numba.prange((n + ADDED_AT_ONCE - 1) // ADDED_AT_ONCE):
+                low = some * ADDED_AT_ONCE
+                high = min(low + ADDED_AT_ONCE, n)
+                total = update[low:high]
+                for part in range(0 if in_one else last - first):
+                    own = private[part, low:high]
+                    for i in range(len(total)):
+                        total[i] += own[i]
+                        own[i] = 0
+                if last == end:
+                    _add(relaxation, per_column[block, low:high], total, nonnegative, x[low:high])
+
+
+@compiled(inline=True)
+def _spread_back(
+    starts, stops, voxel, length, measured, per_row, first_row, end_row, x, update
+):  # fmt: skip
+    """Add to ``update`` (n,) what rows ``first_row:end_row`` miss in their measurements."""
+    for row in range(first_row, end_row):
+        start, stop = np.int64(starts[row]), np.int64(stops[row])
+        image = np.float32(projected(x, voxel, length, start, stop))
+        pixel = per_row[row] * (measured[row] - image)
+        if pixel != 0:
+            spread(pixel, voxel, length, start, stop, update)
+
+
+@compiled(inline=True)
+def _add(relaxation, factor, update, nonnegative, x):
+    """Add ``relaxation * factor * update`` to ``x``, and clear the update."""
+    for i in range(len(x)):
+        moved = x[i] + relaxation * (factor[i] * update[i])
+        update[i] = 0
+        x[i] = np.float32(0) if nonnegative and moved < 0 else moved

@@ -1,0 +1,100 @@
+"""What a solver gives back: the volume, how it got there, and what it cost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import VoxelGrid
+
+
+class LearnedWeights(Protocol):
+    """Ray-voxel weights that a solver learned in place of the segment lengths."""
+
+    def projector(self, projector: Any, *, same_views: bool = True) -> Any:
+        """Return the operator of the same segments with the learned weights."""
+
+
+Callback = Callable[[int, NDArray[np.float32], float], bool | None]
+"""Called as ``callback(index, volume, relative_residual)`` after each update, and before the
+first with index 0; ``volume`` holds the active voxels, flat, and must not be changed. Return True
+to stop."""
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One line of a solver's history.
+
+    Attributes
+    ----------
+    index : int
+        How many updates the volume has had; 0 is the start.
+    relative_residual : float
+        ``||measured - A @ volume|| / ||measured||`` of that volume.
+    seconds : float
+        Wall time since the solver started.
+    """
+
+    index: int
+    relative_residual: float
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The emission in every voxel and the record of how it was found.
+
+    Attributes
+    ----------
+    volume : (nx, ny, nz) float32
+        Emission per unit length: a ray's pixel is the sum of ``volume x chord``.
+    grid : VoxelGrid
+        Where the voxels are.
+    history : tuple of Iteration
+        One entry an iteration, the start included.
+    settings : mapping
+        The method and every argument that it ran with.
+    stop_reason : str
+        Why it ended, in words.
+    quality : mapping
+        Figures against a truth or held-out views, where there are any.
+    seconds : mapping
+        Wall time of each stage.
+    peak_memory : int
+        The process's largest resident memory so far, in bytes; 0 when not measured.
+    weights : LearnedWeights, optional
+        What was learnt in place of the chord lengths, see `tomo.wernet`; None: chords.
+    """
+
+    volume: NDArray[np.float32]
+    grid: VoxelGrid
+    history: tuple[Iteration, ...]
+    settings: Mapping[str, Any]
+    stop_reason: str = ""
+    quality: Mapping[str, float] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    peak_memory: int = 0
+    weights: LearnedWeights | None = None
+
+    def __post_init__(self) -> None:
+        """Check that the volume lives on the grid."""
+        if self.volume.shape != self.grid.shape:
+            raise ValueError(
+                f"reconstruction volume: found shape {self.volume.shape}, "
+                f"expected the grid's {self.grid.shape}"
+            )
+
+    def __repr__(self) -> str:
+        """Say what was done and how well it fits."""
+        method = self.settings.get("method", "?")
+        residual = self.relative_residual
+        return f"<Solution: {method}, {self.grid.shape}, relative residual {residual:.3g}>"
+
+    @property
+    def relative_residual(self) -> float:
+        """Relative residual of the volume; NaN without a history."""
+        return self.history[-1].relative_residual if self.history else float("nan")

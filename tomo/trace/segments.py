@@ -1,0 +1,137 @@
+"""What a tracer returns: the voxels that each pixel's rays cross, and how far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo._compute.grouping import take_groups
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """The crossings of rays with voxels, grouped by pixel: a sparse matrix in row order.
+
+    Pixel ``p`` owns the entries ``ptr[p]:ptr[p + 1]``, ordered along each of its rays.
+
+    Attributes
+    ----------
+    ptr : (pixels + 1,) int64
+        Where each pixel's entries begin.
+    voxel : (S,) int32 or int64
+        Flat index of the voxel crossed (the paper's impacting voxels).
+    length : (S,) float32 or float64
+        Chord length inside that voxel times the ray's quadrature weight, in the length unit:
+        the matrix entry. With one ray a pixel it is the chord itself.
+    midpoint : (S, 3) float32 or float64, optional
+        Middle of each crossing (the paper's segment points) along the world's axes, measured
+        from the grid's ``center``, so that single precision suffices wherever the grid lies.
+    """
+
+    ptr: NDArray[np.int64]
+    voxel: NDArray[np.integer]
+    length: NDArray[np.floating]
+    midpoint: NDArray[np.floating] | None = None
+
+    def __post_init__(self) -> None:
+        """Check that the parts belong together."""
+        if self.ptr.ndim != 1 or self.ptr.dtype != np.int64 or self.ptr[0] != 0:
+            raise ValueError("segments ptr: expected an int64 vector that starts at 0")
+        n_segments = int(self.ptr[-1])
+        for name in ("voxel", "length"):
+            shape = getattr(self, name).shape
+            if shape != (n_segments,):
+                raise ValueError(f"segments {name}: found shape {shape}, expected {(n_segments,)}")
+        if self.midpoint is not None and self.midpoint.shape != (n_segments, 3):
+            raise ValueError(
+                f"segments midpoint: found shape {self.midpoint.shape}, expected {(n_segments, 3)}"
+            )
+
+    def __len__(self) -> int:
+        """Return the number of crossings."""
+        return int(self.ptr[-1])
+
+    def __repr__(self) -> str:
+        """Name the sizes: the arrays themselves are too long to print."""
+        return (
+            f"<Segments: {self.n_pixels} pixels, {len(self)} crossings, "
+            f"{self.nbytes / 2**20:.1f} MiB>"
+        )
+
+    @property
+    def n_pixels(self) -> int:
+        """Number of pixels, those without a crossing included."""
+        return len(self.ptr) - 1
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays in bytes."""
+        arrays = (self.ptr, self.voxel, self.length, self.midpoint)
+        return sum(a.nbytes for a in arrays if a is not None)
+
+    def rows(self, start: int, stop: int) -> Segments:
+        """Return the segments of pixels ``start:stop``; the entries are views, not copies."""
+        return self._run(self.ptr[start : stop + 1])
+
+    def take(self, pixels: NDArray[np.integer]) -> Segments:
+        """Return copies of the segments of some pixels, in the order given."""
+        return self._copied(*take_groups(self.ptr, pixels))
+
+    def between(self, starts: NDArray[np.int64], stops: NDArray[np.int64]) -> Segments:
+        """Return the segments of pixels that own the entries ``starts[p]:stops[p]`` of these.
+
+        The entries are views when they lie one behind the other, else copies.
+        """
+        if len(starts) and (starts[1:] == stops[:-1]).all():
+            return self._run(np.append(starts, stops[-1]))
+        ends = np.stack([starts, stops], axis=1).ravel()
+        return self._copied(*take_groups(ends, 2 * np.arange(len(starts))))
+
+    def _run(self, ptr: NDArray[np.int64]) -> Segments:
+        inside = slice(int(ptr[0]), int(ptr[-1]))
+        midpoint = None if self.midpoint is None else self.midpoint[inside]
+        return Segments(ptr - ptr[0], self.voxel[inside], self.length[inside], midpoint)
+
+    def _copied(self, ptr: NDArray[np.int64], slots: NDArray[np.int64]) -> Segments:
+        midpoint = None if self.midpoint is None else self.midpoint[slots]
+        return Segments(ptr, self.voxel[slots], self.length[slots], midpoint)
+
+    def renumbered(self, number: NDArray[np.integer]) -> Segments:
+        """Return the crossings of the voxels that have a number, under that number.
+
+        ``number`` holds one for every voxel, negative where it has none.
+        """
+        voxel = number[self.voxel]
+        slots = np.flatnonzero(voxel >= 0)
+        midpoint = None if self.midpoint is None else self.midpoint[slots]
+        return Segments(
+            np.searchsorted(slots, self.ptr),
+            voxel[slots].astype(self.voxel.dtype),
+            self.length[slots],
+            midpoint,
+        )
+
+    def without_empty(self) -> tuple[Segments, NDArray[np.int64]]:
+        """Return the pixels that cross a voxel, and their numbers; the entries are shared."""
+        kept = np.flatnonzero(np.diff(self.ptr))
+        ptr = np.append(self.ptr[kept], self.ptr[-1])
+        return Segments(ptr, self.voxel, self.length, self.midpoint), kept
+
+    @staticmethod
+    def concatenate(parts: list[Segments]) -> Segments:
+        """Return the segments of ``parts`` one after another; of a single one, itself."""
+        if not parts:
+            raise ValueError("segments to concatenate: found none, expected at least one")
+        if len(parts) == 1:
+            return parts[0]
+        offsets = np.cumsum([0] + [len(part) for part in parts])
+        ptr = [part.ptr[1:] + o for part, o in zip(parts, offsets[:-1], strict=True)]
+        has_midpoint = all(part.midpoint is not None for part in parts)
+        return Segments(
+            np.concatenate([np.zeros(1, np.int64), *ptr]),
+            np.concatenate([part.voxel for part in parts]),
+            np.concatenate([part.length for part in parts]),
+            np.concatenate([part.midpoint for part in parts]) if has_midpoint else None,
+        )

@@ -1,0 +1,90 @@
+"""The tracers by name: one call from rays and a grid to segments."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+if TYPE_CHECKING:
+    from tomo.grid import ActiveVoxels, VoxelGrid
+    from tomo.rays import Rays
+    from tomo.trace.segments import Segments
+
+TRACERS = ("march", "raycast", "reference")
+
+MOST_VOXELS = 2**53
+"""Voxel numbers are computed as float64 on the way: exact up to here."""
+
+
+def trace(
+    rays: Rays,
+    grid: VoxelGrid,
+    tracer: str = "march",
+    *,
+    midpoints: bool = False,
+    dtype: DTypeLike = np.float32,
+    active: ActiveVoxels | None = None,
+) -> Segments:
+    """Return the voxels that each pixel's rays cross, and the length of every crossing.
+
+    Parameters
+    ----------
+    rays : Rays
+    grid : VoxelGrid
+    tracer : {"march", "raycast", "reference"}
+    midpoints : bool
+        Whether to keep the middle of each crossing too.
+    dtype : {float32, float64}
+        Of the lengths and midpoints; the geometry is always computed in float64.
+    active : ActiveVoxels, optional
+        The voxels to look at; all of the grid when None. Crossings of others are left out, and
+        ``voxel`` are the numbers of the active ones: those of the unknowns.
+
+    Raises
+    ------
+    ValueError
+        If the tracer is unknown, the active voxels are those of another grid, or there are more
+        voxels than can be numbered.
+    """
+    return tracing(grid, tracer, midpoints=midpoints, dtype=dtype, active=active)(rays)
+
+
+def tracing(
+    grid: VoxelGrid,
+    tracer: str = "march",
+    *,
+    midpoints: bool = False,
+    dtype: DTypeLike = np.float32,
+    active: ActiveVoxels | None = None,
+    by_place: bool = False,
+) -> Callable[[Rays], Segments]:
+    """Return what traces rays as `trace` does, to be called with one camera's after another's.
+
+    Its arguments and errors are those of `trace`. The tracer keeps memory from call to call, so
+    that no two threads may call it at once; what it has returned stays as it is. With ``by_place``
+    the unknowns are numbered as `tomo.ActiveVoxels.place` has them, where not all voxels are
+    active.
+    """
+    if tracer not in TRACERS:
+        raise ValueError(f"tracer: found {tracer!r}, expected one of {', '.join(TRACERS)}")
+    if active is not None and active.grid != grid:
+        raise ValueError(f"active: found voxels of {active.grid}, expected of {grid}")
+    if grid.size > MOST_VOXELS:
+        raise ValueError(f"grid shape: found {grid.shape}, expected at most 2^53 voxels to trace")
+    module = importlib.import_module(f"tomo.trace.{tracer}")
+    if tracer == "march":
+        return module.March(
+            grid, midpoints=midpoints, dtype=dtype, active=active, by_place=by_place
+        )
+
+    def traced(rays: Rays) -> Segments:
+        segments = module.trace(rays, grid, midpoints=midpoints, dtype=dtype)
+        if active is None or active.all:
+            return segments
+        return segments.renumbered(active.place_of_voxel if by_place else active.number)
+
+    return traced

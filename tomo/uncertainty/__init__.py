@@ -1,0 +1,14 @@
+"""How far to trust a volume: views and angles, bootstrap of the noise, resolution, warnings."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "angular_coverage": ["Seeing", "seeing"],
+        "assessment": ["AUTO_REPEATS", "Condition", "assess"],
+        "bootstrap": ["Deviations", "standard_deviations"],
+        "residual_noise": ["Solve", "noise_of_images"],
+        "resolution": ["Resolution", "half_widths", "resolution"],
+    },
+)

@@ -1,0 +1,146 @@
+"""The standard deviation that noise leaves in every voxel of what a method returns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.operators import LinearSystem
+from tomo.operators.system import Progress
+from tomo.uncertainty.bootstrap_calibration import Spread, among_neighbours, calibrated
+from tomo.uncertainty.residual_noise import Solve, generator, noise_of_images, smoothed
+
+KEPT = 0.7
+"""Pixels, the standard deviation of the blur by which noise is taken out of the residual."""
+
+NEIGHBOURS = 0.5
+"""Voxels, the standard deviation of the blur by which neighbours share what few repeats found:
+these scatter, the noise's share of neighbouring voxels differs little."""
+
+CALIBRATED = 20
+"""From so many repeats on, half of them go into a second bootstrap, which calibrates the first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """What repeating a reconstruction with new noise gave.
+
+    Attributes
+    ----------
+    values : (unknowns,) float32
+        Standard deviation in the volume's unit.
+    repeats : int
+    noise : (pixels,) float64
+        Standard deviation of the pixels' noise.
+    """
+
+    values: NDArray[np.float32]
+    repeats: int
+    noise: NDArray[np.float64]
+
+    @property
+    def scatter(self) -> float:
+        """Relative standard error of ``n`` repeats' spread: ``1 / sqrt(2 (n - 1))``.
+
+        Without those that calibrate; of what comes of calibrating it is less.
+        """
+        return 1 / (2 * (self.repeats - _calibrating(self.repeats) - 1)) ** 0.5
+
+
+def standard_deviations(
+    system: LinearSystem,
+    measured: NDArray[np.float32],
+    seen: NDArray[np.float32],
+    solve: Solve,
+    *,
+    repeats: int,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Deviations:
+    """Repeat a reconstruction with new noise and return the spread of its voxels.
+
+    Parameters
+    ----------
+    system : LinearSystem
+    measured, seen : (pixels,) float32
+        The images, and the volume found from them re-projected.
+    solve : callable
+        The reconstruction.
+    repeats : int
+        At least 2.
+    seed : int
+        Of the noise; every repeat has a generator of its own.
+    progress : callable, optional
+
+    Notes
+    -----
+    A parametric bootstrap (Efron and Tibshirani, "An Introduction to the Bootstrap", 1993,
+    chapter 6) of the whole solve: non-negativity, smoothness and early stopping are in it. The
+    noise is put on the re-projected images plus the residual blurred by `KEPT` pixels: what the
+    volume cannot explain presses voxels against zero and has to stay, the noise that the images
+    already have must not count twice. What no repeat can show is not in it: what smoothing and
+    missing views leave out, the choice of the method, and noise that neighbouring pixels share.
+
+    How firmly voxels without emission are held at zero hangs on the noise of the one set that
+    there is. From `CALIBRATED` repeats on the second half of them treats a noisy set of the first
+    half as the measured one, and what that gets wrong is corrected, see `calibrated`. Of fewer,
+    the square roots of the deviations are blurred by `NEIGHBOURS`: those next to zero differ by
+    powers of ten, and their mean would be the largest one's.
+    """
+    noise = noise_of_images(system, measured, seen, solve, seed)
+    active = system.projector.active
+
+    def generators() -> Iterator[np.random.Generator]:
+        for number in range(repeats):
+            if progress:
+                progress(number, repeats, "standard deviations")
+            yield generator(seed, 1 + number)
+
+    drawn, inner = generators(), _calibrating(repeats)
+    base = seen + smoothed(system, measured - seen, KEPT)
+    first, images, volume = _repeated(base, noise, solve, islice(drawn, repeats - inner))
+    if inner:
+        again = (system.projector @ volume).astype(np.float32)
+        base = again + smoothed(system, images - again, KEPT)
+        values = calibrated(first, _repeated(base, noise, solve, drawn)[0], active)
+    else:
+        values = among_neighbours(np.sqrt(first.deviation), NEIGHBOURS, active) ** 2
+    if progress:
+        progress(repeats, repeats, "standard deviations")
+    return Deviations(values.astype(np.float32), repeats, noise)
+
+
+def _calibrating(repeats: int) -> int:
+    """Return how many of the repeats are the second bootstrap's."""
+    return repeats // 2 if repeats >= CALIBRATED else 0
+
+
+def _repeated(
+    base: NDArray[np.float32],
+    noise: NDArray[np.float64],
+    solve: Solve,
+    generators: Iterable[np.random.Generator],
+) -> tuple[Spread, NDArray[np.float32], NDArray[np.float32]]:
+    """Solve images with new noise from each generator.
+
+    Returns
+    -------
+    Spread
+        Of the volumes, updated one by one: they need not be kept.
+    (pixels,) float32, (unknowns,) float32
+        The first noisy images and their volume.
+    """
+    count, mean, squares = 0, 0.0, 0.0
+    for count, random in enumerate(generators, 1):
+        noisy = (base + noise * random.standard_normal(len(noise))).astype(np.float32)
+        volume = solve(noisy)
+        if count == 1:
+            images, found = noisy, volume
+        step = np.subtract(volume, mean, dtype=np.float64)
+        mean = mean + step / count
+        squares = squares + step * (volume - mean)
+    return Spread(np.sqrt(squares / (count - 1)), mean), images, found

@@ -1,0 +1,137 @@
+"""Standard deviations made better by what a second bootstrap says of the first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import ActiveVoxels
+
+WIDTHS = (0.8, 1.5)
+"""Voxels, the standard deviations of the blurs that say what a voxel's surroundings are like."""
+
+FLOOR = 1e-3
+"""Of the large deviations; smaller ones, whose logarithms say little, count as so much."""
+
+LARGE = 0.9
+"""The quantile of all deviations that is taken for a large one."""
+
+OUTLIER = 0.4
+"""From this error of a deviation's logarithm on, a factor 1.5, a voxel counts less in the fit."""
+
+ROUNDS = 10
+VOXELS_IN_FIT = 50_000
+
+RIDGE = 1e-3
+"""Share of a voxel's weight that holds each coefficient at zero, no correction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """What repeats of a solve gave, voxel by voxel.
+
+    Attributes
+    ----------
+    deviation, mean : (unknowns,) float64
+        Of the repeats.
+    """
+
+    deviation: NDArray[np.float64]
+    mean: NDArray[np.float64]
+
+
+def calibrated(first: Spread, second: Spread, active: ActiveVoxels) -> NDArray[np.float64]:
+    """Return standard deviations corrected for what is wrong with a bootstrap of this scene.
+
+    Parameters
+    ----------
+    first : Spread
+        Of repeats around the images.
+    second : Spread
+        Of repeats around one of the first's noisy images.
+    active : ActiveVoxels
+        Where the unknowns are.
+
+    Returns
+    -------
+    (unknowns,) float64
+
+    Notes
+    -----
+    The double bootstrap (Beran, "Prepivoting to reduce level error of confidence sets",
+    Biometrika 74, 1987; Efron and Tibshirani, "An Introduction to the Bootstrap", 1993, chapter
+    18). The second bootstrap treats a noisy set of the first as the first does the measured one,
+    and here the answer is known: it is the first. What is fitted is
+
+        log(first deviation / second deviation) = q(features of the second)
+
+    with a quadratic polynomial q, the same for all voxels, of the logarithms of a voxel's
+    deviation and mean, plain and blurred by `WIDTHS`. The first's own deviations are then
+    multiplied by exp(q(features of the first)). So the scene says how far a voxel is to be drawn
+    to what its surroundings suggest: far where noise decides how firmly it is held at zero, hardly
+    where it emits. The fit is by iteratively reweighted least squares with Cauchy's weights
+    (Holland and Welsch, "Robust regression using iteratively reweighted least-squares", 1977).
+    """
+    scale = float(np.quantile(first.deviation, LARGE))
+    if scale == 0:
+        return first.deviation
+    known, tried = (_features(spread, scale, active) for spread in (first, second))
+    chosen = slice(None, None, -(-active.size // VOXELS_IN_FIT))
+    coefficients = _fitted([feature[chosen] for feature in tried], (known[0] - tried[0])[chosen])
+    found = scale * np.exp(known[0] + _polynomial(known, coefficients))
+    moved = among_neighbours(first.deviation, WIDTHS[0], active) > 0
+    return np.where(moved, found, 0.0)
+
+
+def among_neighbours(
+    values: NDArray[np.float64], width: float, active: ActiveVoxels
+) -> NDArray[np.float64]:
+    """Return the Gaussian means (unknowns,) of a voxel and its neighbours that are unknown."""
+    from scipy.ndimage import gaussian_filter
+
+    def blurred(unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        volume = active.expand(unknowns).reshape(active.grid.shape)
+        return active.compress(gaussian_filter(volume, width, mode="constant"))
+
+    return blurred(values) / blurred(np.ones_like(values))
+
+
+def _features(spread: Spread, scale: float, active: ActiveVoxels) -> list[NDArray[np.float64]]:
+    """Return the logarithms of deviation and mean, plain and blurred, (unknowns,) each."""
+    plain = [np.log(np.maximum(own / scale, FLOOR)) for own in (spread.deviation, spread.mean)]
+    return plain + [among_neighbours(own, width, active) for own in plain for width in WIDTHS]
+
+
+def _terms(features: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+    """Return constant, linear and quadratic terms."""
+    pairs = combinations_with_replacement(features, 2)
+    return [np.ones_like(features[0]), *features, *(one * other for one, other in pairs)]
+
+
+def _polynomial(
+    features: list[NDArray[np.float64]], coefficients: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    total = np.zeros_like(features[0])
+    for term, coefficient in zip(_terms(features), coefficients, strict=True):
+        total += coefficient * term
+    return total
+
+
+def _fitted(
+    features: list[NDArray[np.float64]], target: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the polynomial's coefficients."""
+    terms = np.stack(_terms(features))  # (terms, voxels)
+    hold = RIDGE * np.eye(len(terms))
+    weights = np.ones_like(target)
+    for _ in range(ROUNDS):
+        weighted = weights * terms
+        # einsum adds in one order whatever the number of threads, a matrix product may not
+        normal = np.einsum("iv,jv->ij", weighted, terms)
+        coefficients = np.linalg.solve(normal + hold, np.einsum("iv,v->i", weighted, target))
+        error = target - np.einsum("i,iv->v", coefficients, terms)
+        weights = 1 / (1 + (error / OUTLIER) ** 2)
+    return coefficients

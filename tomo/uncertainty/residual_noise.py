@@ -1,0 +1,123 @@
+"""The noise of the images, from what is left of them when the volume is taken away."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo._compute.reductions import norm
+from tomo.measurement import estimate_noise
+from tomo.operators import LinearSystem
+
+Solve = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+"""From the pixels that take part ``(pixels,)`` to the unknowns ``(unknowns,)``: a method as it was
+chosen, with its smoothness and its number of iterations."""
+
+MOST_FITTED = 0.5
+"""The largest share of the noise's standard deviation that a solve may fit for its residual to
+tell the noise; where it fits more the images alone have to."""
+
+CLEARLY = 0.8
+"""Times the noise found in the residual: what the images say by themselves has to be below."""
+
+
+def noise_of_images(
+    system: LinearSystem,
+    measured: NDArray[np.float32],
+    seen: NDArray[np.float32],
+    solve: Solve | None = None,
+    seed: int = 0,
+) -> NDArray[np.float64]:
+    """Return the standard deviation of the noise in every pixel that takes part, ``(pixels,)``.
+
+    Parameters
+    ----------
+    system : LinearSystem
+    measured, seen : (pixels,) float32
+        The images, and the volume found from them re-projected.
+    solve : callable, optional
+        The reconstruction: then what it has fitted of the noise is found out and made up for.
+    seed : int
+        Of the noise that it is tried with.
+
+    Notes
+    -----
+    Each view's noise model, ``variance = read² + gain x signal``, is that of the residual's finest
+    structure over the re-projected signal, see `tomo.measurement.estimate_noise`: with the volume
+    taken away, edges and fine structure of the flame are not taken for noise. How much of the
+    noise the solve has fitted shows when it solves ``seen`` with just that noise: the estimate
+    made of its residual in the same way is too small by the same factor. Where voxels are so much
+    coarser than pixels that the re-projection's steps are finer structure than the images have,
+    the images alone say less, and are believed.
+
+    The noise of one pixel is taken to be independent of its neighbours'. Where images were
+    resampled or smoothed it is not, and too little is found: two thirds of it after a blur of half
+    a pixel, a quarter after one of 0.7, a tenth after one of a pixel.
+    """
+    noise = _fine_structure(system, measured, seen, seen)
+    if solve is not None and noise.any():
+        random = generator(seed, 0)
+        images = (seen + noise * random.standard_normal(len(noise))).astype(np.float32)
+        again = (system.projector @ solve(images)).astype(np.float32)
+        remains = norm(_fine_structure(system, images, again, again)) / norm(noise)
+        noise = noise / min(remains, 1.0) if remains > 1 - MOST_FITTED else None
+    alone = _fine_structure(system, measured, None, seen)
+    return alone if noise is None or norm(alone) < CLEARLY * norm(noise) else noise
+
+
+def generator(seed: int, number: int) -> np.random.Generator:
+    """Return one of many generators; none repeats what ``default_rng(seed)`` gave a simulation."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
+
+
+def _fine_structure(
+    system: LinearSystem,
+    measured: NDArray[np.float32],
+    expected: NDArray[np.float32] | None,
+    signal: NDArray[np.float32],
+) -> NDArray[np.float64]:
+    """Return the noise of every pixel by each view's own model, at ``signal``, ``(pixels,)``."""
+    sigma = np.zeros(len(measured))
+    images, masks = system.images(measured), traced(system)
+    known = [None] * len(images) if expected is None else system.images(expected)
+    spans = pairwise(system.projector.view_ptr)
+    for image, own, mask, (start, stop) in zip(images, known, masks, spans, strict=True):
+        model = estimate_noise(image, mask, expected=own)
+        sigma[start:stop] = np.sqrt(model.variance(signal[start:stop]))
+    return sigma
+
+
+def traced(system: LinearSystem) -> list[NDArray[np.bool_]]:
+    """Return which pixels of each view take part, ``(height, width)`` each."""
+    masks = []
+    for camera, kept in zip(system.rig, system.pixels, strict=True):
+        width, height = camera.image_size
+        mask = np.zeros(width * height, bool)
+        mask[kept] = True
+        masks.append(mask.reshape(height, width))
+    return masks
+
+
+def smoothed(
+    system: LinearSystem, pixels: NDArray[np.float32], width: float
+) -> NDArray[np.float32]:
+    """Return pixels blurred within their images, ``(pixels,)``; pixels not traced say nothing.
+
+    Parameters
+    ----------
+    system : LinearSystem
+    pixels : (pixels,) float32
+    width : float
+        Standard deviation of the Gaussian in pixels.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    blurred = []
+    for image, mask in zip(system.images(pixels), traced(system), strict=True):
+        weight = gaussian_filter(mask.astype(np.float32), width, mode="constant")
+        total = gaussian_filter(image, width, mode="constant")
+        blurred.append(np.divide(total, weight, out=np.zeros_like(total), where=weight > 1e-6))
+    return system.flatten(blurred)

@@ -1,0 +1,147 @@
+"""What the default encoder gives, ray by ray, in one pass: no layer of all segments is stored."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from tomo._compute.jit import compiled
+from tomo.wernet.default.correction import SLOPE, CorrectionEncoder, ViewTokens
+
+if TYPE_CHECKING:
+    from tomo.wernet.default.ray_features import RayFeatures
+
+RAYS_AT_A_TIME = 64
+"""Their layers stay near the core."""
+
+
+def streamed_corrections(
+    encoder: CorrectionEncoder,
+    tokens: ViewTokens,
+    features: RayFeatures,
+    front: torch.Tensor,
+) -> NDArray[np.float32]:
+    """Return the correction of every segment, ``(S,)``: `ray_weights.correction_of`, compiled.
+
+    Its slow twin is PyTorch's, which training needs for the gradients. Features whose weights are
+    zero are left out.
+    """
+    kernels = [_numbers(layer.weight) for layer in encoder.hidden]  # (out, in, 3)
+    used = np.flatnonzero(kernels[0].any(axis=(0, 2)))
+    kernels[0] = kernels[0][:, used]
+    widest = max(len(used), encoder.channels)
+    weight = np.zeros((len(kernels), encoder.channels, widest, 3), np.float32)
+    for of_layer, kernel in zip(weight, kernels, strict=True):
+        of_layer[:, : kernel.shape[1]] = kernel
+    found = np.zeros(len(features.voxel), np.float32)
+    spacing = features.spacing
+    described = (
+        features.direction, features.place, features.midpoint, features.length, features.voxel,
+        features.centre, spacing, features.depth, front,
+    )  # fmt: skip
+    _follow(
+        *(_numbers(each) for each in (features.start, features.count, features.view)),
+        tuple(_numbers(each) for each in described),
+        np.float32(spacing.log().mean().exp().item()),
+        used,
+        weight,
+        np.stack([_numbers(layer.bias) for layer in encoder.hidden]),
+        _numbers(encoder.last.weight)[0],  # (channels, 3)
+        np.float32(encoder.last.bias.item()),
+        _numbers(tokens.hidden),
+        _numbers(tokens.trend),
+        _numbers(tokens.level),
+        _numbers(features.off_axis),
+        found,
+    )
+    return found
+
+
+def _numbers(tensor: torch.Tensor) -> NDArray:
+    return tensor.detach().cpu().numpy()
+
+
+@compiled(inline=True)
+def _describe(number, ray, begin, end, described, edge, out):
+    """Write one of `ray_features.NAMES` of a ray's segments to ``out``."""
+    direction, place, midpoint, length, voxel, centre, spacing, depth, front = described
+    if number < 3:
+        for s in range(begin, end):
+            out[s - begin] = 2 * (midpoint[s, number] - centre[voxel[s], number]) / spacing[number]
+    elif number < 6:
+        out[:] = direction[ray, number - 3]
+    elif number == 6:
+        out[:] = depth[begin:end]
+    elif number == 7:
+        for s in range(begin, end):
+            out[s - begin] = length[s] / edge - np.float32(0.5)
+    elif number < 10:
+        out[:] = place[ray, number - 8]
+    elif number < 12:
+        out[:] = place[ray, number - 10] * place[ray, number - 10]
+    else:
+        out[:] = front[begin:end]
+
+
+@compiled(inline=True)
+def _convolve(before, weight, bias, after, rows):
+    """Write to a row of ``after`` what one output channel makes of ``before`` (inputs, rows)."""
+    after[:] = bias
+    inner = after[1 : rows - 1]
+    for i in range(weight.shape[0]):
+        w0, w1, w2 = weight[i, 0], weight[i, 1], weight[i, 2]
+        ahead, here, beyond = before[i, : rows - 2], before[i, 1 : rows - 1], before[i, 2:rows]
+        for r in range(rows - 2):  # slices: an index that may be negative does not vectorise
+            inner[r] += w0 * ahead[r] + w1 * here[r] + w2 * beyond[r]
+
+
+@compiled(parallel=True, reassociate=True)
+def _follow(
+    start, count, view, described, edge, used, weight, bias, last, last_bias, token, trend,
+    level, off_axis, found,
+):  # fmt: skip
+    """Write to ``found`` (S,). Rays stand one behind another, an empty row around each."""
+    channels, depth, front = bias.shape[1], described[7], described[8]
+    for part in numba.prange((len(start) + RAYS_AT_A_TIME - 1) // RAYS_AT_A_TIME):
+        rays = range(part * RAYS_AT_A_TIME, min((part + 1) * RAYS_AT_A_TIME, len(start)))
+        rows = 1
+        for ray in rays:
+            rows += count[ray] + 1
+        before = np.zeros((weight.shape[2], rows), np.float32)
+        after = np.zeros((weight.shape[2], rows), np.float32)
+        for i in range(len(used)):
+            row = 1
+            for ray in rays:
+                begin, end = start[ray], start[ray] + count[ray]
+                out = before[i, row : row + count[ray]]
+                _describe(used[i], ray, begin, end, described, edge, out)
+                row += count[ray] + 1
+        width = len(used)
+        for layer in range(len(weight)):
+            for c in range(channels):
+                out = after[c]
+                _convolve(before[:width], weight[layer, c, :width], bias[layer, c], out, rows)
+                row = 1
+                out[0] = 0
+                for ray in rays:
+                    own = token[view[ray], c] if layer == 0 else np.float32(0)
+                    for r in range(row, row + count[ray]):
+                        out[r] = max(out[r] + own, np.float32(SLOPE) * (out[r] + own))
+                    row += count[ray] + 1
+                    out[row - 1] = 0
+            before, after = after, before
+            width = channels
+        out = after[0]
+        _convolve(before[:width], last, last_bias, out, rows)
+        row = 1
+        for ray in rays:
+            own = level[view[ray]] + trend[2] * off_axis[ray]
+            for s in range(start[ray], start[ray] + count[ray]):
+                exponent = trend[0] * depth[s] + trend[1] * front[s] + own
+                found[s] = (1 + out[row]) * np.exp(exponent) - 1
+                row += 1
+            row += 1

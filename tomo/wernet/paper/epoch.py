@@ -1,0 +1,52 @@
+"""One epoch of training: every ray used once, some at a time, by any optimiser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+import torch
+
+from tomo.wernet.micro_batches import Map, add_gradients, cut
+from tomo.wernet.paper.model import WERNet
+from tomo.wernet.paper.samples import PackedBatch, RaySamples, SampleBatch
+
+
+def train_epoch(
+    model: WERNet,
+    samples: RaySamples,
+    take: Callable[[torch.Tensor], PackedBatch | SampleBatch],
+    batches: Iterator[torch.Tensor],
+    optimiser: torch.optim.Optimizer,
+    nonnegative: bool,
+    over_parts: Map,
+) -> float:
+    """Use every ray once; return the relative residual of the predictions made on the way.
+
+    As soon as a loss is not finite it gives up and returns NaN, the bad step not taken.
+    """
+    trained = [parameter for group in optimiser.param_groups for parameter in group["params"]]
+    squared_error = 0.0
+    for rays in batches:
+
+        def of_part(some: torch.Tensor, size: int = len(rays)) -> tuple[float, Sequence]:
+            batch = take(some)
+            loss = (model(batch) - batch.measured).square().sum() / size
+            return loss.item(), torch.autograd.grad(loss, trained)
+
+        if model.encoder.couples_rays or take == samples.padded:
+            done = [of_part(rays)]
+        else:
+            parts = [rays[part] for part in cut(samples.count[rays])]
+            done = over_parts(of_part, parts)
+        value = sum(loss for loss, _ in done)
+        if not np.isfinite(value):
+            return float("nan")
+        add_gradients(trained, [gradients for _, gradients in done])
+        optimiser.step()
+        if nonnegative:
+            with torch.no_grad():
+                model.voxels.clamp_(min=0)
+        squared_error += value * len(rays)
+    squared_norm = float(samples.measured.square().sum())
+    return (squared_error / squared_norm) ** 0.5 if squared_norm > 0 else 0.0
