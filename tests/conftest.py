@@ -12,6 +12,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # Examples differ from run to run only where a test asks for it: a failure is a failure of the code
 hypothesis.settings.register_profile("project", deadline=None, derandomize=True, max_examples=50)
+# For hours of a developer's machine: python -m pytest tests/fuzz --hypothesis-profile=long
+hypothesis.settings.register_profile("long", deadline=None, max_examples=5000)
 hypothesis.settings.load_profile("project")
 
 

@@ -1,0 +1,40 @@
+"""Figures in JSON files: NumPy's numbers as JSON's own, NaN and infinity as null."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rigs.files.folders import atomic_path
+
+
+def plain(value: Any, digits: int | None = None) -> Any:
+    """Return data as JSON holds them: text as keys, lists, null for what is not finite.
+
+    Parameters
+    ----------
+    value : mapping, list, tuple, str, bool, number or None
+        Numbers of NumPy's kinds too.
+    digits : int, optional
+        Significant ones that numbers keep; all when None.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): plain(inner, digits) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(inner, digits) for inner in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    if not isinstance(value, float):
+        return value
+    if not math.isfinite(value):
+        return None
+    return value if digits is None else float(f"{value:.{digits}g}")
+
+
+def write_json(path: Path, value: Any, indent: int | None = None) -> None:
+    """Write plain data as a file that appears whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(value, indent=indent) + "\n", "utf-8")

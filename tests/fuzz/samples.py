@@ -1,0 +1,379 @@
+"""Every reader of files, with small valid files, most of them by the project's own writers."""
+
+import base64
+import bz2
+import gzip
+import io
+import json
+import struct
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+import tifffile
+import torch
+import yaml
+from mutations import ARCHIVE, BINARY, PNG, TEXT, TREE
+
+from rigs import Camera, Distortion, RayTable, Rig, formats, look_at
+from rigs.calibrate.detect import _detection_cache
+from rigs.calibrate.detect.found import Found
+from rigs.calibrate.detect.image_sets import read_source
+from rigs.files import load_rig, save_rig
+from rigs.ray_table.ray_file import load_ray_table, save_ray_table
+from tomo import Scan, VoxelGrid
+from tomo.io import is_integer_image, read_image, read_volume, write_volume
+from tomo.selection import Choice
+from tomo.wernet import load_encoder, save_encoder
+from tomo.wernet.default import CorrectionEncoder
+from tomo.wernet.default.checkpoint import Checkpoint, State
+from tomo.wernet.paper import WeightEncoder
+
+EYE = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]
+K = [[80.0, 0, 4], [0, 80.0, 3], [0, 0, 1]]
+LENSES = {
+    "brown": (-0.2, 0.05, 0.001, -0.002),
+    "fisheye": (0.02, -0.01, 0.003, -0.001),
+    "none": (),
+}
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One reader: the file that is damaged, how it is read and changed, and what lies with it."""
+
+    file: str
+    read: Callable
+    samples: tuple[bytes, ...]
+    changes: tuple
+    others: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def readers(folder):
+    """Return every reader by name; ``folder`` is for what the writers write."""
+    return _rigs(folder) | _scans(folder) | _volumes(folder) | _images(folder) | _learned(folder)
+
+
+def small_rig(*models):
+    """Return a rig of one small camera for each lens named."""
+    cameras = []
+    for number, model in enumerate(models):
+        R, t = look_at([90.0 + 10 * number, 20, 30 - 40 * number], [0, 0, 0], [0, 1, 0])
+        lens = Distortion(model, LENSES[model])
+        cameras.append(Camera(f"cam{number}", (9, 7), K, lens, R, t, status="calibrated"))
+    return Rig(tuple(cameras), "mm", "somewhere")
+
+
+def _rigs(folder):
+    rig = small_rig("brown", "none")
+
+    def written(name, format_name=None, rig=rig):
+        formats.save(rig, folder / name, format_name)
+        return (folder / name).read_bytes()
+
+    def of_format(name, up=0):
+        return lambda path: formats.load(path if not up else path.parents[up - 1], name)
+
+    save_rig(rig, folder / "own.yaml")
+    own = (folder / "own.yaml").read_bytes()
+    save_ray_table(RayTable.of(small_rig("none")[0]), folder / "rays.npz")
+    rays = (folder / "rays.npz").read_bytes()
+    listed = b"format: emission-rig\nversion: 1\ncameras: [{name: a, ray_table: rays.npz}]\n"
+    formats.save(rig, folder / "model", "colmap")
+    model = {f"{name}.txt": (folder / "model" / f"{name}.txt").read_bytes()
+             for name in ("cameras", "images", "rigs")}  # fmt: skip
+    middlebury = b"1\na.png 90 0 32 0 90 24 0 0 1 1 0 0 0 1 0 0 0 1 0.1 0.2 5\n"
+    transforms = (written("transforms.json"), written("transforms.json", rig=small_rig("fisheye")))
+    kalibr = tuple(map(_kalibr, ("pinhole", "omni", "ds", "eucm")))
+    opencv, project, (intrinsics, extrinsics) = written("a.yml"), _openptv(), _stereo()
+    anything = (own, middlebury, *transforms, opencv, *kalibr, _multical(), _anipose(), _myptv())
+
+    def stereo(path):
+        return formats.load(path, image_size=(9, 7))
+
+    def table(path):
+        return load_ray_table("a", path.name, path.parent)
+
+    return {
+        "rig.yaml": Reader("rig.yaml", load_rig, (own, _SHORT_RIG, listed), TREE,
+                           {"rays.npz": rays}),
+        "ray table": Reader("rays.npz", table, (rays,), ARCHIVE),
+        "Middlebury": Reader("a_par.txt", of_format("middlebury"), (middlebury,), TEXT,
+                             {"a.png": _pngs()[0]}),
+        **{f"COLMAP {name}": Reader(name, of_format("colmap", 1), (model[name],), TEXT, model)
+           for name in model},
+        "transforms.json": Reader("transforms.json", formats.load, transforms, TREE),
+        "multical": Reader("calibration.json", of_format("multical"), (_multical(),), TREE),
+        "Kalibr": Reader("camchain.yaml", of_format("kalibr"), kalibr, TREE),
+        "anipose": Reader("calibration.toml", of_format("anipose"), (_anipose(),), TEXT),
+        **{f"OpenPTV {name}": Reader(name, of_format("openptv", 2), (text,), TEXT, project)
+           for name, text in list(project.items())[:2]},
+        "OpenCV YAML": Reader("a.yml", of_format("opencv"), (opencv,), TREE),
+        "OpenCV JSON": Reader("a.json", of_format("opencv"), (written("a.json"),), TREE),
+        "OpenCV stereo": Reader("intrinsics.yml", stereo, (intrinsics,), TREE,
+                                {"extrinsics.yml": extrinsics}),
+        "MyPTV": Reader("cam1", of_format("myptv"), (_myptv(),), TEXT),
+        **{f"format unknown {end}": Reader(f"rig{end}", formats.load, anything, TREE)
+           for end in (".json", ".toml", ".yaml", ".txt")},
+    }  # fmt: skip
+
+
+def _scans(folder):
+    rig, grid = small_rig("none"), VoxelGrid((2, 3, 4), 0.5)
+    save_rig(rig, folder / "one.yaml")
+    write_volume(folder / "truth.npz", np.ones((2, 3, 4), np.float32), grid)
+    formats.save(rig, folder / "transforms.json")
+    transforms = (folder / "transforms.json").read_bytes().replace(b".png", b".tif")
+    image = _tiffs()[2]
+    others = {
+        "rig.yaml": (folder / "one.yaml").read_bytes(),
+        "a.tif": image,
+        "images/cam0.tif": image,
+        "truth.npz": (folder / "truth.npz").read_bytes(),
+    }
+
+    def load(path):
+        return Scan.load(path).read()
+
+    return {
+        "scan.yaml": Reader("scan.yaml", load, (_SCAN,), TREE, others),
+        "scan of transforms.json": Reader("transforms.json", load, (transforms,), TREE, others),
+    }
+
+
+def _volumes(folder):
+    data = np.arange(24, dtype=np.float32).reshape(2, 3, 4)
+    found = {}
+    for suffix, more, changes in (
+        (".npz", (), ARCHIVE),
+        (".vti", _vtis(), (*TEXT, *BINARY)),
+        (".nrrd", _nrrds(), (*TEXT, *BINARY)),
+    ):
+        write_volume(folder / f"v{suffix}", data, VoxelGrid((2, 3, 4), 0.5))
+        own = (folder / f"v{suffix}").read_bytes()
+        found[f"volume {suffix}"] = Reader(f"v{suffix}", read_volume, (own, *more), changes)
+    return found
+
+
+def _images(folder):
+    found = Found(np.arange(3), np.ones((3, 2)), 1.0, "", None)
+    nothing = Found.nothing("too dark")
+    _detection_cache.write(folder / "cache", {"a": (found, (9, 7)), "b": (nothing, (9, 7))})
+    every = (*_pngs(), *_tiffs(), *_others())
+
+    def image(path):
+        read_image(path, 12)
+        is_integer_image(path)
+
+    return {
+        "image .tif": Reader("a.tif", image, _tiffs(), BINARY),
+        "image .png": Reader("a.png", read_image, _pngs(), PNG),
+        "image .jpg": Reader("a.jpg", read_image, (_jpeg(),), BINARY),
+        "calibration image": Reader("a.tif", read_source, every, PNG),
+        "detection cache": Reader("found.npz", _detection_cache.read,
+                                  ((folder / "cache").read_bytes(),), ARCHIVE),
+    }  # fmt: skip
+
+
+def _learned(folder):
+    files, path = [], folder / "a.pt"
+    for encoder in (
+        WeightEncoder("batch-norm", blocks=1, channels=2),
+        WeightEncoder("bias-mask", blocks=2, channels=2),
+        CorrectionEncoder(blocks=1, channels=2),
+    ):
+        save_encoder(encoder, path)
+        files.append(path.read_bytes())
+    legacy = io.BytesIO()
+    content = torch.load(path, weights_only=True)
+    torch.save(content, legacy, _use_new_zipfile_serialization=False)
+    volume = np.ones((2, 2, 2), np.float32)
+    state = State(2, volume, Choice("mlem", 0.0, 10, 0.1), None, 0.5, "", {"step": torch.ones(2)})
+    Checkpoint(path, "a problem").save(state)
+
+    def resume(file):
+        return Checkpoint(file, "a problem").load()
+
+    return {
+        "encoder": Reader("a.pt", load_encoder, (*files, legacy.getvalue()), ARCHIVE),
+        "checkpoint": Reader("c.pt", resume, (path.read_bytes(),), ARCHIVE),
+    }
+
+
+_SHORT_RIG = b"""format: emission-rig
+version: 1
+length_unit: mm
+convention: opencv
+cameras:
+  - {name: left, image_size: [9, 7], position: [-30, 0, 50], look_at: [0, 0, 0], up: [0, 1, 0],
+     focal_length: 25, pixel_pitch: [0.0074, 1e-3], principal_point: [4, 3],
+     distortion: {model: none, coefficients: []}, status: virtual,
+     optics: {focal_length: 25, f_number: 8, focus_distance: 300, pixel_pitch: 0.0074}}
+volume: {shape: [3, 4, 5], spacing: 0.5, center: [0, 0, 0]}
+calibration: {date: 2020-01-01, ray_miss: 0.01}
+"""
+
+_SCAN = b"""format: emission-scan
+version: 1
+rig: rig.yaml
+grid: {shape: [3, 4, 5], spacing: 0.5, center: [0, 0, 0]}
+frames:
+  - {name: "0001", images: {cam0: a.tif}}
+corrections:
+  dark: 0.01
+  flat: {cam0: a.tif}
+  gain: {cam0: 1.02}
+  mask: {cam0: a.tif}
+  saturation: 0.98
+  bit_depth: 12
+truth: truth.npz
+effects: {gain_spread: 0.1, absorption: 0.1, gains: {cam0: 1.0}}
+"""
+
+
+def _kalibr(model):
+    lens = {"pinhole": "radtan", "omni": "radtan"}.get(model, "none")
+    first = {"pinhole": [], "omni": [0.8], "ds": [-0.2, 0.59], "eucm": [0.6, 1.1]}[model]
+    camera = {
+        "camera_model": model,
+        "intrinsics": [*first, 8.0, 8.0, 4.0, 3.0],
+        "distortion_model": lens,
+        "distortion_coeffs": [0.0, 0.01, 0, 0] if lens == "radtan" else [],
+        "resolution": [9, 7],
+    }
+    link = np.eye(4)
+    link[0, 3] = 0.1
+    other = json.loads(json.dumps(camera | {"T_cn_cnm1": link.tolist()}))  # no aliases
+    return yaml.safe_dump({"cam0": camera, "cam1": other}, default_flow_style=None).encode()
+
+
+def _multical():
+    camera = {"model": "standard", "image_size": [9, 7], "K": K, "dist": [[0.1, 0, 0, 0, 0]]}
+    poses = {name: {"R": EYE, "T": [0, 0, 1]} for name in ("a", "b_to_a")}
+    return json.dumps({"cameras": {"a": camera, "b": camera}, "camera_poses": poses}).encode()
+
+
+def _anipose():
+    rows = f"size = [9, 7]\nmatrix = {K}\ndistortions = [0.1, 0, 0, 0, 0]\n"
+    pose = "translation = [0, 0, 1]\nfisheye = false\n"
+    return (
+        f'[cam_0]\nname = "a"\n{rows}rotation = [0.1, 0, 0]\n{pose}\n'
+        f"[cam_1]\n{rows}rotation = {EYE}\n{pose}\n[metadata]\nadjusted = false\n"
+    ).encode()
+
+
+def _stereo():
+    texts = []
+    for matrices in (
+        {"M1": np.array(K), "D1": np.zeros((1, 5)), "M2": np.array(K), "D2": np.zeros((1, 5))},
+        {"R": np.eye(3), "T": np.array([[1.0], [0], [0]])},
+    ):
+        flags = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
+        storage = cv2.FileStorage("a.yml", flags)
+        for name, matrix in matrices.items():
+            storage.write(name, matrix)
+        texts.append(storage.releaseAndGetString().encode())
+    return texts
+
+
+def _openptv():
+    ori = "120 50 600\n-0.05 0.2 0.01\n" + "0 " * 9 + "\n0.3 -0.2 60\n0 0 50\n"
+    par = "1\nimg/cam1.1\ncal/cam1.tif\n1\n0\n1\n9\n7\n0.012\n0.0125\n0\n1\n1\n1\n6\n"
+    return {
+        "parameters/ptv.par": par.encode(),
+        "cal/cam1.tif.ori": ori.encode(),
+        "cal/cam1.tif.addpar": b"-4e-4 1e-7 0 2e-5 -3e-5 1.01 2e-3\n",
+    }
+
+
+def _myptv():
+    rows = "6e-3 -1e-2 -7e-6 9e-7 1.2e-5\n9e-3 -9e-3 -3e-6 9e-6 -8e-6\n0 0 0 0 0\n"
+    return f"Tsai model camera\ncam1\n9 7\n1 2 500\n0.1 0.2 0.3\n900\n1 -1\n{rows}".encode()
+
+
+def _vtis():
+    values = np.arange(60, dtype="<f4").tobytes()
+    head = (
+        '<VTKFile type="ImageData" byte_order="LittleEndian"{}>\n<ImageData WholeExtent="0 2 0 3 '
+        '0 4" Origin="0 0 0" Spacing="1 1 1">\n<Piece Extent="0 2 0 3 0 4"><PointData>\n'
+        '<DataArray type="Float32" {}</PointData></Piece></ImageData>'
+    )
+    packed = zlib.compress(values)
+    sizes = struct.pack("<4I", 1, 240, 240, len(packed))
+    coded = base64.b64encode(struct.pack("<I", 240) + values).decode()
+    blocks = base64.b64encode(sizes).decode() + base64.b64encode(packed).decode()
+    by_zlib = ' compressor="vtkZLibDataCompressor"'
+    made = [
+        head.format(attributes, f'format="{kind}">{text}</DataArray>').encode() + b"</VTKFile>"
+        for attributes, kind, text in (
+            ("", "ascii", "1 2 3 4 5 " * 12),
+            ("", "binary", coded),
+            (by_zlib, "binary", blocks),
+        )
+    ]
+    appended = head.format(by_zlib, 'format="appended" offset="0"/>').encode()
+    raw = b'<AppendedData encoding="raw">_' + sizes + packed + b"</AppendedData></VTKFile>"
+    return (*made, appended + raw)
+
+
+def _nrrds():
+    head = "NRRD0004\ntype: float\ndimension: 3\nsizes: 2 3 4\nencoding: {}\nendian: little\n"
+    head += "space: 3D-right-handed\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n"
+    head += "space origin: (0,0,0)\n{}\n"
+    values = np.arange(24, dtype="<f4").tobytes()
+    return tuple(
+        head.format(encoding, fields).encode() + data
+        for encoding, fields, data in (
+            ("raw", "", values),
+            ("gzip", "", gzip.compress(values, mtime=0)),
+            ("bzip2", "", bz2.compress(values)),
+            ("ascii", "", " ".join(map(str, range(24))).encode()),
+            ("raw", "byte skip: -1\n", values),
+        )
+    )
+
+
+def _tiffs():
+    def tiff(image, **settings):
+        file = io.BytesIO()
+        settings = {"photometric": "minisblack", "metadata": None} | settings
+        tifffile.imwrite(file, image, **settings)
+        return file.getvalue()
+
+    small = np.arange(63, dtype=np.float32).reshape(7, 9)
+    whole = small.astype(np.uint16)
+    by_opencv = (
+        cv2.imencode(".tif", image, [cv2.IMWRITE_TIFF_COMPRESSION, code])[1].tobytes()
+        for image in (whole, whole.astype(np.uint8))
+        for code in (5, 32773)  # LZW and PackBits
+    )
+    return (
+        tiff(small),
+        tiff(small, compression="zlib"),
+        tiff(whole, bigtiff=True),
+        tiff(whole, byteorder=">", software="x"),
+        tiff(whole, compression="zlib", predictor=2),
+        tiff(whole, tile=(16, 16)),
+        tiff(np.stack([whole, whole])),
+        *by_opencv,
+    )
+
+
+def _grey():
+    return (np.arange(63).reshape(7, 9) * 4).astype(np.uint8)
+
+
+def _pngs():
+    images = (_grey(), _grey().astype(np.uint16) * 200, np.dstack([_grey()] * 3))
+    return tuple(cv2.imencode(".png", image)[1].tobytes() for image in images)
+
+
+def _jpeg():
+    return cv2.imencode(".jpg", _grey())[1].tobytes()
+
+
+def _others():
+    made = (cv2.imencode(end, _grey())[1].tobytes() for end in (".bmp", ".pgm", ".webp"))
+    return (_jpeg(), *made, b"P2\n3 2\n9\n1 2 3 4 5 6\n")
