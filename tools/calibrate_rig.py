@@ -106,13 +106,12 @@ def calibrate_rig(
     started = time.perf_counter()
     with bad_input_in_one_line():
         _check_outputs(out, report, cache)
-        from _results import write_json
-
         from rigs import save_rig
         from rigs.calibrate import calibrate
         from rigs.calibrate.detect import detections, image_set
         from rigs.calibrate.options import check_asked
         from rigs.calibrate.targets import parse_target
+        from rigs.files.json_file import write_json
 
         described = parse_target(target)
         volume = _volume(grid, spacing, center)
@@ -237,7 +236,8 @@ def _write_page(
 def _figures(calibration: Calibration) -> dict[str, Any]:
     """Return every figure of the calibration as plain data, and what was left out."""
     import numpy as np
-    from _results import plain
+
+    from rigs.files.json_file import plain
 
     observations, quality = calibration.observations, calibration.quality
     left_out = np.flatnonzero(~calibration.used)

@@ -20,8 +20,8 @@ FRAMES = 8
 @pytest.fixture(scope="module")
 def taken(run_tool, tmp_path_factory):
     """Return the true rig, small images of a board that all its cameras took, and their folder."""
-    from _calibration.rendering import Board
-    from _calibration.scenes import Poses, arc_rig, held, photograph
+    from studies.calibration.rendering import Board
+    from studies.calibration.scenes import Poses, arc_rig, held, photograph
 
     rig = arc_rig(1, 3, 60.0)
     rig = replace(rig, cameras=tuple(camera.scaled(0.4) for camera in rig))
@@ -78,7 +78,7 @@ def refused(run_tool, tmp_path):
 
 
 def test_the_rig_s_rays_meet_where_the_true_ones_do(taken, calibrated):
-    from _calibration.truth import true_ray_miss
+    from studies.calibration.truth import true_ray_miss
 
     told, folder, _ = calibrated
     rig = load_rig(folder / "rig.yaml")
@@ -259,7 +259,7 @@ def test_a_frame_that_stands_twice_counts_once(run_tool, images, tmp_path, calib
 
 def test_images_that_do_not_belong_are_named_and_left_out(run_tool, images, tmp_path, taken):
     """One is blurred along its columns; one was taken at another moment than its name says."""
-    from _calibration.truth import true_ray_miss
+    from studies.calibration.truth import true_ray_miss
 
     turned_into(images / "cam01" / "pose_004.png", lambda grey: cv2.blur(grey, (1, 13)))
     shutil.copy(images / "cam02" / "pose_002.png", images / "cam02" / "pose_006.png")

@@ -58,7 +58,6 @@ def test_help_is_still_help(run_tool):
 @pytest.mark.parametrize(
     ("tool", "arguments", "words"),
     [
-        ("calibration_study", ("-o", "{}", "--pictures", "{}/file"), "file: is a file, expected"),
         *(
             (
                 "calibrate_rig",

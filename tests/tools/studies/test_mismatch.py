@@ -1,0 +1,133 @@
+"""The suite of images that hold more physics than the solvers are told."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from studies.benchmark import mismatch_scenes
+from studies.benchmark.classic import CLASSIC
+from studies.benchmark.mismatch import means, mismatch_row
+from studies.benchmark.mismatch_scenes import EFFECTS, mismatch_scene
+from studies.benchmark.sizes import SIZES
+
+TINY = SIZES["tiny"].shown
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Return a function that makes small scenes."""
+
+    def make(effect="gains", noise="clean", seed=1, size=TINY):
+        return mismatch_scene(effect, "jet", noise, seed, size)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def row():
+    """Return how the methods do on one scene, with a learned method that knows the truth."""
+
+    def knows(scan, *, method, fit_gain, seed):
+        assert (method, fit_gain, seed) == ("wernet", False, 3)
+        assert len(scan.rig) == 33
+        seconds = {"load": 1.0, "compare": 0.0, "condition": 2.0, "total": 7.0}
+        return SimpleNamespace(volume=2 * scan.truth, seconds=seconds)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mismatch_scenes, "reconstructed", knows)
+        return mismatch_row("absorption", "jet", "2 %", 3, TINY, 6)
+
+
+def test_scenes_hold_what_their_name_says(scene):
+    plain = scene("pixel area")
+    assert not plain.effects.any
+    for effect, fields in EFFECTS.items():
+        made = scene(effect)
+        assert made.effects.any == bool(fields)
+        assert all(getattr(made.effects, name) for name in fields)
+        differ = [(a != b).any() for a, b in zip(made.images, plain.images, strict=True)]
+        assert all(differ) == bool(fields)
+        np.testing.assert_array_equal(made.truth, plain.truth)
+
+
+def test_scenes_repeat(scene):
+    first = scene(noise="2 %", seed=2)
+    mismatch_scenes._clean.cache_clear()
+    again, other = scene(noise="2 %", seed=2), scene(noise="2 %", seed=3)
+    np.testing.assert_array_equal(first.images, again.images)
+    assert (np.asarray(first.images) != other.images).any()
+    clean = scene(seed=2)
+    noise = np.subtract(first.images, clean.images)
+    assert noise.std() == pytest.approx(0.02 * np.max(clean.images), rel=0.05)
+
+
+def test_optical_depths_are_those_asked_for(scene):
+    even, own = scene("absorption"), scene("self-absorption")
+    assert even.effects.absorption * 15 == pytest.approx(mismatch_scenes.BOX_DEPTH)
+    deepest = own.effects.self_absorption * max(np.max(i) for i in scene("pixel area").images)
+    assert 0.5 < deepest / mismatch_scenes.FLAME_DEPTH < 1.5
+
+
+@pytest.mark.parametrize("effect", ["gains + absorption", "self-absorption", "defocus", "all"])
+def test_true_weights_explain_the_images(scene, effect):
+    exact = replace(TINY, refine=1, supersample=1)  # nothing is lost on the grid
+    made = scene(effect, size=exact)
+    ready = made.problem(midpoints=True)
+    projector = ready.system.projector
+    emission = projector.active.compress(made.truth)
+    assert projector.active.size < made.grid.size
+    informed = made.informed(ready.system) @ emission
+    chords, told = (
+        np.linalg.norm(images - ready.measured) / np.linalg.norm(ready.measured)
+        for images in (projector @ emission, informed)
+    )
+    assert told < 0.01
+    assert told < 0.3 * chords
+    if made.effects.aperture > 0:
+        return
+    segments = projector.segments
+    length = (segments.length * made.weight_ratios(ready.system)).astype(np.float32)
+    weighted = type(projector)(
+        replace(segments, length=length), made.grid, active=projector.active
+    )
+    np.testing.assert_allclose(weighted @ emission, informed, rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize(("effect", "noise"), [("heat", "clean"), ("gains", "5 %")])
+def test_unknown_scenes(scene, effect, noise):
+    with pytest.raises(ValueError, match=r"(effect: found 'heat'|noise: found '5 %'), expected"):
+        scene(effect, noise)
+
+
+def test_a_row_holds_the_best_of_each_kind(row):
+    assert len(row["tried"]) == len(CLASSIC)
+    assert {name.split(",")[0] for name in row["tried"]} == {
+        "cgls", "nnls", "sirt", "mlem", "tv", "curvature",
+    }  # fmt: skip
+    assert row["classic_cosine_distance"] == min(row["tried"].values())
+    assert row["classic_cosine_distance"] == row["tried"][row["classic"]]
+    assert row["classic_pass"] > 0
+    assert row["classic_nrmse"] > 0.05
+    assert 0 < row["informed_cosine_distance"] < 0.1
+    assert row["wernet_cosine_distance"] == pytest.approx(0, abs=1e-12)
+    assert row["wernet_nrmse"] == pytest.approx(1)  # twice the truth
+    assert row["wernet_seconds"] == 4
+
+
+def test_means_are_of_the_rows(row):
+    rows = [
+        row | {"seed": seed, "effect": effect, "classic": classic, "classic_cosine_distance": d,
+               "wernet_cosine_distance": learned}
+        for effect, seed, classic, d, learned in (
+            ("gains", 1, "cgls", 0.02, 0.006), ("gains", 2, "mlem", 0.04, 0.012),
+            ("absorption", 1, "mlem", 0.02, 0.006),
+        )
+    ]  # fmt: skip
+    found = means(rows)
+    assert [mean["seeds"] for mean in found] == [2, 1]
+    gains = found[0]
+    assert gains["classic"] == "cgls / mlem"
+    assert gains["classic_cosine_distance"] == pytest.approx(0.03)
+    assert gains["wernet_of_classic"] == pytest.approx(0.3)
+    assert gains["informed_of_classic"] > 0

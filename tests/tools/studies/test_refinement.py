@@ -1,0 +1,16 @@
+"""The study of refinement on one small rig."""
+
+import pytest
+from studies.common.study import Request
+from studies.refinement import study
+
+
+def test_a_small_rig_is_refined():
+    tables = study.run(Request("tiny"))
+    (row,) = tables["disturbed_rigs"]
+    assert row["before_pixels"] > 0.4
+    assert row["after_pixels"] < 0.4 * row["before_pixels"]  # so few pixels allow no more
+    (true,) = tables["true_rigs"]
+    assert true["before_pixels"] == pytest.approx(0, abs=1e-9)
+    assert true["after_pixels"] < 0.1
+    assert "plume" not in tables

@@ -1,0 +1,58 @@
+"""The rows of the stress test, and its command on the quickest part."""
+
+import json
+import math
+from types import SimpleNamespace
+
+import pytest
+from studies.stress import STUDY
+from studies.stress.row import Chart, Row, charts, measured, relative_error, worst_of
+
+
+def test_every_part_has_a_module_with_what_the_page_needs():
+    for part in STUDY.parts:
+        assert callable(STUDY.module(part).run)
+        assert list(STUDY.module(part).COLUMNS) == ["rows"]
+
+
+def test_rows_are_plain_and_their_curves_are_drawn():
+    chart = Chart("error", "px", "error", {"sart": [(0, 0.0), (1, 0.1), (2, 0.3)]})
+    tables = measured(
+        [
+            Row("far away", "0 to 1e8", 1e-9, 1e-7, chart=chart),
+            Row("too few", "views", 3.0, 4.0, "views", at_least=True, note="left"),
+            Row.of_faults("faults", "", ["a", "", "b", "a", "c", "d", "e", "f"]),
+        ]
+    )
+    assert [row["holds"] for row in tables["rows"]] == [True, False, False]
+    assert (tables["rows"][1]["found"], tables["rows"][1]["bound"]) == ("3.00 views", "≥ 4.00")
+    assert tables["rows"][2]["note"] == "a; b; c; d; e"
+    (axes,) = [one for one in charts(tables).axes if one.lines]
+    assert axes.get_title() == "error"
+    assert charts(measured([Row("plain", "", 0, 0)])) is None
+
+
+def test_relative_error_neither_overflows_nor_vanishes():
+    for scale in (1e-200, 1.0, 1e200):
+        assert relative_error([1.1 * scale, 0.0], [scale, 0.0]) == pytest.approx(0.1)
+    assert relative_error([math.nan], [1.0]) == math.inf
+    assert relative_error([0.0], [0.0]) == 0
+    assert relative_error([1.0], [0.0]) == math.inf
+
+
+def test_not_a_number_is_worst_and_never_holds():
+    assert worst_of([("small", 1.0), ("large", 3.0), ("middle", 2.0)]) == (3.0, "large")
+    figure, where = worst_of([("large", 3.0), ("none", math.nan), ("more", 5.0)])
+    assert math.isnan(figure)
+    assert where == "none"
+    assert not Row("", "", math.nan, 1.0).holds
+    assert not Row("", "", math.nan, 1.0, at_least=True).holds
+
+
+def test_the_command_runs_the_part_it_is_asked_for(run_tool, tmp_path, monkeypatch):
+    rows = SimpleNamespace(run=lambda request: measured([Row("once", "", 0.25, 1.0)]))
+    monkeypatch.setattr(STUDY.module("scaling"), "run", rows.run)
+    done = run_tool("stress", "--size", "quick", "--part", "scaling", "-o", tmp_path, "--json")
+    assert done.exit_code == 0, (done.stderr, done.exception)
+    parts = json.loads(done.stdout)["parts"]
+    assert parts["scaling"]["tables"]["rows"][0]["stress"] == "once"

@@ -1,0 +1,57 @@
+"""The stress of scaling: its rows hold, and would not if a length or an intensity were fixed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from studies.stress import scaling, scaling_parts
+from studies.stress.scaling_scene import Scaled
+from studies.stress.scene import scene
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return Scaled(scene(noise=0.02).simulated)
+
+
+@pytest.fixture(scope="module")
+def others(plain):
+    return [replace(plain, lengths=2.9e5), replace(plain, intensities=3.7e-6)]
+
+
+def test_a_scaled_scene_has_the_same_rays_with_other_lengths(plain):
+    larger = replace(plain, lengths=3.0)
+    first, second = plain.system.projector, larger.system.projector
+    assert first.n_segments == second.n_segments
+    np.testing.assert_allclose(second.row_sums, 3 * first.row_sums, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        scaling._default,
+        lambda plain, others: scaling._learned(others),
+        scaling_parts.carving_rows,
+        scaling_parts.gains_rows,
+        scaling_parts.alignment_rows,
+    ],
+)
+def test_rows_hold(plain, others, part):
+    found = list(part(plain, others))
+    assert found
+    assert all(row.holds for row in found)
+
+
+def test_rows_of_solvers_hold_and_a_fixed_length_shows(plain, others, monkeypatch):
+    monkeypatch.setattr(scaling.solvers, "METHODS", ("nnls",))
+    assert all(row.holds for row in scaling._solvers(plain, others, True))
+    run = scaling.solved
+
+    def damped(method, projector, measured):  # by a fixed length: right in one unit alone
+        found = run(method, projector, measured)
+        return replace(found, volume=found.volume / (1 + 1 / projector.column_sums.max()))
+
+    monkeypatch.setattr(scaling, "solved", damped)
+    lengths, intensities = scaling._solvers(plain, others, True)
+    assert not lengths.holds
+    assert intensities.holds

@@ -1,1 +1,0 @@
-"""Parts of refinement_study.py: disturbed rigs, the real plume, the page."""

@@ -1,0 +1,1 @@
+"""Studies of the toolkit: what ``benchmark.py``, ``stress.py`` and ``paper.py`` measure."""

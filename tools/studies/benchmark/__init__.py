@@ -1,0 +1,24 @@
+"""The benchmark: each part measures one thing and returns plain rows."""
+
+from __future__ import annotations
+
+from studies.common.study import Study
+
+STUDY = Study(
+    "benchmark",
+    "Run time against error, with memory, threads, start-up and accuracy.",
+    {
+        "projectors": ("Projectors", "studies.benchmark.projectors"),
+        "solvers": ("Solvers", "studies.benchmark.solvers"),
+        "skipping": ("Skipping of what is proved empty", "studies.benchmark.skipping"),
+        "plume": ("A real plume", "studies.benchmark.plume"),
+        "basis": ("Boxes or splines", "studies.benchmark.basis"),
+        "scaling": ("Growth with grid and views", "studies.benchmark.scaling"),
+        "threads": ("Growth with threads", "studies.benchmark.threads"),
+        "startup": ("Start-up and first use", "studies.benchmark.startup"),
+        "mismatch": ("Physics that solvers do not know", "studies.benchmark.mismatch"),
+        "training": ("Training WERNet", "studies.benchmark.training"),
+        "calibration": ("Calibration against known rigs", "studies.calibration.study"),
+        "refinement": ("Cameras refined from the flame", "studies.refinement.study"),
+    },
+)

@@ -1,0 +1,221 @@
+"""Flames whose images hold physics that the solvers are not told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+
+import phantoms
+from rigs import Rig
+from studies.common.flames import FlameSize, flame_rig
+from studies.common.problems import Problem, problem
+from studies.common.scans import reconstructed
+from tomo import LinearSystem, Projector, Segments, VoxelGrid
+from tomo.operators import Splines
+from tomo.operators.operator import ProjectionOperator
+from tomo.pipeline import Reconstruction
+from tomo.simulation import camera_noise as noises
+from tomo.simulation import simulate
+from tomo.simulation.effects import Effects
+from tomo.simulation.simulate import SimulatedScan
+from tomo.simulation.true_weights import true_ratios
+
+VIEWS = 33
+NOISES: Mapping[str, float] = {"clean": 0.0, "2 %": 0.02}
+"""Standard deviation of white noise in every pixel, over the brightest pixel."""
+
+GAIN_SPREAD = 0.1
+BOX_DEPTH = 2.0
+"""Optical depth across the box, most of which the views from both sides make up for."""
+
+FLAME_DEPTH = 1.0
+"""Optical depth of the flame for its own light, through its brightest part."""
+
+CORNER_LOSS = 0.4
+APERTURE = 29.0
+FOCUS_DISTANCE = 5600.0
+"""A lens of 116 mm at f/4, focused 200 mm in front of the flame: a blur of 1 mm, two voxels."""
+
+EFFECTS: Mapping[str, tuple[str, ...]] = {
+    "gains": ("gain_spread",),
+    "absorption": ("absorption",),
+    "self-absorption": ("self_absorption",),
+    "vignetting": ("vignetting",),
+    "defocus": ("aperture", "focus_distance"),
+    "pixel area": (),
+    "gains + absorption": ("gain_spread", "absorption"),
+    "all": (
+        "gain_spread", "absorption", "self_absorption", "vignetting", "aperture", "focus_distance",
+    ),
+}  # fmt: skip
+"""The fields of `Effects` that each row sets; finite pixels come with all."""
+
+
+@dataclass(frozen=True, eq=False)
+class MismatchScene:
+    """Images with one of `EFFECTS`, and the flame they are of.
+
+    Attributes
+    ----------
+    effect, flame, noise : str
+    seed : int
+        Of flame, gains and noise.
+    effects : Effects
+        What the images hold.
+    scan : SimulatedScan
+    """
+
+    effect: str
+    flame: str
+    noise: str
+    seed: int
+    effects: Effects
+    scan: SimulatedScan
+
+    @property
+    def rig(self) -> Rig:
+        """The cameras, as a reconstruction knows them."""
+        return self.scan.rig
+
+    @property
+    def grid(self) -> VoxelGrid:
+        """The voxels to reconstruct."""
+        return self.scan.grid
+
+    @property
+    def images(self) -> list[NDArray[np.float32]]:
+        """One a camera, in the rig's order."""
+        return list(self.scan.images.values())
+
+    @property
+    def truth(self) -> NDArray[np.float32]:
+        """The flame's means over the voxels."""
+        return self.scan.truth
+
+    def problem(self, *, midpoints: bool = False) -> Problem:
+        """Return the equations of chords, one ray a pixel, carved as the default carves."""
+        return problem(self.rig, self.grid, self.images, skip=True, midpoints=midpoints)
+
+    def learned(self, **how: Any) -> Reconstruction:
+        """Return what ``reconstruct(method="wernet", **how)`` makes of the scan, gains not fitted.
+
+        From its files, as a user would.
+        """
+        how = {"method": "wernet", "fit_gain": False, "seed": self.seed} | how
+        return reconstructed(self.scan, **how)
+
+    def weight_ratios(self, system: LinearSystem) -> NDArray[np.float64]:
+        """Return the true weight of each of the system's segments over its chord: ``(S,)``."""
+        gains = self.effects.gains(len(self.rig), self.seed)
+        known = self.effects, dict(zip(self.rig.names, gains, strict=True))
+        return true_ratios(system, known, self.truth)
+
+    def informed(self, system: LinearSystem) -> ProjectionOperator | None:
+        """Return the projector of the same pixels and voxels that knows all of the effects.
+
+        Of splines it knows the weights along the middle of a pixel, beside which lie those that
+        its area sees; None where a lens sees far more.
+        """
+        if isinstance(system.projector, Splines):
+            if self.effects.aperture:
+                return None
+            lengths = system.projector.segments.length * self.weight_ratios(system)
+            return system.projector.with_lengths(lengths.astype(np.float32))
+        active = system.projector.active
+        gains = self.effects.gains(len(self.rig), self.seed)
+        parts = []
+        for camera, pixels, gain in zip(self.rig, system.pixels, gains, strict=True):
+            rays = self.effects.rays(camera, pixels)
+            part = self.effects.trace(rays, self.grid, self.truth).renumbered(active.number)
+            width = camera.image_size[0]
+            centres = np.stack([pixels % width, pixels // width], axis=-1)
+            light = (gain * self.effects.falloff(camera, centres)).astype(np.float32)
+            length = part.length * np.repeat(light, np.diff(part.ptr))
+            rows = scipy.sparse.csr_array(
+                (length, part.voxel, part.ptr), (len(pixels), active.size)
+            )
+            rows.sum_duplicates()  # the rays of a lens share most of their voxels
+            voxel = rows.indices.astype(part.voxel.dtype)
+            parts.append(Segments(rows.indptr.astype(np.int64), voxel, rows.data))
+        view_ptr = system.projector.view_ptr
+        return Projector(Segments.concatenate(parts), self.grid, view_ptr, active)
+
+
+def mismatch_scene(
+    effect: str, flame: str, noise: str, seed: int, size: FlameSize
+) -> MismatchScene:
+    """Return one scene of the suite.
+
+    Parameters
+    ----------
+    effect : str
+        One of `EFFECTS`.
+    flame : {"jet", "turbulent"}
+    noise : str
+        One of `NOISES`.
+    seed : int
+    size : FlameSize
+
+    Raises
+    ------
+    ValueError
+        If there is no such effect or noise.
+    """
+    for name, value, known in (("effect", effect, EFFECTS), ("noise", noise, NOISES)):
+        if value not in known:
+            raise ValueError(f"{name}: found {value!r}, expected one of {', '.join(known)}")
+    effects, clean = _clean(effect, flame, seed, size)
+    images = _with_noise(list(clean.images.values()), NOISES[noise], seed)
+    scan = replace(clean, images=dict(zip(clean.rig.names, images, strict=True)))
+    return MismatchScene(effect, flame, noise, seed, effects, scan)
+
+
+def _with_noise(
+    images: Sequence[NDArray[np.float32]], fraction: float, seed: int
+) -> Sequence[NDArray[np.float32]]:
+    return noises.gaussian(images, fraction, np.random.default_rng(seed)) if fraction else images
+
+
+def _strengths(grid: VoxelGrid, truth: NDArray[np.float32]) -> dict[str, float]:
+    """Return the value that each field of the effects has where it is set."""
+    across = max(truth.sum(axis=axis).max() * grid.spacing[axis] for axis in (0, 2))
+    return {
+        "gain_spread": GAIN_SPREAD,
+        "absorption": BOX_DEPTH / float(grid.extent[0]),
+        "self_absorption": FLAME_DEPTH / float(across),
+        "vignetting": CORNER_LOSS,
+        "aperture": APERTURE,
+        "focus_distance": FOCUS_DISTANCE,
+    }
+
+
+@lru_cache(maxsize=2)
+def _clean(effect: str, flame: str, seed: int, size: FlameSize) -> tuple[Effects, SimulatedScan]:
+    fine = _fine_volume(flame, seed, size)
+    grid = VoxelGrid(size.grid_shape, size.spacing)
+    strengths = _strengths(grid, grid.average(fine, size.refine))
+    effects = Effects(**{name: strengths[name] for name in EFFECTS[effect]})
+    scan = simulate(
+        flame_rig(VIEWS, size.shrink),
+        phantoms.SampledField(fine, grid.refined(size.refine)),
+        grid,
+        refine=size.refine,
+        supersample=size.supersample,
+        effects=effects,
+        seed=seed,
+    )
+    return effects, scan
+
+
+@lru_cache(maxsize=2)
+def _fine_volume(flame: str, seed: int, size: FlameSize) -> NDArray[np.float32]:
+    """Sample a flame once for all effects: that takes longest."""
+    grid = VoxelGrid(size.grid_shape, size.spacing)
+    field = phantoms.create(flame, seed, grid.extent, grid.center)
+    return phantoms.sample(field, grid.refined(size.refine), 2)

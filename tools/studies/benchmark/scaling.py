@@ -1,0 +1,104 @@
+"""How time and memory grow with the grid and with views.
+
+Images have as many pixels along their edge as the grid has voxels. Each row is a process of its
+own; memory is what it took at its peak beyond what it had after imports and a tiny problem. The
+images and two volumes ("needed") are what a product and its adjoint hold in any case; the memory
+target also runs one step of SIRT.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from studies.benchmark.memory_child import cameras
+from studies.benchmark.sizes import SIZES
+from studies.common.axes import curves
+from studies.common.study import Request, Tables
+from studies.common.timing import in_fresh_process
+from tomo import VoxelGrid
+from tomo._compute.memory import available_memory
+from tomo.operators import STORED, estimate_memory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMS = ("on-the-fly", "stored")
+VIEWS = 12
+"""How many there are as the grid grows."""
+
+SHARE = 0.6
+"""Of the free memory, that a case may be estimated to take; larger ones are left out."""
+
+_GROWTH = (
+    "form edge views segments trace_seconds forward_seconds adjoint_seconds peak_bytes "
+    "needed_bytes over_needed"
+)
+COLUMNS = {
+    "with_the_grid": _GROWTH,
+    "with_views": _GROWTH,
+    "memory_target": f"{_GROWTH} solver_over_needed",
+}
+
+
+def run(request: Request) -> Tables:
+    """Return ``with_the_grid``, ``with_views`` and ``memory_target``."""
+    sizes = SIZES[request.size]
+    by_edge = [
+        {"edge": edge, "views": VIEWS, "pixels": edge, "form": form}
+        for form, edges in zip(FORMS, (sizes.edges, sizes.stored_edges), strict=True)
+        for edge in edges
+    ]
+    by_views = [
+        {"edge": sizes.views_edge, "views": views, "pixels": sizes.views_edge, "form": form}
+        for form in FORMS
+        for views in sizes.views
+    ]
+    edge, views, pixels = sizes.large
+    target = {"edge": edge, "views": views, "pixels": pixels, "form": FORMS[0], "solver": "sirt"}
+    asked = {"with_the_grid": by_edge, "with_views": by_views, "memory_target": [target]}
+    total, done = len(by_edge) + len(by_views) + 1, 0
+    tables: Tables = {}
+    for table, cases in asked.items():
+        tables[table] = []
+        for case in cases:
+            request.progress(done, total, f"{case['edge']}^3, {case['views']} views")
+            done += 1
+            if not _too_large(case):
+                tables[table].append(_measured(case, min(sizes.repeats, 3)))
+    return tables
+
+
+def _measured(case: dict[str, Any], repeats: int) -> dict[str, Any]:
+    asked = json.dumps(case | {"repeats": repeats})
+    row = case | in_fresh_process("studies.benchmark.memory_child", asked)
+    row["over_needed"] = row["peak_bytes"] / row["needed_bytes"]
+    if "solver_bytes" in row:
+        row["solver_over_needed"] = row["solver_bytes"] / row["needed_bytes"]
+    return row
+
+
+def _too_large(case: dict[str, Any]) -> bool:
+    grid = VoxelGrid((case["edge"],) * 3, 1.0)
+    rig = cameras(case["views"], case["pixels"], grid)
+    need = estimate_memory(tuple(rig), grid, form=STORED if case["form"] == STORED else FORMS[0])
+    return need.nbytes > SHARE * available_memory()
+
+
+def _drawn(tables: Tables, table: str, along: str) -> Figure | None:
+    """Return seconds, and peak memory, against the grid's edge or the number of views."""
+    times: dict[str, list] = {}
+    memory: dict[str, list] = {}
+    for row in tables[table]:
+        for key in ("trace", "forward", "adjoint"):
+            point = row[along], row[f"{key}_seconds"]
+            times.setdefault(f"{row['form']}: {key}", []).append(point)
+        memory.setdefault(f"{row['form']}: peak", []).append((row[along], row["peak_bytes"] / 1e6))
+        memory.setdefault("images + 2 volumes", []).append((row[along], row["needed_bytes"] / 1e6))
+    return curves({"seconds": times, "memory (MB)": memory}, along, "") if times else None
+
+
+PLOTS = {
+    "scaling_edge": lambda tables: _drawn(tables, "with_the_grid", "edge"),
+    "scaling_views": lambda tables: _drawn(tables, "with_views", "views"),
+}

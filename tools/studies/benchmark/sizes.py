@@ -1,0 +1,128 @@
+"""How large the benchmark's problems are: in full, ``quick``, and ``tiny``, which tests run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from studies.common.flames import FlameSize
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The numbers that make one benchmark longer than another.
+
+    Attributes
+    ----------
+    flame, shown : FlameSize
+        Of the flames for solvers and training, and for skipping, the basis and mismatch.
+    flames : tuple of str
+    seeds : tuple of int
+        Of the flames and noises reported; settings are tuned on seed 0.
+    passes : int
+        The most passes over the images that a solver is given.
+    settings : int
+        The most settings of a method that are tried on seed 0.
+    repeats : int
+        Timings a median is taken of.
+    effects : tuple of str
+        Of the study of mismatch, of `studies.benchmark.mismatch_scenes.EFFECTS`; all if empty.
+    training_steps : int
+        Steps of WERNet's training that are timed, of 3200 rays each before any is skipped.
+    rates : tuple of (int, int)
+        Voxels along the edge and views of the problems that rays are projected through.
+    stored : (int, int)
+        The same of the stored matrix.
+    edges, stored_edges : tuple of int
+        Voxels along the grid's edge as time and memory grow; those for a stored matrix.
+    views : tuple of int
+        How many views as these grow, of ``views_edge`` voxels along the edge.
+    large : (int, int, int)
+        Voxels along the edge, views, and pixels along an image's edge of the memory target.
+    starts : int
+        Processes started for a median.
+    afresh : tuple of str
+        What is also timed with nothing compiled, of `studies.benchmark.startup`.
+    """
+
+    flame: FlameSize
+    shown: FlameSize
+    flames: tuple[str, ...]
+    seeds: tuple[int, ...]
+    passes: int
+    settings: int
+    repeats: int
+    effects: tuple[str, ...]
+    training_steps: int
+    rates: tuple[tuple[int, int], ...]
+    stored: tuple[int, int]
+    edges: tuple[int, ...]
+    stored_edges: tuple[int, ...]
+    views: tuple[int, ...]
+    views_edge: int
+    large: tuple[int, int, int]
+    starts: int
+    afresh: tuple[str, ...]
+
+
+SIZES = {
+    "full": Sizes(
+        flame=FlameSize((30, 140, 30), 0.5, 2),
+        shown=FlameSize((30, 140, 30), 0.5, 1),
+        flames=("jet", "turbulent"),
+        seeds=(1, 2, 3, 4, 5),
+        passes=40,
+        settings=3,
+        repeats=5,
+        effects=(),
+        training_steps=5,
+        rates=((96, 24), (192, 8)),
+        stored=(64, 16),
+        edges=(32, 64, 96, 128, 192, 256, 384),
+        stored_edges=(32, 64, 96, 128, 192),
+        views=(4, 8, 16, 32, 64),
+        views_edge=96,
+        large=(256, 24, 512),
+        starts=5,
+        afresh=("kernels", "reconstruct"),
+    ),
+    "quick": Sizes(
+        flame=FlameSize((15, 70, 15), 1.0, 4),
+        shown=FlameSize((15, 70, 15), 1.0, 2),
+        flames=("jet", "turbulent"),
+        seeds=(1,),
+        passes=20,
+        settings=2,
+        repeats=3,
+        effects=("gains + absorption",),
+        training_steps=1,
+        rates=((32, 4),),
+        stored=(24, 4),
+        edges=(32, 64, 96),
+        stored_edges=(32, 64, 96),
+        views=(4, 8, 16),
+        views_edge=64,
+        large=(96, 24, 192),
+        starts=3,
+        afresh=("kernels",),
+    ),
+    "tiny": Sizes(
+        flame=FlameSize((6, 28, 6), 2.5, 10, supersample=2),
+        shown=FlameSize((6, 28, 6), 2.5, 10, supersample=2),
+        flames=("jet",),
+        seeds=(1,),
+        passes=6,
+        settings=2,
+        repeats=1,
+        effects=("gains", "all"),
+        training_steps=1,
+        rates=((16, 3),),
+        stored=(12, 3),
+        edges=(8, 12),
+        stored_edges=(8,),
+        views=(4,),
+        views_edge=8,
+        large=(12, 3, 16),
+        starts=1,
+        afresh=(),
+    ),
+}

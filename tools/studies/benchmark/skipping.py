@@ -1,0 +1,93 @@
+"""What leaving out of what cannot matter saves, and whether the volume gets worse.
+
+33 views. `auto` is the default as it stops by itself, the others are best-stopped; each is run
+with and without skipping in turn, and seconds are medians since the images were in memory.
+"""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+from typing import Any
+
+from studies.benchmark.courses import course
+from studies.benchmark.sizes import SIZES, Sizes
+from studies.common.flames import Scene, scene
+from studies.common.problems import problem
+from studies.common.scans import reconstructed, seconds_of
+from studies.common.study import Request, Tables
+
+REACHED = 1e-3  # cosine distance whose time is told
+METHODS = ("sart", "cgls", "nnls", "auto")
+NOISES = ("clean", "gaussian")
+SEED = 1
+
+COLUMNS = {
+    "skipping": "flame noise method skip segments live_voxels prepare_seconds seconds_to_1e3 "
+    "seconds cosine_distance nrmse",
+}
+
+
+def run(request: Request) -> Tables:
+    """Return a row for each flame, noise, method, and skipping on and off."""
+    sizes = SIZES[request.size]
+    cases = list(itertools.product(sizes.flames, NOISES, METHODS))
+    rows = []
+    for number, (flame, noise, method) in enumerate(cases):
+        request.progress(number, len(cases), f"{flame}, {noise}, {method}")
+        seen = scene(flame, 33, noise, SEED, sizes.shown)
+        if method == "auto":
+            rows += [_default(seen, skip) for skip in (True, False)]
+        else:
+            rows += _best_stopped(seen, method, sizes)
+    return {"skipping": rows}
+
+
+def _best_stopped(seen: Scene, method: str, sizes: Sizes) -> list[dict[str, Any]]:
+    """Return the rows with and without skipping, run in turn."""
+    found: dict[bool, list] = {True: [], False: []}
+    for _ in range(min(sizes.repeats, 3)):
+        for skip, results in found.items():
+            ready = problem(seen.scan.rig, seen.scan.grid, seen.images, skip=skip)
+            went = course(ready, seen.scan.truth, method, {}, passes=min(sizes.passes, 20))
+            results.append((ready, went))
+    rows = []
+    for skip, results in found.items():
+        ready, went = results[-1]
+        reached = [w.seconds_to(REACHED) for _, w in results]
+        rows.append(
+            {
+                **seen.named,
+                "method": method,
+                "skip": skip,
+                "segments": ready.system.projector.n_segments,
+                "live_voxels": ready.system.projector.active.size,
+                "prepare_seconds": statistics.median(r.seconds for r, _ in results),
+                "seconds_to_1e3": None if None in reached else statistics.median(reached),
+                "seconds": statistics.median(w.seconds[w.best] for _, w in results),
+                "cosine_distance": went.least,
+                "nrmse": went.nrmses[went.best],
+            }
+        )
+    return rows
+
+
+def _default(seen: Scene, skip: bool) -> dict[str, Any]:
+    outcome = reconstructed(seen.scan, skip=skip)
+    found, total = outcome.reconstruction, seconds_of(outcome)
+    ended = found.history[-1].seconds if found.history else 0.0
+    first = next((i for i, d in enumerate(outcome.cosine_distances[0]) if d <= REACHED), None)
+    return {
+        **seen.named,
+        "method": "auto",
+        "skip": skip,
+        "segments": outcome.counts["segments"],
+        "live_voxels": outcome.counts["active_voxels"],
+        "prepare_seconds": outcome.seconds["prepare"] + outcome.seconds["trace"],
+        "seconds_to_1e3": (
+            None if first is None else total - ended + found.history[first].seconds
+        ),
+        "seconds": total,
+        "cosine_distance": found.quality["cosine_distance"],
+        "nrmse": found.quality["nrmse"],
+    }

@@ -1,0 +1,1 @@
+"""What studies share: the command, results, tables, timing, machine, plots, and flames."""

@@ -1,0 +1,120 @@
+"""Flames seen by the paper's cameras: what solvers and skipping are judged on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rigs
+from studies.common.scans import simulated_by
+from tomo import VoxelGrid
+from tomo.simulation import camera_noise as noises
+from tomo.simulation.simulate import SimulatedScan
+
+
+@dataclass(frozen=True)
+class FlameSize:
+    """How finely a flame is seen and reconstructed.
+
+    Attributes
+    ----------
+    grid_shape, spacing
+        Voxels of the paper's box of 15 x 70 x 15 mm.
+    shrink : int
+        By how much the presets' images are shrunk; 2 makes a pixel as wide as a 0.5 mm voxel.
+    refine, supersample : int
+        Voxels finer than the grid and rays along a pixel's side when images are simulated.
+    """
+
+    grid_shape: tuple[int, int, int]
+    spacing: float
+    shrink: int
+    refine: int = 2
+    supersample: int = 3
+
+
+RIGS = {33: "paper33_pitch", 11: "paper11_33deg"}
+"""The preset for each number of views; 11 cover the same 363 degrees."""
+
+NOISES = ("clean", "gaussian", "poisson")
+FRACTION = 0.10
+PHOTONS = 1000.0
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Images of a flame that is known.
+
+    Attributes
+    ----------
+    flame, noise : str
+    views, seed : int
+    scan : SimulatedScan
+    """
+
+    flame: str
+    views: int
+    noise: str
+    seed: int
+    scan: SimulatedScan
+
+    @property
+    def named(self) -> dict[str, str | int]:
+        """What tells it from others, for a row of a table."""
+        return {"flame": self.flame, "views": self.views, "noise": self.noise, "seed": self.seed}
+
+    @property
+    def images(self) -> list[NDArray[np.float32]]:
+        """One a camera, in the rig's order."""
+        return list(self.scan.images.values())
+
+
+def flame_rig(views: int, shrink: int) -> rigs.Rig:
+    """Return the paper's cameras with images shrunk ``shrink``-fold."""
+    rig = rigs.preset(RIGS[views])
+    return replace(rig, cameras=tuple(camera.scaled(1 / shrink) for camera in rig))
+
+
+def scene(flame: str, views: int, noise: str, seed: int, size: FlameSize) -> Scene:
+    """Return the images of one flame without inverse crime.
+
+    They are taken with several rays a pixel through voxels finer than the grid's; ``gaussian`` is
+    white noise of a tenth of the brightest pixel in every pixel, ``poisson`` counts 1000 photons
+    in the brightest. ``seed`` is that of the flame and of the noise.
+    """
+    clean, rig = _clean_images(flame, seed, size), flame_rig(views, size.shrink)
+    names = [_name(views, camera) for camera in rig.names]
+    images = _with_noise([clean.images[name] for name in names], noise, seed)
+    taken = replace(clean, rig=rig, images=dict(zip(rig.names, images, strict=True)))
+    return Scene(flame, views, noise, seed, taken)
+
+
+def _with_noise(
+    images: list[NDArray[np.float32]], noise: str, seed: int
+) -> list[NDArray[np.float32]]:
+    random = np.random.default_rng(seed)
+    if noise == "gaussian":
+        return noises.gaussian(images, FRACTION, random)
+    if noise == "poisson":
+        return noises.poisson(images, PHOTONS, 0.0, random)
+    return images
+
+
+@lru_cache(maxsize=2)
+def _clean_images(flame: str, seed: int, size: FlameSize) -> SimulatedScan:
+    """Simulate all layouts at once: most of the time goes into sampling the flame."""
+    cameras = tuple(
+        replace(camera, name=_name(views, camera.name))
+        for views in RIGS
+        for camera in flame_rig(views, size.shrink)
+    )
+    rig = replace(flame_rig(33, size.shrink), cameras=cameras)
+    grid, how = VoxelGrid(size.grid_shape, size.spacing), {"supersample": size.supersample}
+    return simulated_by(rig, grid, (flame, seed), refine=size.refine, **how)
+
+
+def _name(views: int, camera: str) -> str:
+    return f"{views}_{camera}"

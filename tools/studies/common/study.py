@@ -1,0 +1,190 @@
+"""One command for every study: parts measured one by one; JSON, a page of tables, and plots."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from inspect import getdoc
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Any
+
+import typer
+from _command import bad_input_in_one_line, check_output_folder, console, print_json, progress_bar
+from _usage import OneLineUsage
+
+Progress = Callable[[int, int, str], None]
+"""``progress(done, total, what)``."""
+
+Tables = dict[str, list[dict[str, Any]]]
+"""Rows of plain data, by the name of their table."""
+
+VERSION = 3
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a part is asked for.
+
+    Attributes
+    ----------
+    size : str
+        How much: ``full``, ``quick``, ``tiny``, or another of the study's sizes.
+    seed : int
+        Of everything random.
+    data : Path or None
+        A folder of real image sets.
+    progress : Progress
+    """
+
+    size: str = "full"
+    seed: int = 0
+    data: Path | None = None
+    progress: Progress = field(default=lambda done, total, what: None, compare=False)
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study and its parts.
+
+    Attributes
+    ----------
+    name : str
+        Of its files: ``NAME.json``, ``NAME.md`` and plots in ``NAME/``.
+    title : str
+    parts : mapping of str to (str, str)
+        Title and module of each part, in their order. The module has the function ``run``, or
+        the one named behind a colon, which takes a `Request` and returns `Tables`; ``COLUMNS``,
+        for each table the keys that the page shows; and maybe ``PLOTS``, for each picture a
+        function of the tables. The docstring, of module or function, stands on the page.
+    sizes : tuple of str
+    """
+
+    name: str
+    title: str
+    parts: Mapping[str, tuple[str, str]]
+    sizes: tuple[str, ...] = ("full", "quick", "tiny")
+
+    def module(self, part: str) -> ModuleType:
+        """Return the module of a part."""
+        return import_module(self.parts[part][1].partition(":")[0])
+
+    def measure(self, part: str, request: Request) -> Tables:
+        """Run a part."""
+        return getattr(self.module(part), self.parts[part][1].partition(":")[2] or "run")(request)
+
+    def about(self, part: str) -> str:
+        """Return what the docstring of a part says, in one line."""
+        module, function = self.module(part), self.parts[part][1].partition(":")[2]
+        return " ".join(getdoc(getattr(module, function) if function else module).split())
+
+
+def command(study: Study) -> typer.Typer:
+    """Return the study's command line; its docstring is the help."""
+    app = typer.Typer(add_completion=False)
+
+    @app.command(name=study.name, help=study.title, cls=OneLineUsage)
+    def run(
+        out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write.")],
+        size: Annotated[
+            str, typer.Option(help=f"How much of it: {', '.join(study.sizes)}.")
+        ] = study.sizes[0],
+        part: Annotated[
+            list[str] | None,
+            typer.Option(help=f"{', '.join(study.parts)}; may be repeated. All if absent."),
+        ] = None,
+        resume: Annotated[
+            bool, typer.Option("--resume", help="Keep the parts that the folder holds already.")
+        ] = False,
+        data: Annotated[
+            Path | None,
+            typer.Option(envvar="TOMO_TEST_DATA", help="A folder of real image sets."),
+        ] = None,
+        seed: Annotated[int, typer.Option(help="Of everything random.", min=0)] = 0,
+        json: Annotated[bool, typer.Option("--json", help="Print the tables.")] = False,
+    ) -> None:
+        with bad_input_in_one_line():
+            _check_known("--size", [size], study.sizes)
+            _check_known("--part", part or (), study.parts)
+            check_output_folder(out)
+            from studies.common.results import fresh_run, kept_run
+
+            request = Request(size, seed, data)
+            result = fresh_run(study.name, VERSION, request)
+            if resume:
+                result = kept_run(out / f"{study.name}.json", result)
+        missed = _measure(study, request, result, out, part)
+        if json:
+            print_json({"page": str(out / f"{study.name}.md"), "parts": result["parts"]})
+        if missed:
+            raise typer.Exit(1)
+
+    return app
+
+
+def _measure(
+    study: Study,
+    request: Request,
+    result: dict[str, Any],
+    out: Path,
+    wanted: Sequence[str] | None,
+) -> int:
+    """Run the parts that are wanted and not there yet; return how many rows do not hold."""
+    from rigs.files import atomic_path
+    from rigs.files.json_file import plain, write_json
+    from studies.common.machine import load
+    from studies.common.page import page
+
+    kept = dict(result["parts"])
+    for name in dict.fromkeys(wanted or study.parts):
+        if name in result["parts"]:
+            continue
+        module, loaded, started = study.module(name), load(), time.perf_counter()
+        with progress_bar(name) as progress:
+            tables = study.measure(name, replace(request, progress=progress))
+        record = {"seconds": time.perf_counter() - started, "load_at_start": loaded}
+        record["pictures"] = _draw(module, tables, out, study.name)
+        kept[name] = record | {"tables": plain(_stored(tables), digits=5)}
+        result["parts"] = {key: kept[key] for key in study.parts if key in kept}
+        write_json(out / f"{study.name}.json", result, indent=1)
+        with atomic_path(out / f"{study.name}.md") as temporary:
+            temporary.write_text(page(study, result), "utf-8")
+        say(f"{name}: {record['seconds']:.0f} s")
+    rows = [r for p in result["parts"].values() for table in p["tables"].values() for r in table]
+    missed = sum(row.get("holds") is False for row in rows)
+    if any("holds" in row for row in rows):
+        say(f"{len(rows) - missed} of {len(rows)} rows hold")
+    say(str(out / f"{study.name}.md"))
+    return missed
+
+
+def _stored(tables: Tables) -> Tables:
+    """Return the rows without their curves, which are drawn."""
+    return {
+        name: [{key: value for key, value in row.items() if key != "curves"} for row in rows]
+        for name, rows in tables.items()
+    }
+
+
+def _draw(module: ModuleType, tables: Tables, out: Path, name: str) -> list[str]:
+    """Write the pictures of a part; return their paths in the folder."""
+    from tomo.draw.figures import save_figure
+
+    drawn = []
+    for picture, draw in getattr(module, "PLOTS", {}).items():
+        figure = draw(tables)
+        if figure is not None:
+            drawn.append(f"{name}/{picture}.png")
+            save_figure(figure, out / drawn[-1])
+    return drawn
+
+
+def _check_known(option: str, names: Sequence[str], known: Sequence[str] | Mapping) -> None:
+    for name in names:
+        if name not in known:
+            raise ValueError(f"{option}: found {name!r}, expected one of {', '.join(known)}")
+
+
+def say(line: str) -> None:
+    """Say a line on stderr."""
+    console.print(line, markup=False, highlight=False, soft_wrap=True)

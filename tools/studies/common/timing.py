@@ -1,0 +1,86 @@
+"""Timings that can be compared: in one process, in turn, medians; or in fresh processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+TOOLS = Path(__file__).resolve().parents[2]
+LIMIT = 900.0  # seconds; a process that takes longer hangs
+
+
+def in_turn(candidates: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
+    """Return the median seconds of each candidate, the candidates run in turn.
+
+    Whatever else slows the machine down for a while then slows all of them down alike. Each runs
+    once before, unmeasured: compiled code is loaded and memory is touched.
+    """
+    for candidate in candidates.values():
+        candidate()
+    taken: dict[str, list[float]] = {name: [] for name in candidates}
+    for _ in range(repeats):
+        for name, candidate in candidates.items():
+            started = time.perf_counter()
+            candidate()
+            taken[name].append(time.perf_counter() - started)
+    return {name: statistics.median(seconds) for name, seconds in taken.items()}
+
+
+class Stopwatch:
+    """Seconds since it was made, without those spent paused."""
+
+    def __init__(self) -> None:
+        self._started = time.perf_counter()
+
+    @contextmanager
+    def paused(self) -> Iterator[float]:
+        """Stand still, yielding what the watch shows: judging takes none of what is judged."""
+        stopped = time.perf_counter()
+        try:
+            yield stopped - self._started
+        finally:
+            self._started += time.perf_counter() - stopped
+
+
+def in_fresh_process(
+    module: str, *arguments: str, environment: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Run a module in a fresh interpreter; return the JSON object that it prints, and its seconds.
+
+    Parameters
+    ----------
+    module : str
+        As ``studies.benchmark.memory_child``.
+    arguments : str
+    environment : mapping, optional
+        Variables to set beside those of this process.
+
+    Raises
+    ------
+    RuntimeError
+        If it fails; the message ends with what it said last.
+    """
+    paths = (str(TOOLS.parent), str(TOOLS), os.environ.get("PYTHONPATH"))
+    own = {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    started = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-m", module, *arguments],
+        env=os.environ | own | dict(environment or {}),
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+        check=False,
+    )
+    wall = time.perf_counter() - started
+    if done.returncode:
+        words = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+        raise RuntimeError(f"{module} {' '.join(arguments)}: {words[-1]}")
+    return {**json.loads(done.stdout or "{}"), "wall_seconds": wall}

@@ -1,0 +1,1 @@
+"""Cameras refined from images of flames, against known rigs and on a real plume."""

@@ -1,0 +1,171 @@
+"""Calibration error: what wrong cameras cost each method, and whether the report says so."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import shift
+
+from studies.common.scans import reconstructed
+from studies.common.study import Request, Tables
+from studies.stress.calibration_scene import (
+    FOOTPRINT,
+    GRID,
+    KINDS,
+    VIEWS,
+    Flame,
+    noisier,
+    simulated,
+)
+from studies.stress.row import COLUMNS, Chart, Row, charts, measured
+from tomo import solvers
+from tomo.pipeline.register import prepare
+
+__all__ = ["COLUMNS", "PLOTS", "run"]
+
+PLOTS = {"calibration": charts}
+
+METHODS = ("auto", *solvers.METHODS)
+CHARTED = ("auto", "cgls", "sirt", "mlem", "tv")
+QUICK_METHODS = ("auto",)
+PIXELS = (0.25, 0.5, 1.0, 2.0, 3.0)
+JUDGED = (1.0, 3.0)
+NOISE = 0.1
+SEEDS = 8
+APART = 2.0
+"""Two views that are each off by some pixels are off by up to twice as many from each other."""
+
+FROM = 1.0  # pixels from which on the report has to say so
+
+SAYS_SO = ("cameras and images disagree", "pixels beside where the rig says")
+
+
+def run(request: Request) -> Tables:
+    """Measure the rows of this part."""
+    return measured(_rows(request))
+
+
+def _rows(request: Request) -> Iterator[Row]:
+    quick, progress = request.size != "full", request.progress
+    parts = 2 * len(KINDS) + 2
+    with tempfile.TemporaryDirectory() as folder:
+        clean, noisy = _pair(Path(folder), request.seed)
+        methods = QUICK_METHODS if quick else METHODS
+        pixels = JUDGED if quick else PIXELS
+        progress(0, parts, "as the cameras are")
+        least = {method: _error(clean, "pose", 0.0, method) for method in methods}
+        for done, kind in enumerate(KINDS):
+            progress(1 + done, parts, kind)
+            yield from _growth(clean, kind, least, pixels)
+        for done, kind in enumerate(KINDS):
+            progress(1 + len(KINDS) + done, parts, f"{kind}: warnings")
+            for name, flame in (("clean", clean), (f"{NOISE:.0%} noise", noisy)):
+                yield _warned_from(flame, kind, name, (0.5, 1.0) if quick else PIXELS)
+        progress(parts - 1, parts, "false alarms")
+        more = () if quick else range(request.seed + 1, request.seed + SEEDS)
+        yield _false_alarms([(clean, noisy), *(_pair(Path(folder), seed) for seed in more)])
+        yield _single(clean, noisy, 6 if quick else 1)
+
+
+def _pair(folder: Path, seed: int) -> tuple[Flame, Flame]:
+    """Return a flame without and with noise, simulated once."""
+    made = simulated(seed)
+    return (
+        Flame.seen(made, folder / f"{seed} clean"),
+        Flame.seen(noisier(made, NOISE, seed), folder / f"{seed} noisy"),
+    )
+
+
+def _error(flame: Flame, kind: str, pixels: float, method: str) -> float:
+    found = reconstructed(flame.seen_wrongly(kind, pixels), method=method, uncertainty=0)
+    return found.reconstruction.quality["nrmse"]
+
+
+@cache
+def moved_truth(flame: Flame, pixels: float) -> float:
+    """Return the error of the truth itself where it lies beside by so many pixels.
+
+    Root mean square over the three axes: with cameras all round, no direction is better known.
+    """
+    truth = flame.truth.astype(np.float64)
+    voxels = pixels * FOOTPRINT / GRID.spacing[0]
+    errors = [np.linalg.norm(shift(truth, voxels * axis, order=1) - truth) for axis in np.eye(3)]
+    return float(np.sqrt(np.mean(np.square(errors))) / np.linalg.norm(truth))
+
+
+def _growth(
+    flame: Flame, kind: str, least: dict[str, float], pixels: tuple[float, ...]
+) -> Iterator[Row]:
+    errors = {
+        method: [
+            (px, _error(flame, kind, px, method))
+            for px in (pixels if method in CHARTED else JUDGED)
+        ]
+        for method in least
+    }
+    chart = Chart(
+        f"{kind}: error by method", "pixels, r.m.s. along the flame", "NRMSE",
+        {method: errors[method] for method in CHARTED if method in errors}
+        | {"truth moved as far": [(px, moved_truth(flame, px)) for px in pixels]},
+    )  # fmt: skip
+    for px in JUDGED:
+        known = {method: dict(found)[px] for method, found in errors.items()}
+        expected = {m: np.hypot(least[m], moved_truth(flame, px)) for m in known}
+        worst = max(known, key=lambda method: known[method] / expected[method])
+        growth = ", ".join(f"{m} {known[m] / least[m]:.1f}" for m in known)
+        yield Row(
+            f"{kind} off by {px:g} px: error against that of the truth moved as far",
+            ", ".join(known), known[worst] / expected[worst], APART, "times",
+            note=f"worst: {worst}; two views off by as much each may lie twice as far from each "
+            f"other; growth over the clean error: {growth}",
+            chart=chart if px == 1 else None,
+        )  # fmt: skip
+
+
+def warnings_of(flame: Flame, kind: str, pixels: float, seed: int = 0) -> list[str]:
+    """Return what the report says of cameras that are off by so many pixels."""
+    scan = flame.seen_wrongly(kind, pixels, seed)
+    images, masks = scan.read()
+    found = prepare(scan.rig, images, masks, GRID, align=True, carving=None)
+    return [line for line in found.warnings if any(words in line for words in SAYS_SO)]
+
+
+def _warned_from(flame: Flame, kind: str, name: str, pixels: tuple[float, ...]) -> Row:
+    """Return from how many pixels on the report says so, and goes on saying so."""
+    silent = [px for px in pixels if not warnings_of(flame, kind, px)]
+    later = [px for px in pixels if px > max(silent, default=0.0)]
+    return Row(
+        f"{kind}: from where on the report says that cameras and images disagree",
+        f"{pixels[0]:g} to {pixels[-1]:g} px, {name}", min(later, default=np.inf), FROM,
+        "px, r.m.s. along the flame",
+    )  # fmt: skip
+
+
+def _false_alarms(pairs: Sequence[tuple[Flame, Flame]]) -> Row:
+    alarms = [
+        f"flame {number}, {name}"
+        for number, pair in enumerate(pairs)
+        for name, flame in zip(("clean", "noisy"), pair, strict=True)
+        if warnings_of(flame, "pose", 0.0)
+    ]
+    over = f"{2 * len(pairs)} scenes, clean and with {NOISE:.0%} noise"
+    return Row.of_faults("The right rig is doubted", over, alarms)
+
+
+def _single(clean: Flame, noisy: Flame, every: int) -> Row:
+    """Let one camera alone look beside by two pixels."""
+    unnamed = []
+    for flame in (clean, noisy):
+        for number in range(0, VIEWS, every):
+            scan = flame.one_beside(number, 2.0)
+            images, masks = scan.read()
+            found = prepare(scan.rig, images, masks, GRID, align=True, carving=None)
+            if not any(f"camera {flame.rig.names[number]} " in line for line in found.warnings):
+                unnamed.append(flame.rig.names[number])
+    return Row.of_faults(
+        "One camera of 12 looks 2 px beside and is not named", "clean and noisy", unnamed
+    )

@@ -1,0 +1,133 @@
+"""One stress: what was done, over which range, the worst that came of it, and its bound."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from studies.common.axes import Points, curves
+from studies.common.page import significant
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from studies.common.study import Tables
+
+COLUMNS = {"rows": "stress over found bound holds seconds note"}
+
+
+@dataclass(frozen=True)
+class Chart:
+    """What a row's figure came from: curves by name, and words above and along the axes."""
+
+    title: str
+    x: str
+    y: str
+    curves: Mapping[str, Points]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One stress and its figure.
+
+    Attributes
+    ----------
+    stress : str
+        What was done to the toolkit.
+    over : str
+        The range it was done over.
+    figure : float
+        The worst that was measured; NaN where nothing came of it.
+    bound : float
+        What it may be at most, or has to be at least.
+    unit : str
+        Of both; "faults" for counts of what must not happen.
+    at_least : bool
+        Whether the figure has to be at least the bound.
+    note : str
+        Where it was worst, or why the bound is right to fail.
+    chart : Chart, optional
+    """
+
+    stress: str
+    over: str
+    figure: float
+    bound: float
+    unit: str = ""
+    at_least: bool = False
+    note: str = ""
+    chart: Chart | None = None
+
+    @classmethod
+    def of_faults(cls, stress: str, over: str, faults: Sequence[str], otherwise: str = "") -> Self:
+        """Return the row that counts what must not happen; the first five are its note."""
+        note = "; ".join(list(dict.fromkeys(filter(None, faults)))[:5])
+        return cls(stress, over, len(faults), 0, "faults", note=note or otherwise)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the figure is within its bound; NaN never is."""
+        return bool(self.figure >= self.bound if self.at_least else self.figure <= self.bound)
+
+    def plain(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "stress": self.stress,
+            "over": self.over,
+            "found": f"{significant(float(self.figure))} {self.unit}".rstrip(),
+            "bound": f"{'≥' if self.at_least else '≤'} {significant(float(self.bound))}",
+            "holds": self.holds,
+            "note": self.note,
+            "figure": self.figure,
+            "curves": self.chart,
+        }
+
+
+def measured(rows: Iterable[Row]) -> Tables:
+    """Return the rows as a part's tables, each with the seconds it took."""
+    found, began = [], time.perf_counter()
+    for row in rows:
+        now = time.perf_counter()
+        found.append(row.plain() | {"seconds": now - began})
+        began = now
+    return {"rows": found}
+
+
+def charts(tables: Tables) -> Figure | None:
+    """Return the curves of a part's rows: a panel for each row that has some."""
+    shown = [row["curves"] for row in tables["rows"] if row["curves"]]
+    if not shown:
+        return None
+    return curves({chart.title: chart.curves for chart in shown}, shown[0].x, shown[0].y)
+
+
+def relative_error(found: ArrayLike, expected: ArrayLike) -> float:
+    """Return ``|found - expected| / |expected|`` in float64; infinite where found is not finite.
+
+    Both are scaled by the largest expected value first: squares of 1e200 or 1e-200 must not
+    overflow or vanish.
+    """
+    found, expected = np.asarray(found, np.float64), np.asarray(expected, np.float64)
+    if found.shape != expected.shape or not np.isfinite(found).all():
+        return math.inf
+    scale = np.abs(expected).max(initial=0.0)
+    if scale == 0:
+        return 0.0 if not found.any() else math.inf
+    return float(np.linalg.norm((found - expected) / scale) / np.linalg.norm(expected / scale))
+
+
+def worst_of(figures: Iterable[tuple[str, float]]) -> tuple[float, str]:
+    """Return the largest of named figures and its name; NaN is worse than any number."""
+    worst, where = -math.inf, ""
+    for name, figure in figures:
+        if math.isnan(figure) or figure > worst:
+            worst, where = figure, name
+        if math.isnan(figure):
+            break
+    return worst, where

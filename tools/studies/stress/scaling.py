@@ -1,0 +1,144 @@
+"""Scaling: other units of length or intensity change the volume by their factor, nothing else.
+
+Emission is per unit of length: with all lengths times k and the images as they are, it is 1/k of
+what it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from studies.common.scans import reconstructed
+from studies.common.study import Request, Tables
+from studies.stress.row import COLUMNS, Row, measured, relative_error, worst_of
+from studies.stress.scaling_parts import alignment_rows, carving_rows, gains_rows
+from studies.stress.scaling_scene import EXACT, FACTORS, RANGE, Scaled
+from studies.stress.scene import BY_PIXEL, jet_by, ring, scene, solved
+from tomo import solvers
+from tomo.operators.operator import ProjectionOperator
+from tomo.pipeline import Reconstruction
+from tomo.selection import choose_by_held_out_views
+from tomo.simulation.effects import Effects
+
+__all__ = ["COLUMNS", "run"]
+
+
+def run(request: Request) -> Tables:
+    """Measure the rows of this part."""
+    return measured(_rows(request))
+
+
+def _rows(request: Request) -> Iterator[Row]:
+    quick, progress = request.size != "full", request.progress
+    factors = FACTORS[::3] if quick else FACTORS
+    plain = Scaled(scene(noise=0.02).simulated)
+    others = [replace(plain, lengths=factor) for factor in factors]
+    others += [replace(plain, intensities=factor) for factor in factors]
+    others += [replace(plain, lengths=factors[0], intensities=factors[-1])]
+    parts = (
+        _solvers(plain, others, quick),
+        _default(plain, others),
+        _learned(others[:: len(others) - 1]),
+        carving_rows(plain, others),
+        gains_rows(plain, others),
+        alignment_rows(plain, others),
+    )
+    for number, part in enumerate(parts):
+        progress(number, len(parts), "scaling")
+        yield from part
+    progress(len(parts), len(parts), "")
+
+
+def _solvers(plain: Scaled, others: Sequence[Scaled], quick: bool) -> Iterator[Row]:
+    for what in ("lengths", "intensities"):
+        figures = []
+        for method in solvers.METHODS:
+            forms = ["system"] if quick or method in BY_PIXEL else ["system", "on_the_fly"]
+            for form in forms:
+                expected = solved(method, _form(plain, form), plain.measured).volume
+                for other in others:
+                    if getattr(other, what) == 1:
+                        continue
+                    found = solved(method, _form(other, form), other.measured).volume
+                    error = relative_error(other.unscaled(found), expected)
+                    figures.append((f"{method}, {form}, {other.name}", error))
+        worst, where = worst_of(figures)
+        unit = "relative to scale 1"
+        yield Row(f"{what}, every classic method", RANGE, worst, EXACT, unit, note=where)
+
+
+def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
+    expected = reconstructed(plain.simulated)
+    chosen = _choice(expected)
+    figures, changed = [], []
+    for other in others:
+        outcome = reconstructed(other.simulated)
+        found = other.unscaled(outcome.reconstruction.volume)
+        error = relative_error(found, expected.reconstruction.volume)
+        figures.append((other.name, error))
+        changed += [
+            f"{name} {value} instead of {chosen[name]}, {other.name}"
+            for name, value in _choice(outcome).items()
+            if value != chosen[name]
+        ]
+    worst, where = worst_of(figures)
+    yield Row(
+        "default method, through files", RANGE, worst, EXACT, "relative to scale 1", note=where
+    )
+    yield Row(
+        "what the default method chooses: method, width, iterations, active voxels, warnings",
+        RANGE,
+        len(changed),
+        0,
+        "changes",
+        note="; ".join(changed[:3]),
+    )
+    residual = choose_by_held_out_views(plain.system.projector, plain.measured).held_out_residual
+    worst, where = worst_of(
+        (
+            other.name,
+            abs(
+                choose_by_held_out_views(other.system.projector, other.measured).held_out_residual
+                / residual
+                - 1
+            ),
+        )
+        for other in others
+    )
+    yield Row("residual of views left out", RANGE, worst, EXACT, "relative", note=where)
+
+
+def _learned(others: Sequence[Scaled]) -> Iterator[Row]:
+    """Let WERNet learn absorption, which six views ask it for."""
+    seen = jet_by(ring(6), effects=Effects(absorption=0.3))
+    seen = replace(seen, settings={})  # what the light met is known in one unit of length alone
+    expected = reconstructed(seen, method="wernet", iterations=1)
+    figures, changed = [], []
+    for other in others:
+        scaled = replace(other, original=seen).simulated
+        outcome = reconstructed(scaled, method="wernet", iterations=1)
+        found = other.unscaled(outcome.reconstruction.volume)
+        figures.append((other.name, relative_error(found, expected.reconstruction.volume)))
+        if (outcome.learned is None) != (expected.learned is None):
+            changed.append(other.name)
+    worst, where = worst_of(figures)
+    note = f"{where}; weights {'kept' if expected.learned else 'not kept'} at scale 1"
+    yield Row("WERNet", RANGE, worst, EXACT, "relative to scale 1", note=note)
+    yield Row("WERNet: whether learned weights are kept", RANGE, len(changed), 0, "changes")
+
+
+def _form(scaled: Scaled, form: str) -> ProjectionOperator:
+    return scaled.on_the_fly if form == "on_the_fly" else scaled.system.projector
+
+
+def _choice(outcome: Reconstruction) -> Mapping[str, object]:
+    settings = outcome.reconstruction.settings
+    return {
+        "method": settings["method"],
+        "width": settings["smooth_width"],
+        "strength": settings.get("strength"),
+        "iterations": settings["iterations"],
+        "active voxels": outcome.counts["active_voxels"],
+        "warnings": len(outcome.warnings),
+    }

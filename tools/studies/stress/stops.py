@@ -1,0 +1,97 @@
+"""Semi-convergence: the error falls, turns and rises; how far from its lowest runs stop."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from studies.stress.row import Chart, Row, worst_of
+from studies.stress.scene import Scene, scene, solved
+from tomo import solvers
+from tomo.metrics import nrmse
+from tomo.selection import choose_by_held_out_views
+from tomo.selection.choose import solve_as_chosen
+from tomo.solvers.solution import Callback
+
+NOISE = 0.1
+LONGEST = 400
+QUICK = 150
+LONGEST_CHOSEN = 100
+CASES = ((0.02, 4), (0.02, 9), (0.1, 4), (0.1, 9), (0.1, 33))
+"""Noise and number of views at which stops are chosen."""
+
+
+def stop_rows(quick: bool) -> Iterator[Row]:
+    """Yield the rows of where runs stop."""
+    yield _methods(QUICK if quick else LONGEST)
+    yield _chosen(CASES[1::2] if quick else CASES)
+
+
+def _methods(longest: int) -> Row:
+    """Run every classic method far beyond its best."""
+    seen = scene(NOISE)
+    curves, said, figures = {}, [], []
+    for method in solvers.METHODS:
+        errors: list[float] = []
+        solved(method, seen.stored, seen.measured, longest, callback=_recorder(seen, errors))
+        default = inspect.signature(getattr(solvers, method)).parameters["iterations"].default
+        best = int(np.argmin(errors))
+        stopped = errors[min(default, len(errors) - 1)]
+        curves[method] = [(index, error) for index, error in enumerate(errors) if index]
+        said.append(f"{method} best at {best}, at {default} {stopped / errors[best]:.2f} times")
+        figures.append((method, stopped / errors[best]))
+    worst, where = worst_of(figures)
+    title = f"Error of the volume, {NOISE:.0%} noise, 9 views"
+    return Row(
+        "semi-convergence: the number of iterations that a method runs unless told",
+        f"{NOISE:.0%} noise, 9 views, up to {longest} iterations",
+        worst,
+        3.0,
+        "times the lowest error of the run",
+        note=f"{where}; no fixed number suits every noise: the default method's stop is the next "
+        f"row's; {'; '.join(said)}",
+        chart=Chart(title, "iterations", "relative error", curves),
+    )
+
+
+def _chosen(cases: Sequence[tuple[float, int]]) -> Row:
+    """Let views left out choose the stop, and go on beyond it."""
+    figures, curves = [], {}
+    for noise, views in cases:
+        seen = scene(noise, views)
+        choice = choose_by_held_out_views(seen.stored, seen.measured)
+        errors: list[float] = []
+        further = replace(choice, iterations=LONGEST_CHOSEN)
+        record = _recorder(seen, errors)
+        solve_as_chosen(seen.stored, seen.measured, further, callback=record)
+        best = int(np.argmin(errors))
+        ratio = errors[min(choice.iterations, len(errors) - 1)] / min(errors)
+        name = f"{noise:.0%} noise, {views} views"
+        figures.append(
+            (f"{name}: {choice.method} stopped at {choice.iterations}, best at {best}", ratio)
+        )
+        curves[name] = [(index, error) for index, error in enumerate(errors) if index]
+    worst, where = worst_of(figures)
+    return Row(
+        "semi-convergence: the stop that views left out choose",
+        ", ".join(f"{noise:.0%} noise and {views} views" for noise, views in cases),
+        worst,
+        1.25,
+        "times the lowest error of the run",
+        note=f"{where}; all: " + "; ".join(f"{name}, {ratio:.2f}" for name, ratio in figures),
+        chart=Chart("Error along the method chosen", "iterations", "relative error", curves),
+    )
+
+
+def _recorder(seen: Scene, errors: list[float]) -> Callback:
+    """Return a callback that notes the error of every volume."""
+
+    def record(index: int, volume: NDArray[np.float32], residual: float) -> bool:
+        errors.append(nrmse(volume, seen.truth.ravel()))
+        return False
+
+    return record

@@ -1,0 +1,103 @@
+"""Print what every method makes of one scene, as hashes: a process with its number of threads.
+
+``python -m studies.stress.threads_child SCAN VOLUME [wernet]`` writes the volume of WERNet, or of
+the default method, to VOLUME (.npy) and a JSON object of name to SHA-256 to standard output.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from studies.stress.scene import Scene
+
+LEARNED_ROUNDS = 2
+
+SETTINGS = (
+    ("mlem", {"subsets": 4}),
+    ("sirt", {"subsets": 4}),
+    ("cgls", {"nonnegative": False, "strength": 1e-3}),
+    ("nnls", {"nonnegative": False}),
+)
+"""Forms of methods beside their plain ones."""
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Hash what the arguments name."""
+    scan, volume = map(Path, arguments[:2])
+    named = dict(_learned(scan) if arguments[2:] == ["wernet"] else _classic(scan))
+    np.save(volume, next(iter(named.values())))
+    hashes = {name: hash_of(array) for name, array in named.items()}
+    sys.stdout.write(json.dumps(hashes))
+
+
+def hash_of(array: NDArray) -> str:
+    """Return the SHA-256 of an array's bytes."""
+    return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
+
+
+def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
+    from studies.stress.scene import ring, scene_of, solved
+    from tomo import Scan
+    from tomo.hull import carve
+    from tomo.pipeline import reconstruct
+    from tomo.selfcal.gains import estimate_gains
+    from tomo.selfcal.shifts import align_views
+
+    scan = Scan.load(folder)
+    images, masks = scan.read()
+    yield "default method", reconstruct(scan, uncertainty=0).reconstruction.volume
+    seen = scene_of(ring(len(scan.rig)), noise=0.02)
+    yield "simulated images", np.stack(list(seen.simulated.images.values()))
+    for form, projector in (("stored", seen.stored), ("on the fly", seen.on_the_fly)):
+        yield f"projection, {form}", projector @ seen.truth.ravel()
+        yield f"back-projection, {form}", projector.T @ seen.measured
+    for name, method, projector in seen.cases():
+        yield name, solved(method, projector, seen.measured, 5).volume
+    for method, settings in SETTINGS:
+        found = solved(method, seen.stored, seen.measured, 5, **settings)
+        yield f"{method}, {', '.join(settings)}", found.volume
+    yield from _fewer(seen)
+    cameras = tuple(scan.rig)
+    yield "carving", carve(cameras, images, masks, scan.grid).active.mask
+    yield "gains", estimate_gains(seen.stored, seen.measured).gain
+    few = replace(scan.rig, cameras=cameras[:5])
+    yield "alignment", align_views(few, images[:5], scan.grid, masks=masks[:5]).shifts
+
+
+def _fewer(seen: Scene) -> Iterator[tuple[str, NDArray]]:
+    """Run methods on some of the process's threads; ``mlem, stored @ 1`` has to be as all."""
+    import numba
+
+    from studies.stress.scene import solved
+
+    most = numba.get_num_threads()
+    for threads in range(1, most):
+        numba.set_num_threads(threads)
+        for name, method, projector in seen.cases():
+            if method in ("mlem", "nnls", "tv"):
+                yield f"{name} @ {threads}", solved(method, projector, seen.measured, 5).volume
+    numba.set_num_threads(most)
+
+
+def _learned(folder: Path) -> Iterator[tuple[str, NDArray]]:
+    from tomo import Scan
+    from tomo.pipeline import reconstruct
+
+    found = reconstruct(Scan.load(folder), method="wernet", iterations=LEARNED_ROUNDS)
+    yield "wernet", found.reconstruction.volume
+    if found.learned is None:
+        raise SystemExit("wernet learned nothing: its threads are not tried")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,205 @@
+"""The condition report: its standard deviations, its resolution and its warnings, against fact."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phantoms import GaussianBlobs
+from rigs import Rig, arc
+from studies.common.study import Request, Tables
+from studies.stress.row import COLUMNS, Row, measured, relative_error, worst_of
+from studies.stress.trust_scenes import SHAPE, TrustScene, seen_by, trust_scene
+from tomo.simulation import simulate
+from tomo.uncertainty import Condition, assess, half_widths
+
+__all__ = ["COLUMNS", "run"]
+
+WITHIN = 1.5
+SHARE = 0.8
+"""Of the voxels whose standard deviations agree within `WITHIN`."""
+
+QUICK_SHARE = 0.6
+"""With 12 repeats on either side, two perfect estimates scatter by 30 % and agree for 82 %."""
+
+REPEATS, QUICK_REPEATS = 30, 12
+"""Noisy sets that the deviations are checked against."""
+
+ESTIMATES, QUICK_ESTIMATES = 100, 20
+"""Repeats of the one set that they are estimated from; half of them calibrate the others."""
+
+QUICK_SHAPE = (30, 70, 30)
+"""Half the height: half the voxels, of the same width."""
+
+BLOB = 0.5
+"""Voxels, the standard deviation of the small bright blob."""
+
+RESOLVED = 0.2
+FAN = 30.0
+
+
+def run(request: Request) -> Tables:
+    """Measure the rows of this part."""
+    return measured(_rows(request))
+
+
+def _rows(request: Request) -> Iterator[Row]:
+    quick, progress = request.size != "full", request.progress
+    repeats, estimates = (QUICK_REPEATS, QUICK_ESTIMATES) if quick else (REPEATS, ESTIMATES)
+    flames = ("jet",) if quick else ("jet", "turbulent")
+    layouts = (11,) if quick else (33, 11)
+    seed, shape = request.seed + 1, QUICK_SHAPE if quick else SHAPE
+    cases = list(product(flames, layouts, ("gaussian", "poisson")))
+    noises, shares, resolved = [], [], []
+    for number, (flame, views, noise) in enumerate(cases):
+        progress(number, len(cases) + 2, f"standard deviations: {flame}, {views} views, {noise}")
+        scene = trust_scene(flame, views, noise, seed, shape)
+        found = assessed(scene, estimates)
+        noises.append((scene.name, abs(noise_ratio(scene, found) - 1)))
+        compared = list(deviation_rows(scene, found, repeats))
+        yield from compared
+        shares.append((compared[1].figure, len(found.deviations.values)))
+        if (flame, views, noise) == (flames[-1], layouts[0], "gaussian"):
+            progress(number, len(cases) + 2, "resolution")
+            resolved.append(resolution_row(scene, found))
+    voxels = sum(count for _, count in shares)
+    yield Row(
+        f"standard deviations within {WITHIN}, all voxels not carved",
+        f"{len(cases)} scenes together, {voxels} voxels",
+        sum(share * count for share, count in shares) / voxels,
+        QUICK_SHARE if quick else SHARE,
+        "of the voxels",
+        at_least=True,
+    )
+    worst, where = worst_of(noises)
+    yield Row("noise found in the images", _over(cases), worst, 0.15, "off the truth", note=where)
+    yield from resolved
+    progress(len(cases) + 1, len(cases) + 2, "warnings")
+    yield from warning_rows(trust_scene("jet", layouts[0], "clean", seed, shape))
+    progress(len(cases) + 2, len(cases) + 2, "")
+
+
+def assessed(scene: TrustScene, repeats: int) -> Condition:
+    """Return the condition of a scene, from its noisy images alone."""
+    return assess(
+        scene.problem.system,
+        scene.problem.measured,
+        scene.volume,
+        scene.solve,
+        repeats=repeats,
+        seed=scene.seed,
+    )
+
+
+def agreeing(found: NDArray, reference: NDArray, voxels: NDArray[np.bool_]) -> float:
+    """Return the share of voxels whose two standard deviations agree within `WITHIN`."""
+    a, b = np.asarray(found, np.float64)[voxels], np.asarray(reference, np.float64)[voxels]
+    return float(np.mean((a <= WITHIN * b) & (b <= WITHIN * a)))
+
+
+def noise_ratio(scene: TrustScene, found: Condition) -> float:
+    """Return the noise found over the true one, root mean squares."""
+    return float(np.linalg.norm(found.deviations.noise) / np.linalg.norm(scene.true_noise()))
+
+
+def deviation_rows(scene: TrustScene, found: Condition, repeats: int) -> Iterator[Row]:
+    """Compare standard deviations with those of new noisy sets."""
+    bound = SHARE if repeats >= REPEATS else QUICK_SHARE
+    emitting = found.seeing.emitting
+    everywhere = np.ones_like(emitting)
+    values = found.deviations.values
+    reference, other = (scene.repeated(repeats, batch) for batch in (1, 2))
+    few = "" if repeats >= REPEATS else f"{repeats} repeats scatter by a fifth; "
+    for what, voxels in (("voxels that emit", emitting), ("all voxels not carved", everywhere)):
+        limit = agreeing(other, reference, voxels)
+        note = f"{few}two times {repeats} noisy sets agree with each other for {limit:.0%}"
+        share = agreeing(values, reference, voxels)
+        if share < bound and voxels is everywhere:
+            note += (
+                "; the rest are voxels without emission: held at zero in most sets, they spread "
+                "in few, and how firmly they are held hangs on the noise of the one set there is"
+            )
+        yield Row(
+            f"standard deviations within {WITHIN}, {what}",
+            f"{scene.name}, {found.deviations.repeats} repeats against {repeats} noisy sets",
+            share,
+            bound,
+            "of the voxels",
+            at_least=True,
+            note=note,
+        )
+
+
+def resolution_row(scene: TrustScene, found: Condition) -> Row:
+    """Compare the stated resolution with the width of small bright blobs in the scene.
+
+    The width stated is that of a spot of one voxel; a blob is as much wider as its means over the
+    voxels are wider than one voxel, in squares.
+    """
+    system, grid = scene.problem.system, scene.clean.grid
+    active = system.projector.active
+    before = scene.solve(scene.problem.measured)
+    bright = np.flatnonzero(before > 0.3 * before.max())
+    widths, own = [], []
+    for unknown in bright[np.linspace(0, len(bright) - 1, 5).astype(int)[1:-1]]:
+        flat = int(unknown if active.index is None else active.index[unknown])
+        place = tuple(int(index) for index in np.unravel_index(flat, grid.shape))
+        point = tuple(float(axis[index]) for axis, index in zip(grid.axes(), place, strict=True))
+        blob = GaussianBlobs((point,), (BLOB * min(grid.spacing),), (1.0,))
+        seen = simulate(scene.clean.rig, blob, grid, refine=2, supersample=3)
+        light = system.flatten(list(seen.images.values()))
+        light = light * (0.5 * float(before.max()) / float(seen.truth.max()))
+        change = scene.solve((scene.problem.measured + light).astype(np.float32)) - before
+        response = active.expand(change.astype(np.float64)).reshape(grid.shape)
+        widths.append(half_widths(response, place))
+        own.append(half_widths(seen.truth.astype(np.float64), place))
+    blob, spot = np.median(own, axis=0), np.median(found.resolution.widths, axis=0)
+    stated = np.sqrt(spot**2 + blob**2 - 1)
+    measured = np.median(widths, axis=0)
+    return Row(
+        "resolution stated against the width of a bright blob",
+        f"{scene.name}, blob of {blob[0]:.1f} voxels at 3 places",
+        relative_error(stated, measured),
+        RESOLVED,
+        "relative",
+        note=f"stated {_text(stated)}, measured {_text(measured)} voxels along x, y, z",
+    )
+
+
+def warning_rows(scene: TrustScene) -> Iterator[Row]:
+    """Count warnings that fail to come, or come for nothing."""
+    rig = scene.clean.rig
+    cases = (
+        ("2 views", rig[0:9:8], True),
+        (f"5 views in a fan of {FAN:g} degrees", fan_like(rig), True),
+        (f"{len(rig)} views", rig, False),
+    )
+    for what, cameras, expected in cases:
+        told = assessed(scene if cameras is rig else seen_by(scene, cameras), 2).warnings
+        yield Row(
+            "warning that is missing" if expected else "warning for nothing",
+            f"{what} of {scene.name}",
+            int(not told) if expected else len(told),
+            0,
+            "faults",
+            note="; ".join(line.partition(":")[0] for line in told),
+        )
+
+
+def fan_like(rig: Rig) -> Rig:
+    """Return five cameras like the first in a fan of `FAN` degrees, looking at the origin."""
+    camera = rig[0]
+    distance = float(np.linalg.norm(camera.position))
+    focal = float(camera.camera_matrix[0, 0])
+    return arc(5, FAN, distance, image_size=camera.image_size, footprint=distance / focal)
+
+
+def _over(cases: Sequence[tuple[str, int, str]]) -> str:
+    return f"{len(cases)} scenes, gaussian and poisson"
+
+
+def _text(widths: NDArray[np.float64]) -> str:
+    return " x ".join(f"{width:.2f}" for width in widths)
