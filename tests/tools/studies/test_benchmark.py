@@ -144,24 +144,25 @@ def test_a_process_takes_at_least_as_long_as_its_steps():
 
 def test_the_basis_is_compared_with_the_best_classic_method():
     for row in STUDY.measure("basis", Request("tiny"))["basis"]:
-        assert row["stopped_cosine_distance"] <= 1.05 * row["boxes_cosine_distance"]
-        ratio = row["splines_cosine_distance"] / row["stopped_cosine_distance"]
-        assert row["of_stopped"] == pytest.approx(ratio)
+        assert row["stopped_cosine_distance"] <= 1.05 * row["voxel_cosine_distance"]
+        ratio = row["linear_cosine_distance"] / row["stopped_cosine_distance"]
+        assert row["linear_of_stopped"] == pytest.approx(ratio)
 
 
 def test_blobs_are_judged_as_the_volume_that_they_make():
-    from studies.benchmark.courses import course
+    from studies.benchmark.convergence import converged
     from studies.benchmark.sizes import SIZES
     from studies.common.flames import scene
     from studies.common.problems import problem
 
     scan = scene("jet", 33, "clean", 1, SIZES["tiny"].shown).scan
     ready = problem(scan.rig, scan.grid, list(scan.images.values()), skip=True)
-    boxes, narrow, wide = (
-        course(ready, scan.truth, "nnls", {}, passes=4, width=width) for width in (0.0, 1e-3, 1.0)
+    voxels, narrow, wide = (
+        converged(ready, scan.truth, "nnls", {}, passes=4, width=width)
+        for width in (0.0, 1e-3, 1.0)
     )
-    assert narrow.cosine_distances == boxes.cosine_distances
-    assert wide.cosine_distances[-1] != boxes.cosine_distances[-1]
+    assert narrow.cosine_distances == voxels.cosine_distances
+    assert wide.cosine_distances[-1] != voxels.cosine_distances[-1]
     assert wide.cosine_distances[-1] < 0.3
 
 

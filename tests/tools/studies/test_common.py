@@ -84,6 +84,7 @@ def test_only_what_is_asked_runs_with_what_was_asked(study, tmp_path):
         (("--part", "speed"), "--part: found 'speed', expected one of first"),
         (("--size", "tiny"), "--size: found 'tiny', expected one of full, quick"),
         (("-o", "{}/file"), "file: is a file, expected a folder"),
+        (("--data", "{}/none"), "none: no such folder"),
     ],
 )
 def test_bad_input_is_one_line(study, tmp_path, arguments, words):

@@ -32,7 +32,7 @@ def test_noise_added_is_that_of_the_simulation():
 
 
 def test_a_single_camera_is_off(flame):
-    wrong = flame.one_beside(3, 2.0).rig
+    wrong = flame.one_off(3, 2.0).rig
     assert [a != b for a, b in zip(wrong, flame.rig, strict=True)].index(True) == 3
     assert sum(a != b for a, b in zip(wrong, flame.rig, strict=True)) == 1 < VIEWS
 

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from studies.stress import robustness as area
 from studies.stress import robustness_scene as scenes
-from studies.stress.robustness_scene import WRONG, one_wild_pixel, scene, wild, wrong_views
+from studies.stress.robustness_scene import (
+    WRONG,
+    one_bad_pixel,
+    scene,
+    with_bad_pixels,
+    wrong_views,
+)
 
 SHRINK = 0.35
 
@@ -35,11 +41,11 @@ def test_a_wrong_view_is_named_and_one_that_is_kept_is_a_fault(flame, monkeypatc
     assert kept.faults["view"] == [f"turbulent, upside down: {name} not named"]
 
 
-def test_wild_pixels_are_wild():
+def test_bad_pixels_are_bad():
     images = [np.ones((40, 50), np.float32)] * (WRONG + 1)
-    shares = [np.mean(image != 1) for image in wild(images, 0.01, 0)]
+    shares = [np.mean(image != 1) for image in with_bad_pixels(images, 0.01, 0)]
     assert np.mean(shares) == pytest.approx(0.01 * 2 / 3, rel=0.3)  # the maximum is no change
-    changed = one_wild_pixel(images)
+    changed = one_bad_pixel(images)
     assert sum(np.count_nonzero(image != 1) for image in changed) == 1
 
 

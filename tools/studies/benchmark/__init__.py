@@ -12,7 +12,7 @@ STUDY = Study(
         "solvers": ("Solvers", "studies.benchmark.solvers"),
         "skipping": ("Skipping of what is proved empty", "studies.benchmark.skipping"),
         "plume": ("A real plume", "studies.benchmark.plume"),
-        "basis": ("Boxes or splines", "studies.benchmark.basis"),
+        "basis": ("Voxel or linear basis", "studies.benchmark.basis"),
         "scaling": ("Growth with grid and views", "studies.benchmark.scaling"),
         "threads": ("Growth with threads", "studies.benchmark.threads"),
         "startup": ("Start-up and first use", "studies.benchmark.startup"),

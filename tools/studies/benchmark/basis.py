@@ -1,9 +1,10 @@
-"""Emission even within voxels, or straight between their centres.
+"""The voxel basis against the linear one: emission constant in voxels, or linear between centres.
 
 Images are simulated through voxels four times as fine. The default, which chooses and stops
-without the truth, by boxes and by splines, pixels weighed by their noise; "stopped" is the best
-classic method of either, where it is nearest to the truth. The share is that of boxes' squared
-error of left-out views that splines leave: below 1 they are taken. Means over the seeds.
+without the truth, by either basis, pixels weighted by their noise; "stopped" is the best classic
+method of either, where it is nearest to the truth. The fraction is that of the voxel basis'
+squared error of left-out views that the linear one leaves: below 1 it is taken. Means over the
+seeds.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.benchmark.classic import CLASSIC, courses_of, of_splines
+from studies.benchmark.classic import CLASSIC, convergence_of, in_linear_basis
 from studies.benchmark.sizes import SIZES
 from studies.common.flames import NOISES, RIGS, Scene, scene
 from studies.common.problems import Problem, problem
@@ -33,14 +34,14 @@ from tomo.selection.choose import solve_as_chosen
 
 REFINE = 4
 """Voxels of the simulation along an edge of the grid's: images of twice finer ones show their
-edges, and blur as much as a quarter of what boxes do."""
+edges, and blur as much as a quarter of what voxels do."""
 
 SEEDS = 2
 
 COLUMNS = {
-    "basis": "flame views noise seeds share stopped stopped_cosine_distance boxes_cosine_distance "
-    "boxes_nrmse boxes_seconds splines_cosine_distance splines_nrmse splines_seconds ratio "
-    "of_stopped",
+    "basis": "flame views noise seeds fraction stopped stopped_cosine_distance "
+    "voxel_cosine_distance voxel_nrmse voxel_seconds linear_cosine_distance linear_nrmse "
+    "linear_seconds linear_of_voxel linear_of_stopped",
 }
 
 
@@ -59,26 +60,26 @@ def run(request: Request) -> Tables:
 def _row(shown: Scene, passes: int) -> dict[str, Any]:
     scan = shown.scan
     ready = problem(scan.rig, scan.grid, shown.images, skip=True)
-    by_splines = of_splines(ready)
-    courses = courses_of({BOXES: ready, SPLINES: by_splines}, scan.truth, CLASSIC, passes)
-    best = min(courses, key=lambda name: courses[name].least)
+    by_linear = in_linear_basis(ready)
+    found = convergence_of({BOXES: ready, SPLINES: by_linear}, scan.truth, CLASSIC, passes)
+    best = min(found, key=lambda name: found[name].least)
     started = time.perf_counter()
     weights = _weights(shown, ready)
     weighing = time.perf_counter() - started
-    splines, boxes = by_splines.system.projector, ready.system.projector
-    share = share_left_by(splines, boxes, ready.measured)
+    linear, voxel = by_linear.system.projector, ready.system.projector
+    fraction = share_left_by(linear, voxel, ready.measured)
     judging = time.perf_counter() - started
     row = shown.named | {
-        "share": share,
+        "fraction": fraction,
         "stopped": best,
-        "stopped_cosine_distance": courses[best].least,
+        "stopped_cosine_distance": found[best].least,
     }
-    row |= _default(BOXES, ready, weights, scan.truth, weighing)
-    return row | _default(SPLINES, by_splines, weights, scan.truth, judging)
+    row |= _default("voxel", ready, weights, scan.truth, weighing)
+    return row | _default("linear", by_linear, weights, scan.truth, judging)
 
 
 def _weights(shown: Scene, ready: Problem) -> NDArray[np.float32] | None:
-    """Return what pixels are worth, as in reconstructions; None where all count alike."""
+    """Return what pixels weigh, as in reconstructions; None where all count alike."""
     masks = [np.ones(image.shape, np.bool_) for image in shown.images]
     noise = [estimate_noise(image) for image in shown.images]
     found = weigh_images(shown.scan.rig, shown.scan.grid, shown.images, masks, noise)
@@ -117,7 +118,8 @@ def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             if isinstance(value, float)
         }
         mean["stopped"] = " / ".join(dict.fromkeys(row["stopped"] for row in group))
-        mean["of_stopped"] = mean["splines_cosine_distance"] / mean["stopped_cosine_distance"]
-        mean["ratio"] = mean["splines_cosine_distance"] / mean["boxes_cosine_distance"]
+        for name in ("stopped", "voxel"):
+            ratio = mean["linear_cosine_distance"] / mean[f"{name}_cosine_distance"]
+            mean[f"linear_of_{name}"] = ratio
         found.append(mean)
     return found

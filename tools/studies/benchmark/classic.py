@@ -1,4 +1,4 @@
-"""The classic methods that a default, or WERNet, is set beside: each stopped by the truth."""
+"""The classic methods that a default, or WERNet, is compared with: each stopped by the truth."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.benchmark.courses import Course, course
+from studies.benchmark.convergence import Convergence, converged
 from studies.common.problems import Problem
 from tomo.selection.basis import BOXES, SPLINES
 from tomo.solvers.curvature import FIRST
@@ -60,22 +60,22 @@ CLASSIC: tuple[Candidate, ...] = (
 )
 
 
-def of_splines(ready: Problem) -> Problem:
-    """Return the same problem of splines; what these take to set up counts."""
+def in_linear_basis(ready: Problem) -> Problem:
+    """Return the same problem in the linear basis; its set-up counts."""
     started = time.perf_counter()
     system = ready.system.of_splines()
     return replace(ready, system=system, seconds=ready.seconds + time.perf_counter() - started)
 
 
-def courses_of(
+def convergence_of(
     problems: Mapping[str, Problem],
     truth: NDArray[np.float32],
     candidates: Sequence[Candidate],
     passes: int,
-) -> dict[str, Course]:
+) -> dict[str, Convergence]:
     """Return how each candidate went for whose basis there is a problem."""
     return {
-        one.name: course(
+        one.name: converged(
             problems[one.basis],
             truth,
             one.method,

@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from studies.benchmark.classic import CLASSIC, INFORMED, courses_of, of_splines
+from studies.benchmark.classic import CLASSIC, INFORMED, convergence_of, in_linear_basis
 from studies.benchmark.mismatch_scenes import EFFECTS, NOISES, mismatch_scene
 from studies.benchmark.sizes import SIZES
 from studies.common.flames import FlameSize
@@ -53,18 +53,18 @@ def mismatch_row(
     """Return what all methods make of one scene, see `mismatch_scene`."""
     scene = mismatch_scene(effect, flame, noise, seed, size)
     ready = scene.problem(midpoints=True)
-    problems = {BOXES: ready, SPLINES: of_splines(ready)}
-    courses = courses_of(problems, scene.truth, CLASSIC, passes)
-    best = min(courses, key=lambda name: courses[name].least)
-    went = courses[best]
+    problems = {BOXES: ready, SPLINES: in_linear_basis(ready)}
+    classic = convergence_of(problems, scene.truth, CLASSIC, passes)
+    best = min(classic, key=lambda name: classic[name].least)
+    went = classic[best]
     alike = [one for one in CLASSIC if one in INFORMED or one.name == best]
     knowing = {
         basis: replace(one, system=replace(one.system, projector=projector))
         for basis, one in problems.items()
         if (projector := scene.informed(one.system)) is not None
     }
-    informed = courses_of(knowing, scene.truth, alike, passes)
-    limit = min(informed.values(), key=lambda course: course.least)
+    informed = convergence_of(knowing, scene.truth, alike, passes)
+    limit = min(informed.values(), key=lambda one: one.least)
     learned = scene.learned()
     return {
         "effect": effect,
@@ -76,7 +76,7 @@ def mismatch_row(
         "classic_cosine_distance": went.least,
         "classic_nrmse": went.nrmses[went.best],
         "classic_seconds": went.seconds[went.best],
-        "tried": {name: course.least for name, course in courses.items()},
+        "tried": {name: one.least for name, one in classic.items()},
         "informed_cosine_distance": limit.least,
         "wernet_cosine_distance": metrics.cosine_distance(learned.volume, scene.truth),
         "wernet_nrmse": metrics.nrmse(learned.volume, scene.truth),

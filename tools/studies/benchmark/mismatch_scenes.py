@@ -1,4 +1,4 @@
-"""Flames whose images hold physics that the solvers are not told."""
+"""Flames whose images hold physics that the solvers do not know."""
 
 from __future__ import annotations
 
@@ -119,8 +119,8 @@ class MismatchScene:
     def informed(self, system: LinearSystem) -> ProjectionOperator | None:
         """Return the projector of the same pixels and voxels that knows all of the effects.
 
-        Of splines it knows the weights along the middle of a pixel, beside which lie those that
-        its area sees; None where a lens sees far more.
+        In the linear basis it knows the weights along the middle of a pixel, not of the pixel's
+        area; None where a lens sees far more.
         """
         if isinstance(system.projector, Splines):
             if self.effects.aperture:

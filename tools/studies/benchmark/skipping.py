@@ -10,14 +10,14 @@ import itertools
 import statistics
 from typing import Any
 
-from studies.benchmark.courses import course
+from studies.benchmark.convergence import converged
 from studies.benchmark.sizes import SIZES, Sizes
 from studies.common.flames import Scene, scene
 from studies.common.problems import problem
 from studies.common.scans import reconstructed, seconds_of
 from studies.common.study import Request, Tables
 
-REACHED = 1e-3  # cosine distance whose time is told
+REACHED = 1e-3  # cosine distance whose time is measured
 METHODS = ("sart", "cgls", "nnls", "auto")
 NOISES = ("clean", "gaussian")
 SEED = 1
@@ -49,7 +49,7 @@ def _best_stopped(seen: Scene, method: str, sizes: Sizes) -> list[dict[str, Any]
     for _ in range(min(sizes.repeats, 3)):
         for skip, results in found.items():
             ready = problem(seen.scan.rig, seen.scan.grid, seen.images, skip=skip)
-            went = course(ready, seen.scan.truth, method, {}, passes=min(sizes.passes, 20))
+            went = converged(ready, seen.scan.truth, method, {}, passes=min(sizes.passes, 20))
             results.append((ready, went))
     rows = []
     for skip, results in found.items():

@@ -14,7 +14,7 @@ import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from studies.benchmark.courses import Course, course
+from studies.benchmark.convergence import Convergence, converged
 from studies.benchmark.sizes import SIZES, Sizes
 from studies.common.axes import curves
 from studies.common.flames import NOISES, RIGS, Scene, scene
@@ -64,7 +64,7 @@ def run(request: Request) -> Tables:
             continue
         for method in solvers.METHODS:
             chosen = settings[kind][method]
-            went = course(ready[method], seen.scan.truth, method, chosen, passes=sizes.passes)
+            went = converged(ready[method], seen.scan.truth, method, chosen, passes=sizes.passes)
             runs.append(_run(seen, ready[method], method, chosen, went))
         runs.append(_default(seen))
     return {"solvers": means(runs)}
@@ -119,11 +119,11 @@ def _tuned(method: str, ready: Problem, seen: Scene, sizes: Sizes) -> dict[str, 
     if len(tried) == 1:
         return tried[0]
     truth, passes = seen.scan.truth, sizes.passes
-    return min(tried, key=lambda one: course(ready, truth, method, one, passes=passes).least)
+    return min(tried, key=lambda one: converged(ready, truth, method, one, passes=passes).least)
 
 
 def _run(
-    seen: Scene, ready: Problem, method: str, settings: Mapping, went: Course
+    seen: Scene, ready: Problem, method: str, settings: Mapping, went: Convergence
 ) -> dict[str, Any]:
     return seen.named | {
         "method": method,

@@ -44,15 +44,15 @@ def run(request: Request) -> Tables:
             for state in ("empty", "warm") if afresh else ("warm",):
                 request.progress(number, len(asked), f"{what}, {state} cache")
                 own = {CACHE: str(cache / arguments[0])} if afresh else {}
-                told = [
+                runs = [
                     in_fresh_process(
                         "studies.benchmark.startup_child", *arguments, environment=own
                     )
                     for _ in range(1 if state == "empty" else sizes.starts)
                 ]
-                seconds.setdefault(WHOLE, {})[state] = _median(told, "wall_seconds")
-                for step in told[0]["steps"]:
-                    taken = _median([one["steps"] for one in told], step)
+                seconds.setdefault(WHOLE, {})[state] = _median(runs, "wall_seconds")
+                for step in runs[0]["steps"]:
+                    taken = _median([one["steps"] for one in runs], step)
                     seconds.setdefault(step, {})[state] = taken
             rows += [{"what": what, "step": step, **taken} for step, taken in seconds.items()]
     return {"startup": rows}

@@ -86,7 +86,7 @@ def _compared(
 ) -> list[dict[str, Any]]:
     seconds = in_turn(
         {
-            (layout, skip, device): _course(variant, layout, device, *work[skip])
+            (layout, skip, device): _trainer(variant, layout, device, *work[skip])
             for layout, skip, device in forms()
         },
         repeats,
@@ -113,7 +113,7 @@ def _compared(
     ]
 
 
-def _course(
+def _trainer(
     variant: str, layout: str, device: str, samples: RaySamples, steps: Steps
 ) -> Callable[[], float]:
     """Return what takes the steps, as training does; each call goes on from the one before."""

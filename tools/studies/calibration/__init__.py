@@ -1,1 +1,1 @@
-"""Calibration from rendered boards against known rigs, and beside OpenCV."""
+"""Calibration from rendered boards against known rigs, and against OpenCV."""

@@ -98,7 +98,7 @@ class Board:
     def light(
         self, origin: NDArray[np.float64], directions: NDArray[np.float64]
     ) -> NDArray[np.float32]:
-        """Return what rays see of the print: 0 for ink to 1 for paper, NaN beside and behind it.
+        """Return what rays see of the print: 0 for ink to 1 for paper, NaN outside and behind it.
 
         Open3D says whether a ray meets the board; where it does follows in float64.
 

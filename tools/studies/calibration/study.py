@@ -3,7 +3,7 @@
 True ray-miss: points of the volume are projected with the true cameras, the pixels cast back with
 those found; the RMS distance of the rays from their best common point, in mm. Predicted: from the
 covariance, knowing nothing of the truth. `cross`: between the rigs of every other frame and of the
-rest, beside what the covariances let expect. Every seed is another rig: focal lengths, principal
+rest, and what the covariances let expect. Every seed is another rig: focal lengths, principal
 points, distortion and mounts vary. `peer` is cv2.calibrateMultiview on the images that show the
 whole board, in metres, at six settings; `timing` has noise of 0.05 px, detection not included.
 """

@@ -80,7 +80,7 @@ class Study:
 
 
 def command(study: Study) -> typer.Typer:
-    """Return the study's command line; its docstring is the help."""
+    """Return the study's command line."""
     app = typer.Typer(add_completion=False)
 
     @app.command(name=study.name, help=study.title, cls=OneLineUsage)
@@ -100,12 +100,16 @@ def command(study: Study) -> typer.Typer:
             Path | None,
             typer.Option(envvar="TOMO_TEST_DATA", help="A folder of real image sets."),
         ] = None,
-        seed: Annotated[int, typer.Option(help="Of everything random.", min=0)] = 0,
+        seed: Annotated[
+            int, typer.Option(help="Of what is random in the parts that take one.", min=0)
+        ] = 0,
         json: Annotated[bool, typer.Option("--json", help="Print the tables.")] = False,
     ) -> None:
         with bad_input_in_one_line():
             _check_known("--size", [size], study.sizes)
             _check_known("--part", part or (), study.parts)
+            if data is not None and not data.is_dir():
+                raise FileNotFoundError(f"--data: {data}: no such folder")
             check_output_folder(out)
             from studies.common.results import fresh_run, kept_run
 

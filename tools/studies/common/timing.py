@@ -61,7 +61,7 @@ def in_fresh_process(
         As ``studies.benchmark.memory_child``.
     arguments : str
     environment : mapping, optional
-        Variables to set beside those of this process.
+        Variables to set in addition to those of this process.
 
     Raises
     ------

@@ -53,7 +53,7 @@ class Reading:
         return encoder
 
     def options(self) -> dict[str, Any]:
-        """Return what `wernet_paper` takes beside the encoder."""
+        """Return what `wernet_paper` takes in addition to the encoder."""
         return {name: v for name, v in asdict(self).items() if name not in _OF_ENCODER}
 
 

@@ -1,4 +1,4 @@
-"""The stress test: each part attacks one side of the toolkit and returns rows beside bounds."""
+"""The stress test: each part attacks one side of the toolkit; rows have bounds."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ STUDY = Study(
     "stress",
     "Wrong pixels, views and cameras, rigs that say too little, other units and threads.",
     {
-        "robustness": ("Wild pixels and wrong views", "studies.stress.robustness"),
+        "robustness": ("Bad pixels and wrong views", "studies.stress.robustness"),
         "trust": ("The standard deviations reported", "studies.stress.trust"),
         "conditioning": ("Rigs, stops and focus", "studies.stress.conditioning"),
         "calibration": ("Calibration error", "studies.stress.calibration"),

@@ -87,7 +87,7 @@ def _error(flame: Flame, kind: str, pixels: float, method: str) -> float:
 
 @cache
 def moved_truth(flame: Flame, pixels: float) -> float:
-    """Return the error of the truth itself where it lies beside by so many pixels.
+    """Return the error of the truth itself where it is moved by so many pixels.
 
     Root mean square over the three axes: with cameras all round, no direction is better known.
     """
@@ -157,15 +157,15 @@ def _false_alarms(pairs: Sequence[tuple[Flame, Flame]]) -> Row:
 
 
 def _single(clean: Flame, noisy: Flame, every: int) -> Row:
-    """Let one camera alone look beside by two pixels."""
+    """Let one camera alone be off by two pixels."""
     unnamed = []
     for flame in (clean, noisy):
         for number in range(0, VIEWS, every):
-            scan = flame.one_beside(number, 2.0)
+            scan = flame.one_off(number, 2.0)
             images, masks = scan.read()
             found = prepare(scan.rig, images, masks, GRID, align=True, carving=None)
             if not any(f"camera {flame.rig.names[number]} " in line for line in found.warnings):
                 unnamed.append(flame.rig.names[number])
     return Row.of_faults(
-        "One camera of 12 looks 2 px beside and is not named", "clean and noisy", unnamed
+        "One camera of 12 is off by 2 px and is not named", "clean and noisy", unnamed
     )

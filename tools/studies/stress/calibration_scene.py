@@ -97,8 +97,8 @@ class Flame:
         random = np.random.default_rng([seed, list(KINDS).index(kind)])
         return self._seen_by(KINDS[kind](camera, pixels, random) for camera in self.rig)
 
-    def one_beside(self, number: int, pixels: float) -> Scan:
-        """Return the scan with a rig of which one camera looks beside by so many pixels."""
+    def one_off(self, number: int, pixels: float) -> Scan:
+        """Return the scan with a rig of which one camera is off by so many pixels."""
         random = np.random.default_rng(number)
         return self._seen_by(
             turned(camera, pixels, random) if other == number else camera

@@ -1,4 +1,4 @@
-"""Lenses out of focus: projected through the disc, and told a disc that is not there."""
+"""Lenses out of focus: projected through the disc, and asked for a disc that is not there."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def focus_rows(quick: bool) -> Iterator[Row]:
         yield Row(name, over, worst, bound, "relative", note=where)
     worst, where = worst_of(brightest)
     yield Row(
-        "told of discs, images in focus: brightest voxel, methods that take one",
+        "asked for discs, images in focus: brightest voxel, methods that take one",
         f"discs of {widths[0]:g} to {widths[-1]:g} pixels, {VIEWS} views, {NOISE:.0%} noise, "
         f"{ITERATIONS} iterations",
         worst,

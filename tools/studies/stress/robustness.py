@@ -1,4 +1,4 @@
-"""Wild pixels and wrong views: left out, named, and nothing honest with them."""
+"""Bad pixels and wrong views are left out and named; right images are not."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from studies.stress.robustness_scene import (
     WRONG,
     Images,
     Scene,
-    beside,
-    one_wild_pixel,
+    one_bad_pixel,
     scene,
+    shifted,
     swapped,
-    wild,
+    with_bad_pixels,
     wrong_views,
 )
 from studies.stress.row import COLUMNS, Row, measured, worst_of
@@ -34,7 +34,7 @@ __all__ = ["COLUMNS", "run"]
 WORSE = 1.5
 """How many times its clean error the default method may have."""
 
-WILD = 0.01
+BAD_PIXELS = 0.01
 FALSE_ALARMS = 1e-4
 SHRINK = {True: 0.3, False: 2 / 3}
 
@@ -44,14 +44,14 @@ IN_QUICK = {
 }
 """What goes wrong with each flame of the small version."""
 
-HONEST: dict[str, Effects | None] = {
+RIGHT: dict[str, Effects | None] = {
     "as they are": None,
     "gains 10 %": Effects(gain_spread=0.1),
     "absorption": Effects(absorption=0.03),
     "vignetting 40 %": Effects(vignetting=0.4),
     "defocus": Effects(aperture=150.0, focus_distance=5750.0),
 }
-HONEST_IN_QUICK = ("as they are", "gains 10 %", "vignetting 40 %")
+RIGHT_IN_QUICK = ("as they are", "gains 10 %", "vignetting 40 %")
 
 
 def run(request: Request) -> Tables:
@@ -93,12 +93,12 @@ def _rows(request: Request) -> Iterator[Row]:
         missing = [fault for one in found for fault in one.faults[kind]]
         return Row.of_faults(stress, over(kind), missing, but)
 
-    yield row("1 % wild pixels", "wild")
-    yield faults("1 % wild pixels: no warning", "wild")
+    yield row("1 % bad pixels", "bad pixels")
+    yield faults("1 % bad pixels: no warning", "bad pixels")
     yield row("one pixel a thousand times too bright", "pixel")
     yield row("one wrong view", "view")
     yield faults(
-        "one wrong view: not named, or an honest one named",
+        "one wrong view: not named, or a right one named",
         "view",
         f"a jet looks nearly the same from all sides: {', '.join(ALIKE)} need no name",
     )
@@ -110,9 +110,9 @@ def _rows(request: Request) -> Iterator[Row]:
     )
     # The turbulent flame has the finer detail, which alarms are to be feared of.
     if quick:
-        yield from _honest(shrink, cases[-1:], HONEST_IN_QUICK, progress)
+        yield from _right(shrink, cases[-1:], RIGHT_IN_QUICK, progress)
     else:
-        yield from _honest(shrink, cases[:: len(seeds)], tuple(HONEST), progress)
+        yield from _right(shrink, cases[:: len(seeds)], tuple(RIGHT), progress)
 
 
 class _Measured:
@@ -131,9 +131,11 @@ class _Measured:
         names = one.rig.names
         measured = cls(one)
         if not some or "1 %" in some:
-            measured.add("wild", "1 %", wild(one.images, WILD, seed), wild_pixels=True)
+            measured.add(
+                "bad pixels", "1 %", with_bad_pixels(one.images, BAD_PIXELS, seed), bad_pixels=True
+            )
         if not some or "one" in some:
-            measured.add("pixel", "one", one_wild_pixel(one.images))
+            measured.add("pixel", "one", one_bad_pixel(one.images))
         for what, images, visible in wrong_views(one, seed, shrink):
             if not some or what in some:
                 measured.add("view", what, images, names[WRONG : WRONG + 1] if visible else None)
@@ -148,7 +150,7 @@ class _Measured:
         what: str,
         images: Images,
         wrong: tuple[str, ...] | None = (),
-        wild_pixels: bool = False,
+        bad_pixels: bool = False,
     ) -> None:
         """Reconstruct; ``wrong`` are the views to be named, None where none has to be."""
         outcome = self.scene.reconstructed(images)
@@ -158,7 +160,7 @@ class _Measured:
         self.errors[kind].append((where, times))
         self.cosines[kind] = max(self.cosines[kind], cosine)
         faults = self.faults[kind]
-        if wild_pixels and not any("contradict their neighbours" in w for w in outcome.warnings):
+        if bad_pixels and not any("contradict their neighbours" in w for w in outcome.warnings):
             faults.append(f"{where}: no warning")
         if wrong is not None:
             faults += [f"{where}: {fault}" for fault in _not_as_named(outcome, wrong)]
@@ -167,33 +169,33 @@ class _Measured:
 def _not_as_named(outcome: Reconstruction, wrong: tuple[str, ...]) -> Iterator[str]:
     left_out = [view.name for view in outcome.views if view.left_out]
     for name in wrong:
-        told = any(warning.startswith(f"camera {name}: ") for warning in outcome.warnings)
-        if name not in left_out or not told:
+        warned = any(warning.startswith(f"camera {name}: ") for warning in outcome.warnings)
+        if name not in left_out or not warned:
             yield f"{name} not named"
     for name in left_out:
         if name not in wrong:
             yield f"{name} named"
 
 
-def _honest(
+def _right(
     shrink: float, cases: list[tuple[str, int]], whats: tuple[str, ...], progress: Progress
 ) -> Iterator[Row]:
     """Judge images with nothing wrong about them but what every camera has."""
-    alarms, wild_ones, pixels, judged = [], 0, 0, 0
+    alarms, bad_ones, pixels, judged = [], 0, 0, 0
     for flame, seed in cases:
         for what in whats:
             progress(judged, len(cases) * (len(whats) + 4), f"{flame}, {what}")
-            one = scene(flame, seed, shrink, HONEST[what])
+            one = scene(flame, seed, shrink, RIGHT[what])
             for name, rig, images in _variants(one, what, seed):
                 masks = [np.ones(image.shape, bool) for image in images]
                 found = find_suspects(rig, images, masks, one.grid)
                 alarms += [f"{flame}, {name}: {camera}" for camera in found.left_out]
-                wild_ones += sum(found.wild.values())
+                bad_ones += sum(found.wild.values())
                 pixels += sum(found.usable.values())
                 judged += 1
-    over = f"{judged} sets: " + ", ".join([*whats, "noise", "3 px beside", "5 and 11 views"])
-    yield Row.of_faults("honest images: views left out", over, alarms)
-    yield Row("honest images: pixels left out", over, wild_ones / pixels, FALSE_ALARMS, "of all")
+    over = f"{judged} sets: " + ", ".join([*whats, "noise", "3 px off", "5 and 11 views"])
+    yield Row.of_faults("right images: views left out", over, alarms)
+    yield Row("right images: pixels left out", over, bad_ones / pixels, FALSE_ALARMS, "of all")
 
 
 def _variants(one: Scene, what: str, seed: int) -> Iterator[tuple[str, Rig, Images]]:
@@ -208,7 +210,7 @@ def _variants(one: Scene, what: str, seed: int) -> Iterator[tuple[str, Rig, Imag
     ]
     yield "noise 10 %", one.rig, noisy
     shrunk = 3.0 * one.rig[0].image_size[0] / 90  # of the preset's own pixels
-    yield "3 px beside", beside(one.rig, shrunk, seed), one.images
+    yield "3 px off", shifted(one.rig, shrunk, seed), one.images
     for count in (5, 11):
         kept = range(0, 33, 33 // count)[:count]
         cameras = tuple(one.rig[view] for view in kept)

@@ -85,13 +85,13 @@ def scene(flame: str, seed: int, shrink: float, effects: Effects | None = None) 
     return Scene(flame, made)
 
 
-def wild(images: Images, share: float, seed: int) -> Images:
-    """Return images with a share of wild pixels: dead, saturated, and anything up to 4 times."""
+def with_bad_pixels(images: Images, fraction: float, seed: int) -> Images:
+    """Return images with a fraction of bad pixels: dead, saturated, and anything up to 4 times."""
     random = np.random.default_rng(seed)
     brightest = max(float(image.max()) for image in images)
     found = []
     for image in images:
-        hit = random.random(image.shape) < share
+        hit = random.random(image.shape) < fraction
         kinds = [np.zeros(image.shape), np.full(image.shape, brightest)]
         kinds.append(brightest * random.uniform(0, 4, image.shape))
         strange = np.choose(random.integers(0, 3, image.shape), kinds)
@@ -99,7 +99,7 @@ def wild(images: Images, share: float, seed: int) -> Images:
     return found
 
 
-def one_wild_pixel(images: Images) -> Images:
+def one_bad_pixel(images: Images) -> Images:
     """Return images one pixel of which is a thousand times as bright as the flame."""
     found = [image.copy() for image in images]
     height, width = found[WRONG].shape
@@ -110,10 +110,10 @@ def one_wild_pixel(images: Images) -> Images:
 def wrong_views(one: Scene, seed: int, shrink: float) -> Iterator[tuple[str, Images, bool]]:
     """Return what a view may show instead, the images, and whether it can be seen to be wrong."""
     own = one.images[WRONG]
-    beside = FLAMES[1 - FLAMES.index(one.flame)]
+    other = FLAMES[1 - FLAMES.index(one.flame)]
     random = np.random.default_rng(seed)
     shown: Mapping[str, NDArray] = {
-        "another flame": scene(beside, seed, shrink).images[WRONG],
+        "another flame": scene(other, seed, shrink).images[WRONG],
         "another moment": scene(one.flame, seed + ANOTHER_MOMENT, shrink).images[WRONG],
         "black": np.zeros_like(own),
         "constant": np.full_like(own, one.brightest),
@@ -136,7 +136,7 @@ def swapped(images: Images) -> Images:
     return found
 
 
-def beside(rig: Rig, pixels: float, seed: int) -> Rig:
+def shifted(rig: Rig, pixels: float, seed: int) -> Rig:
     """Return a rig that is wrong about where each camera looks, by up to so many pixels."""
     random = np.random.default_rng(seed)
     moved = (camera.shifted(*random.uniform(-pixels, pixels, 2)) for camera in rig)

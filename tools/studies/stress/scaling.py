@@ -12,14 +12,12 @@ from dataclasses import replace
 from studies.common.scans import reconstructed
 from studies.common.study import Request, Tables
 from studies.stress.row import COLUMNS, Row, measured, relative_error, worst_of
-from studies.stress.scaling_parts import alignment_rows, carving_rows, gains_rows
 from studies.stress.scaling_scene import EXACT, FACTORS, RANGE, Scaled
-from studies.stress.scene import BY_PIXEL, jet_by, ring, scene, solved
+from studies.stress.scene import BY_PIXEL, scene, solved
 from tomo import solvers
 from tomo.operators.operator import ProjectionOperator
 from tomo.pipeline import Reconstruction
 from tomo.selection import choose_by_held_out_views
-from tomo.simulation.effects import Effects
 
 __all__ = ["COLUMNS", "run"]
 
@@ -39,10 +37,6 @@ def _rows(request: Request) -> Iterator[Row]:
     parts = (
         _solvers(plain, others, quick),
         _default(plain, others),
-        _learned(others[:: len(others) - 1]),
-        carving_rows(plain, others),
-        gains_rows(plain, others),
-        alignment_rows(plain, others),
     )
     for number, part in enumerate(parts):
         progress(number, len(parts), "scaling")
@@ -107,25 +101,6 @@ def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
         for other in others
     )
     yield Row("residual of views left out", RANGE, worst, EXACT, "relative", note=where)
-
-
-def _learned(others: Sequence[Scaled]) -> Iterator[Row]:
-    """Let WERNet learn absorption, which six views ask it for."""
-    seen = jet_by(ring(6), effects=Effects(absorption=0.3))
-    seen = replace(seen, settings={})  # what the light met is known in one unit of length alone
-    expected = reconstructed(seen, method="wernet", iterations=1)
-    figures, changed = [], []
-    for other in others:
-        scaled = replace(other, original=seen).simulated
-        outcome = reconstructed(scaled, method="wernet", iterations=1)
-        found = other.unscaled(outcome.reconstruction.volume)
-        figures.append((other.name, relative_error(found, expected.reconstruction.volume)))
-        if (outcome.learned is None) != (expected.learned is None):
-            changed.append(other.name)
-    worst, where = worst_of(figures)
-    note = f"{where}; weights {'kept' if expected.learned else 'not kept'} at scale 1"
-    yield Row("WERNet", RANGE, worst, EXACT, "relative to scale 1", note=note)
-    yield Row("WERNet: whether learned weights are kept", RANGE, len(changed), 0, "changes")
 
 
 def _form(scaled: Scaled, form: str) -> ProjectionOperator:

@@ -47,7 +47,7 @@ def _methods(longest: int) -> Row:
     worst, where = worst_of(figures)
     title = f"Error of the volume, {NOISE:.0%} noise, 9 views"
     return Row(
-        "semi-convergence: the number of iterations that a method runs unless told",
+        "semi-convergence: the default number of iterations of a method",
         f"{NOISE:.0%} noise, 9 views, up to {longest} iterations",
         worst,
         3.0,

@@ -28,7 +28,7 @@ SETTINGS = (
     ("cgls", {"nonnegative": False, "strength": 1e-3}),
     ("nnls", {"nonnegative": False}),
 )
-"""Forms of methods beside their plain ones."""
+"""Settings of methods that are tried in addition to their defaults."""
 
 
 def main(arguments: Sequence[str]) -> None:

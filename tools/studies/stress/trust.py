@@ -53,7 +53,7 @@ def _rows(request: Request) -> Iterator[Row]:
     layouts = (11,) if quick else (33, 11)
     seed, shape = request.seed + 1, QUICK_SHAPE if quick else SHAPE
     cases = list(product(flames, layouts, ("gaussian", "poisson")))
-    noises, shares, resolved = [], [], []
+    noises, fractions, resolved = [], [], []
     for number, (flame, views, noise) in enumerate(cases):
         progress(number, len(cases) + 2, f"standard deviations: {flame}, {views} views, {noise}")
         scene = trust_scene(flame, views, noise, seed, shape)
@@ -61,15 +61,15 @@ def _rows(request: Request) -> Iterator[Row]:
         noises.append((scene.name, abs(noise_ratio(scene, found) - 1)))
         compared = list(deviation_rows(scene, found, repeats))
         yield from compared
-        shares.append((compared[1].figure, len(found.deviations.values)))
+        fractions.append((compared[1].figure, len(found.deviations.values)))
         if (flame, views, noise) == (flames[-1], layouts[0], "gaussian"):
             progress(number, len(cases) + 2, "resolution")
             resolved.append(resolution_row(scene, found))
-    voxels = sum(count for _, count in shares)
+    voxels = sum(count for _, count in fractions)
     yield Row(
         f"standard deviations within {WITHIN}, all voxels not carved",
         f"{len(cases)} scenes together, {voxels} voxels",
-        sum(share * count for share, count in shares) / voxels,
+        sum(fraction * count for fraction, count in fractions) / voxels,
         QUICK_SHARE if quick else SHARE,
         "of the voxels",
         at_least=True,
@@ -178,14 +178,14 @@ def warning_rows(scene: TrustScene) -> Iterator[Row]:
         (f"{len(rig)} views", rig, False),
     )
     for what, cameras, expected in cases:
-        told = assessed(scene if cameras is rig else seen_by(scene, cameras), 2).warnings
+        warnings = assessed(scene if cameras is rig else seen_by(scene, cameras), 2).warnings
         yield Row(
             "warning that is missing" if expected else "warning for nothing",
             f"{what} of {scene.name}",
-            int(not told) if expected else len(told),
+            int(not warnings) if expected else len(warnings),
             0,
             "faults",
-            note="; ".join(line.partition(":")[0] for line in told),
+            note="; ".join(line.partition(":")[0] for line in warnings),
         )
 
 

@@ -132,11 +132,11 @@ def _unseen(scenes: Mapping[str, Scene], outcomes: Mapping[str, Reconstruction])
         "largest emission",
         note=where,
     )
-    told = outcome.unseen.sum() / outcome.unseen.size
+    unseen = outcome.unseen.sum() / outcome.unseen.size
     quiet = not any("seen by no camera" in warning for warning in outcome.warnings)
     yield Row(
-        "voxels that no ray crosses are told of",
-        f"{told:.0%} of the volume",
+        "voxels that no ray crosses are reported",
+        f"{unseen:.0%} of the volume",
         float(quiet),
         0,
         "faults",

@@ -1,4 +1,4 @@
-"""A solver's way: how far from the truth it is after each pass, and when."""
+"""How a solver converges: its distance from the truth after each pass, and when."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PATIENCE = 4
 
 
 @dataclass(frozen=True)
-class Course:
+class Convergence:
     """What happened after each pass; entry 0 is the start.
 
     Attributes
@@ -48,7 +48,7 @@ class Course:
         return self.seconds[int(reached[0])] if len(reached) else None
 
 
-def course(
+def converged(
     problem: Problem,
     truth: NDArray[np.float32],
     method: str,
@@ -57,7 +57,7 @@ def course(
     passes: int,
     width: float = 0.0,
     least_passes: int = 0,
-) -> Course:
+) -> Convergence:
     """Run a method until it gets no better for `PATIENCE` passes; judge it after each.
 
     Parameters
@@ -71,7 +71,7 @@ def course(
     passes : int
         The most.
     width : float
-        Of the blobs of a `tomo.operators.GaussianBasis`, in voxels; boxes when 0.
+        Of the blobs of a `tomo.operators.GaussianBasis`, in voxels; the voxel basis when 0.
     least_passes : int
         As many are done whatever comes of them, for methods that change on their way.
     """
@@ -91,4 +91,4 @@ def course(
 
     solver: Callable = getattr(solvers, method)
     solver(basis or projector, problem.measured, iterations=passes, callback=judge, **settings)
-    return Course(*(tuple(column) for column in zip(*reached, strict=True)))
+    return Convergence(*(tuple(column) for column in zip(*reached, strict=True)))

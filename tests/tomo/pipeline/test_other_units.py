@@ -1,0 +1,144 @@
+"""Other units of length or intensity change the volume by their factor, and nothing else.
+
+Emission is per unit of length: with all lengths times k and the images as they are, it is 1/k of
+what it was.
+"""
+
+from dataclasses import replace
+from types import MappingProxyType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+import phantoms
+import rigs
+from tomo import LinearSystem, Scan, VoxelGrid, solvers
+from tomo.hull import carve
+from tomo.pipeline import reconstruct
+from tomo.selfcal.gains import fit_gains, solve_with_gains
+from tomo.selfcal.shifts import align_views
+from tomo.simulation import simulate
+from tomo.simulation.effects import Effects
+
+GAINS = (1.0, 1.2, 0.9)  # of the cameras, in turn
+SHIFT = 2.0  # pixels that one camera is off
+SCALES = {"lengths x 2.9e5": (2.9e5, 1.0), "intensities x 3.7e-6": (1.0, 3.7e-6)}
+SCALES["both"] = (1e-6, 1e6)
+
+every_scale = pytest.mark.parametrize("scale", SCALES)
+
+
+def jet(views, image_size=(24, 40), footprint=0.4, **how):
+    grid = VoxelGrid((12, 28, 12), 0.5)
+    rig = rigs.ring(
+        views,
+        distance=300.0,
+        image_size=image_size,
+        footprint=footprint,
+        pitch_degrees=[-10.0 if n % 2 else 10.0 for n in range(views)],
+    )
+    field = phantoms.create("jet", 1, grid.extent, grid.center)
+    return simulate(rig, field, grid, supersample=2, refine=2, **how)
+
+
+def times(array, factor):
+    return (factor * array.astype(np.float64)).astype(np.float32)
+
+
+def in_units(scan, lengths=1.0, intensities=1.0):
+    """Return a scan with lengths and intensities times a factor each, and its equations."""
+    cameras = tuple(replace(camera, t=camera.t * lengths) for camera in scan.rig)
+    images = {name: times(image, intensities) for name, image in scan.images.items()}
+    emission = intensities / lengths
+    scaled = replace(
+        scan,
+        rig=replace(scan.rig, cameras=cameras),
+        grid=VoxelGrid(scan.grid.shape, np.multiply(scan.grid.spacing, lengths)),
+        images=MappingProxyType(images),
+        truth=times(scan.truth, emission),
+    )
+    system = LinearSystem.from_rig(scaled.rig, scaled.grid, form="stored")
+    pictures = list(images.values())
+    return SimpleNamespace(
+        scan=scaled,
+        images=pictures,
+        emission=emission,
+        intensities=intensities,
+        projector=system.projector,
+        measured=system.flatten(pictures),
+    )
+
+
+@pytest.fixture(scope="module")
+def seen():
+    return jet(9, noise=0.02)
+
+
+def apart(found, expected):
+    found, expected = np.asarray(found, np.float64), np.asarray(expected, np.float64)
+    return np.linalg.norm(found - expected) / np.linalg.norm(expected)
+
+
+@every_scale
+def test_carving_leaves_the_same_voxels(seen, scale):
+    plain, other = in_units(seen), in_units(seen, *SCALES[scale])
+    expected, found = (
+        carve(tuple(one.scan.rig), one.images, None, one.scan.grid) for one in (plain, other)
+    )
+    np.testing.assert_array_equal(found.active.mask, expected.active.mask)
+    assert found.threshold / other.intensities == pytest.approx(expected.threshold, rel=1e-5)
+    assert found.smoothing == pytest.approx(expected.smoothing, rel=1e-5)
+    assert found.margin == pytest.approx(expected.margin, rel=1e-5)
+
+
+def with_gains(one):
+    """Return a volume with fitted gains, these gains, and those fitted to the volume again."""
+    projector = one.projector
+    gains = np.resize(GAINS, projector.n_views)
+    measured = one.measured * np.repeat(gains, np.diff(projector.view_ptr))
+    volume, found = solve_with_gains(
+        lambda pixels: solvers.mlem(projector, pixels, iterations=6),
+        projector,
+        measured.astype(np.float32),
+    )
+    return volume.volume, found, fit_gains(projector, measured, volume.volume)
+
+
+@every_scale
+def test_gains_and_offsets_of_cameras_are_the_same(seen, scale):
+    volume, expected, again = with_gains(in_units(seen))
+    other = in_units(seen, *SCALES[scale])
+    found_volume, found, found_again = with_gains(other)
+    assert apart(found.gain, expected.gain) < 1e-5
+    assert apart(found.gain_error, expected.gain_error) < 1e-5
+    assert apart(found_again.gain, again.gain) < 1e-5
+    offset = (found.offset / other.intensities - expected.offset) / expected.scale
+    assert np.abs(offset).max() < 1e-5
+    assert apart(found_volume.astype(np.float64) / other.emission, volume) < 1e-5
+
+
+@every_scale
+def test_shifts_of_images_are_the_same_pixels(scale):
+    finer = jet(5, (48, 80), 0.2)
+    found = []
+    for one in (in_units(finer), in_units(finer, *SCALES[scale])):
+        first, *rest = one.scan.rig
+        rig = replace(one.scan.rig, cameras=(first.shifted(SHIFT, 0.0), *rest))
+        found.append(align_views(rig, one.images, one.scan.grid))
+    assert np.abs(found[1].shifts - found[0].shifts).max() < 1e-4
+    assert np.abs(found[0].shifts).max() > 0.5
+    assert found[0].accepted == found[1].accepted
+
+
+@every_scale
+def test_wernet_learns_the_same_of_absorption(tmp_path, scale):
+    few = jet(6, effects=Effects(absorption=0.3))
+    few = replace(few, settings={})  # what absorbed the light is known in one unit of length alone
+    other = in_units(few, *SCALES[scale])
+    expected, found = (
+        reconstruct(Scan.load(scan.save(tmp_path / name)), method="wernet", iterations=1)
+        for name, scan in (("plain", few), ("scaled", other.scan))
+    )
+    assert (found.learned is None) == (expected.learned is None)
+    volume = found.reconstruction.volume.astype(np.float64) / other.emission
+    assert apart(volume, expected.reconstruction.volume) < 1e-5
