@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 
 import phantoms
 from rigs import Rig
-from studies.common.flames import FlameSize, flame_rig
+from studies.common.flames import FlameSize, flame_rig, with_noise
 from studies.common.problems import Problem, problem
 from studies.common.scans import reconstructed
 from tomo import LinearSystem, Projector, Segments, VoxelGrid
 from tomo.operators import Splines
 from tomo.operators.operator import ProjectionOperator
 from tomo.pipeline import Reconstruction
-from tomo.simulation import camera_noise as noises
 from tomo.simulation import simulate
 from tomo.simulation.effects import Effects
 from tomo.simulation.simulate import SimulatedScan
@@ -171,15 +170,10 @@ def mismatch_scene(
         if value not in known:
             raise ValueError(f"{name}: found {value!r}, expected one of {', '.join(known)}")
     effects, clean = _clean(effect, flame, seed, size)
-    images = _with_noise(list(clean.images.values()), NOISES[noise], seed)
+    kind = "gaussian" if NOISES[noise] else "clean"
+    images = with_noise(list(clean.images.values()), kind, seed, NOISES[noise])
     scan = replace(clean, images=dict(zip(clean.rig.names, images, strict=True)))
     return MismatchScene(effect, flame, noise, seed, effects, scan)
-
-
-def _with_noise(
-    images: Sequence[NDArray[np.float32]], fraction: float, seed: int
-) -> Sequence[NDArray[np.float32]]:
-    return noises.gaussian(images, fraction, np.random.default_rng(seed)) if fraction else images
 
 
 def _strengths(grid: VoxelGrid, truth: NDArray[np.float32]) -> dict[str, float]:

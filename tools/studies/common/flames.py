@@ -87,20 +87,22 @@ def scene(flame: str, views: int, noise: str, seed: int, size: FlameSize) -> Sce
     """
     clean, rig = _clean_images(flame, seed, size), flame_rig(views, size.shrink)
     names = [_name(views, camera) for camera in rig.names]
-    images = _with_noise([clean.images[name] for name in names], noise, seed)
+    images = with_noise([clean.images[name] for name in names], noise, seed)
     taken = replace(clean, rig=rig, images=dict(zip(rig.names, images, strict=True)))
     return Scene(flame, views, noise, seed, taken)
 
 
-def _with_noise(
-    images: list[NDArray[np.float32]], noise: str, seed: int
+def with_noise(
+    images: list[NDArray[np.float32]],
+    noise: str,
+    seed: int | tuple[int, ...],
+    fraction: float = FRACTION,
 ) -> list[NDArray[np.float32]]:
+    """Return images with one of `NOISES`; ``fraction`` is white noise's of the brightest pixel."""
     random = np.random.default_rng(seed)
     if noise == "gaussian":
-        return noises.gaussian(images, FRACTION, random)
-    if noise == "poisson":
-        return noises.poisson(images, PHOTONS, 0.0, random)
-    return images
+        return noises.gaussian(images, fraction, random)
+    return noises.poisson(images, PHOTONS, 0.0, random) if noise == "poisson" else images
 
 
 @lru_cache(maxsize=2)

@@ -10,18 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Rig
-from studies.common.flames import flame_rig
+from studies.common.flames import PHOTONS, flame_rig, with_noise
 from studies.common.problems import Problem, problem
 from studies.common.scans import simulated_by
 from tomo import VoxelGrid
 from tomo.selection import Choice, choose_by_held_out_views
 from tomo.selection.choose import solve_as_chosen
-from tomo.simulation import camera_noise as noises
 from tomo.simulation import simulate
 from tomo.simulation.simulate import SimulatedScan
 from tomo.uncertainty import Solve
 
-FRACTION, PHOTONS = 0.02, 1000.0
+FRACTION = 0.02
 SHAPE, SPACING, SHRINK = (30, 140, 30), 0.5, 2
 
 
@@ -84,7 +83,7 @@ class TrustScene:
 
     def _noisy_sets(self, count: int, batch: int) -> Iterator[list[NDArray[np.float32]]]:
         for number in range(count):
-            yield with_noise(self.images, self.noise, (self.seed, batch, number))
+            yield with_noise(self.images, self.noise, (self.seed, batch, number), FRACTION)
 
 
 def trust_scene(
@@ -102,7 +101,7 @@ def trust_scene(
     it, ``clean`` is without. Images are taken with 3 x 3 rays a pixel through voxels half as wide.
     """
     clean = _clean(flame, views, seed, shape, spacing, shrink)
-    images = with_noise(list(clean.images.values()), noise, (seed, 0, 0))
+    images = with_noise(list(clean.images.values()), noise, (seed, 0, 0), FRACTION)
     equations, choice, volume = _by_default(clean.rig, clean.grid, images)
     return TrustScene(
         f"{flame}, {views} views, {noise}", noise, clean, equations, choice, volume, seed
@@ -118,19 +117,9 @@ def seen_by(scene: TrustScene, rig: Rig) -> TrustScene:
         return np.where(inside < 0, 0.0, truth.ravel()[inside])
 
     clean = simulate(rig, field, grid, supersample=2)
-    images = with_noise(list(clean.images.values()), scene.noise, (scene.seed, 0, 0))
+    images = with_noise(list(clean.images.values()), scene.noise, (scene.seed, 0, 0), FRACTION)
     equations, choice, volume = _by_default(rig, grid, images)
     return replace(scene, clean=clean, problem=equations, choice=choice, volume=volume)
-
-
-def with_noise(
-    images: list[NDArray[np.float32]], noise: str, seed: tuple[int, ...]
-) -> list[NDArray[np.float32]]:
-    """Return images with the noise of that name."""
-    random = np.random.default_rng(seed)
-    if noise == "gaussian":
-        return noises.gaussian(images, FRACTION, random)
-    return noises.poisson(images, PHOTONS, 0.0, random) if noise == "poisson" else images
 
 
 @lru_cache(maxsize=4)
