@@ -82,7 +82,7 @@ def reconstruct(
         bool,
         typer.Option(
             "--suspects/--keep-suspects",
-            help="Leave out wild pixels, and views that the others contradict.",
+            help="Exclude outlier pixels, and views that the others contradict.",
         ),
     ] = True,
     align: Annotated[

@@ -15,14 +15,14 @@ import numpy as np
 from tomo._compute.jit import compiled
 from tomo.hull.projection_lattice import STEP
 
-_SAFE = 1e-3  # pixels: more than interpolation rounds by, anywhere in an image
+_SAFE = 1e-3  # pixels: above the rounding error of the interpolation, anywhere in an image
 
 
 @compiled(inline=True)
 def _brick(corners, view, bx, by, bz, axis):
     """Return one coordinate of a brick's eight corners, their range and half a voxel's extent.
 
-    A corner that is not a number makes all of them so.
+    A NaN corner makes all of them NaN.
     """
     a = corners[view, bx, by, bz, axis]
     b = corners[view, bx, by, bz + 1, axis]

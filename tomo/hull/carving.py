@@ -20,32 +20,32 @@ from tomo.measurement import NoiseModel
 if TYPE_CHECKING:
     from rigs import Camera
 
-WORTH_IT = 0.95  # active share above which nothing is carved
+WORTH_IT = 0.95  # fraction of active voxels above which carving saves no time
 
 
 @dataclass(frozen=True, eq=False)
 class Carving:
-    """The voxels that can be other than zero, and how they were told from the others.
+    """The voxels that can be non-zero, and how they were found.
 
     Attributes
     ----------
     active : ActiveVoxels
     pixels : tuple of (height, width) bool
-        For each view the usable pixels that may see a active voxel: no other need be traced.
+        For each view the usable pixels that may see an active voxel: only these need tracing.
     margin : float
-        Pixels by which a voxel's image was grown before it was asked whether it is dark.
+        Pixels by which a voxel's image was grown before it was tested for darkness.
     threshold : float
         The intensity up to which a pixel counts as dark.
     smoothing : float
-        Standard deviation, in pixels, of the blur before the threshold; 0 is none.
+        Standard deviation, in pixels, of the blur before the threshold; 0 for none.
     votes : int
-        How many views had to find a voxel dark.
+        Views that had to find a voxel dark.
     unexplained : float
-        The largest share of a view's bright light that meets no active voxel.
+        The largest fraction, over views, of bright light that meets no active voxel.
     noise : tuple of NoiseModel
-        Of each view.
+        One a view.
     reason : str
-        Why it was done so, in words.
+        Why these voxels were carved, in words.
     """
 
     active: ActiveVoxels
@@ -59,7 +59,7 @@ class Carving:
     reason: str
 
     def report(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return what a report says of it: plain numbers and words; ``names`` are the cameras'."""
+        """Return plain numbers and words for report.json; ``names`` are the cameras'."""
         return {
             "active_voxels": self.active.size,
             "voxels": self.active.grid.size,
@@ -100,16 +100,16 @@ def carve(
         True where a pixel is usable. An unusable pixel proves nothing.
     grid : VoxelGrid
     margin : float or "auto"
-        Pixels that the cameras may be off; ``auto`` finds the smallest that contradicts no view.
-        Infinite: nothing is carved.
+        Pixels by which the cameras may point wrongly; ``auto`` finds the smallest margin that
+        leaves no view's light unexplained. Infinite: nothing is carved.
     threshold : float or "auto"
         The intensity up to which a pixel is dark; ``auto`` takes it from the noise.
     votes : int or "auto"
         Views that must find a voxel dark.
     views : sequence of int, optional
-        The cameras whose word counts; all when None. The others' pixels are told too.
+        The cameras that vote; all when None. Pixels are returned for the others too.
     noise : sequence of NoiseModel, optional
-        Of each image, where it is known already; estimated when None.
+        One an image; estimated when None.
 
     Raises
     ------
@@ -118,34 +118,36 @@ def carve(
 
     Notes
     -----
-    A view finds a voxel dark when no pixel is bright that the voxel's projected box, grown by the
-    margin, so much as touches; a box with an unusable pixel, or that leaves the image, is not
-    dark. With exact cameras and images without noise a voxel that emits is dark in no view: what
-    remains holds the visual hull (Laurentini, "The visual hull concept for silhouette-based image
-    understanding", IEEE PAMI 16, 1994), and that holds the emission.
+    A view finds a voxel dark when its projected box, grown by the margin, touches no bright pixel.
+    A box that contains an unusable pixel or leaves the image is not dark. With exact cameras and
+    images without noise a voxel that emits is dark in no view: what remains holds the visual hull
+    (Laurentini, "The visual hull concept for silhouette-based image understanding", IEEE PAMI 16,
+    1994), and that holds the emission.
 
-    Cameras that are not exact contradict each other: some cut away what others see, and their
-    bright pixels meet no active voxel. The margin grows until at most a thousandth of the bright
-    light of any view goes unexplained; where no margin does it, one more view must agree, and if
-    two more do not do it nothing is carved.
+    Inexact cameras contradict each other: one carves away what another sees, whose bright pixels
+    then meet no active voxel. The margin grows until at most a thousandth of the bright light of
+    any view is unexplained. Where no margin suffices, one more view must agree; where two more do
+    not suffice either, nothing is carved.
     """
     _check(cameras, images, masks, margin, threshold, votes)
     lattices = Lattice.of_all(cameras, grid)
     brightness = Brightness.of(images, masks, _pixels_a_voxel(lattices), threshold, noise)
-    judges = list(range(len(cameras)) if views is None else views)
-    hull = Hulls(lattices, brightness, judges, grid.shape)
+    voters = list(range(len(cameras)) if views is None else views)
+    hull = Hulls(lattices, brightness, voters, grid.shape)
     if not hull.bright:
-        reason = "no pixel is surely bright: nothing is carved"
+        reason = "no pixel is certainly bright: nothing is carved"
         return _uncarved(brightness, hull.seen, grid, reason)
-    for enough in votes_to_try(votes, len(judges)):
-        found = smallest(hull, enough, margins_to_try(margin, judges, images), margin != "auto")
+    for enough in votes_to_try(votes, len(voters)):
+        found = smallest(hull, enough, margins_to_try(margin, voters, images), margin != "auto")
         if found is not None:
             break
     else:
-        return _uncarved(brightness, hull.seen, grid, "the views contradict: nothing is carved")
+        return _uncarved(
+            brightness, hull.seen, grid, "the views contradict each other: nothing is carved"
+        )
     reach, active, explained, missed = found
     if active.mean() > WORTH_IT:
-        reason = "hardly a voxel is dark: nothing is carved"
+        reason = "hardly any voxel is dark: nothing is carved"
         return _uncarved(brightness, hull.seen, grid, reason)
     return Carving(
         ActiveVoxels.from_mask(grid, active),
@@ -156,7 +158,7 @@ def carve(
         enough,
         missed,
         brightness.noise,
-        _in_words(active, reach, enough, len(judges), brightness, missed),
+        _in_words(active, reach, enough, len(voters), brightness, missed),
     )
 
 
@@ -194,7 +196,7 @@ def _in_words(
     return (
         f"{1 - active.mean():.1%} of the voxels are dark in {votes} or more of {views} views: no "
         f"pixel within {margin:g} of them is above {brightness.threshold:.3g}{blur}; "
-        f"{missed:.2%} of the bright light of a view at most is left unexplained"
+        f"at most {missed:.2%} of the bright light of a view is unexplained"
     )
 
 
@@ -206,7 +208,7 @@ def _check(
     threshold: float | str,
     votes: int | str,
 ) -> None:
-    """Check what comes in; one line names what is wrong."""
+    """Check the arguments; one line names what is wrong."""
     for what, found in (("images", images), ("masks", masks)):
         if found is None:
             continue

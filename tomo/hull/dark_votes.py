@@ -1,7 +1,7 @@
-"""Which voxels views prove dark, and which pixels a set of voxels can explain.
+"""The voxels that views prove dark, and the pixels that a set of voxels can explain.
 
-A voxel's image is bounded by the box of pixels that its projected edges span; a count of bright
-pixels summed along rows and columns tells in four look-ups whether such a box is dark
+A voxel's image is bounded by the box of pixels that its projected edges span; the
+summed-area table of the bright pixels answers in four look-ups whether the box is dark
 (Crow, "Summed-area tables for texture mapping", SIGGRAPH 1984). Whole bricks are tested first.
 """
 
@@ -32,8 +32,8 @@ def dark_votes(
     Parameters
     ----------
     bright : sequence of (height, width) bool
-        True also where a pixel cannot be trusted: no box with such a pixel is dark, nor one that
-        leaves the image.
+        True where a pixel is bright or unusable. A box that holds one, or leaves the image, is
+        not dark.
     lattices : sequence of Lattice
         One a view.
     margin : float
@@ -58,7 +58,7 @@ def touched(
 ) -> list[NDArray[np.bool_]]:
     """Return for each view the pixels that the active voxels' boxes touch: its ``image_shape``.
 
-    All of them where the camera does not see every brick: it cannot be told.
+    All pixels where the camera does not see every brick.
     """
     layout = _layout(image_shapes)
     steps = np.zeros(int(layout[-1, 0]), np.int32)
@@ -76,7 +76,7 @@ def touched(
 
 
 def surface(active: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the active voxels that are not active all round: no others show from outside."""
+    """Return the active voxels with an inactive neighbour: only these show from outside."""
     inner = active.copy()
     for axis in range(3):
         along = np.moveaxis(active, axis, 0)
@@ -90,7 +90,7 @@ def surface(active: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _by_brick(
     active: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return the bricks with a active voxel (B, 3), and where in each its active voxels are.
+    """Return the bricks with an active voxel (B, 3), and where in each the active voxels are.
 
     Brick ``b`` has the voxels ``ptr[b]:ptr[b + 1]``, their middles from 0 to 1 across it: (V, 3).
     """
@@ -100,9 +100,9 @@ def _by_brick(
     inside = cells.transpose(0, 2, 4, 1, 3, 5).reshape(-1, STEP**3)
     counts = np.count_nonzero(inside, axis=1)
     found = np.flatnonzero(counts)
-    place = np.stack(np.unravel_index(np.flatnonzero(inside) % STEP**3, (STEP,) * 3), axis=1)
+    position = np.stack(np.unravel_index(np.flatnonzero(inside) % STEP**3, (STEP,) * 3), axis=1)
     ptr = np.concatenate([[0], np.cumsum(counts[found])])
-    return np.stack(np.unravel_index(found, shape), axis=1), ptr, (place + 0.5) / STEP
+    return np.stack(np.unravel_index(found, shape), axis=1), ptr, (position + 0.5) / STEP
 
 
 def _layout(image_shapes: Shapes) -> NDArray[np.int64]:

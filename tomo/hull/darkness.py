@@ -1,4 +1,4 @@
-"""Which pixels are dark, which are surely bright, and which say nothing."""
+"""Which pixels are dark, and which are certainly bright."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 from tomo.measurement import NoiseModel, estimate_noise, usable_pixels
 
 DARK = 0.005
-"""Share of the brightest pixel up to which one counts as dark, were there no noise."""
+"""Fraction of the brightest pixel up to which a pixel is dark, without noise."""
 
 SIGMAS_DARK = 2.0
-"""Standard deviations of the noise, after smoothing, below which a pixel is dark."""
+"""Standard deviations of the smoothed noise up to which a pixel is dark."""
 
 SIGMAS_CERTAIN = 5.0
-"""Those above which no noise explains a pixel."""
+"""Standard deviations above which a pixel is certainly bright, whatever the noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Brightness:
-    """The images of a moment, told into dark and bright.
+    """The images of a frame, divided into dark and bright pixels.
 
     Attributes
     ----------
@@ -32,9 +32,9 @@ class Brightness:
         Smoothed.
     usable : tuple of (height, width) bool
     bright : tuple of (height, width) bool
-        Above the threshold, or not usable: what a dark voxel must not touch.
+        Above the threshold, or not usable: a dark voxel touches none of these.
     certain : tuple of (height, width) bool
-        So bright that the volume must explain it.
+        So bright that the volume must explain the pixel.
     threshold, smoothing : float
         In intensity and pixels; see `tomo.hull.Carving`.
     noise : tuple of NoiseModel
@@ -57,23 +57,23 @@ class Brightness:
         threshold: float | str = "auto",
         noise: Sequence[NoiseModel] | None = None,
     ) -> Self:
-        """Judge the pixels of all views by one threshold.
+        """Divide the pixels of all views by one threshold.
 
         Parameters
         ----------
         images, masks : sequence of (height, width)
         widest : float
-            The largest standard deviation of the blur, in pixels: what is wider than a voxel
-            would blur the volume.
+            The largest standard deviation of the blur, in pixels; wider than a voxel it would
+            blur the volume.
         threshold : float or "auto"
         noise : sequence of NoiseModel, optional
-            Of each image; estimated when None.
+            One an image; estimated when None.
 
         Notes
         -----
-        The maximum that ``DARK`` is a share of is the median of the views' maxima, which one hot
-        pixel does not move. A Gaussian of standard deviation ``s`` divides that of white noise by
-        ``2 sqrt(pi) s``; ``s`` is what brings the noise down to a share ``DARK``, up to
+        ``DARK`` is a fraction of the median of the views' maxima, which one hot pixel does not
+        change. A Gaussian of standard deviation ``s`` divides that of white noise by
+        ``2 sqrt(pi) s``; ``s`` is chosen to bring the noise down to the fraction ``DARK``, up to
         ``widest``.
         """
         masks = [None] * len(images) if masks is None else masks
@@ -92,7 +92,7 @@ class Brightness:
         if SIGMAS_DARK * sigma > floor > 0:
             smoothing = min(SIGMAS_DARK * sigma / floor / (2 * math.sqrt(math.pi)), widest)
         gain = 1.0
-        if smoothing >= 0.5:  # narrower than that a Gaussian is no more than its middle pixel
+        if smoothing >= 0.5:  # a narrower Gaussian is only its middle pixel
             gain = 1 / (2 * math.sqrt(math.pi) * smoothing)
             clean = [_blurred(i, u, smoothing) for i, u in zip(clean, usable, strict=True)]
         else:
@@ -114,7 +114,7 @@ class Brightness:
     def unexplained(
         self, view: int, explained: NDArray[np.bool_], seen: NDArray[np.bool_]
     ) -> float:
-        """Return the share of a view's certain light in ``seen`` that is not ``explained``."""
+        """Return the fraction of a view's certain light in ``seen`` that is not ``explained``."""
         certain = self.certain[view] & seen
         light = np.sum(self.images[view], where=certain, dtype=np.float64)
         lost = np.sum(self.images[view], where=certain & ~explained, dtype=np.float64)
@@ -124,7 +124,7 @@ class Brightness:
 def _blurred(
     image: NDArray[np.float32], usable: NDArray[np.bool_], sigma: float
 ) -> NDArray[np.float32]:
-    """Return the Gaussian mean of the usable pixels round each pixel."""
+    """Return the Gaussian mean of the usable pixels around each pixel."""
     import cv2
 
     def blur(array: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""How far cameras may be off: the smallest margin at which the views do not contradict."""
+"""The smallest margin at which the views do not contradict each other."""
 
 from __future__ import annotations
 
@@ -14,48 +14,50 @@ from tomo.hull.darkness import Brightness
 from tomo.hull.projection_lattice import STEP, Lattice
 
 VIEWS_A_VOTE = 6
-"""One more view must agree for every so many views."""
+"""Views for which one vote more is needed."""
 
 UNEXPLAINED = 1e-3
-"""The largest share of the bright pixels' light, in any view, that may meet no active voxel."""
+"""Largest fraction of a view's bright light that may meet no active voxel; noise and rounding
+make less, cameras that disagree more."""
 
 MARGINS = (0, 1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 26, 32)
-"""Pixels, those that are tried."""
+"""Margins tried, in pixels."""
 
-WIDEST_MARGIN = 0.1  # of the smallest image's shorter side
+WIDEST_MARGIN = 0.1  # fraction of the smallest image's shorter side
+
 Found = tuple[float, NDArray[np.bool_], list[NDArray[np.bool_]], float]
-"""Margin, active voxels, the pixels that they explain, and the share of light that they do not."""
+"""Margin, active voxels, the pixels they explain, and the fraction of light they do not."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hulls:
-    """What the judging views leave active at some margin, and how much that leaves unexplained."""
+    """The voxels that the votes leave active at a margin, and the light then unexplained."""
 
     lattices: list[Lattice]
     brightness: Brightness
-    judges: list[int]
+    voters: list[int]
     shape: tuple[int, int, int]
 
     @cached_property
     def seen(self) -> list[NDArray[np.bool_]]:
-        """The pixels that any voxel touches: as long to find as the hull, so only where needed."""
+        """The pixels that any voxel touches; computed on demand: it takes as long as a hull."""
         return touched(np.ones(self.shape, bool), self.lattices, self._image_shapes)
 
     @property
     def bright(self) -> bool:
-        """Whether a judging view surely sees light in the grid."""
+        """Whether a voting view certainly sees light in the grid."""
         certain = self.brightness.certain
-        if any(certain[view][self._at_corners(view)].any() for view in self.judges):
+        if any(certain[view][self._at_corners(view)].any() for view in self.voters):
             return True
-        return any((certain[view] & self.seen[view]).any() for view in self.judges)
+        return any((certain[view] & self.seen[view]).any() for view in self.voters)
 
     def at(self, margin: float, enough: int) -> Found:
-        """Return what is left where ``enough`` views find what is not active dark."""
-        bright = [self.brightness.bright[view] for view in self.judges]
-        lattices = [self.lattices[view] for view in self.judges]
+        """Return the hull in which ``enough`` views find every carved voxel dark."""
+        bright = [self.brightness.bright[view] for view in self.voters]
+        lattices = [self.lattices[view] for view in self.voters]
         active = dark_votes(bright, lattices, self.shape, margin=margin, enough=enough) < enough
         explained = touched(active, self.lattices, self._image_shapes)
-        missed = max(self._missed(view, explained[view]) for view in self.judges)
+        missed = max(self._missed(view, explained[view]) for view in self.voters)
         return margin, active, explained, missed
 
     @property
@@ -63,7 +65,7 @@ class Hulls:
         return [image.shape for image in self.brightness.bright]
 
     def _at_corners(self, view: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the rows and columns of pixels that corners of voxels are seen in."""
+        """Return the rows and columns of the pixels that see the corners of bricks."""
         inside = tuple(slice(n // STEP + 1) for n in self.shape)
         place = np.floor(self.lattices[view].corners[inside].reshape(-1, 2) + 0.5)
         height, width = self.brightness.bright[view].shape
@@ -71,7 +73,7 @@ class Hulls:
         return place[:, 1], place[:, 0]
 
     def _missed(self, view: int, explained: NDArray[np.bool_]) -> float:
-        """Return the share of a view's certain light in the grid that is not explained."""
+        """Return the fraction of a view's certain light in the grid that is unexplained."""
         if not (self.brightness.certain[view] & ~explained).any():
             return 0.0
         return self.brightness.unexplained(view, explained, self.seen[view])
@@ -96,19 +98,19 @@ def smallest(hull: Hulls, enough: int, margins: list[float], any_will_do: bool) 
     return best
 
 
-def votes_to_try(votes: int | str, judges: int) -> list[int]:
+def votes_to_try(votes: int | str, voters: int) -> list[int]:
     """Return the numbers of views that must agree, the fewest first."""
     if votes != "auto":
         return [int(votes)]
-    needed = max(1, round(judges / VIEWS_A_VOTE))
-    return list(range(needed, min(needed + 2, judges) + 1))
+    needed = max(1, round(voters / VIEWS_A_VOTE))
+    return list(range(needed, min(needed + 2, voters) + 1))
 
 
 def margins_to_try(
-    margin: float | str, judges: list[int], images: Sequence[NDArray]
+    margin: float | str, voters: list[int], images: Sequence[NDArray]
 ) -> list[float]:
     """Return the margins to try, ascending."""
     if margin != "auto":
         return [float(margin)]
-    widest = WIDEST_MARGIN * min(min(images[view].shape) for view in judges)
+    widest = WIDEST_MARGIN * min(min(images[view].shape) for view in voters)
     return [float(m) for m in MARGINS if m <= widest]

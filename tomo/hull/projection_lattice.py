@@ -1,4 +1,4 @@
-"""Where a camera sees every voxel, from the projections of a few points between them."""
+"""Where a camera sees every voxel, interpolated from the projected corners of bricks."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ if TYPE_CHECKING:
     from rigs import Camera
 
 STEP = 4
-"""Voxels along each edge of a brick."""
+"""Voxels along each edge of a brick: more cost accuracy, fewer cost projections."""
 
 CHECKED = 6
-"""Bricks along each axis in which interpolation is checked."""
+"""Bricks along each axis in which the interpolation error is measured."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
     """The corners of bricks of voxels as one camera sees them.
 
-    What lies between is interpolated: any lens model then costs one projection a brick.
+    Positions between are interpolated: any lens model then costs one projection a brick.
 
     Attributes
     ----------
     corners : (bx + 1, by + 1, bz + 1, 2) float64
         Pixel coordinates (column, row); NaN where the camera cannot see.
     slack : float
-        By how many pixels an interpolated position may be off.
+        Bound of the interpolation error, in pixels.
     pixels_a_voxel : float
         The longest edge of a voxel in the grid's middle, in pixels; NaN out of sight.
     """
@@ -49,8 +49,8 @@ class Lattice:
 
         Notes
         -----
-        Interpolation is farthest off in the middle of a brick: twice the largest error there, in
-        bricks spread over the grid, is the slack.
+        The interpolation error is largest in the middle of a brick. The slack is twice the
+        largest error there, over bricks spread through the grid.
         """
         return cls.of_all([camera], grid)[0]
 
@@ -83,9 +83,9 @@ def bricks_of(shape: tuple[int, int, int]) -> tuple[int, int, int]:
     return tuple(-(-n // STEP) for n in shape)
 
 
-def _points(grid: VoxelGrid, places: list[NDArray]) -> NDArray[np.float64]:
+def _points(grid: VoxelGrid, positions: list[NDArray]) -> NDArray[np.float64]:
     """Return points given in voxels from the grid's lower corner: (nx, ny, nz, 3)."""
-    axes = [low + s * at for low, s, at in zip(grid.lower, grid.spacing, places, strict=True)]
+    axes = [low + s * at for low, s, at in zip(grid.lower, grid.spacing, positions, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
@@ -94,7 +94,7 @@ def _projected(cameras: Sequence[Camera], points: NDArray[np.float64]) -> NDArra
     seen = np.full((len(cameras), len(points), 2), np.nan)
     pinholes, matrices = [], []
     for view, camera in enumerate(cameras):
-        if not camera.sees_once:  # one place of several would pass for the only one
+        if not camera.sees_once:  # a camera with several images of a point carves nothing
             continue
         if getattr(camera, "is_pinhole", False):
             pinholes.append(view)

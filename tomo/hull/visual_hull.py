@@ -1,4 +1,4 @@
-"""The visual hull: all that silhouettes leave room for, of opaque things as of flames."""
+"""The visual hull of an object, opaque or luminous, from its silhouettes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class VisualHull:
-    """The voxels that no silhouette rules out, and where the cameras see them.
+    """The voxels that no silhouette excludes, and the pixels that see them.
 
     Attributes
     ----------
@@ -51,18 +51,18 @@ class VisualHull:
 def visual_hull(
     cameras: Sequence[Camera], silhouettes: Sequence[NDArray[np.bool_]], grid: VoxelGrid
 ) -> VisualHull:
-    """Carve away every voxel whose box lies wholly beside a silhouette.
+    """Carve away every voxel whose projected box lies wholly outside a silhouette.
 
-    What is left holds all that casts these silhouettes (Laurentini, "The visual hull concept for
-    silhouette-based image understanding", IEEE PAMI 16, 1994): a view rules a voxel out when no
-    pixel that its box touches is set. A box that leaves the image is not ruled out. Emission,
-    with its noise, is carved by `tomo.hull.carve`.
+    The remaining voxels hold every object with these silhouettes (Laurentini, "The visual hull
+    concept for silhouette-based image understanding", IEEE PAMI 16, 1994): a view excludes a voxel
+    when its box touches no pixel of the silhouette. A box that leaves the image is not excluded.
+    `tomo.hull.carve` does the same for noisy emission.
 
     Parameters
     ----------
     cameras : sequence of Camera
     silhouettes : sequence of (height, width) bool
-        One a camera: True where it sees the thing.
+        One a camera: True where it sees the object.
     grid : VoxelGrid
 
     Raises

@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "below_zero": ["below_zero"],
         "focus": ["blur_of_images"],
         "noise_model": ["NoiseModel", "estimate_noise"],
-        "outlier_pixels": ["wild_pixels"],
+        "outlier_pixels": ["find_outlier_pixels"],
         "pixel_weights": ["PixelWeights", "weigh_pixels"],
     },
 )

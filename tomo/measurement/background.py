@@ -1,4 +1,4 @@
-"""Images that lie on an even background, as where no dark frame was subtracted."""
+"""A uniform background, as in images without a dark frame subtracted."""
 
 from __future__ import annotations
 
@@ -6,21 +6,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tomo.measurement.noise_model import NoiseModel
-from tomo.measurement.pixel_blocks import SIDE, means_of_squares
+from tomo.measurement.pixel_blocks import SIDE, block_means
 
-SIGMAS = 5.0  # of the noise of a square's mean
-SHARE = 0.01  # of the image's brightest light, likewise
+SIGMAS = 5.0  # standard deviations of a block's mean that the background must exceed
+FRACTION = 0.01  # fraction of the brightest block, added to that limit
 
 FLOOR = (0.02, 0.2)
-"""Shares of the squares, the darkest first, between which an even background shows: it lies below
-all emission, which fades."""
+"""Quantiles of the blocks' means between which a uniform background is flat; emission fades."""
 
-EVEN = 0.05
-"""Of the background, by which these may differ, beside their noise."""
+FLAT = 0.05
+"""Fraction of the background by which the two quantiles may differ, besides their noise."""
 
 
 def background(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float:
-    """Return the level of the even background that an image lies on; 0 for none.
+    """Return the level of an image's uniform background, in image units; 0 for none.
 
     Parameters
     ----------
@@ -28,19 +27,19 @@ def background(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float:
     mask : (height, width) bool
         True where a pixel is usable.
     noise : NoiseModel
-        Of the image.
+        The image's noise.
 
     Notes
     -----
-    Of the means of squares of 4 x 4 usable pixels, the second and the twentieth per cent, from
-    the darkest on, lie above zero by five standard deviations of a mean and one per cent of the
-    brightest square, and differ by no more than three standard deviations and a twentieth.
+    Blocks of 4 x 4 usable pixels are averaged. There is a background where the 2 % quantile of
+    the means exceeds five standard deviations of a mean plus 1 % of the brightest block, and
+    the 2 % and 20 % quantiles differ by at most three standard deviations plus 5 %.
     """
-    means = means_of_squares(image, mask)
+    means = block_means(image, mask)
     if not means.size:
         return 0.0
     lowest, level = np.quantile(means, FLOOR).tolist()
     sigma = float(np.sqrt(noise.variance(max(level, 0.0)))) / SIDE
-    if lowest <= SIGMAS * sigma + SHARE * means.max():
+    if lowest <= SIGMAS * sigma + FRACTION * means.max():
         return 0.0
-    return level if level - lowest <= 3 * sigma + EVEN * level else 0.0
+    return level if level - lowest <= 3 * sigma + FLAT * level else 0.0

@@ -1,4 +1,4 @@
-"""Pixels that are no measurement though no mask says so: NaN, dead and hot single pixels."""
+"""Non-finite, dead and hot single pixels that no mask marks."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from tomo.measurement.noise_model import NoiseModel
 
-SIGMAS = 8.0  # beyond the brightest or darkest neighbour
-SHARE = 0.05  # of the image's maximum, likewise
-TIMES = 4.0  # brighter or darker than the nearest of its neighbours
+SIGMAS = 8.0  # standard deviations beyond the brightest or darkest neighbour
+FRACTION = 0.05  # fraction of the image's maximum beyond that neighbour
+TIMES = 4.0  # factor to the nearest of the neighbours' values
 _DOWN, _RIGHT = (-1, -1, -1, 0, 0, 1, 1, 1), (-1, 0, 1, -1, 1, -1, 0, 1)  # to the neighbours
 
 
@@ -18,8 +18,7 @@ def usable_pixels(
 ) -> NDArray[np.bool_]:
     """Return the pixels of an image that can be trusted, ``(height, width)``.
 
-    Masks, saturation and flat fields are a scan's corrections and already in ``mask``; this finds
-    what they leave.
+    A scan's corrections put masks and saturation into ``mask``; this finds what remains.
 
     Parameters
     ----------
@@ -27,7 +26,7 @@ def usable_pixels(
     mask : (height, width) bool, optional
         True where a pixel is usable as far as is known.
     noise : NoiseModel, optional
-        None knows of no noise.
+        No noise when None.
 
     Notes
     -----
@@ -45,23 +44,23 @@ def usable_pixels(
     largest = float(shown.max(initial=0.0))
     if largest <= 0 or min(image.shape) < 3:
         return usable
-    # What one neighbour speaks against need not be asked of the others: hardly any is left.
+    # One neighbour rules out nearly all pixels; the other seven are read for the rest alone.
     high, low = _of_one_neighbour(image, untrusted)
-    found = np.nonzero(_strange(image, high, low, np.float32(SHARE * largest)) & usable)
+    found = np.nonzero(_is_outlier(image, high, low, np.float32(FRACTION * largest)) & usable)
     if not len(found[0]):
         return usable
     high = _of_neighbours(np.where(usable, image, -np.inf), found, np.maximum)
     low = _of_neighbours(np.where(usable, image, np.inf), found, np.minimum)
-    few = _strange(image[found], high, low, np.float32(SHARE * largest)) & np.isfinite(low)
+    few = _is_outlier(image[found], high, low, np.float32(FRACTION * largest)) & np.isfinite(low)
     found, high, low = tuple(axis[few] for axis in found), high[few], low[few]
     noise = NoiseModel(0.0) if noise is None else noise
     sigma = np.sqrt(noise.variance(np.maximum(low, 0)))
-    far = np.maximum(SIGMAS * sigma, SHARE * largest)
-    usable[found] = ~_strange(image[found], high, low, far)
+    far = np.maximum(SIGMAS * sigma, FRACTION * largest)
+    usable[found] = ~_is_outlier(image[found], high, low, far)
     return usable
 
 
-def _strange(
+def _is_outlier(
     image: NDArray[np.float32],
     high: NDArray[np.float32],
     low: NDArray[np.float32],
@@ -69,9 +68,9 @@ def _strange(
 ) -> NDArray[np.bool_]:
     """Return which pixels are so far above or below their neighbours."""
     with np.errstate(invalid="ignore"):
-        # The image is divided rather than a bright neighbour multiplied: 1e38 is a number too.
+        # Dividing the image instead of multiplying the neighbour cannot overflow.
         hot = image / TIMES > np.abs(high) + far / TIMES
-        # A quarter of what is below zero is brighter, not darker.
+        # A quarter of a negative value is brighter, not darker.
         return hot | (image < np.minimum(low, low / TIMES) - far)
 
 
@@ -86,10 +85,10 @@ def _of_one_neighbour(
     other = np.concatenate([image[1:], image[-2:-1]])
     if untrusted is None:
         return np.maximum(other, 0), other
-    nothing = np.concatenate([untrusted[1:], untrusted[-2:-1]])
+    excluded = np.concatenate([untrusted[1:], untrusted[-2:-1]])
     return (
-        np.maximum(np.where(nothing, np.float32(0), other), 0),
-        np.where(nothing, np.float32(np.inf), other),
+        np.maximum(np.where(excluded, np.float32(0), other), 0),
+        np.where(excluded, np.float32(np.inf), other),
     )
 
 
@@ -100,7 +99,7 @@ def _of_neighbours(
 
     ``places`` are the rows (N,) and columns (N,).
     """
-    nothing = -np.inf if extreme is np.maximum else np.inf
-    padded = np.pad(image, 1, constant_values=nothing)
+    excluded = -np.inf if extreme is np.maximum else np.inf
+    padded = np.pad(image, 1, constant_values=excluded)
     row, column = (axis[:, None] + 1 for axis in places)
     return extreme.reduce(padded[row + _DOWN, column + _RIGHT], axis=1)

@@ -1,4 +1,4 @@
-"""How noisy a camera is, judged from one of its images: read-out and photon noise."""
+"""The noise of a camera, estimated from one image: read-out and photon noise."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._compute.grouping import golden_section
 from tomo._compute.jit import compiled
 
-PIXELS_A_LEVEL = 400  # enough for a spread to 8 per cent
-MOST_LEVELS = 20
-QUARTER_OF_A_NORMAL = 0.318639  # a quarter of |N(0, 1)| lies below
-ROUNDS = 4  # of reweighting the straight line
+PIXELS_A_LEVEL = 400  # pixels; fewer leave the spread of a level uncertain by more than 8 %
+MOST_LEVELS = 20  # grey levels of the fit; more change nothing
+QUARTER_OF_A_NORMAL = 0.318639  # the lower quartile of |N(0, 1)|
+REWEIGHTINGS = 4  # of the straight line; it has settled by then
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class NoiseModel:
     read : float
         Standard deviation in the dark, in the image's units.
     gain : float
-        Image units a detected photon: what the variance grows by with the signal.
+        Image units per detected photon: the slope of the variance over the signal.
 
     Raises
     ------
@@ -45,9 +45,9 @@ class NoiseModel:
                 raise ValueError(f"noise {name}: found {value}, expected a finite number >= 0")
 
     def variance(self, image: ArrayLike) -> NDArray[np.float64]:
-        """Return the variance of every pixel; zero where the model knows of no noise.
+        """Return the variance of every pixel, in image units squared.
 
-        What is below zero counts as dark.
+        Values below zero count as dark.
         """
         return self.read**2 + self.gain * np.maximum(np.asarray(image, np.float64), 0)
 
@@ -55,7 +55,7 @@ class NoiseModel:
 def estimate_noise(
     image: ArrayLike, mask: ArrayLike | None = None, expected: ArrayLike | None = None
 ) -> NoiseModel:
-    """Estimate the noise of a camera from an image, and from what is known of it.
+    """Estimate the noise of a camera from an image.
 
     Parameters
     ----------
@@ -63,26 +63,26 @@ def estimate_noise(
     mask : (height, width) bool, optional
         True where a pixel is usable.
     expected : (height, width), optional
-        The image without its noise as far as it is known, a volume re-projected say: its fine
-        structure is not taken for noise, and it tells the signal.
+        The image without noise as far as it is known, such as a re-projected volume. Its fine
+        structure is not taken for noise, and it gives the signal.
 
     Raises
     ------
     ValueError
-        If the mask or what is expected has another shape than the image.
+        If ``mask`` or ``expected`` has another shape than the image.
 
     Notes
     -----
-    The 3 x 3 filter ``[1 -2 1]^T [1 -2 1] / 6`` keeps the variance of white noise and takes away
-    whatever is linear along rows or along columns; its output does not correlate with the mean of
-    the same nine pixels. By that mean the pixels are put into levels of equal count, and in each
-    the lower quartile of the filter's magnitude gives a spread that edges and fine structure,
-    which only enlarge it, hardly move. A line of non-negative intercept and slope through
+    The 3 x 3 filter ``[1 -2 1]^T [1 -2 1] / 6`` keeps the variance of white noise and removes
+    everything linear along rows or columns. Its output does not correlate with the mean of the
+    same nine pixels, by which pixels are sorted into levels of equal count. In each level the
+    lower quartile of the filter's magnitude gives the spread: edges and fine structure, which only
+    enlarge the magnitude, hardly change it. A line of non-negative intercept and slope through
     (mean, spread^2), weighted by the line itself, gives ``read`` and ``gain``.
 
-    Where two or more of the nine pixels are exactly zero the noise was clipped or background was
-    cut out: those say nothing. The filter is that of Immerkaer, "Fast noise variance estimation",
-    Computer Vision and Image Understanding 64 (1996).
+    Blocks with two or more pixels of exactly zero are skipped: their noise was clipped. The filter
+    is that of Immerkaer, "Fast noise variance estimation", Computer Vision and Image Understanding
+    64 (1996).
     """
     image = np.asarray(image)
     for name, other in (("mask", mask), ("expected", expected)):
@@ -101,11 +101,11 @@ def estimate_noise(
     if not len(level):
         return NoiseModel(0.0)
     most = PIXELS_A_LEVEL * MOST_LEVELS
-    if len(level) > most:  # spread by the golden section: no step falls in with the rows
+    if len(level) > most:  # evenly spread, in step with no row
         some = golden_section(len(level)) < most / len(level)
         level, fine = level[some], fine[some]
     parts = min(max(len(level) // PIXELS_A_LEVEL, 1), MOST_LEVELS)
-    # to sort all is quicker than to find the bounds of levels
+    # Sorting all is quicker than finding the bounds of the levels.
     order = np.argsort(level)[len(level) % parts :].reshape(parts, -1)
     means = level[order].mean(axis=1)
     quarter = order.shape[1] // 4
@@ -115,23 +115,23 @@ def estimate_noise(
 
 @compiled()
 def _nines(image, mask, signal, takes_away):
-    """Return the mean of ``signal`` and the filter's magnitude of all 3 x 3 pixels that count.
+    """Return the mean of ``signal`` and the filter's magnitude for every valid 3 x 3 block.
 
-    Those whose pixels are usable and of which at most one is zero.
+    A block is valid where all pixels are usable and at most one is zero.
 
     Parameters
     ----------
     image, signal : (height, width) float
-        Of one type.
+        Both of one type.
     mask : (height, width) or (0, 0) bool
         All are usable where it is empty.
     takes_away : bool
-        Whether the filter sees the image less the signal.
+        Whether the filter is applied to the image less the signal.
     """
     height, width = image.shape
     most = (height - 2) * (width - 2)
     level, fine, count = np.zeros(most), np.zeros(most), 0
-    # of three pixels above each other: 1 a zero, 2 one that is not usable; their sum; the filter
+    # per column of three pixels: 1 for each zero, 2 for each unusable one; their sum; the filter
     against, total, down = np.zeros(width, np.int64), np.zeros(width), np.zeros(width)
     share = 1.0 if takes_away else 0.0
     for row in range(height - 2):
@@ -161,16 +161,16 @@ def _nines(image, mask, signal, takes_away):
 
 @compiled()
 def _line(level, variance):
-    """Return the read-out noise and gain nearest to variances (n,) at levels (n,).
+    """Return read-out noise and gain fitted to ``variance`` (n,) at ``level`` (n,).
 
-    Errors are in proportion to the variance, as the line itself gives it.
+    Residuals are weighted by the inverse of the variance that the line itself gives.
     """
     count = len(level)
     mean = intercept = slope = 0.0
     for n in range(count):
         mean += variance[n] / count
     expected = np.full(count, mean)
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTINGS):
         largest = 0.0
         for n in range(count):
             largest = max(largest, expected[n])

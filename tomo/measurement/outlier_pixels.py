@@ -1,4 +1,4 @@
-"""Wild pixels: single ones, or two side by side, that no lens could have drawn."""
+"""Outliers of one or two adjacent pixels: sharper than any lens can image."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from numpy.typing import ArrayLike, NDArray
 from tomo.measurement.noise_model import NoiseModel, estimate_noise
 
 TIMES = 3.0
-"""By how much a pixel must be farther from its neighbours' word than they are from theirs."""
+"""Threshold on a pixel's deviation from its neighbours, in units of the local deviation."""
 
 TYPICAL = 6
-"""The so-manieth largest deviation of the 24 pixels around speaks for all of them."""
+"""Rank of the order statistic, among the 24 neighbours, used as the local deviation."""
 
 ALONG = 0.4
-"""Share of its deviation by which it must miss the nearest of the four lines' predictions too."""
+"""Fraction of its deviation by which it must also miss the nearest of the four predictions."""
 
-SIGMAS = 3.0  # of the noise, times TIMES
-SHARE = 0.015  # of the image's brightest light, likewise
-ROUNDS = 6
-"""A wild pixel makes its neighbours look strange: of those that touch, only the strangest are left
-out, and the others are looked at again without them."""
+SIGMAS = 3.0  # standard deviations of the noise, times TIMES
+FRACTION = 0.015  # fraction of the image's brightest light, times TIMES
+PASSES = 6
+"""Passes at most. An outlier makes its neighbours deviate, so each pass takes the largest of
+adjacent candidates and the next one tests the others without it."""
 
 AROUND = [(y, x) for y in range(-2, 3) for x in range(-2, 3) if (y, x) != (0, 0)]
 RING = [(y, x) for y, x in AROUND if max(abs(y), abs(x)) == 2]
@@ -32,58 +32,57 @@ PAIRS = ((0, 1), (1, 0), (1, 1), (1, -1))
 OPPOSITE = [(-y, -x) for y, x in PAIRS]
 
 
-def wild_pixels(
+def find_outlier_pixels(
     image: ArrayLike, mask: ArrayLike | None = None, noise: NoiseModel | None = None
 ) -> NDArray[np.bool_]:
-    """Return the usable pixels that their neighbours contradict, ``(height, width)``.
+    """Return the usable pixels that are outliers, ``(height, width)`` bool.
 
     Parameters
     ----------
     image : (height, width)
     mask : (height, width) bool, optional
-        True where a pixel is usable as far as is known; the others say nothing.
+        True where a pixel is usable as far as is known; the others are ignored.
     noise : NoiseModel, optional
-        Of the image; estimated when None.
+        The image's noise; estimated when None.
 
     Notes
     -----
-    Each of the four lines through a pixel predicts it by the mean of the two neighbours on it;
-    the middle of the four, the mean of the second and third of them, is not moved by one wild
-    neighbour. On a smooth image the deviation from it is the curvature, which the pixels around
-    share. A pixel is wild when it deviates three times as much as the sixth largest of the 24
-    around it, three standard deviations of the noise, one photon and 1.5 % of the image's
-    brightest light together, and lies beyond what each of the lines predicts: creases, as where
-    a box seen on edge begins, go straight on along one of them. Lenses spread real light: where
-    three of the four pixels beside a pixel are lifted as well, by a third of its deviation, the
-    spot is real.
+    Each of the four lines through a pixel predicts it by the mean of its two neighbours on that
+    line. The prediction is the mean of the second and third largest: one outlying neighbour does
+    not move it. On a smooth image the deviation is the curvature, which neighbours have as well.
+    A pixel is an outlier when its deviation exceeds three times the sum of the sixth largest
+    deviation of the 24 around it, three standard deviations of the noise, one photon and 1.5 % of
+    the image's brightest light, and when it lies beyond all four predictions: along a crease, as
+    at the edge of a box, one of them holds. A lens spreads real light: where three of the four
+    adjacent pixels are raised as well, by a third of its deviation, the spot is real.
     """
     image = np.asarray(image, np.float32)
     usable = np.isfinite(image)
     if mask is not None:
         usable &= np.asarray(mask, bool)
-    wild = np.zeros(image.shape, bool)
+    outliers = np.zeros(image.shape, bool)
     if min(image.shape) < 5 or not image.any(where=usable):
-        return wild
+        return outliers
     scale = np.float32(np.abs(image).max(where=usable, initial=0.0))
     noise = estimate_noise(image, usable) if noise is None else noise
     noise = NoiseModel(noise.read / scale, noise.gain / scale)
     image = np.where(usable, image / scale, 0)
     known = usable
-    for _ in range(ROUNDS):
+    for _ in range(PASSES):
         filled = np.where(known, image, _mean_around(image, known))
         expected = _middle_of_pairs(filled)
         deviation = np.where(usable, image, expected) - expected
         light = float(expected.max(initial=0.0, where=known))
         sigma = np.sqrt(noise.variance(expected)).astype(np.float32)
-        far = SHARE * light + SIGMAS * sigma + np.float32(noise.gain)
-        # What the pixels around deviate by counts them filled: wild ones stand for nobody.
+        far = FRACTION * light + SIGMAS * sigma + np.float32(noise.gain)
+        # Known outliers are filled in, so that they do not enlarge the local deviation.
         spread = np.abs(filled - expected)
-        found = _confirmed(deviation, filled, spread, far, usable & ~wild)
+        found = _confirmed(deviation, filled, spread, far, usable & ~outliers)
         if not found.any():
             break
-        wild |= found
+        outliers |= found
         known = known & ~found
-    return wild
+    return outliers
 
 
 def _confirmed(
@@ -93,7 +92,7 @@ def _confirmed(
     far: NDArray[np.float32],
     asked: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """Return which of the pixels asked for are wild, looking closely at the few that may be."""
+    """Return which of the candidates ``asked`` are outliers, testing only the few that may be."""
     found = np.zeros(asked.shape, bool)
     rows, columns = np.nonzero(asked & (np.abs(deviation) > TIMES * far))
     if not len(rows):
@@ -101,7 +100,7 @@ def _confirmed(
     filled = np.pad(filled, 2, mode="reflect")
     own = deviation[rows, columns]  # (candidates,)
     sign = np.sign(own)
-    ends = (_beside(filled, rows, columns, side) for side in (PAIRS, OPPOSITE))
+    ends = (_neighbours(filled, rows, columns, side) for side in (PAIRS, OPPOSITE))
     lines = sign * sum(ends) / 2  # (4, candidates)
     beyond = sign * filled[rows + 2, columns + 2] - lines.max(axis=0)
     likely = beyond > ALONG * np.abs(own)
@@ -109,31 +108,31 @@ def _confirmed(
     if not len(rows):
         return found
     spread = np.pad(spread, 2, mode="reflect")
-    typical = np.partition(_beside(spread, rows, columns, AROUND), -TYPICAL, axis=0)[-TYPICAL]
-    near = sign * _beside(filled, rows, columns, SIDES)
-    ground = sign * _beside(filled, rows, columns, RING)
+    typical = np.partition(_neighbours(spread, rows, columns, AROUND), -TYPICAL, axis=0)[-TYPICAL]
+    near = sign * _neighbours(filled, rows, columns, SIDES)
+    ground = sign * _neighbours(filled, rows, columns, RING)
     lifted = np.sort(near, axis=0)[1] - np.median(ground, axis=0)
     level = np.maximum(typical + far[rows, columns], lifted)
-    wild = np.abs(own) > TIMES * level
-    rows, columns, own = rows[wild], columns[wild], own[wild]
+    outliers = np.abs(own) > TIMES * level
+    rows, columns, own = rows[outliers], columns[outliers], own[outliers]
     if not len(rows):
         return found
     found[rows, columns] = True
-    strange = np.pad(np.where(found, np.abs(deviation), 0), 2, mode="reflect")
-    stranger = _beside(strange, rows, columns, TOUCHING)
-    found[rows, columns] = np.abs(own) >= stranger.max(axis=0)
+    deviating = np.pad(np.where(found, np.abs(deviation), 0), 2, mode="reflect")
+    larger = _neighbours(deviating, rows, columns, TOUCHING)
+    found[rows, columns] = np.abs(own) >= larger.max(axis=0)
     return found
 
 
-def _beside(
+def _neighbours(
     padded: NDArray[np.float32],
     rows: NDArray[np.intp],
     columns: NDArray[np.intp],
     steps: Sequence[tuple[int, int]],
 ) -> NDArray[np.float32]:
-    """Return what lies so many rows and columns from each candidate: ``(steps, candidates)``.
+    """Return the values at ``steps`` (rows, columns) from each candidate: ``(steps, candidates)``.
 
-    ``padded`` has two pixels more on every side.
+    ``padded`` has two more pixels on every side.
     """
     return np.stack([padded[rows + 2 + y, columns + 2 + x] for y, x in steps])
 

@@ -1,4 +1,4 @@
-"""What pixels are worth to least squares: one over the variance of what they may be off by."""
+"""Inverse-variance weights of pixels for least squares."""
 
 from __future__ import annotations
 
@@ -14,46 +14,44 @@ from scipy import ndimage
 from tomo.measurement.noise_model import NoiseModel
 
 FINER = 0.5
-"""A standard deviation of what voxels and single rays miss of a pixel, over what images show that
-is finer than voxels. Without it dark pixels, which photons leave almost no noise, would count for
-more than voxels can tell. By 0.3 to 0.5 flames came equally near to the truth on the whole; those
-that voxels do not resolve lost least by 0.5."""
+"""Standard deviation of the discretisation error, as a fraction of the detail finer than voxels
+that images show. Lower: dark pixels, which have little photon noise, weigh too much."""
 
 VOXEL_BLUR = 0.5
-"""Voxels, a standard deviation: what an image so blurred has lost is finer than voxels."""
+"""Standard deviation, in voxels, of the blur that removes the detail finer than voxels."""
 
 LEAST_MISSED = 0.005
-"""Of the brightest light: voxels miss that much, however smooth images are."""
+"""Least discretisation error, as a fraction of the brightest light."""
 
-EVEN = 2.0
-"""Where no pixel's variance is so many times another's all count alike: chance in the estimated
-noise of 33 views alone has made 1.7."""
+EQUAL = 2.0
+"""Ratio of the largest to the least variance below which all pixels weigh alike: errors of the
+noise estimate reach 1.7."""
 
 BLUR = 1.0
-"""Pixels, a standard deviation, that the signal is looked at over: by its own noise a pixel that
-happens to be dark would count for more."""
+"""Standard deviation, in pixels, of the blur before the signal is read: unblurred, a pixel that
+is dark by its own noise would weigh more."""
 
 
 @dataclass(frozen=True, eq=False)
 class PixelWeights:
-    """What the pixels of some images are worth.
+    """The weights of the pixels of some images.
 
     Attributes
     ----------
     images : tuple of (height, width) float32, optional
-        Inverse variances, the largest of all is 1; None where all count alike.
-    spread : float
-        The largest variance over the smallest, or more.
+        Inverse variances over the largest of all; None where all pixels weigh alike.
+    variance_ratio : float
+        The largest variance over the smallest, or an upper bound of it.
     """
 
     images: tuple[NDArray[np.float32], ...] | None
-    spread: float
+    variance_ratio: float
 
     def report(self) -> dict[str, Any]:
         """Return plain values."""
         if self.images is None:
-            return {"used": False, "reason": "pixels are about as noisy as each other"}
-        reason = f"the noisiest pixels have {self.spread:.3g} times the variance of others"
+            return {"used": False, "reason": "all pixels are about equally noisy"}
+        reason = f"the noisiest pixels have {self.variance_ratio:.3g} times the variance of others"
         return {"used": True, "reason": reason}
 
 
@@ -63,26 +61,27 @@ def weigh_pixels(
     noise: Sequence[NoiseModel],
     pixels_a_voxel: Sequence[float],
 ) -> PixelWeights:
-    """Weigh pixels by their noise, and by what voxels miss of any of them.
+    """Return inverse-variance weights from the noise and the discretisation error.
 
     Parameters
     ----------
     images : sequence of (height, width)
         One a view.
     masks : sequence of (height, width) bool
-        True where a pixel is usable; others say nothing of their neighbours' signal.
+        True where a pixel is usable; the others are ignored.
     noise : sequence of NoiseModel
         One a view.
     pixels_a_voxel : sequence of float
-        How many pixels a voxel is across, in each view; NaN where that is not known, and the view
-        not asked what voxels miss.
+        Pixels along a voxel's edge in each view; NaN where unknown: the view then says nothing
+        of the discretisation error.
 
     Notes
     -----
-    The variance is ``read² + gain x signal + missed²``: the best linear unbiased estimate weighs
+    The variance is ``read² + gain x signal + missed²``; the best linear unbiased estimate weighs
     by its inverse (Aitken, "On least squares and linear combination of observations", Proceedings
-    of the Royal Society of Edinburgh 55, 1936). What voxels miss is `FINER` times what images show
-    that is finer than voxels and no noise: its root mean square, weighted by the signal.
+    of the Royal Society of Edinburgh 55, 1936). The discretisation error ``missed`` is `FINER`
+    times the root mean square, weighted by the signal, of the images' detail that is finer than
+    voxels and exceeds the noise.
     """
     tops = [
         float(np.max(image, where=mask, initial=0.0))
@@ -93,9 +92,9 @@ def weigh_pixels(
         return PixelWeights(None, 1.0)
     models = [NoiseModel(one.read / brightest, one.gain / brightest) for one in noise]
     most = max(float(model.variance(1.0)) for model in models) + LEAST_MISSED**2
-    spread = most / (min(model.read for model in models) ** 2 + LEAST_MISSED**2)
-    if spread < EVEN:  # it is no more, whatever the images show
-        return PixelWeights(None, spread)
+    variance_ratio = most / (min(model.read for model in models) ** 2 + LEAST_MISSED**2)
+    if variance_ratio < EQUAL:  # an upper bound, whatever the images show
+        return PixelWeights(None, variance_ratio)
     signals, light, finer = [], 0.0, 0.0
     for image, mask, model, across in zip(images, masks, models, pixels_a_voxel, strict=True):
         image = np.where(mask, image, 0) / brightest
@@ -115,7 +114,7 @@ def _finer(
     model: NoiseModel,
     blur: float,
 ) -> float:
-    """Return the squares of what a blur takes away, less its noise, weighted by the signal."""
+    """Return the squared detail that a blur removes, less its noise, weighted by the signal."""
     lost = image - _blurred(image, mask, blur)
     size = 2 * math.ceil(4 * blur) + 3
     response = ndimage.gaussian_filter1d(np.eye(1, size, size // 2)[0], blur)
@@ -130,25 +129,25 @@ def _weights(
     noise: Sequence[NoiseModel],
     missed: float,
 ) -> PixelWeights:
-    """Return the weights of pixels of such signals, all relative to the brightest light."""
+    """Return the weights for ``signals``, fractions of the brightest light."""
     variances, least, largest = [], np.inf, 0.0
     for signal, mask, model in zip(signals, masks, noise, strict=True):
         variance = (model.variance(signal) / missed**2 + 1).astype(np.float32)
         variances.append(variance)
         least = min(least, variance[mask].min(initial=np.inf))
         largest = max(largest, variance[mask].max(initial=0.0))
-    spread = float(largest / least)
-    if spread < EVEN:
-        return PixelWeights(None, spread)
+    variance_ratio = float(largest / least)
+    if variance_ratio < EQUAL:
+        return PixelWeights(None, variance_ratio)
     for variance in variances:  # in place: images may be many and large
         np.minimum(np.divide(least, variance, out=variance), 1, out=variance)
-    return PixelWeights(tuple(variances), spread)
+    return PixelWeights(tuple(variances), variance_ratio)
 
 
 def _blurred(
     image: NDArray[np.floating], mask: NDArray[np.bool_], width: float
 ) -> NDArray[np.floating]:
-    """Return the mean of what usable pixels around each show, zero where there are none.
+    """Return the Gaussian mean of the usable pixels around each, zero where there are none.
 
     ``width`` is a standard deviation in pixels; unusable pixels of the image are zero.
     """

@@ -126,7 +126,7 @@ class Reconstruction:
     skipping : mapping
         What was left out and why, see `tomo.hull.Carving.report`.
     suspects : mapping, optional
-        See `tomo.screening.Suspects.report`; None where they were not looked for.
+        See `tomo.screening.Screening.report`; None where they were not looked for.
     alignment, refinement, gains : mapping, optional
         See `tomo.selfcal.shifts.Alignment.report`, `tomo.selfcal.refine.Refinement.report` and
         `tomo.selfcal.gains.Gains.report`; None where they were not looked for, or the gains not

@@ -33,7 +33,7 @@ class Prepared:
         The voxels that may be other than zero.
     alignment, carving, refinement : optional
         How they were found; None where it was not asked for.
-    strange_light : bool
+    unmodelled_light : bool
         Whether images show light that no volume in the grid explains, see `tomo.suspects`.
     """
 
@@ -43,7 +43,7 @@ class Prepared:
     alignment: Alignment | None = None
     carving: Carving | None = None
     refinement: Refinement | None = None
-    strange_light: bool = False
+    unmodelled_light: bool = False
 
     @property
     def warnings(self) -> list[str]:
@@ -86,7 +86,7 @@ class Prepared:
 
     def _advice(self, usual: str) -> str:
         """Return what to do about cameras that seem wrong: they may only seem so."""
-        if not self.strange_light:
+        if not self.unmodelled_light:
             return usual
         return f"see to the light that no volume explains first, and if this stays, {usual}"
 
@@ -128,7 +128,7 @@ def prepare(
     carving: dict[str, Any] | None,
     refining: dict[str, Any] | None = None,
     noise: Sequence[NoiseModel] | None = None,
-    strange_light: bool = False,
+    unmodelled_light: bool = False,
 ) -> Prepared:
     """Align and refine the cameras and carve the volume, from the images alone.
 
@@ -144,7 +144,7 @@ def prepare(
         Settings of `tomo.selfcal.refine.refine_cameras`; nothing is refined when None.
     noise : sequence of NoiseModel, optional
         Of each image, where it is known already.
-    strange_light : bool
+    unmodelled_light : bool
         See `Prepared`.
     """
     if refining is not None and set(refining["cameras"]) >= set(rig.names):
@@ -159,6 +159,8 @@ def prepare(
         rig = refinement.rig
     if carving is None:
         active = ActiveVoxels(grid)
-        return Prepared(rig, masks, active, alignment, None, refinement, strange_light)
+        return Prepared(rig, masks, active, alignment, None, refinement, unmodelled_light)
     found = carve(tuple(rig), images, masks, grid, noise=noise, **carving)
-    return Prepared(rig, found.pixels, found.active, alignment, found, refinement, strange_light)
+    return Prepared(
+        rig, found.pixels, found.active, alignment, found, refinement, unmodelled_light
+    )

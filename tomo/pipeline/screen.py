@@ -12,7 +12,7 @@ from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, estimate_noise
 from tomo.scan import Scan
 from tomo.scan.scan import Images, Masks
-from tomo.screening import Suspects, find_suspects
+from tomo.screening import Screening, screen_images
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class ScreenedScan:
         Of the cameras held out and of those left out as wrong.
     judged_images, judged_masks : list of (height, width)
         Theirs; wild pixels of cameras held out are 0 and not usable.
-    suspects : Suspects, optional
+    suspects : Screening, optional
         None where nothing was suspected on request.
     """
 
@@ -39,7 +39,7 @@ class ScreenedScan:
     judged: Scan | None
     judged_images: Images
     judged_masks: Masks
-    suspects: Suspects | None = None
+    suspects: Screening | None = None
 
     @cached_property
     def noise(self) -> tuple[NoiseModel, ...]:
@@ -47,13 +47,13 @@ class ScreenedScan:
         if self.suspects is None:
             both = zip(self.images, self.masks, strict=True)
             return tuple(estimate_noise(image, mask) for image, mask in both)
-        known = dict(zip(self.suspects.wild, self.suspects.noise, strict=True))
+        known = dict(zip(self.suspects.outliers, self.suspects.noise, strict=True))
         return tuple(known[name] for name in self.training.rig.names)
 
     @property
     def left_out(self) -> tuple[str, ...]:
         """The cameras that are left out as wrong."""
-        return self.suspects.left_out if self.suspects else ()
+        return self.suspects.excluded if self.suspects else ()
 
     @property
     def not_left_out(self) -> Images:
@@ -63,9 +63,9 @@ class ScreenedScan:
         return [*self.images, *(image for name, image in judged if name not in self.left_out)]
 
     @property
-    def strange_light(self) -> bool:
+    def unmodelled_light(self) -> bool:
         """Whether images show light that no volume in the grid explains."""
-        return self.suspects is not None and self.suspects.strange_light
+        return self.suspects is not None and self.suspects.unmodelled_light
 
     @property
     def warnings(self) -> list[str]:
@@ -106,11 +106,11 @@ def screen_views(
     if not suspects:
         return ScreenedScan(training, *of(training), judged, *of(judged))
     beside = (judged.rig, *of(judged)) if judged else None
-    found = find_suspects(training.rig, *of(training), grid, held_out=beside)
-    for name, mask in zip(found.wild, found.masks, strict=True):
-        if found.wild[name] and name not in found.left_out:
+    found = screen_images(training.rig, *of(training), grid, held_out=beside)
+    for name, mask in zip(found.outliers, found.masks, strict=True):
+        if found.outliers[name] and name not in found.excluded:
             everything[name] = np.where(mask, everything[name][0], 0), mask
-    if found.left_out:
-        training = training.without(*found.left_out)
-        judged = scan.only(*hold_out, *found.left_out)
+    if found.excluded:
+        training = training.without(*found.excluded)
+        judged = scan.only(*hold_out, *found.excluded)
     return ScreenedScan(training, *of(training), judged, *of(judged), found)

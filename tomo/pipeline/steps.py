@@ -78,7 +78,7 @@ def reconstruct_as_asked(
         carving=request.carving,
         refining=refining if refined else None,
         noise=screened.noise if request.skip else None,
-        strange_light=screened.strange_light,
+        unmodelled_light=screened.unmodelled_light,
     )
     laps.end("prepare")
     system, judged_system = _traced(prepared, screened, grid, request, progress)

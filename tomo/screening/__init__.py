@@ -6,8 +6,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "left_out_prediction": ["Predictions"],
-        "outside_light": ["light_beside"],
-        "screening": ["Suspects", "find_suspects"],
-        "view_consistency": ["ViewVerdict", "judge_views"],
+        "outside_light": ["light_outside"],
+        "screening": ["Screening", "screen_images"],
+        "view_consistency": ["ViewConsistency", "check_consistency"],
     },
 )

@@ -1,4 +1,4 @@
-"""How well an image agrees with a prediction, wherever exactly the camera looked."""
+"""The correlation of an image with a prediction, whatever small shift lies between them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tomo._compute.reductions import norm
 
 FEWEST_PIXELS = 50
-"""Fewer in common say nothing."""
+"""Pixels in common. Fewer give no correlation."""
 
 
 def agreement(
@@ -27,14 +27,14 @@ def agreement(
     predicted : sequence of (rows, columns)
     image : (rows, columns)
     mask : (rows, columns) bool
-        Where the image takes part.
+        True where the image is compared.
     reach : int
-        The shifts that are tried: up to so many pixels along each side.
+        Shifts up to so many pixels along each side are tried.
 
     Notes
     -----
-    Pearson's coefficient: a gain or an offset of the image changes nothing. An image or a
-    prediction of one value agrees with nothing: 0.
+    Pearson's coefficient: a gain or an offset of the image changes nothing. A constant image or
+    prediction has the correlation 0.
     """
     if not len(predicted):
         return math.nan
@@ -48,7 +48,7 @@ def agreement(
 
 
 def _largest_correlation(expected: NDArray[np.float64], shown: NDArray[np.floating]) -> float:
-    """Return that of what is expected (predictions, pixels) with what is shown (pixels,)."""
+    """Return the largest correlation of predictions (predictions, pixels) with pixels."""
     expected = expected - expected.mean(axis=1, keepdims=True)
     shown = shown.astype(np.float64)
     shown -= shown.mean()
@@ -58,7 +58,7 @@ def _largest_correlation(expected: NDArray[np.float64], shown: NDArray[np.floati
 
 
 def _overlaps(shape: tuple[int, int], reach: int) -> Iterator[tuple[tuple, tuple]]:
-    """Return what of the prediction lies on what of the image, for each shift."""
+    """Yield the slices of the prediction and of the image that overlap, for each shift."""
     rows, columns = shape
 
     def part(length: int, shift: int) -> slice:

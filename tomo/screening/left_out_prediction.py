@@ -1,4 +1,4 @@
-"""What some of the views say of the others, on few and large pixels and voxels."""
+"""Views predicted from subsets of the other views, on coarse pixels and voxels."""
 
 from __future__ import annotations
 
@@ -19,46 +19,46 @@ from tomo.scan.downsample import Coarser, coarsening
 from tomo.solvers.initial_volume import log_smears
 from tomo.solvers.quick_volume import quick_volume
 
-CROSSINGS = 250_000
-"""About the size of the coarser system."""
+SEGMENTS = 250_000
+"""Segments of the coarse system, about: more take longer and find the same."""
 
 COARSEST = 16
-"""Pixels along an image's shorter side, and voxels along the grid's longest, left at least."""
+"""Least pixels along an image's shorter side, and voxels along the grid's longest."""
 
 ITERATIONS = 4
 BLUR = 1.0
-"""Standard deviation, in large pixels, of the blur before images are compared: the edges of
-single voxels are no part of what is predicted."""
+"""Standard deviation, in coarse pixels, of the blur before images are compared: it removes the
+edges of single voxels."""
 
 DETAIL = 0.5
-"""Standard deviation of the logarithm of what a rehearsal's volume is multiplied by."""
+"""Standard deviation of the logarithm of the random factor on a bootstrap's volume."""
 
 FEW_VIEWS, MANY_VIEWS = 6, 20
-PARTIES = 5
-"""Of many views: so many interleaved parties, an odd number since cameras may alternate."""
+SUBSETS = 5
+"""Interleaved subsets of many views: an odd number, since cameras may alternate."""
 
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """Each view's image, and what several parties of other views predict of it.
+    """Each view's image, and its predictions from several subsets of the other views.
 
-    A wrong view spoils what its own party says, and nothing else.
+    An inconsistent view only affects the predictions of its own subset.
 
     Attributes
     ----------
     images, masks : tuple of (rows, columns)
-        Of large pixels, blurred; the masks are True where a usable pixel sees the grid.
-    parties : tuple of tuple of int
+        On coarse pixels, blurred; the masks are True where a usable pixel sees the grid.
+    subsets : tuple of tuple of int
         The views that each volume was made from.
     predicted : tuple of tuple of (rows, columns) float32
-        For each party what its volume shows in every view.
+        For each subset the projection of its volume into every view.
     factor : int
-        How many pixels a large pixel is wide.
+        Pixels along the side of a coarse pixel.
     """
 
     images: tuple[NDArray[np.float32], ...]
     masks: tuple[NDArray[np.bool_], ...]
-    parties: tuple[tuple[int, ...], ...]
+    subsets: tuple[tuple[int, ...], ...]
     predicted: tuple[tuple[NDArray[np.float32], ...], ...]
     factor: int
     system: LinearSystem
@@ -73,91 +73,91 @@ class Predictions:
         grid: VoxelGrid,
         trusted: int,
     ) -> Self:
-        """Predict all views from parties of the first ``trusted`` ones.
+        """Predict all views from subsets of the first ``trusted`` ones.
 
         Parameters
         ----------
         rig, images, masks, grid
             See `tomo.selfcal.shifts.align_views`.
         trusted : int
-            The views after these are predicted only.
+            The views after these are only predicted.
 
         Raises
         ------
         tomo.operators.system.VolumeNotSeenError
             If no usable pixel sees the grid.
         """
-        factor = coarsening(rig, grid, CROSSINGS, COARSEST)
+        factor = coarsening(rig, grid, SEGMENTS, COARSEST)
         coarse = Coarser.of(rig, images, masks, grid, factor)
         system = LinearSystem.from_rig(coarse.rig, coarse.grid, masks=coarse.masks)
         measured = system.flatten(coarse.images)
         seeing = system.images(np.ones(len(measured), np.float32))
-        parties = parties_of(trusted)
+        subsets = subsets_of(trusted)
         return cls(
             tuple(gaussian_filter(image, BLUR) for image in coarse.images),
             tuple(image > 0 for image in seeing),
-            tuple(parties),
-            _predicted(system, measured, parties),
+            tuple(subsets),
+            _predicted(system, measured, subsets),
             factor,
             system,
             measured,
         )
 
-    def rehearsed(self, views: Sequence[int]) -> Self:
-        """Return the same for images that are certainly right: those of a volume.
+    def bootstrapped(self, views: Sequence[int]) -> Self:
+        """Return the predictions of simulated, consistent images: a parametric bootstrap.
 
-        The volume is made from ``views``, with detail of all directions alike added: its own is
-        what those views could see. Which view is harder to predict than others, at the end of an
-        arc or where none looks from the opposite side, shows here too.
+        The volume is made from ``views`` and multiplied by isotropic random detail, since its own
+        detail is only what those views resolve. A view that is hard to predict, at the end of an
+        arc or without an opposite camera, is hard to predict here too.
         """
         volume = quick_volume(self.system.projector, self.measured, views, iterations=ITERATIONS)
         active = self.system.projector.active
         random = np.random.default_rng(0).standard_normal(active.grid.shape)
         detail = gaussian_filter(random, BLUR)
-        detail /= detail.std() or 1.0  # of a single voxel
+        detail /= detail.std() or 1.0  # a single voxel has none
         volume = volume * np.exp(DETAIL * active.compress(detail))
         shown = np.asarray(self.system.projector @ volume, np.float32)
         return replace(
             self,
             images=tuple(gaussian_filter(image, BLUR) for image in self.system.images(shown)),
-            predicted=_predicted(self.system, shown, self.parties),
+            predicted=_predicted(self.system, shown, self.subsets),
             measured=shown,
         )
 
     def of_view(self, view: int) -> list[NDArray[np.float32]]:
-        """Return what the parties without a view predict of it."""
+        """Return the predictions of a view from the subsets without it."""
         return [
             images[view]
-            for party, images in zip(self.parties, self.predicted, strict=True)
-            if view not in party
+            for subset, images in zip(self.subsets, self.predicted, strict=True)
+            if view not in subset
         ]
 
 
 def _predicted(
-    system: LinearSystem, measured: NDArray[np.float32], parties: Sequence[Sequence[int]]
+    system: LinearSystem, measured: NDArray[np.float32], subsets: Sequence[Sequence[int]]
 ) -> tuple[tuple[NDArray[np.float32], ...], ...]:
-    """Return what each party's volume shows in every view."""
+    """Return the projection of each subset's volume into every view."""
     smears = log_smears(system.projector, measured)
     predicted = []
-    for party in parties:
+    for subset in subsets:
         volume = quick_volume(
-            system.projector, measured, party, iterations=ITERATIONS, smears=smears
+            system.projector, measured, subset, iterations=ITERATIONS, smears=smears
         )
         seen = system.images(system.projector @ volume)
         predicted.append(tuple(gaussian_filter(image, BLUR) for image in seen))
     return tuple(predicted)
 
 
-def parties_of(views: int) -> list[tuple[int, ...]]:
-    """Return parties of views such that each view is predicted by several without a wrong one.
+def subsets_of(views: int) -> list[tuple[int, ...]]:
+    """Return subsets such that several predictions of each view are free of an inconsistent one.
 
-    Few views: all threes. Many: five interleaved parties. Between: one party a view, spread
-    evenly round it.
+    Few views: all triples. Many: five interleaved subsets. Between: one subset a view, spread
+    evenly from it.
     """
     if views <= FEW_VIEWS:
         return list(combinations(range(views), 3))
     if views >= MANY_VIEWS:
-        return [tuple(range(first, views, PARTIES)) for first in range(PARTIES)]
+        return [tuple(range(first, views, SUBSETS)) for first in range(SUBSETS)]
     size = math.ceil(views / 4) + 1
     return [
         tuple(sorted({(first + step * views // size) % views for step in range(size)}))

@@ -238,9 +238,9 @@ class _Judged:
         views = range(len(self.coarse.rig))
         volume = quick_volume(system.projector, measured, views, iterations=2 * ITERATIONS)
         seen = system.images((system.projector @ volume).astype(np.float32))
-        rehearsed = replace(self.coarse, images=tuple(seen))
+        bootstrapped = replace(self.coarse, images=tuple(seen))
         try:
-            of_exact = _Round.of(rehearsed, self.shifts).displacement(rehearsed)
+            of_exact = _Round.of(bootstrapped, self.shifts).displacement(bootstrapped)
         except VolumeNotSeenError:  # an empty volume says nothing of the cameras
             return found
         return replace(found, of_exact=of_exact.pixels)

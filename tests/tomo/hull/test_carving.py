@@ -157,7 +157,7 @@ def test_all_dark_carves_nothing():
     dark = [np.zeros(SIZE[::-1], np.float32)] * 3
     found = carve(tuple(rig), dark, None, GRID)
     assert found.active.all
-    assert "no pixel is surely bright" in found.reason
+    assert "no pixel is certainly bright" in found.reason
     noisy = camera_noise.gaussian([image + 1 for image in dark], 0.5, np.random.default_rng(0))
     assert carve(tuple(rig), [image - 1 for image in noisy], None, GRID).active.all
 
@@ -167,7 +167,7 @@ def test_nothing_dark_carves_nothing():
     bright = [np.ones(SIZE[::-1], np.float32)] * 3
     found = carve(tuple(rig), bright, None, GRID)
     assert found.active.all
-    assert "hardly a voxel is dark" in found.reason
+    assert "hardly any voxel is dark" in found.reason
 
 
 def test_an_infinite_margin_carves_nothing():

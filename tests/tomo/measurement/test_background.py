@@ -1,4 +1,4 @@
-"""An even background is told of with its level; emission and noise are none."""
+"""A uniform background is reported with its level; emission and noise are not."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ import rigs
 from tomo import Scan, VoxelGrid
 from tomo.measurement import background, estimate_noise
 from tomo.pipeline import reconstruct
-from tomo.screening import find_suspects
+from tomo.screening import screen_images
 from tomo.simulation import camera_noise, simulate
 
 GRID = VoxelGrid((20, 40, 20), 1.0)
@@ -72,16 +72,16 @@ def test_dark_and_small_images_say_nothing():
     assert levels([np.zeros((40, 40), np.float32), np.ones((3, 40), np.float32)]) == [0, 0]
 
 
-def test_a_background_is_told_of_in_place_of_light_beside_the_grid():
+def test_a_background_is_reported_in_place_of_light_outside_the_grid():
     made = _made("jet")
     top = max(image.max() for image in made.images.values())
     images = [image + np.float32(0.1 * top) for image in made.images.values()]
     images[2] = images[2] + np.float32(0.1 * top)
     masks = [np.ones(image.shape, bool) for image in images]
-    found = find_suspects(made.rig, images, masks, GRID)
+    found = screen_images(made.rig, images, masks, GRID)
     (warning,) = found.warnings
-    assert warning.startswith("images of 5 of 5 cameras lie on an even background")
-    assert f"that of camera cam02 on {0.2 * top:.3g}" in warning
+    assert warning.startswith("5 of 5 cameras' images have a uniform background")
+    assert f"camera cam02 the highest ({0.2 * top:.3g})" in warning
     assert found.report()["background"]["cam02"] == pytest.approx(0.2 * top, rel=0.02)
 
 
@@ -93,12 +93,12 @@ def test_what_to_do_about_it_stands_first(tmp_path, grid):
     lit = {name: image + np.float32(0.3 * top) for name, image in made.images.items()}
     folder = replace(made, images=lit).save(tmp_path / "scan")
     found = reconstruct(Scan.load(folder), grid, method="mlem", iterations=3, uncertainty=0)
-    told = [line for line in found.warnings if "background, " in line or "calibrate" in line]
-    assert "is it to be subtracted as dark?" in told[0]
-    for line in told[1:]:
+    reported = [line for line in found.warnings if "background, " in line or "calibrate" in line]
+    assert "Subtract it as a dark frame" in reported[0]
+    for line in reported[1:]:
         assert "see to the light that no volume explains first, and if this stays, cal" in line
     if grid is GRID:
-        assert len(told) > 1
+        assert len(reported) > 1
 
 
 @pytest.mark.parametrize("phantom", ["jet", "turbulent"])
@@ -114,8 +114,8 @@ def test_views_are_judged_without_it(phantom):
     for shown, wrong in ((images, ()), (turned, ("cam03",))):
         for share in (0.0, 0.1, 0.3, 1.0):
             lit = [image + np.float32(share * top) for image in shown]
-            found = find_suspects(rig, lit, masks, grid)
-            assert found.left_out == wrong
+            found = screen_images(rig, lit, masks, grid)
+            assert found.excluded == wrong
             agreement = [view.agreement for view in found.views]
             if share == 0:
                 expected = agreement

@@ -1,4 +1,4 @@
-"""Images with too much subtracted as dark are told of, noise however strong is not."""
+"""Images with too much subtracted as dark are reported; noise, however strong, is not."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ import phantoms
 import rigs
 from tomo import VoxelGrid
 from tomo.measurement import below_zero, estimate_noise
-from tomo.screening import find_suspects
+from tomo.screening import screen_images
 from tomo.simulation import camera_noise, simulate
 
 ROWS, COLUMNS = np.mgrid[0:60, 0:50]
@@ -51,15 +51,15 @@ def test_the_camera_that_is_worst_is_named():
     rig = rigs.ring(4, distance=200.0, image_size=(40, 60), footprint=0.5)
     images = list(simulate(rig, phantoms.create("jet", 1, grid.extent), grid).images.values())
     masks = [np.ones(image.shape, bool) for image in images]
-    found = find_suspects(rig, images, masks, grid)
+    found = screen_images(rig, images, masks, grid)
     assert found.below_zero == {}
     assert found.warnings == []
     brightest = max(float(image.max()) for image in images)
     images[1], images[3] = images[1] - 0.02 * brightest, images[3] - 0.05 * brightest
-    found = find_suspects(rig, images, masks, grid)
+    found = screen_images(rig, images, masks, grid)
     assert found.report()["below_zero"] == pytest.approx(
         {"cam01": 0.02 * brightest, "cam03": 0.05 * brightest}, rel=0.02
     )
     (warning,) = found.warnings
     assert warning.startswith("dark regions of 2 of 4 cameras' images lie below zero")
-    assert "most in camera cam03 (by " in warning
+    assert "camera cam03's most (by " in warning

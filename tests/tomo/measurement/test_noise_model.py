@@ -3,7 +3,12 @@ import pytest
 from scipy.optimize import nnls
 
 from tomo.measurement import NoiseModel, estimate_noise
-from tomo.measurement.noise_model import MOST_LEVELS, PIXELS_A_LEVEL, QUARTER_OF_A_NORMAL, ROUNDS
+from tomo.measurement.noise_model import (
+    MOST_LEVELS,
+    PIXELS_A_LEVEL,
+    QUARTER_OF_A_NORMAL,
+    REWEIGHTINGS,
+)
 from tomo.simulation import camera_noise
 
 ROWS, COLUMNS = np.mgrid[0:200, 0:120]
@@ -59,7 +64,7 @@ def test_masked_pixels_have_no_say():
 def line_twin(level, variance):
     """Return the read-out noise and gain of the line, a least-squares fit at a time."""
     level, expected = np.maximum(level, 0), np.full_like(variance, variance.mean())
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTINGS):
         root = 1 / np.maximum(expected, 1e-6 * expected.max())
         columns = np.stack([np.ones_like(level), level], axis=1)
         intercept, slope = nnls(root[:, None] * columns, root * variance)[0]

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from tomo.measurement import NoiseModel, estimate_noise, weigh_pixels
-from tomo.measurement.pixel_weights import EVEN, FINER, LEAST_MISSED
+from tomo.measurement.pixel_weights import EQUAL, FINER, LEAST_MISSED
 
 HEIGHT, WIDTH = 60, 80
 ALL = np.ones((HEIGHT, WIDTH), bool)
@@ -32,10 +32,11 @@ def test_a_weight_is_one_over_the_variance_of_noise_and_of_what_voxels_miss():
     found = weigh_pixels([steps(*levels)], [ALL], [NoiseModel(0.3, 0.2)], [math.nan])
     variances = 0.3**2 + 0.2 * levels + (LEAST_MISSED * 10) ** 2
     assert_allclose(middles(found.images[0], 4), variances[0] / variances, rtol=1e-6)
-    assert found.spread == pytest.approx(variances[3] / variances[0], rel=1e-6)
+    ratio = found.variance_ratio
+    assert found.variance_ratio == pytest.approx(variances[3] / variances[0], rel=1e-6)
     assert found.report() == {
         "used": True,
-        "reason": f"the noisiest pixels have {found.spread:.3g} times the variance of others",
+        "reason": f"the noisiest pixels have {ratio:.3g} times the variance of others",
     }
 
 
@@ -52,7 +53,7 @@ def test_a_noisier_camera_is_worth_less():
 def test_pixels_about_as_noisy_as_each_other_count_alike(gain):
     found = weigh_pixels([steps(0.0, 1.0)], [ALL], [NoiseModel(0.1, gain)], [3.0])
     assert found.images is None
-    assert 1 <= found.spread < EVEN
+    assert 1 <= found.variance_ratio < EQUAL
     assert not found.report()["used"]
 
 
@@ -94,7 +95,7 @@ def test_noise_is_not_taken_for_what_voxels_miss(width, across):
 def test_the_coarser_the_voxels_the_more_alike_all_pixels_count():
     model, spreads = [NoiseModel(0.0, 0.002)], []
     for across in (1.0, 4.0, 16.0):
-        spreads.append(weigh_pixels([flame(4)], [ALL], model, [across]).spread)
+        spreads.append(weigh_pixels([flame(4)], [ALL], model, [across]).variance_ratio)
     assert spreads == sorted(spreads, reverse=True)
     assert spreads[0] > 3 * spreads[-1]
 
@@ -102,10 +103,12 @@ def test_the_coarser_the_voxels_the_more_alike_all_pixels_count():
 def test_unusable_pixels_say_nothing_of_those_around_them():
     image, mask = steps(1.0, 5.0), ALL.copy()
     mask[20:40, 10:30] = False
-    wild = np.where(mask, image, 1e6)
-    wild[25, 15] = np.nan
+    spoilt = np.where(mask, image, 1e6)
+    spoilt[25, 15] = np.nan
     model = [NoiseModel(0.0, 1.0)]
-    found, clean = (weigh_pixels([each], [mask], model, [4.0]).images[0] for each in (wild, image))
+    found, clean = (
+        weigh_pixels([each], [mask], model, [4.0]).images[0] for each in (spoilt, image)
+    )
     assert_array_equal(found, clean)
     far = np.arange(WIDTH) < 30  # of the brighter half
     assert_allclose(found[:, far], found[0, 0], rtol=1e-6)
@@ -123,4 +126,4 @@ def test_brightness_does_not_matter(scale):
 def test_dark_images_and_none_to_use_count_alike(mask):
     found = weigh_pixels([np.zeros((HEIGHT, WIDTH))], [mask], [NoiseModel(0.0)], [3.0])
     assert found.images is None
-    assert found.spread == 1
+    assert found.variance_ratio == 1

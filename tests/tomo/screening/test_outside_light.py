@@ -1,4 +1,4 @@
-"""Light beside the grid is told of with its share; noise, blur and dark images are no reason."""
+"""Light from outside the grid is reported; noise, blur and dark images are not taken for it."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ import phantoms
 import rigs
 from tomo import VoxelGrid
 from tomo.measurement import estimate_noise
-from tomo.screening import find_suspects, light_beside
+from tomo.screening import light_outside, screen_images
 from tomo.simulation import camera_noise, simulate
 
 GRID = VoxelGrid((20, 40, 20), 1.0, (2.0, -1.0, 0.5))
@@ -30,7 +30,7 @@ def seen():
 def shares(rig, images, grid, masks=None):
     masks = masks or [np.ones(image.shape, bool) for image in images]
     noises = [estimate_noise(i, m) for i, m in zip(images, masks, strict=True)]
-    return light_beside(list(rig), images, masks, noises, grid)
+    return light_outside(list(rig), images, masks, noises, grid)
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1])
@@ -76,9 +76,9 @@ def test_small_images_are_judged_too():
 def test_too_small_a_grid_is_told_of_before_all_else(seen):
     rig, images = seen
     masks = [np.ones(image.shape, bool) for image in images]
-    assert find_suspects(rig, images, masks, GRID).warnings == []
+    assert screen_images(rig, images, masks, GRID).warnings == []
     low = VoxelGrid((20, 28, 20), 1.0, (2.0, 5.0, 0.5))
-    found = find_suspects(rig, images, masks, low)
-    assert "lies beside the grid" in found.warnings[0]
-    assert found.report()["light_beside_grid"] == found.beside
-    assert f"{max(found.beside.values()):.0%}" in found.warnings[0]
+    found = screen_images(rig, images, masks, low)
+    assert "comes from outside the grid" in found.warnings[0]
+    assert found.report()["light_outside_grid"] == found.outside
+    assert f"{max(found.outside.values()):.0%}" in found.warnings[0]

@@ -1,4 +1,4 @@
-"""Wrong views are told from honest ones, by the others' predictions alone."""
+"""Inconsistent views are found by the predictions from the others alone."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,9 +9,9 @@ import pytest
 import phantoms
 import rigs
 from tomo import VoxelGrid
-from tomo.screening import find_suspects, judge_views
+from tomo.screening import check_consistency, screen_images
 from tomo.screening.agreement import agreement
-from tomo.screening.left_out_prediction import parties_of
+from tomo.screening.left_out_prediction import subsets_of
 from tomo.simulation import simulate
 from tomo.simulation.effects import Effects
 
@@ -32,7 +32,7 @@ def case(request):
 
 def named(rig, images):
     masks = [np.isfinite(image) for image in images]
-    return {v.name: v.looks for v in judge_views(rig, images, masks, GRID) if v.wrong}
+    return {v.name: v.looks for v in check_consistency(rig, images, masks, GRID) if v.inconsistent}
 
 
 def test_honest_views_stay(case):
@@ -126,10 +126,10 @@ def test_the_ends_of_an_arc_are_no_reason(n_views):
 def test_few_views_and_dark_ones_are_not_judged():
     case = seen(4)
     masks = [np.isfinite(image) for image in case.images]
-    assert judge_views(case.rig, case.images, masks, GRID) == ()
+    assert check_consistency(case.rig, case.images, masks, GRID) == ()
     case = seen(7)
     dark = [np.zeros_like(image) for image in case.images]
-    assert judge_views(case.rig, dark, [np.isfinite(i) for i in dark], GRID) == ()
+    assert check_consistency(case.rig, dark, [np.isfinite(i) for i in dark], GRID) == ()
 
 
 @pytest.mark.filterwarnings("error")
@@ -138,8 +138,8 @@ def test_so_few_pixels_that_nothing_can_be_said_are_no_reason(shape):
     rig = rigs.ring(7, distance=300.0, image_size=(6, 6), footprint=0.5)
     images = [np.random.default_rng(n).random((6, 6), np.float32) for n in range(7)]
     masks = [np.isfinite(image) for image in images]
-    found = judge_views(rig, images, masks, VoxelGrid(shape, 1.0))
-    assert not any(view.wrong for view in found)
+    found = check_consistency(rig, images, masks, VoxelGrid(shape, 1.0))
+    assert not any(view.inconsistent for view in found)
 
 
 def test_a_camera_that_sees_nothing_of_it_is_not_judged():
@@ -157,44 +157,44 @@ def test_where_most_contradict_each_other_none_is_left_out():
     assert named(case.rig, images) == {}
 
 
-def test_a_view_held_out_is_judged_and_judges_nobody():
+def test_a_held_out_view_is_tested_and_tests_no_other():
     case = seen(12)
     images = list(case.images)
     images[11] = np.ascontiguousarray(images[11][::-1])
     masks = [np.isfinite(image) for image in images]
     training = replace(case.rig, cameras=case.rig.cameras[:11])
     beside = (replace(case.rig, cameras=case.rig.cameras[11:]), images[11:], masks[11:])
-    found = find_suspects(training, images[:11], masks[:11], GRID, held_out=beside)
-    assert found.left_out == ()
-    assert [view.name for view in found.views if view.wrong] == [case.rig.names[11]]
+    found = screen_images(training, images[:11], masks[:11], GRID, held_out=beside)
+    assert found.excluded == ()
+    assert [view.name for view in found.views if view.inconsistent] == [case.rig.names[11]]
     assert found.warnings[0].startswith(f"camera {case.rig.names[11]}: ")
     assert "held out" in found.warnings[0]
 
 
-def test_wild_pixels_are_no_reason_to_doubt_a_view_held_out():
+def test_outlier_pixels_do_not_make_a_held_out_view_inconsistent():
     case = seen(12)
     images, masks = list(case.images), [np.isfinite(image) for image in case.images]
-    wild = np.random.default_rng(0).random(images[11].shape) < 0.01
-    images[11] = np.where(wild, 30 * images[11].max(), images[11]).astype(np.float32)
+    outliers = np.random.default_rng(0).random(images[11].shape) < 0.01
+    images[11] = np.where(outliers, 30 * images[11].max(), images[11]).astype(np.float32)
     training = replace(case.rig, cameras=case.rig.cameras[:11])
     beside = (replace(case.rig, cameras=case.rig.cameras[11:]), images[11:], masks[11:])
-    found = find_suspects(training, images[:11], masks[:11], GRID, held_out=beside)
-    assert not any(view.wrong for view in found.views)
-    assert found.wild[case.rig.names[11]] > 0.9 * np.count_nonzero(wild)
+    found = screen_images(training, images[:11], masks[:11], GRID, held_out=beside)
+    assert not any(view.inconsistent for view in found.views)
+    assert found.outliers[case.rig.names[11]] > 0.9 * np.count_nonzero(outliers)
 
 
 def test_the_same_bits_again(case):
     masks = [np.isfinite(image) for image in case.images]
-    first, again = (judge_views(case.rig, case.images, masks, GRID) for _ in range(2))
+    first, again = (check_consistency(case.rig, case.images, masks, GRID) for _ in range(2))
     assert first == again
 
 
 @pytest.mark.parametrize("n_views", [5, 6, 7, 11, 12, 19, 20, 33])
 def test_a_wrong_view_leaves_every_other_a_party_without_both(n_views):
-    parties = parties_of(n_views)
+    subsets = subsets_of(n_views)
     for view in range(n_views):
         for wrong in set(range(n_views)) - {view}:
-            assert any(view not in party and wrong not in party for party in parties)
+            assert any(view not in subset and wrong not in subset for subset in subsets)
 
 
 def test_agreement_knows_neither_gain_nor_offset_nor_a_small_shift():

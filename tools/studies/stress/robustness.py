@@ -26,7 +26,7 @@ from studies.stress.robustness_scene import (
 )
 from studies.stress.row import COLUMNS, Row, measured, worst_of
 from tomo.pipeline import Reconstruction
-from tomo.screening import find_suspects
+from tomo.screening import screen_images
 from tomo.simulation.effects import Effects
 
 __all__ = ["COLUMNS", "run"]
@@ -160,7 +160,7 @@ class _Measured:
         self.errors[kind].append((where, times))
         self.cosines[kind] = max(self.cosines[kind], cosine)
         faults = self.faults[kind]
-        if bad_pixels and not any("contradict their neighbours" in w for w in outcome.warnings):
+        if bad_pixels and not any("of the pixels are outliers" in w for w in outcome.warnings):
             faults.append(f"{where}: no warning")
         if wrong is not None:
             faults += [f"{where}: {fault}" for fault in _not_as_named(outcome, wrong)]
@@ -188,9 +188,9 @@ def _right(
             one = scene(flame, seed, shrink, RIGHT[what])
             for name, rig, images in _variants(one, what, seed):
                 masks = [np.ones(image.shape, bool) for image in images]
-                found = find_suspects(rig, images, masks, one.grid)
-                alarms += [f"{flame}, {name}: {camera}" for camera in found.left_out]
-                bad_ones += sum(found.wild.values())
+                found = screen_images(rig, images, masks, one.grid)
+                alarms += [f"{flame}, {name}: {camera}" for camera in found.excluded]
+                bad_ones += sum(found.outliers.values())
                 pixels += sum(found.usable.values())
                 judged += 1
     over = f"{judged} sets: " + ", ".join([*whats, "noise", "3 px off", "5 and 11 views"])
