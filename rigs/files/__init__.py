@@ -5,7 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "folders": ["atomic_path", "remove_leftovers", "whole_folder"],
+        "atomic": ["atomic_path", "remove_leftovers", "whole_folder"],
         "rig_yaml": ["load_rig", "preset", "preset_names", "save_rig"],
     },
 )

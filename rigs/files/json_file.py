@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rigs.files.folders import atomic_path
+from rigs.files.atomic import atomic_path
 
 
 def plain(value: Any, digits: int | None = None) -> Any:
