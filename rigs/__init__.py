@@ -10,9 +10,10 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submodules=["formats"],
     submod_attrs={
         "camera": ["Camera", "look_at"],
-        "check": ["Coverage", "check_rig", "compare_rigs"],
+        "camera_protocol": ["CameraLike"],
+        "check": ["Coverage", "check_rig", "compare_rigs", "ray_distances", "ray_miss"],
         "files": ["load_rig", "preset", "preset_names", "save_rig"],
-        "geometry": ["box_points", "image_motion", "nearest_point", "ray_distances", "ray_miss"],
+        "geometry": ["box_points", "image_motion", "nearest_point", "point_in_view"],
         "layouts": ["arc", "ring"],
         "lens": ["Distortion"],
         "optics": ["Optics"],

@@ -124,7 +124,7 @@ class Camera:
         """Whether straight lines have straight images: there is no distortion."""
         return self.distortion.model != "fisheye" and not any(self.distortion.coefficients)
 
-    #: No point has two images.
+    has_lens_model = True
     sees_once = True
 
     @property
@@ -223,6 +223,22 @@ class Camera:
         t = numbers(t, (3,), f"camera {self.name}: motion t")
         turned = self.R @ R.T
         return replace(self, R=turned, t=self.t - turned @ t)
+
+    def with_lengths_scaled(self, factor: float) -> Camera:
+        """Return the camera of a world whose lengths are ``factor`` times as large."""
+        optics = self.optics and self.optics.with_lengths_scaled(factor)
+        return replace(self, t=self.t * factor, optics=optics)
+
+
+def pinhole_matrix(
+    image_size: tuple[int, int],
+    fx: float,
+    fy: float,
+    principal_point: tuple[float, float] | None = None,
+) -> list[list[float]]:
+    """Return a camera matrix, in pixels; the principal point is the image's middle if None."""
+    cx, cy = principal_point or ((image_size[0] - 1) / 2, (image_size[1] - 1) / 2)
+    return [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
 
 
 def look_at(

@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.camera import Camera, look_at
-from rigs.files.rig_yaml import pinhole_matrix
+from rigs.camera import Camera, look_at, pinhole_matrix
 from rigs.rig import Rig, Volume
 
 UP = (0.0, 1.0, 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 
 @dataclass(frozen=True)
@@ -47,3 +47,8 @@ class Optics:
                     f"optics.{field.name}: found {found!r}, expected a positive number"
                 )
             object.__setattr__(self, field.name, value)
+
+    def with_lengths_scaled(self, factor: float) -> Optics:
+        """Return the figures of a world whose lengths are ``factor`` times as large."""
+        lengths = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "f_number"}
+        return replace(self, **{name: x and x * factor for name, x in lengths.items()})

@@ -11,10 +11,9 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.camera import Camera
-from rigs.geometry import box_points
+from rigs.camera_protocol import CameraLike
+from rigs.geometry.points import box_points
 from rigs.geometry.rotation import numbers, rotation
-from rigs.ray_table import RayTable
 
 
 @dataclass(frozen=True)
@@ -64,9 +63,17 @@ class Volume:
         shape, spacing = np.abs(turn) @ self.shape, np.abs(turn) @ self.spacing
         return Volume(tuple(shape), tuple(spacing), tuple(R @ self.center + t))
 
+    def with_lengths_scaled(self, factor: float) -> Volume:
+        """Return the box of a world whose lengths are ``factor`` times as large."""
+        return Volume(
+            self.shape,
+            tuple(length * factor for length in self.spacing),
+            tuple(length * factor for length in self.center),
+        )
+
 
 @dataclass(frozen=True)
-class Rig(Sequence[Camera | RayTable]):
+class Rig(Sequence[CameraLike]):
     """Cameras in order: ``rig[3]`` and ``rig["cam03"]`` are cameras, ``rig[0::3]`` is a rig.
 
     Parameters
@@ -88,7 +95,7 @@ class Rig(Sequence[Camera | RayTable]):
         If a name stands twice, or a field is of the wrong kind.
     """
 
-    cameras: tuple[Camera | RayTable, ...]
+    cameras: tuple[CameraLike, ...]
     length_unit: str = "mm"
     world_frame: str = ""
     volume: Volume | None = None
@@ -99,7 +106,7 @@ class Rig(Sequence[Camera | RayTable]):
         cameras = tuple(self.cameras)
         names = set()
         for index, camera in enumerate(cameras):
-            if not isinstance(camera, (Camera, RayTable)):
+            if not all(hasattr(type(camera), name) for name in ("project", "rays")):
                 raise ValueError(f"rig cameras[{index}]: found {camera!r}, expected a Camera")
             if camera.name in names:
                 raise ValueError(
@@ -121,7 +128,7 @@ class Rig(Sequence[Camera | RayTable]):
     def __len__(self) -> int:
         return len(self.cameras)
 
-    def __iter__(self) -> Iterator[Camera]:
+    def __iter__(self) -> Iterator[CameraLike]:
         return iter(self.cameras)
 
     def __contains__(self, item: object) -> bool:
@@ -129,12 +136,12 @@ class Rig(Sequence[Camera | RayTable]):
         return item in self.names if isinstance(item, str) else item in self.cameras
 
     @overload
-    def __getitem__(self, key: int | str) -> Camera: ...
+    def __getitem__(self, key: int | str) -> CameraLike: ...
 
     @overload
     def __getitem__(self, key: slice) -> Rig: ...
 
-    def __getitem__(self, key: int | str | slice) -> Camera | Rig:
+    def __getitem__(self, key: int | str | slice) -> CameraLike | Rig:
         """Return a camera by number or name, or the rig of a slice of the cameras."""
         if isinstance(key, slice):
             return replace(self, cameras=self.cameras[key])

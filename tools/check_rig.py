@@ -26,7 +26,7 @@ from _picture import check_outputs
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from rigs.check.rig_check import RigCheck
+    from rigs.check.result import RigCheck
     from tomo.operators.timing import Effort
 
 from _usage import OneLineUsage
@@ -202,7 +202,7 @@ def _tell(level: str, cameras: tuple[str, ...], text: str) -> None:
 
 def _costs(need: object, effort: Effort | None, iterations: int, why: str) -> str:
     """Return memory and time in words."""
-    from rigs.check.rig_check import short
+    from rigs.check.result import short
 
     told = f"{need.voxels:,} voxels, {need.rays:,} rays, {need.segments:,} crossings, "
     told += f"about {need.nbytes / 1e9:.2g} GB"

@@ -7,7 +7,6 @@ from collections.abc import Collection, Mapping
 from numpy.typing import ArrayLike
 
 from rigs.calibrate.adjust.lens_choice import TERMS
-from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
 
@@ -44,7 +43,7 @@ def check_asked(
     for name in cameras if intrinsics is not None else ():
         if name not in intrinsics:
             raise ValueError(f"intrinsics: camera {name}: not in the rig, expected its lens")
-        if isinstance(intrinsics[name], RayTable):
+        if not intrinsics[name].has_lens_model:
             raise ValueError(f"intrinsics: camera {name}: found a table of rays, expected a lens")
     if rescale and not isinstance(world, Mapping):
         raise ValueError("rescale: found True, expected world to give positions to scale by")

@@ -7,6 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "compare": ["compare_rigs"],
         "coverage": ["Coverage"],
+        "lines_of_sight": ["ray_distances", "ray_miss"],
         "rig_check": ["check_rig"],
     },
 )

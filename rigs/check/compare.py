@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.camera import Camera
+from rigs.camera_protocol import CameraLike
+from rigs.check.lines_of_sight import ray_distances
 from rigs.files.units import in_unit
-from rigs.geometry import ray_distances
 from rigs.rig import Rig
 
 _LATTICE = 25  # points along an image's longer side at which lenses are compared
@@ -143,7 +143,7 @@ def compare_rigs(
     )
 
 
-def _motion(one: list[Camera], other: list[Camera]) -> tuple[NDArray, NDArray, float]:
+def _motion(one: list[CameraLike], other: list[CameraLike]) -> tuple[NDArray, NDArray, float]:
     """Return R, t of ``x_one = R x_other + t``, and how much larger the first is."""
     positions = [np.array([camera.position for camera in some]) for some in (one, other)]
     arm = _spread(positions[0]) or 1.0
@@ -159,7 +159,7 @@ def _motion(one: list[Camera], other: list[Camera]) -> tuple[NDArray, NDArray, f
     return R, middles[0] - R @ middles[1], _scale(one, other)
 
 
-def _scale(one: list[Camera], other: list[Camera]) -> float:
+def _scale(one: list[CameraLike], other: list[CameraLike]) -> float:
     """Return how much farther from their middle the first cameras stand; NaN for a single one."""
     first, second = (_spread(np.array([c.position for c in some])) for some in (one, other))
     return first / second if first > 0 and second > 0 else math.nan
@@ -170,7 +170,7 @@ def _spread(positions: NDArray) -> float:
     return float(np.sqrt(((positions - positions.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
-def _difference(one: Camera, other: Camera, miss: float) -> CameraDifference:
+def _difference(one: CameraLike, other: CameraLike, miss: float) -> CameraDifference:
     focal = [math.sqrt(c.camera_matrix[0, 0] * c.camera_matrix[1, 1]) for c in (one, other)]
     lens, distortion = _lenses(one, other)
     return CameraDifference(
@@ -184,11 +184,9 @@ def _difference(one: Camera, other: Camera, miss: float) -> CameraDifference:
     )
 
 
-def _lenses(one: Camera, other: Camera) -> tuple[float, float]:
+def _lenses(one: CameraLike, other: CameraLike) -> tuple[float, float]:
     """Return by how many pixels whole lens and distortion differ, RMS over the image."""
-    if one.image_size != other.image_size or not all(
-        isinstance(camera, Camera) for camera in (one, other)
-    ):
+    if one.image_size != other.image_size or not (one.has_lens_model and other.has_lens_model):
         return math.nan, math.nan
     width, height = one.image_size
     columns = np.linspace(-0.5, width - 0.5, _LATTICE)

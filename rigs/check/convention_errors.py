@@ -68,7 +68,7 @@ def find_slips(rig: Rig, points: ArrayLike, voxel: float) -> tuple[Slip, ...]:
     cameras = tuple(
         camera
         for camera, is_wrong in zip(rig, wrong, strict=True)
-        if is_wrong and isinstance(camera, Camera)  # a table of rays has no pose to slip
+        if is_wrong and camera.has_lens_model  # stored rays have no pose that could be mistaken
     )
     if not cameras:
         return ()

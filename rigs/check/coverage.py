@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.camera import Camera
-from rigs.check.angular_gap import largest_gap
-from rigs.geometry import image_motion
-from rigs.ray_table import RayTable
+from rigs.camera_protocol import CameraLike
+from rigs.check.angular_gap import angles_between, largest_gap
+from rigs.check.lines_of_sight import expected_ray_miss
+from rigs.geometry.points import image_motion
 from rigs.rig import Rig
 
 PIXEL_ACCURACY = 0.2
@@ -77,6 +77,14 @@ class Coverage:
             median[some] = np.nanmedian(self.footprint[:, some], axis=0)
         return median
 
+    def angles_to_middle(self) -> NDArray[np.float64]:
+        """Return the angles in degrees between lines from cameras to the points' mean, ``(C, C)``.
+
+        See `rigs.check.angular_gap.angles_between`.
+        """
+        away = self.points.mean(axis=0) - np.array([camera.position for camera in self.rig])
+        return angles_between(away)
+
 
 def coverage(
     rig: Rig, points: ArrayLike, *, pixel_accuracy: ArrayLike = PIXEL_ACCURACY
@@ -141,32 +149,7 @@ def coverage(
     return Coverage(rig, points, seen, directions, footprint, blur, gap, normal, miss)
 
 
-def expected_ray_miss(
-    directions: NDArray[np.float64], error: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the expected ray-miss of lines with known errors, see `coverage`, ``(N,)``.
-
-    Parameters
-    ----------
-    directions : (N, C, 3) float64
-        Unit vectors along the lines.
-    error : (N, C) float64
-        RMS displacement of each line along each direction across it, in lengths; NaN where
-        there is no line.
-    """
-    there = np.isfinite(error)
-    variance = np.where(there, error, 0.0) ** 2  # (N, C)
-    across = np.eye(3) - directions[..., :, None] * directions[..., None, :]  # (N, C, 3, 3)
-    across = across * there[..., None, None]
-    inverse = np.linalg.pinv(across.sum(axis=1), rcond=1e-9, hermitian=True)
-    weighted = (across * variance[..., None, None]).sum(axis=1)
-    total = 2 * variance.sum(axis=1) - np.einsum("nij,nji->n", inverse, weighted)
-    count = there.sum(axis=1)
-    miss = np.sqrt(np.maximum(total, 0) / np.maximum(count, 1))
-    return np.where(count >= 2, miss, np.nan)
-
-
-def _view(camera: Camera, points: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+def _view(camera: CameraLike, points: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Return of each point its line of sight, whether it is in the image, pixel size and blur."""
     uv, depth, _ = camera.project(points)
     seen = camera.inside(uv)
@@ -177,7 +160,7 @@ def _view(camera: Camera, points: NDArray) -> tuple[NDArray, NDArray, NDArray, N
     lines = away / np.maximum(distance, 1e-300)  # (N, 3)
     if not seen.any():
         return lines, seen, footprint, blur
-    if isinstance(camera, RayTable):  # its rays need not come from one place
+    if not camera.has_lens_model:  # stored rays need not come from one place
         origins, lines[seen] = camera.rays(uv[seen])
         distance[seen, 0] = np.linalg.norm(points[seen] - origins, axis=1)
     along, distance = lines[seen], distance[seen]

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.camera import Camera
 from rigs.check.angular_gap import new_view
 from rigs.check.convention_errors import find_slips
-from rigs.check.rig_check import Finding, angles_to_middle, short, slip_points
-
-if TYPE_CHECKING:
-    from rigs.check.rig_check import RigCheck
+from rigs.check.result import Finding, RigCheck, short
+from rigs.geometry.points import evenly_spread
 
 _LEVELS = ("fault", "warning", "note")
 _AXES = "xyz"
+_CONVENTION_POINTS = 60  # of the volume, at which units and conventions are tried
 _WIDE_GAP = 35.0  # degrees: angles alone tell apart little below two thirds of the width
 
 
@@ -51,7 +48,9 @@ def findings(check: RigCheck) -> tuple[Finding, ...]:
 def _slips(check: RigCheck) -> Iterator[Finding]:
     """Tell units and conventions mixed up, and cameras upside down against the others."""
     rig = check.coverage.rig
-    for slip in find_slips(rig, slip_points(check.coverage), check.voxel):
+    points = check.coverage.points
+    points = points[evenly_spread(len(points), _CONVENTION_POINTS)]
+    for slip in find_slips(rig, points, check.voxel):
         yield Finding("fault", slip.text, slip.cameras)
     down = np.array([camera.R[1] for camera in rig])
     most = down.sum(axis=0)
@@ -68,7 +67,7 @@ def _slips(check: RigCheck) -> Iterator[Finding]:
 def _lenses(check: RigCheck) -> Iterator[Finding]:
     """Tell camera matrices that do not belong to their images."""
     for camera, figures in zip(check.coverage.rig, check.cameras, strict=True):
-        if not isinstance(camera, Camera):  # a table of rays has none
+        if not camera.has_lens_model:
             continue
         size = np.array(camera.image_size)
         fx, fy = camera.camera_matrix[0, 0], camera.camera_matrix[1, 1]
@@ -201,7 +200,7 @@ def _gaps(check: RigCheck) -> Iterator[Finding]:
 def _repeats(check: RigCheck) -> Iterator[Finding]:
     """Tell cameras whose lines of sight another one has already."""
     rig = check.coverage.rig
-    angles = angles_to_middle(check.coverage)
+    angles = check.coverage.angles_to_middle()
     limit = min(0.1 * 180.0 / len(rig), 2.0)
     told = set()
     pairs = []

@@ -10,7 +10,8 @@ from typing import Any
 
 import yaml
 
-from rigs.camera import Camera, look_at
+from rigs.camera import Camera, look_at, pinhole_matrix
+from rigs.camera_protocol import CameraLike
 from rigs.files.schema import CameraEntry, RigEntry, parse_rig
 from rigs.files.text import breaks_a_line, read_yaml_mapping, write_text
 from rigs.lens import Distortion
@@ -125,7 +126,7 @@ def _rig(entry: RigEntry, folder: Path) -> Rig:
     return Rig(cameras, entry.length_unit, entry.world_frame, volume, entry.calibration)
 
 
-def _camera(entry: CameraEntry, folder: Path) -> Camera | RayTable:
+def _camera(entry: CameraEntry, folder: Path) -> CameraLike:
     """Return the camera of a checked entry."""
     if entry.ray_table is not None:
         return _ray_table(entry, folder)
@@ -194,17 +195,6 @@ def _intrinsics(entry: CameraEntry) -> Any:
     )
 
 
-def pinhole_matrix(
-    image_size: tuple[int, int],
-    fx: float,
-    fy: float,
-    principal_point: tuple[float, float] | None = None,
-) -> list[list[float]]:
-    """Return a camera matrix, in pixels; the principal point is the image's middle if None."""
-    cx, cy = principal_point or ((image_size[0] - 1) / 2, (image_size[1] - 1) / 2)
-    return [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
-
-
 def _pose(entry: CameraEntry) -> tuple[Any, Any]:
     """Return ``R`` and ``t``, as given or from where the camera stands and looks."""
     groups = (("R", "t"), ("position", "look_at", "up"))
@@ -220,7 +210,7 @@ def _pose(entry: CameraEntry) -> tuple[Any, Any]:
     return entry.R, entry.t
 
 
-def _camera_data(camera: Camera | RayTable, stem: str) -> dict[str, Any]:
+def _camera_data(camera: CameraLike, stem: str) -> dict[str, Any]:
     """Return a camera's plain data, in the order of the file."""
     if isinstance(camera, RayTable):
         data = {"name": camera.name, "ray_table": _table_name(camera, stem)}
@@ -239,7 +229,7 @@ def _camera_data(camera: Camera | RayTable, stem: str) -> dict[str, Any]:
     return data | _last_data(camera)
 
 
-def _last_data(camera: Camera | RayTable) -> dict[str, Any]:
+def _last_data(camera: CameraLike) -> dict[str, Any]:
     """Return the entries that all cameras end with."""
     if camera.optics is None:
         return {"status": camera.status}

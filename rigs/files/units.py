@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
-from rigs.camera import Camera
-from rigs.ray_table import RayTable
-from rigs.rig import Rig, Volume
+from rigs.rig import Rig
 
 #: In metres.
 _METRES = {
@@ -49,9 +47,9 @@ def in_unit(rig: Rig, unit: str) -> Rig:
     factor = _METRES[rig.length_unit] / _METRES[unit]
     return replace(
         rig,
-        cameras=tuple(_scaled(camera, factor) for camera in rig),
+        cameras=tuple(camera.with_lengths_scaled(factor) for camera in rig),
         length_unit=unit,
-        volume=rig.volume and _scaled_volume(rig.volume, factor),
+        volume=rig.volume and rig.volume.with_lengths_scaled(factor),
         calibration=calibration,
     )
 
@@ -79,23 +77,3 @@ def _lengths_scaled(data: Any, factor: float, is_length: bool = False) -> Any:
         return [_lengths_scaled(value, factor, is_length) for value in data]
     is_number = isinstance(data, int | float) and not isinstance(data, bool)
     return data * factor if is_length and is_number else data
-
-
-def _scaled(camera: Camera | RayTable, factor: float) -> Camera | RayTable:
-    """Return the camera of a world whose lengths are ``factor`` times as large."""
-    optics = camera.optics
-    if optics is not None:
-        lengths = {f.name: getattr(optics, f.name) for f in fields(optics) if f.name != "f_number"}
-        optics = replace(optics, **{k: v and v * factor for k, v in lengths.items()})
-    if isinstance(camera, RayTable):
-        return replace(camera, origins=camera.own_origins * factor, optics=optics)
-    return replace(camera, t=camera.t * factor, optics=optics)
-
-
-def _scaled_volume(volume: Volume, factor: float) -> Volume:
-    """Return the box of a world whose lengths are ``factor`` times as large."""
-    return Volume(
-        volume.shape,
-        tuple(length * factor for length in volume.spacing),
-        tuple(length * factor for length in volume.center),
-    )

@@ -8,7 +8,6 @@ import numpy as np
 
 from rigs.camera import Camera
 from rigs.lens import Distortion
-from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
 #: OpenCV's vector of coefficients, by its length.
@@ -35,7 +34,7 @@ def from_vector(coefficients: Sequence[float], fisheye: bool, what: str) -> Dist
 def refuse_tables(rig: Rig, format_name: str) -> None:
     """Raise if a camera is a table of rays, which foreign formats cannot say."""
     for camera in rig:
-        if isinstance(camera, RayTable):
+        if not camera.has_lens_model:
             raise ValueError(
                 f"camera {camera.name}: ray_table: found a table of rays, "
                 f"which {format_name} lacks"

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera import Camera
+from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_yaml_mapping, shortened
 from rigs.formats._image_size import check_table_size
 from rigs.formats._sphere_models import PARAMETERS, directions
@@ -90,7 +91,7 @@ def _link(found: object) -> NDArray[np.float64]:
     return motion
 
 
-def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> Camera | RayTable:
+def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> CameraLike:
     """Return the camera of an entry at a pose ``(4, 4)``."""
     with errors_of(f"camera {name}"):
         model = required(entry, "camera_model")

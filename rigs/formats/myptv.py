@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera import Camera
+from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_text
 from rigs.formats._image_size import check_table_size, required_size
 from rigs.formats._values import (
@@ -100,7 +101,7 @@ def _count_of_numbers(line: str) -> int:
         return -1
 
 
-def _camera(text: str, image_size: tuple[int, int] | None) -> Camera | RayTable:
+def _camera(text: str, image_size: tuple[int, int] | None) -> CameraLike:
     """Return the camera of a file."""
     lines, size_line = _untagged(text.strip("\n").split("\n"))
     if lines[0].startswith(_OTHER_MODEL):

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera import Camera
+from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_text
 from rigs.formats._image_size import check_table_size
 from rigs.formats._values import as_count, as_number, errors_of, errors_of_file, numbers_of_line
@@ -125,7 +126,7 @@ def _read_project(file: Path) -> _Project:
     return _Project(tuple(images), size, (values["pix_x"], values["pix_y"]))
 
 
-def _read_camera(file: Path, project: _Project) -> Camera | RayTable:
+def _read_camera(file: Path, project: _Project) -> CameraLike:
     """Return the camera of an ``.ori`` and, where there is one, the ``.addpar`` beside it."""
     names = (*_EXTERIOR, *_TURN, *_INTERIOR, *_GLASS)
     with errors_of_file(file):
@@ -144,7 +145,7 @@ def _read_camera(file: Path, project: _Project) -> Camera | RayTable:
 
 def _camera(
     name: str, values: dict[str, float], lens: dict[str, float], project: _Project
-) -> Camera | RayTable:
+) -> CameraLike:
     """Return the camera of a file's values."""
     cc = as_number(values["cc"], "cc")
     if not cc > 0:

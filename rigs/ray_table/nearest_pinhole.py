@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.geometry import nearest_point
+from rigs.geometry.rays import nearest_point
 
 _SAMPLES = 64  # rays along each side of an image
 _PARALLEL = 1e-9  # certainty a ray of the point nearest to all, below which rays are parallel

@@ -154,6 +154,7 @@ class RayTable:
     def __hash__(self) -> int:
         return hash(self._values)
 
+    has_lens_model = False
     is_pinhole = False
 
     @cached_property
@@ -299,6 +300,11 @@ class RayTable:
         R = rotation(R, f"camera {self.name}: motion R")
         t = numbers(t, (3,), f"camera {self.name}: motion t")
         return replace(self, origins=self.own_origins @ R.T + t, directions=self.directions @ R.T)
+
+    def with_lengths_scaled(self, factor: float) -> RayTable:
+        """Return the camera of a world whose lengths are ``factor`` times as large."""
+        optics = self.optics and self.optics.with_lengths_scaled(factor)
+        return replace(self, origins=self.own_origins * factor, optics=optics)
 
     @property
     def own_origins(self) -> NDArray[np.float64]:

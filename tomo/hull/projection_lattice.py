@@ -96,7 +96,7 @@ def _projected(cameras: Sequence[Camera], points: NDArray[np.float64]) -> NDArra
     for view, camera in enumerate(cameras):
         if not camera.sees_once:  # a camera with several images of a point carves nothing
             continue
-        if getattr(camera, "is_pinhole", False):
+        if camera.is_pinhole:
             pinholes.append(view)
             matrices.append(camera.camera_matrix @ np.column_stack([camera.R, camera.t]))
             continue

@@ -10,8 +10,7 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from rigs import Rig, image_motion
-from rigs.camera import Camera
-from rigs.ray_table import RayTable
+from rigs.camera_protocol import CameraLike
 from tomo.grid import VoxelGrid
 from tomo.operators.lens_blur import spread_by
 
@@ -95,7 +94,7 @@ def shadow_spread(
 
 
 def _shadow(
-    camera: Camera | RayTable, grid: VoxelGrid, supersample: int
+    camera: CameraLike, grid: VoxelGrid, supersample: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     """Return the pixels that the shadow about a pixel reaches, and its share in each.
 

@@ -12,8 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Rig
-from rigs.geometry import point_in_view
+from rigs import Rig, point_in_view
 from tomo._compute.threads import share_out
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.footprint import shadow_spread

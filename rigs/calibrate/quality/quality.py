@@ -12,7 +12,7 @@ from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, 
 from rigs.calibrate.quality.covariance import covariance_of, focal_errors, lens_misfit
 from rigs.calibrate.quality.ray_miss import predicted_squares, views
 from rigs.calibrate.quality.region import judged_points
-from rigs.geometry import ray_miss
+from rigs.check.lines_of_sight import ray_miss
 from rigs.rig import Rig, Volume
 
 _COVERAGE_CELLS = 8  # along each side of an image

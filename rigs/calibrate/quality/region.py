@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.observation_arrays import Scene, Sightings
 from rigs.calibrate.quality.ray_miss import views
-from rigs.geometry import box_points
+from rigs.geometry.points import box_points
 from rigs.rig import Rig, Volume
 
 _GRID = 9  # points a side of the box

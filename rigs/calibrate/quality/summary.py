@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from rigs.calibrate.calibration import Calibration
+    from rigs.calibrate.result import Calibration
 
 
 def summary(calibration: Calibration) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from rigs import Rig
 from rigs.check import check_rig
 from rigs.check.compare import RigDifference
-from rigs.check.rig_check import RigCheck
+from rigs.check.result import RigCheck
 from tomo.draw import shapes
 from tomo.draw.rig.coverage_maps import coverage_grid
 from tomo.draw.rig.rig_scene import Target, rig_scene, typical_distance

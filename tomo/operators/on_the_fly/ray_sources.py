@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera, RayTable
+from rigs import Camera, CameraLike
 from tomo._compute.grouping import take_groups
 from tomo.grid import VoxelGrid
 from tomo.operators.on_the_fly.pixel_runs import PixelRuns
@@ -238,10 +238,10 @@ class CameraPixels(PixelSource):
 
 
 def pixel_source(
-    camera: Camera | RayTable, pixels: NDArray[np.integer] | None = None, supersample: int = 1
+    camera: CameraLike, pixels: NDArray[np.integer] | None = None, supersample: int = 1
 ) -> PixelSource:
     """Return the source of some pixels of a camera, or of all; a table's rays are stored."""
-    if isinstance(camera, RayTable):
+    if not camera.has_lens_model:
         return RayPixels(Rays.from_camera(camera, pixels, supersample))
     return CameraPixels.of(camera, pixels, supersample)
 

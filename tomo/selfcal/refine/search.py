@@ -21,7 +21,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import RayTable, Rig
+from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.downsample import coarsening
@@ -133,7 +133,7 @@ def _chosen(rig: Rig, cameras: Sequence[str] | None) -> tuple[int, ...]:
             raise ValueError(
                 f"refine_cameras: found camera {name!r}, expected one of {', '.join(rig.names)}"
             )
-        if isinstance(rig[name], RayTable):
+        if not rig[name].has_lens_model:
             raise ValueError(
                 f"refine_cameras: camera {name}: found a table of rays, expected a lens model"
             )

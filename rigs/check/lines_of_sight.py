@@ -1,43 +1,11 @@
-"""Lines of sight against each other."""
+"""How far the lines of sight of cameras pass from the points they should meet in: ray-miss."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-if TYPE_CHECKING:
-    from rigs.rig import Rig
-
-
-def nearest_point(
-    positions: NDArray[np.float64], directions: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], float]:
-    """Return the point with the least sum of squared distances to lines.
-
-    The normal equations are ``sum_i (I - d_i d_i^T) (x - p_i) = 0``, solved about the mean
-    position, so that parallel lines give a point beside the cameras.
-
-    Parameters
-    ----------
-    positions : (N, 3) float64
-        A point on each line.
-    directions : (N, 3) float64
-        Unit vectors along them.
-
-    Returns
-    -------
-    point : (3,) float64
-        That of least distance from the mean position where it is not unique.
-    certainty : float
-        The smallest eigenvalue of the equations: 0 for parallel lines, at most ``2 N / 3``.
-    """
-    middle = positions.mean(axis=0)
-    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]  # (N, 3, 3)
-    right = (across @ (positions - middle)[:, :, None]).sum(axis=0)[:, 0]
-    offset, _, _, singular_values = np.linalg.lstsq(across.sum(axis=0), right, rcond=1e-9)
-    return middle + offset, float(singular_values[-1])
+from rigs.rig import Rig
 
 
 def ray_distances(true: Rig, estimated: Rig, points: ArrayLike) -> NDArray[np.float64]:
@@ -90,3 +58,28 @@ def ray_miss(true: Rig, estimated: Rig, points: ArrayLike) -> float:
     distances = ray_distances(true, estimated, points)
     squares = distances[np.isfinite(distances)] ** 2
     return float(np.sqrt(squares.mean())) if squares.size else float("nan")
+
+
+def expected_ray_miss(
+    directions: NDArray[np.float64], error: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the expected ray-miss of lines with known errors, see `coverage`, ``(N,)``.
+
+    Parameters
+    ----------
+    directions : (N, C, 3) float64
+        Unit vectors along the lines.
+    error : (N, C) float64
+        RMS displacement of each line along each direction across it, in lengths; NaN where
+        there is no line.
+    """
+    there = np.isfinite(error)
+    variance = np.where(there, error, 0.0) ** 2  # (N, C)
+    across = np.eye(3) - directions[..., :, None] * directions[..., None, :]  # (N, C, 3, 3)
+    across = across * there[..., None, None]
+    inverse = np.linalg.pinv(across.sum(axis=1), rcond=1e-9, hermitian=True)
+    weighted = (across * variance[..., None, None]).sum(axis=1)
+    total = 2 * variance.sum(axis=1) - np.einsum("nij,nji->n", inverse, weighted)
+    count = there.sum(axis=1)
+    miss = np.sqrt(np.maximum(total, 0) / np.maximum(count, 1))
+    return np.where(count >= 2, miss, np.nan)

@@ -1,0 +1,92 @@
+"""What a camera is: the members that every kind of camera has."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from rigs.optics import Optics
+
+
+class CameraLike(Protocol):
+    """A camera of any kind: `rigs.Camera` by a lens model, `rigs.RayTable` by stored rays.
+
+    Callers rely on these members alone. What only a lens model offers (``distortion``, an exact
+    ``camera_matrix``) may be used where `has_lens_model` holds.
+
+    Attributes
+    ----------
+    name : str
+        Unique in a rig; names files and folders too.
+    image_size : (int, int)
+        Width and height in pixels.
+    status : {"calibrated", "nominal", "virtual"}
+        How the parameters are known.
+    optics : Optics or None
+        Focal length, f-number, focus distance and pixel pitch, where known.
+    """
+
+    name: str
+    image_size: tuple[int, int]
+    status: str
+    optics: Optics | None
+
+    @property
+    def camera_matrix(self) -> NDArray:
+        """Intrinsics ``(3, 3)``; without a lens model those of the nearest pinhole."""
+
+    @property
+    def R(self) -> NDArray:  # noqa: N802 (the field's symbol)
+        """Rotation ``(3, 3)`` from world to camera axes, or that of the nearest pinhole."""
+
+    @property
+    def t(self) -> NDArray:
+        """Translation ``(3,)``: ``x_cam = R @ x_world + t``, or that of the nearest pinhole."""
+
+    @property
+    def position(self) -> NDArray:
+        """Centre of projection ``(3,)``; without a lens model the point nearest to all rays."""
+
+    @property
+    def has_lens_model(self) -> bool:
+        """Whether `camera_matrix`, ``distortion`` and pose describe the camera exactly.
+
+        All rays then meet in `position`.
+        """
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether ``camera_matrix @ [R | t]`` projects exactly: a lens without distortion."""
+
+    @property
+    def sees_once(self) -> bool:
+        """Whether no point has two images."""
+
+    def project(self, points: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
+        """Return pixel coordinates ``(N, 2)``, depth ``(N,)`` and validity ``(N,)`` of points."""
+
+    def rays(self, uv: ArrayLike | None = None) -> tuple[NDArray, NDArray]:
+        """Return origins and unit directions ``(N, 3)`` of pixels' lines of sight."""
+
+    def inside(self, uv: ArrayLike) -> NDArray:
+        """Return whether pixel coordinates ``(N, 2)`` lie on the image, ``(N,)``."""
+
+    def scaled(self, scale: float) -> CameraLike:
+        """Return the camera of the image resized by ``scale``."""
+
+    def cropped(self, x: int, y: int, width: int, height: int) -> CameraLike:
+        """Return the camera of a window of the image."""
+
+    def shrunk(self, factor: int) -> CameraLike:
+        """Return the camera of area means over ``factor`` x ``factor`` pixels."""
+
+    def shifted(self, right: float, down: float) -> CameraLike:
+        """Return the camera whose image lies that many pixels further right and down."""
+
+    def transformed(self, R: ArrayLike, t: ArrayLike) -> CameraLike:
+        """Return the camera after the rigid motion ``x_new = R @ x_old + t`` of the world."""
+
+    def with_lengths_scaled(self, factor: float) -> CameraLike:
+        """Return the camera of a world whose lengths are ``factor`` times as large."""

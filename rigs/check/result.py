@@ -1,0 +1,117 @@
+"""The answer of a rig's check: coverage, figures of each camera, findings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.check.coverage import Coverage
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing to know about a rig.
+
+    Attributes
+    ----------
+    level : {"fault", "warning", "note"}
+        A fault spoils a reconstruction; a warning limits it; a note does neither.
+    text : str
+        What was found and what it means.
+    cameras : tuple of str
+        Those to blame; empty where none is.
+    """
+
+    level: str
+    text: str
+    cameras: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class CameraFigures:
+    """What one camera does for the volume; NaN where a figure is not known.
+
+    Attributes
+    ----------
+    name : str
+    distance : float
+        From the middle of the volume.
+    field_of_view : float
+        Degrees across the image's diagonal.
+    sees : float
+        Share of the volume's points in its image, 0 to 1.
+    footprint : float
+        Median size of a pixel in the volume.
+    footprint_in_voxels : float
+    blur_in_pixels, blur_in_voxels : float
+        The largest in the volume.
+    nearest_view : float
+        Degrees, modulo 180, to the camera with the most similar lines of sight.
+    gap_without : float
+        By how much the largest angular gap, its median over the volume, would grow without this
+        camera, in degrees.
+    ray_miss : float
+        Of the camera's lines of sight, as the calibration predicts; NaN without one.
+    """
+
+    name: str
+    distance: float
+    field_of_view: float
+    sees: float
+    footprint: float
+    footprint_in_voxels: float
+    blur_in_pixels: float
+    blur_in_voxels: float
+    nearest_view: float
+    gap_without: float
+    ray_miss: float = math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class RigCheck:
+    """The answer of `check_rig`.
+
+    Attributes
+    ----------
+    coverage : Coverage
+        At the volume's points.
+    extent : (3,) float64
+        Edge lengths of the box.
+    voxel : float
+        A voxel's edge length; the geometric mean where edges differ.
+    cameras : tuple of CameraFigures
+    findings : tuple of Finding
+        Faults first.
+    ray_miss : float
+        Expected, RMS over the volume, in lengths; NaN with fewer than two views.
+    ray_miss_from : {"calibration", "pixel accuracy"}
+    weights : (N,) float64
+        Parts of the volume that the points stand for, of sum 1.
+    """
+
+    coverage: Coverage
+    extent: NDArray[np.float64]
+    voxel: float
+    cameras: tuple[CameraFigures, ...]
+    findings: tuple[Finding, ...]
+    ray_miss: float
+    ray_miss_from: str
+    weights: NDArray[np.float64]
+
+    def share(self, points: NDArray[np.bool_]) -> float:
+        """Return which part of the volume some of the points ``(N,)`` stand for, 0 to 1."""
+        return float(self.weights @ points)
+
+    @property
+    def verdict(self) -> str:
+        """``"good"``, ``"limited"`` where there is a warning, ``"not usable"`` with a fault."""
+        levels = {finding.level for finding in self.findings}
+        return "not usable" if "fault" in levels else "limited" if "warning" in levels else "good"
+
+
+def short(value: float) -> str:
+    """Return a number of two digits, without an exponent where it is large."""
+    return f"{value:.2g}" if value < 100 else f"{value:.0f}"
