@@ -18,7 +18,7 @@ from tomo.rays.ray_box import enter_box
 STORED, ON_THE_FLY = "stored", "on-the-fly"
 """The forms of a projector: `tomo.operators.stored` and `tomo.operators.on_the_fly.projector`."""
 
-BYTES_PER_SEGMENT = 20  # an entry, its copy while views are joined, and what trials take
+BYTES_PER_SEGMENT = 20  # an entry, its copy while views are joined, and what folds take
 BYTES_PER_MIDPOINT = 24  # and its copy while views are joined
 BYTES_PER_RAY = 32  # on the fly: its pixel's number, what the lens does, and the images
 BYTES_PER_VOXEL = 64  # the volume, its updates and sums, and the column pointers

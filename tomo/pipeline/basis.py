@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tomo.operators import STORED, Defocused, LinearSystem
 from tomo.pipeline.methods import AUTO, Method
 from tomo.pipeline.request import Request
-from tomo.selection.basis import BOXES, SPLINES, share_left_by
+from tomo.selection.basis import BOXES, SPLINES, error_ratio
 from tomo.selection.choose import FEW_VIEWS
 
 LARGEST_PIXEL = 0.62
@@ -92,7 +92,7 @@ def better_of(
         splines = system.of_splines(supersample)
     except ValueError as error:  # too large, or a camera beside which the grid's centre lies
         return system, Basis(BOXES, str(error))
-    share = share_left_by(splines.projector, system.projector, measured)
+    share = error_ratio(splines.projector, system.projector, measured)
     if math.isnan(share):
         return system, Basis(BOXES, "nothing to judge by")
     left = f"splines leave {share:.2f} of the squared error of left-out views"

@@ -15,7 +15,7 @@ BOXES, SPLINES = "boxes", "splines"
 BASES = (BOXES, SPLINES)
 
 
-def share_left_by(
+def error_ratio(
     splines: ProjectionOperator, boxes: ProjectionOperator, measured: ArrayLike
 ) -> float:
     """Return the squared error of left-out views by splines over that by boxes.
@@ -41,7 +41,7 @@ def share_left_by(
     errors = []
     for projector in (splines, boxes):
         candidates = Candidates.of(projector, measured, views)
-        found = candidates.attempt("nnls", 0.0)
-        errors.append(found.spared if candidates.spare else found.of_views)
+        found = candidates.fit("nnls", 0.0)
+        errors.append(found.pixel_error if candidates.leaves_out_pixels else found.view_error)
     ours, theirs = errors
     return ours / theirs if theirs > 0 else math.nan

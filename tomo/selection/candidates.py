@@ -1,4 +1,4 @@
-"""Candidates: methods, widths of a smooth basis and strengths, tried on what is left out."""
+"""Candidates: methods, basis widths and prior strengths, compared on left-out data."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tomo.selection.cross_validation import (
     CHECKPOINTS,
     FEW_VIEWS,
     MULTIPLICATIVE,
-    Trial,
+    Fold,
     views_to_leave_out,
     weighed,
 )
@@ -25,29 +25,28 @@ from tomo.solvers.curvature import FIRST
 from tomo.solvers.mlem import interleaved
 
 ITERATIONS = {"mlem": 17, "nnls": 40, "tikhonov": 40, "curvature": 40}
-"""The most that each candidate is given: Poisson, and least squares without and with a penalty."""
+"""Iterations at most: Poisson likelihood, least squares without and with a penalty."""
 
 LONGEST = 80
-"""The most that least squares with a penalty are given where unknowns have no edges."""
+"""Iterations at most of penalised least squares on a basis without edges."""
 
 PENALISED = ("tikhonov", "curvature")
-"""Methods that take a strength."""
+"""Methods with a prior strength."""
 
 WORTH_WIDENING = 0.1
-"""A wider basis must gain so much of what all smoothing has gained: what it gains less is chance,
-and detail is lost for it. A stronger penalty loses less, and has to gain anything at all."""
+"""A wider basis must gain at least this fraction of the gain so far: less is chance, and costs
+detail. A stronger penalty loses less detail and only has to gain."""
 
-SEGMENTS_A_TRIAL = 2_500_000
+SEGMENTS_A_FOLD = 2_500_000
 PIXELS_AN_UNKNOWN = 8
-"""Pixels of larger systems are thinned evenly to about so many crossings while choosing. Where
-there are more pixels than unknowns, so many an unknown stay: a system that is no longer
-overdetermined would ask for more smoothness than the whole one."""
+"""Larger systems are thinned evenly to about so many segments. At least so many pixels an unknown
+stay, where there are more: an underdetermined system would ask for too much smoothness."""
 
 
 class Candidate(NamedTuple):
-    """A method as it was run, and the relative residual of the left-out views.
+    """A method with its settings, and the relative residual of the left-out views.
 
-    ``strength`` is that of its penalty; None is as faint as suits the unknowns, or no penalty.
+    ``strength`` is the prior's; None is the basis' default strength, or no prior.
     """
 
     method: str
@@ -57,7 +56,7 @@ class Candidate(NamedTuple):
     strength: float | None = None
 
 
-Told = Callable[[int, int, str], None]
+Progress = Callable[[int, int, str], None]
 """``progress(done, total, where)``."""
 
 
@@ -67,9 +66,9 @@ def further_settings(
     strength: float | None,
     weights: NDArray[np.float32] | None,
 ) -> Mapping[str, Any]:
-    """Return what a method takes beside its iterations.
+    """Return a method's settings other than its iterations.
 
-    ``weights`` are what pixels are worth to least squares; MLEM knows of photons by itself.
+    ``weights`` are pixel weights for least squares; MLEM models photon noise itself.
     """
     found: dict[str, Any] = {} if method in MULTIPLICATIVE else {"weights": weights}
     if method in PENALISED:
@@ -78,44 +77,44 @@ def further_settings(
 
 
 @dataclass(frozen=True)
-class Attempt:
-    """What a method, so smooth, came to, stopped where what was left out is predicted best.
+class Fit:
+    """A candidate's errors, stopped where it predicts the left-out data best.
 
-    ``of_views`` and ``spared`` are squared errors as of `Trial.squared_error`, summed over the
-    trials; ``of_trials`` both together for each.
+    ``view_error`` and ``pixel_error`` are summed over the folds, see `Fold.squared_error`;
+    ``fold_errors`` is the sum of both for each fold.
     """
 
     method: str
     width: float
     iterations: int
-    of_views: float
-    spared: float
-    of_trials: Sequence[float]
+    view_error: float
+    pixel_error: float
+    fold_errors: Sequence[float]
     strength: float | None = None
 
     @property
     def error(self) -> float:
-        """Both together: what smoothness and stop are chosen by."""
-        return self.of_views + self.spared
+        """The sum of both, by which smoothness and stop are chosen."""
+        return self.view_error + self.pixel_error
 
-    def or_better(self, rival: Attempt | None) -> Sequence[float]:
-        """Return the errors of the trials, those of a rival where they are lower."""
+    def or_better(self, rival: Fit | None) -> Sequence[float]:
+        """Return the errors of the folds, the rival's where they are lower."""
         if rival is None:
-            return self.of_trials
-        return [min(each) for each in zip(self.of_trials, rival.of_trials, strict=True)]
+            return self.fold_errors
+        return [min(each) for each in zip(self.fold_errors, rival.fold_errors, strict=True)]
 
 
 @dataclass(eq=False)
 class Candidates:
-    """The trials that candidates are judged by, and what was tried.
+    """The folds that compare candidates, and the candidates tried so far.
 
-    ``scale`` is the squared norm that left-out views are judged by.
+    ``scale`` is the squared norm of the left-out views.
     """
 
-    trials: Sequence[Trial]
+    folds: Sequence[Fold]
     scale: float
     total: int = 0
-    progress: Told | None = None
+    progress: Progress | None = None
     tried: list[Candidate] = field(default_factory=list)
 
     @classmethod
@@ -125,40 +124,40 @@ class Candidates:
         measured: NDArray[np.float32],
         views: Sequence[int],
         total: int = 0,
-        progress: Told | None = None,
+        progress: Progress | None = None,
         weights: NDArray[np.float32] | None = None,
     ) -> Candidates:
         """Leave out views, and pixels of the others where views are few; thin large systems.
 
-        ``weights`` are what pixels are worth, to least squares and when they are judged.
+        ``weights`` are pixel weights, in training and evaluation.
         """
         stride = _stride(projector)
         if stride > 1:
             thinned = interleaved(projector.shape[0], stride)[0]
             projector, measured = projector.take(thinned), measured[thinned]
             weights = None if weights is None else weights[thinned]
-        sparing = len(views) <= FEW_VIEWS
-        trials = [
-            Trial.leaving_out(
-                left_out, views, projector, measured, sparing=sparing, weights=weights
+        scatter = len(views) <= FEW_VIEWS
+        folds = [
+            Fold.leaving_out(
+                left_out, views, projector, measured, scatter=scatter, weights=weights
             )
             for left_out in views_to_leave_out(views)
         ]
-        dark = sum(float(trial.dark[0]) for trial in trials)
+        dark = sum(float(fold.dark[0]) for fold in folds)
         scale = dark or norm(weighed(measured, weights)) ** 2
-        return cls(trials, max(scale, np.finfo(float).tiny), total, progress)
+        return cls(folds, max(scale, np.finfo(float).tiny), total, progress)
 
     @property
-    def spare(self) -> bool:
-        """Whether pixels of views that are trained on are left out as well."""
-        return any(trial.spared.any() for trial in self.trials)
+    def leaves_out_pixels(self) -> bool:
+        """Whether scattered pixels of the training views are left out as well."""
+        return any(fold.scattered.any() for fold in self.folds)
 
     @property
     def weighted(self) -> bool:
-        """Whether pixels are not all worth the same."""
-        return any(trial.training_weights is not None for trial in self.trials)
+        """Whether pixels have different weights."""
+        return any(fold.training_weights is not None for fold in self.folds)
 
-    def attempt(
+    def fit(
         self,
         method: str,
         width: float,
@@ -167,40 +166,41 @@ class Candidates:
         strength: float | None = None,
         iterations: int | None = None,
         to_the_end: bool = False,
-    ) -> Attempt:
-        """Run a candidate in every trial, and stop it where what was left out is predicted best.
+    ) -> Fit:
+        """Run a candidate in every fold, and stop it where it predicts the left-out data best.
 
-        ``best`` are the errors of another, one a trial; what cannot reach them ends early.
+        ``best`` are another candidate's errors, one a fold; a run that cannot reach them ends
+        early.
         """
         if self.progress:
-            told = f"smoothness {width:g}" if strength is None else f"strength {strength:g}"
-            where = f"choosing: {method}, {told}"
+            setting = f"smoothness {width:g}" if strength is None else f"strength {strength:g}"
+            where = f"choosing: {method}, {setting}"
             self.progress(len(self.tried), self.total, where)
-        training = self.trials[0].training
+        training = self.folds[0].training
         patient = method in PENALISED and not training.edged
         most = iterations or (LONGEST if patient else ITERATIONS[method])
 
-        def settings(trial: Trial) -> Mapping[str, Any]:
-            further = further_settings(method, training, strength, trial.training_weights)
+        def settings(fold: Fold) -> Mapping[str, Any]:
+            further = further_settings(method, training, strength, fold.training_weights)
             return {"iterations": most, **further}
 
-        judging = {
+        evaluation = {
             "after": FIRST if method == "curvature" else 0,
             "patient": patient,
             "to_the_end": to_the_end,
         }
-        errors = np.array(  # (trials, checkpoints, 2)
+        errors = np.array(  # (folds, checkpoints, 2)
             [
-                trial.squared_errors(method, width, settings(trial), rival, **judging)
-                for trial, rival in zip(self.trials, best or [0.0] * len(self.trials), strict=True)
+                fold.squared_errors(method, width, settings(fold), rival, **evaluation)
+                for fold, rival in zip(self.folds, best or [0.0] * len(self.folds), strict=True)
             ]
         )
         together = errors.sum(axis=0)
         stop = int(np.argmin(together.sum(axis=1)))
-        of_views, spared = together[stop].tolist()
-        of_trials = errors[:, stop].sum(axis=1).tolist()
+        view_error, pixel_error = together[stop].tolist()
+        fold_errors = errors[:, stop].sum(axis=1).tolist()
         stopped = CHECKPOINTS[stop]
-        found = Attempt(method, width, stopped, of_views, spared, of_trials, strength)
+        found = Fit(method, width, stopped, view_error, pixel_error, fold_errors, strength)
         self.tried.append(self.candidate(found))
         return found
 
@@ -208,29 +208,29 @@ class Candidates:
         self,
         method: str,
         widths: Sequence[float] = (0.0,),
-        rival: Attempt | None = None,
+        rival: Fit | None = None,
         *,
         strengths: Sequence[float | None] = (None,),
-    ) -> list[Attempt]:
-        """Try wider bases, or stronger penalties, as long as that helps; return those, best last.
+    ) -> list[Fit]:
+        """Try wider bases, or stronger penalties, while they improve; return those, best last.
 
-        What cannot reach ``rival``, another method's best, ends early.
+        A run that cannot reach ``rival``, another method's best, ends early.
         """
         (width, strength), *smoother = itertools.product(widths, strengths)
-        reached = rival.of_trials if rival else ()
-        helped = [self.attempt(method, width, reached, strength=strength)]
+        reached = rival.fold_errors if rival else ()
+        improved = [self.fit(method, width, reached, strength=strength)]
         for width, strength in smoother:
-            plain, best = helped[0], helped[-1]
-            found = self.attempt(method, width, best.or_better(rival), strength=strength)
+            plain, best = improved[0], improved[-1]
+            found = self.fit(method, width, best.or_better(rival), strength=strength)
             worth = 0.0 if width == best.width else WORTH_WIDENING
             if best.error - found.error <= worth * (plain.error - best.error):
                 break
-            helped.append(found)
-        return helped
+            improved.append(found)
+        return improved
 
-    def candidate(self, found: Attempt) -> Candidate:
-        """Return an attempt as it is told of."""
-        residual = self.residual(found.of_views)
+    def candidate(self, found: Fit) -> Candidate:
+        """Return a fit as a `Candidate`."""
+        residual = self.residual(found.view_error)
         return Candidate(found.method, found.width, found.iterations, residual, found.strength)
 
     def residual(self, squared: float) -> float:
@@ -239,9 +239,9 @@ class Candidates:
 
 
 def _stride(projector: ProjectionOperator) -> int:
-    """Return of how many pixels one takes part while choosing."""
+    """Return the stride by which pixels are thinned."""
     pixels, unknowns = projector.shape
-    wanted = math.ceil(projector.n_segments / SEGMENTS_A_TRIAL)
+    wanted = math.ceil(projector.n_segments / SEGMENTS_A_FOLD)
     if pixels > unknowns:
         wanted = min(wanted, pixels // (PIXELS_AN_UNKNOWN * max(unknowns, 1)))
     return max(wanted, 1)

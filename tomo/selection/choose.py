@@ -1,8 +1,8 @@
-"""Which method, how smooth, how many iterations: chosen by predicting views left out.
+"""Method, smoothness and iterations, chosen by predicting left-out views.
 
-A falling training residual does not say that the volume gets better: with few views, noise or
-imperfect cameras it gets worse long before. What a reconstruction is worth shows in the views that
-it did not use, so every candidate is run without some of the views and judged on those.
+A falling training residual does not mean a better volume: with few views, noise or inexact cameras
+the volume gets worse long before. Every candidate is therefore run without some of the views, and
+compared by how well it predicts those.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from tomo import solvers
 from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
-from tomo.selection.candidates import Candidate, Candidates, Told, further_settings
+from tomo.selection.candidates import Candidate, Candidates, Progress, further_settings
 from tomo.selection.cross_validation import FEW_VIEWS, MULTIPLICATIVE
 from tomo.selection.rules import WIDTHS, of_few_views, of_many_views
 from tomo.solvers import Solution
@@ -25,7 +25,7 @@ from tomo.solvers.iterate import check_measured
 from tomo.solvers.solution import Callback
 
 FALLBACK = ("mlem", 1.0, 10)
-"""With one or two views nothing can be left out: the method, width and iterations used then."""
+"""Method, width and iterations for one or two views, where none can be left out."""
 
 
 @dataclass(frozen=True)
@@ -36,17 +36,17 @@ class Choice:
     ----------
     method : str
     width : float
-        Of the smooth basis, in voxels; 0 is none.
+        Standard deviation of the Gaussian basis, in voxels; 0 for none.
     iterations : int
     held_out_residual : float
-        Relative residual of the left-out views at that choice (relative to all views should those
-        be dark); NaN if none could be left out.
+        Relative residual of the left-out views (relative to all views if those are dark); NaN if
+        none could be left out.
     strength : float, optional
         Of the penalty; None is as faint as suits the unknowns (`ProjectionOperator.faint`).
     reason : str
-        In words.
+        Why, in words.
     tried : tuple of (method, width, iterations, held-out residual, strength)
-        The best of each candidate.
+        One line for each candidate, at its best iteration.
     """
 
     method: str
@@ -59,13 +59,13 @@ class Choice:
 
     @property
     def candidate(self) -> Candidate:
-        """What was chosen, without why."""
+        """The choice without its reason."""
         return Candidate(
             self.method, self.width, self.iterations, self.held_out_residual, self.strength
         )
 
     def solves_as(self, other: Choice) -> bool:
-        """Return whether both solve the same way, however well that predicts left-out views."""
+        """Return whether both solve the same way, whatever their validation errors."""
         ours, theirs = (one.candidate._replace(held_out_residual=0.0) for one in (self, other))
         return ours == theirs
 
@@ -75,31 +75,31 @@ def choose_by_held_out_views(
     measured: ArrayLike,
     *,
     weights: NDArray[np.float32] | None = None,
-    progress: Told | None = None,
+    progress: Progress | None = None,
 ) -> Choice:
-    """Choose method, smoothness and stop by the residual of views left out.
+    """Choose method, smoothness and iterations by cross-validation over views.
 
-    Least squares are tried on plain voxels and then smoother, as long as that helps; the number of
-    iterations comes with each. With noise or imperfect cameras a smooth basis predicts left-out
-    views better; with clean images it does not. They are then given a faint penalty on differences
-    of neighbours, unless the left-out views speak clearly against it and rays leave no gaps, and a
-    narrower basis where that predicts clearly better with the penalty. Unknowns that have no edges
-    (`ProjectionOperator.edged`) have a penalty on curvature instead of any width, stronger and
-    stronger as long as that helps, of up to 18 noisy views a little stronger still, and are
-    iterated on as long as left-out views gain: nothing is made up for by contrast there.
+    Least squares are tried on plain voxels and then on wider Gaussian bases while these improve;
+    each fit also gives its number of iterations. With noise or inexact cameras a wide basis
+    predicts left-out views better, with clean images it does not. The best fit then gets the
+    default penalty on differences of neighbours, unless the left-out views clearly reject it and
+    rays leave no gaps, and a narrower basis where that predicts clearly better. Unknowns that have
+    no edges (`ProjectionOperator.edged`) have a penalty on curvature instead of any width,
+    increased while it improves, a little more for up to 18 noisy views, and are iterated while the
+    prediction improves.
 
-    With few views least squares have the penalty throughout, MLEM is tried likewise, and pixels
-    of the other views, where there are enough, are left out as well. Those tell noise, by which
-    smoothness and stop are chosen with them; the views tell the method.
+    With few views least squares have the penalty throughout and MLEM is tried too. Scattered
+    pixels of the training views are left out as well, if there are enough: they show the noise
+    and decide smoothness and iterations together with the views; the views decide the method.
 
     Parameters
     ----------
     projector : ProjectionOperator
-        With its views; only those take part.
+        The operator of the views that take part.
     measured : (pixels,)
     weights : (pixels,), optional
-        What pixels are worth to least squares, and where they are judged: such as the inverse
-        variances of their noise. All alike when None.
+        Pixel weights for least squares and for evaluation, such as inverse variances of the
+        noise; all 1 when None.
     progress : callable, optional
         ``progress(done, total, where)``.
     """
@@ -117,10 +117,10 @@ def choose_by_held_out_views(
     chosen = candidates.candidate(best)
     residual = chosen.held_out_residual
     least = min(tried.held_out_residual for tried in candidates.tried)
-    reason = f"left-out views are predicted best so (relative residual {residual:.4f})"
+    reason = f"it predicts left-out views best (relative residual {residual:.4f})"
     if least < residual:
         reason = (
-            "left-out views are predicted nearly best so, by a tamer volume (relative residual "
+            "it predicts left-out views nearly best, with a smoother volume (relative residual "
             f"{residual:.4f}, the best {least:.4f})"
         )
     return Choice(*chosen, reason=reason, tried=tuple(candidates.tried))
@@ -132,20 +132,20 @@ def residual_of_left_out_views(
     choice: Choice,
     weights: NDArray[np.float32] | None = None,
 ) -> float:
-    """Return the relative residual of views left out when it is done as ``choice`` says.
+    """Return the relative residual of left-out views for a given choice.
 
-    Of the views that `choose_by_held_out_views` leaves out; NaN where it could leave out none.
+    The views are those that `choose_by_held_out_views` leaves out; NaN where it leaves out none.
     """
     measured = check_measured(projector, measured)
     if math.isnan(choice.held_out_residual):
         return math.nan
     views = np.flatnonzero(np.diff(projector.view_ptr)).tolist()
     candidates, squared = Candidates.of(projector, measured, views, weights=weights), 0.0
-    for trial in candidates.trials:
+    for fold in candidates.folds:
         found = solve_as_chosen(
-            trial.training, trial.training_pixels, choice, weights=trial.training_weights
+            fold.training, fold.training_pixels, choice, weights=fold.training_weights
         )
-        squared += float(trial.squared_error(projector.active.compress(found.volume))[0])
+        squared += float(fold.squared_error(projector.active.compress(found.volume))[0])
     return candidates.residual(squared)
 
 
@@ -157,7 +157,7 @@ def solve_as_chosen(
     weights: NDArray[np.float32] | None = None,
     callback: Callback | None = None,
 ) -> Solution:
-    """Run what was chosen on all views, with the ``weights`` that it was chosen with.
+    """Run the chosen method on all views, with the ``weights`` that it was chosen with.
 
     ``callback`` receives the volume itself, not the coefficients of the smooth basis.
     """

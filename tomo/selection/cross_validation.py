@@ -1,4 +1,4 @@
-"""Trial runs: reconstruct without some views and pixels; measure how well those are predicted."""
+"""Cross-validation folds: reconstruct without some views and pixels, and predict those."""
 
 from __future__ import annotations
 
@@ -20,41 +20,42 @@ from tomo.solvers.initial_volume import common_start
 from tomo.solvers.mlem import interleaved
 
 FEW_VIEWS = 8
-"""Up to so many views each counts: one of them is left out."""
+"""Views up to which only one is left out; more views leave out every eighth."""
 
 MULTIPLICATIVE = ("mlem",)
-"""Methods that start from `Trial.start`."""
+"""Methods that need a positive start, see `Fold.start`."""
 
 CHECKPOINTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 17, 20, 24, 28, 34, 40, 48, 57, 68, 80)
-"""The numbers of iterations at which a trial is judged."""
+"""Iterations after which the prediction error is computed."""
 
 SETTLED = 1e-4
-"""A trial ends when one checkpoint gains less than this share of what all have gained."""
+"""A fit has converged when one checkpoint gains less than this fraction of the whole gain.
+Larger values stop early, smaller ones only cost time."""
 
 STILL_FALLING = 0.03
-"""A patient one goes on while it gains this share of what is left: clean images are worth it."""
+"""A patient fit goes on while a checkpoint gains this fraction of the remaining error."""
 
 PATIENCE = 10
 HOPELESS = 0.05
-"""A trial ends when, after so many iterations, it lacks more than this share of what the best
-one gained. Shares of gains, not of errors: the noise of what is left out is in every error."""
+"""After so many iterations a fit ends when it is behind the best by this fraction of the best's
+gain. Gains are compared, not errors: every error contains the noise of the left-out data."""
 
 CATCHING_UP = 4
-"""So does one that would not reach the best by so many gains like its last one. By two, a wide
-basis was given up with photon noise that was the better one in the end."""
+"""A fit also ends when so many gains like its last one would not reach the best. Two gave up
+bases that would have won."""
 
-SPARED = 8
-"""With few views a trial also leaves out every so-many-th pixel of the views that it keeps."""
+PIXEL_STRIDE = 8
+"""With few views a fold also leaves out every eighth pixel of its training views."""
 
-FEWEST_SPARED = 200
-"""Fewer of them tell nothing for sure, and would be missed: on flames a few voxels wide, seen by
-some hundred pixels, they asked for a smoothness that cost a factor of three."""
+FEWEST_SCATTERED = 200
+"""Least number of scattered pixels. Fewer choose the smoothness by chance, and the training
+misses them."""
 
 
 def views_to_leave_out(views: Sequence[int]) -> list[list[int]]:
-    """Return the views that each trial leaves out.
+    """Return the views that each fold leaves out.
 
-    With few views one, else every eighth.
+    One with few views, else every eighth.
     """
     if len(views) <= FEW_VIEWS:
         return [[views[max(len(views) // 4, 1)]]]
@@ -64,31 +65,31 @@ def views_to_leave_out(views: Sequence[int]) -> list[list[int]]:
 def weighed(
     pixels: NDArray[np.float32], weights: NDArray[np.float32] | None
 ) -> NDArray[np.float32]:
-    """Return pixels whose squares count as much as ``weights`` say; all alike when None."""
+    """Return ``sqrt(weights) * pixels``; the pixels themselves when ``weights`` is None."""
     return pixels if weights is None else np.sqrt(weights) * pixels
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
-    """Some pixels to reconstruct from, others to be judged on.
+class Fold:
+    """Pixels to reconstruct from, and left-out pixels to predict.
 
     Attributes
     ----------
     training, left_out : ProjectionOperator
     training_pixels, left_out_pixels : (pixels,) float32
     training_weights, left_out_weights : (pixels,) float32, optional
-        What pixels are worth to least squares, and when they are judged; all alike when None.
-    spared : (left-out pixels,) bool
-        Of views that are trained on, else of views left out. What views leave open shows in
-        whole views that are left out; noise shows in both, but where views are few the former
-        hides it there.
+        Weights of the squared residuals, in training and evaluation; all 1 when None.
+    scattered : (left-out pixels,) bool
+        True for scattered left-out pixels of the training views, False for pixels of left-out
+        views. Left-out views show what the other views leave undetermined; with few views that
+        hides the noise, which the scattered pixels show.
     """
 
     training: ProjectionOperator
     training_pixels: NDArray[np.float32]
     left_out: ProjectionOperator
     left_out_pixels: NDArray[np.float32]
-    spared: NDArray[np.bool_]
+    scattered: NDArray[np.bool_]
     training_weights: NDArray[np.float32] | None = None
     left_out_weights: NDArray[np.float32] | None = None
 
@@ -100,48 +101,51 @@ class Trial:
         projector: ProjectionOperator,
         measured: NDArray[np.float32],
         *,
-        sparing: bool = False,
+        scatter: bool = False,
         weights: NDArray[np.float32] | None = None,
-    ) -> Trial:
-        """Return the trial that trains on those of ``views`` that are not in ``left_out``.
+    ) -> Fold:
+        """Return the fold that trains on the ``views`` without ``left_out``.
 
-        On all of their pixels, or where it is ``sparing`` on those not `SPARED`; where these would
-        be fewer than `FEWEST_SPARED` none is. Left-out pixels that see no voxel are taken for
-        dark: no candidate predicts anything else, and what they show would hide by how much
-        candidates differ. ``weights`` (pixels,) are those of all pixels.
+        With ``scatter`` every `PIXEL_STRIDE`-th training pixel is left out as well, unless these
+        are fewer than `FEWEST_SCATTERED`. Left-out pixels that see no voxel are set to 0: every
+        candidate predicts 0 there, and their light would only hide differences. ``weights``
+        (pixels,) are those of all pixels.
         """
         pixels = projector.pixels_of([view for view in views if view not in left_out])
         own = projector.pixels_of(left_out)
-        sparing = sparing and len(pixels) >= SPARED * FEWEST_SPARED
-        spared = pixels[interleaved(len(pixels), SPARED)[0]] if sparing else pixels[:0]
-        judged = np.sort(np.concatenate([own, spared]))
-        training = np.setdiff1d(pixels, spared, assume_unique=True)
-        judging = projector.take(judged)
-        shown = measured[judged]
+        scatter = scatter and len(pixels) >= PIXEL_STRIDE * FEWEST_SCATTERED
+        scattered = pixels[interleaved(len(pixels), PIXEL_STRIDE)[0]] if scatter else pixels[:0]
+        held = np.sort(np.concatenate([own, scattered]))
+        training = np.setdiff1d(pixels, scattered, assume_unique=True)
+        evaluated = projector.take(held)
+        shown = measured[held]
         return cls(
             projector.take(training),
             measured[training],
-            judging,
-            np.where(judging.row_sums > 0, shown, np.float32(0)),
-            np.isin(judged, spared, assume_unique=True),
+            evaluated,
+            np.where(evaluated.row_sums > 0, shown, np.float32(0)),
+            np.isin(held, scattered, assume_unique=True),
             None if weights is None else weights[training],
-            None if weights is None else weights[judged],
+            None if weights is None else weights[held],
         )
 
     @cached_property
     def start(self) -> NDArray[np.float32]:
-        """Where multiplicative methods start: `tomo.solvers.initial_volume`."""
+        """The start of multiplicative methods, see `tomo.solvers.initial_volume`."""
         return common_start(self.training, self.training_pixels)
 
     def squared_error(self, volume: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Return the squared errors ``(2,)`` of views left out and of pixels spared.
+        """Return the squared errors ``(2,)`` of left-out views and of scattered pixels.
 
-        The latter as if there were as many of them as of the former: both count alike.
+        The second is scaled to as many pixels as the first has: both count alike.
         """
         misfit = self.left_out @ volume - self.left_out_pixels
         misfit = weighed(misfit, self.left_out_weights)
-        of_views, of_spared = norm(misfit[~self.spared]) ** 2, norm(misfit[self.spared]) ** 2
-        return np.array([of_views, of_spared * self._share])
+        view_error, pixel_error = (
+            norm(misfit[~self.scattered]) ** 2,
+            norm(misfit[self.scattered]) ** 2,
+        )
+        return np.array([view_error, pixel_error * self._ratio])
 
     @cached_property
     def dark(self) -> NDArray[np.float64]:
@@ -149,9 +153,9 @@ class Trial:
         return self.squared_error(np.zeros(self.left_out.shape[1], np.float32))
 
     @cached_property
-    def _share(self) -> float:
-        """How many pixels of left-out views there are for one that is spared."""
-        return np.count_nonzero(~self.spared) / max(np.count_nonzero(self.spared), 1)
+    def _ratio(self) -> float:
+        """Pixels of left-out views per scattered pixel."""
+        return np.count_nonzero(~self.scattered) / max(np.count_nonzero(self.scattered), 1)
 
     def squared_errors(
         self,
@@ -166,10 +170,10 @@ class Trial:
     ) -> NDArray[np.float64]:
         """Return `squared_error` at every checkpoint beyond ``after``: ``(checkpoints, 2)``.
 
-        From the third of them on the run ends when the sum hardly falls any more (``patient``:
-        nor by a share of what is left), unless it is to go ``to_the_end``, or will not come down
-        to ``best``, that of another candidate; at the last checkpoint in any case. Checkpoints
-        not reached are infinite, but for the first where it settles even before.
+        From the third checkpoint on the run ends when the sum has converged (`SETTLED`, and
+        `STILL_FALLING` when ``patient``), unless it runs ``to_the_end``, or when it will not
+        reach ``best``, another candidate's error. Checkpoints not reached are infinite; the first
+        is always evaluated.
         """
         errors = np.full((len(CHECKPOINTS), 2), np.inf)
         basis = GaussianBasis(self.training, width) if width else None
@@ -178,7 +182,7 @@ class Trial:
         dark = float(self.dark.sum())
         first = bisect.bisect_right(CHECKPOINTS, after)
 
-        def judge(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
+        def evaluate(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
             if index not in CHECKPOINTS[first:]:
                 return False
             at = CHECKPOINTS.index(index)
@@ -193,9 +197,13 @@ class Trial:
             return behind or (settled and not to_the_end) or index == CHECKPOINTS[-1]
 
         found = run(
-            basis or self.training, self.training_pixels, start=start, callback=judge, **settings
+            basis or self.training,
+            self.training_pixels,
+            start=start,
+            callback=evaluate,
+            **settings,
         )
-        if not np.isfinite(errors).any():  # it had settled before there was anything to judge
+        if not np.isfinite(errors).any():  # it converged before the first checkpoint
             volume = basis.volume(found.volume) if basis else found.volume
             errors[first] = self.squared_error(self.training.active.compress(volume))
         return errors

@@ -89,11 +89,13 @@ def test_the_choice_predicts_as_well_as_any_tried_and_is_the_least_smooth_that_d
         found = (choice.method, choice.width, choice.iterations, choice.held_out_residual)
         assert found in [tried[:4] for tried in choice.tried]
         assert choice.width <= best[1]
-        worth = rules.WORTH_ITS_DETAIL if choice.method == "tikhonov" else 1.0
+        worth = rules.UNPENALISED_MARGIN if choice.method == "tikhonov" else 1.0
         assert worth * choice.held_out_residual**2 <= 1.04 * best[3] ** 2
         assert f"{choice.held_out_residual:.4f}" in choice.reason
         least = min(tried.held_out_residual for tried in choice.tried)
-        assert ("predicted best so" in choice.reason) == (choice.held_out_residual == least)
+        assert ("predicts left-out views best" in choice.reason) == (
+            choice.held_out_residual == least
+        )
         assert f"{least:.4f}" in choice.reason
 
 
@@ -196,16 +198,16 @@ def test_bad_images_are_refused(projector):
 def test_large_systems_are_thinned_evenly_over_rows_and_columns(projector, cases, monkeypatch):
     seen = []
 
-    class Spy(cross_validation.Trial):
+    class Spy(cross_validation.Fold):
         @classmethod
         def leaving_out(cls, left_out, views, thinned, measured, **options):
             seen.append((thinned, measured))
             return super().leaving_out(left_out, views, thinned, measured, **options)
 
     case = cases["jet", 0.0]
-    monkeypatch.setattr(candidates, "SEGMENTS_A_TRIAL", projector.n_segments // 2 + 1)
+    monkeypatch.setattr(candidates, "SEGMENTS_A_FOLD", projector.n_segments // 2 + 1)
     monkeypatch.setattr(candidates, "PIXELS_AN_UNKNOWN", 4)  # the system has nine
-    monkeypatch.setattr(candidates, "Trial", Spy)
+    monkeypatch.setattr(candidates, "Fold", Spy)
     choice = choose_by_held_out_views(projector, case.images)
     thinned, measured = seen[0]
     assert thinned.n_segments == pytest.approx(projector.n_segments / 2, rel=0.02)
@@ -221,7 +223,7 @@ def test_large_systems_are_thinned_evenly_over_rows_and_columns(projector, cases
 
 
 def test_thinning_keeps_what_overdetermines_a_system(projector, monkeypatch):
-    monkeypatch.setattr(candidates, "SEGMENTS_A_TRIAL", 1)
+    monkeypatch.setattr(candidates, "SEGMENTS_A_FOLD", 1)
     monkeypatch.setattr(candidates, "PIXELS_AN_UNKNOWN", 4)  # the system has nine
     stride = candidates._stride(projector)
     assert stride >= 2
@@ -233,7 +235,7 @@ def test_thinning_keeps_what_overdetermines_a_system(projector, monkeypatch):
 
 def test_small_systems_are_not_thinned(projector, monkeypatch):
     assert candidates._stride(projector) == 1
-    monkeypatch.setattr(candidates, "SEGMENTS_A_TRIAL", projector.n_segments - 1)
+    monkeypatch.setattr(candidates, "SEGMENTS_A_FOLD", projector.n_segments - 1)
     monkeypatch.setattr(candidates, "PIXELS_AN_UNKNOWN", 4)
     assert candidates._stride(projector) == 2
 

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tomo.selection.candidates import Attempt, Candidate
+from tomo.selection.candidates import Candidate, Fit
 from tomo.selection.rules import (
     SEVERAL_VIEWS,
     STRENGTHS,
     STRONGER,
-    _predicting_best,
+    _best_strength,
     of_many_views,
 )
 
@@ -26,18 +26,18 @@ def tried(square):
 
 @pytest.mark.parametrize("best", [2.2e-4, 5e-4, 1e-3, 8e-3])
 def test_a_parabola_is_found_between_the_strengths_tried(best):
-    found = _predicting_best(tried(lambda log: 0.1 + 0.01 * (log - math.log10(best)) ** 2))
+    found = _best_strength(tried(lambda log: 0.1 + 0.01 * (log - math.log10(best)) ** 2))
     assert found == pytest.approx(best, rel=1e-6)
 
 
 def test_what_lies_beside_tells_to_which_side_the_best_is():
-    found = _predicting_best(tried(lambda log: 0.1 + abs(math.exp(log + 3) - 1)))
+    found = _best_strength(tried(lambda log: 0.1 + abs(math.exp(log + 3) - 1)))
     assert 3e-4 < found < 1e-3  # it rises faster beyond
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_of_the_faintest_and_the_strongest_nothing_is_guessed(sign):
-    found = _predicting_best(tried(lambda log: 1 + 0.1 * sign * log))
+    found = _best_strength(tried(lambda log: 1 + 0.1 * sign * log))
     assert found == (STRENGTHS[0] if sign > 0 else STRENGTHS[-1])
 
 
@@ -53,17 +53,17 @@ def test_of_the_faintest_and_the_strongest_nothing_is_guessed(sign):
 def test_of_several_noisy_views_the_penalty_is_stronger_than_they_ask_for(
     views, best, weighted, stronger
 ):
-    def attempt(method, width, *, strength):
-        return Attempt(method, width, 20, 1.0, 0.0, [1.0], strength)
+    def fit(method, width, *, strength):
+        return Fit(method, width, 20, 1.0, 0.0, [1.0], strength)
 
-    told = SimpleNamespace(
+    candidates = SimpleNamespace(
         tried=tried(lambda log: 0.1 + 0.01 * (log - math.log10(best)) ** 2),
-        smoothed=lambda method, strengths: [attempt(method, 0.0, strength=best)],
-        attempt=attempt,
+        smoothed=lambda method, strengths: [fit(method, 0.0, strength=best)],
+        fit=fit,
         weighted=weighted,
     )
     # A view without pixels does not count.
     view_ptr = np.concatenate([[0], np.arange(views + 1)]) * 10
-    found = of_many_views(told, SimpleNamespace(edged=False, view_ptr=view_ptr))
+    found = of_many_views(candidates, SimpleNamespace(edged=False, view_ptr=view_ptr))
     assert (found.method, found.width) == ("curvature", 0.0)
     assert found.strength == pytest.approx(best * STRONGER if stronger else best)

@@ -38,12 +38,12 @@ class Foretold:
 
     def smoothed(self, method, widths):
         assert method == "nnls"
-        return [candidates.Attempt(method, *each, 0.0, each[2:]) for each in self.plain]
+        return [candidates.Fit(method, *each, 0.0, each[2:]) for each in self.plain]
 
     def attempt(self, method, width, best=(), *, iterations, to_the_end=False):
         self.tried.append((method, width, iterations, to_the_end))
         error = self.penalised[width, iterations]
-        return candidates.Attempt(method, width, iterations, error, 0.0, [error])
+        return candidates.Fit(method, width, iterations, error, 0.0, [error])
 
     def candidate(self, found):
         return found.method, found.width, found.iterations, found.error

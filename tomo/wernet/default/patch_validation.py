@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tomo._compute.reductions import dot, norm
 from tomo.selection import Choice
 from tomo.selection.choose import solve_as_chosen
-from tomo.selection.cross_validation import Trial, views_to_leave_out
+from tomo.selection.cross_validation import Fold, views_to_leave_out
 from tomo.wernet.default.linearised import Thinned
 from tomo.wernet.default.patch_noise import beyond_noise
 
@@ -59,14 +59,14 @@ def residuals_of_left_out_patches(
     noise = np.full((len(stops), 1), some.noise**2)  # a sum over a patch has as much as a pixel
     count = np.zeros(len(patches), int)
     for left_out in views_to_leave_out(views):
-        trial = Trial.leaving_out(left_out, views, weighted, some.measured)
+        fold = Fold.leaving_out(left_out, views, weighted, some.measured)
         image, misfit = np.zeros((2, weighted.shape[0]))
         pixels = weighted.pixels_of(left_out)
-        image[pixels] = trial.left_out_pixels
+        image[pixels] = fold.left_out_pixels
         light += [norm(each.sum(image)) ** 2 for each in patches]
         count += [np.count_nonzero(np.isin(each.view, left_out)) for each in patches]
-        for at, volume in enumerate(_volumes(trial, choice, stops)):
-            misfit[pixels] = _misfit(trial, volume)
+        for at, volume in enumerate(_volumes(fold, choice, stops)):
+            misfit[pixels] = _misfit(fold, volume)
             apart[at] += [norm(each.sum(misfit)) ** 2 for each in patches]
             noise[at] = np.minimum(noise[at], norm(misfit) ** 2 / max(len(pixels), 1))
     beyond = np.vectorize(beyond_noise)(apart, noise * count, count)
@@ -76,7 +76,7 @@ def residuals_of_left_out_patches(
 
 
 def _volumes(
-    trial: Trial, choice: Choice, stops: tuple[int, int]
+    fold: Fold, choice: Choice, stops: tuple[int, int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the active voxels after two numbers of iterations, the larger second, of one run."""
     kept = []
@@ -86,15 +86,15 @@ def _volumes(
             kept.append(volume.copy())
 
     longer = replace(choice, iterations=stops[1])
-    found = solve_as_chosen(trial.training, trial.training_pixels, longer, callback=keep)
-    last = trial.training.active.compress(found.volume)
+    found = solve_as_chosen(fold.training, fold.training_pixels, longer, callback=keep)
+    last = fold.training.active.compress(found.volume)
     return (*kept, last)[0], last
 
 
-def _misfit(trial: Trial, volume: NDArray[np.float32]) -> NDArray[np.float32]:
+def _misfit(fold: Fold, volume: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return by how much left-out views are predicted wrongly, each up to a factor."""
-    seen, there = trial.left_out @ volume, trial.left_out_pixels
-    for start, stop in itertools.pairwise(trial.left_out.view_ptr):
+    seen, there = fold.left_out @ volume, fold.left_out_pixels
+    for start, stop in itertools.pairwise(fold.left_out.view_ptr):
         own = slice(start, stop)
         seen[own] *= dot(seen[own], there[own]) / (dot(seen[own], seen[own]) or 1.0)
     return seen - there

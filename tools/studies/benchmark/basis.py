@@ -29,7 +29,7 @@ from tomo.measurement import estimate_noise
 from tomo.pipeline.run import averages_of
 from tomo.pipeline.weights import weigh_images
 from tomo.selection import choose_by_held_out_views
-from tomo.selection.basis import BOXES, SPLINES, share_left_by
+from tomo.selection.basis import BOXES, SPLINES, error_ratio
 from tomo.selection.choose import solve_as_chosen
 
 REFINE = 4
@@ -67,7 +67,7 @@ def _row(shown: Scene, passes: int) -> dict[str, Any]:
     weights = _weights(shown, ready)
     weighing = time.perf_counter() - started
     linear, voxel = by_linear.system.projector, ready.system.projector
-    fraction = share_left_by(linear, voxel, ready.measured)
+    fraction = error_ratio(linear, voxel, ready.measured)
     judging = time.perf_counter() - started
     row = shown.named | {
         "fraction": fraction,
