@@ -61,19 +61,18 @@ def ring(
         If a sequence is not as long as ``count``, or the lens is not given in one way.
     """
     step = 360.0 / max(count, 1) if step_degrees is None else step_degrees
-    positions = circle_positions(
-        count, step, distance, pitch_degrees=pitch_degrees, start_degrees=start_degrees
-    )
-    return look_inward(
-        positions + np.asarray(center, np.float64),
-        image_size=image_size,
-        focal_length=focal_length,
-        pixel_pitch=pixel_pitch,
-        footprint=footprint,
-        center=center,
-        length_unit=length_unit,
-        volume=volume,
-    )
+    center = np.asarray(center, np.float64)
+    positions = center + _circle_positions(
+        count, step, distance, pitch_degrees, start_degrees
+    )  # (C, 3)
+    focal = _focal_lengths(positions - center, focal_length, pixel_pitch, footprint)  # (C,)
+    cameras = []
+    for index, position in enumerate(positions):
+        R, t = look_at(position, center, UP)
+        K = pinhole_matrix(image_size, focal[index], focal[index])
+        cameras.append(Camera(f"cam{index:02d}", image_size, K, R=R, t=t))
+    world = "x and z level, y up, origin as given to the layout; camera 0 on the +z side"
+    return Rig(tuple(cameras), length_unit, world, volume)
 
 
 def arc(count: int, span_degrees: float, distance: ArrayLike = 1000.0, **options: object) -> Rig:
@@ -86,13 +85,12 @@ def arc(count: int, span_degrees: float, distance: ArrayLike = 1000.0, **options
     return ring(count, step, distance, **({"start_degrees": start} | options))
 
 
-def circle_positions(
+def _circle_positions(
     count: int,
     step_degrees: float,
     distance: ArrayLike,
-    *,
-    pitch_degrees: ArrayLike = 0.0,
-    start_degrees: float = 0.0,
+    pitch_degrees: ArrayLike,
+    start_degrees: float,
 ) -> NDArray[np.float64]:
     """Return where the cameras of `ring` stand, relative to its middle, ``(count, 3)``."""
     if count < 1 or count != int(count):
@@ -111,51 +109,22 @@ def circle_positions(
     )
 
 
-def look_inward(
-    positions: ArrayLike,
-    *,
-    image_size: tuple[int, int],
-    focal_length: float | None = None,
-    pixel_pitch: float | None = None,
-    footprint: float | None = None,
-    center: ArrayLike = (0.0, 0.0, 0.0),
-    length_unit: str = "mm",
-    volume: Volume | None = None,
-) -> Rig:
-    """Return cameras at ``positions`` ``(N, 3)`` that all look at ``center``; see `ring`."""
+def _focal_lengths(
+    positions: NDArray[np.float64],
+    focal_length: float | None,
+    pixel_pitch: float | None,
+    footprint: float | None,
+) -> list[float]:
+    """Return each camera's focal length in pixels, ``(C,)``, from `ring`'s two ways to give it."""
     by_lens = focal_length is not None and pixel_pitch is not None
     some_lens = focal_length is not None or pixel_pitch is not None
     if by_lens == (footprint is not None) or (some_lens and footprint is not None):
         raise ValueError("ring lens: expected focal_length and pixel_pitch, or footprint alone")
-    if footprint is not None and not footprint > 0:
+    if by_lens:
+        return [focal_length / pixel_pitch] * len(positions)
+    if not footprint > 0:
         raise ValueError(f"ring footprint: found {footprint}, expected a positive length")
-    positions = np.asarray(positions, np.float64)
-    cameras = []
-    for index, position in enumerate(positions):
-        if by_lens:
-            focal = focal_length / pixel_pitch
-        else:
-            focal = float(np.linalg.norm(position - np.asarray(center))) / footprint
-        R, t = look_at(position, center, UP)
-        K = pinhole_matrix(image_size, focal, focal)
-        cameras.append(Camera(f"cam{index:02d}", image_size, K, R=R, t=t))
-    world = "x and z level, y up, origin as given to the layout; camera 0 on the +z side"
-    return Rig(tuple(cameras), length_unit, world, volume)
-
-
-def image_size_for(volume: Volume, rig: Rig, margin: float = 2.0) -> tuple[int, int]:
-    """Return the smallest image that holds ``volume`` in every view of ``rig``, in pixels.
-
-    ``margin`` pixels stay free on every side; the principal point is the image's middle.
-    """
-    reach = np.zeros(2)
-    for camera in rig:
-        uv, _, valid = camera.project(volume.corners())
-        if not valid.all():
-            raise ValueError(f"camera {camera.name}: does not see the whole volume")
-        reach = np.maximum(reach, np.abs(uv - camera.camera_matrix[:2, 2]).max(axis=0))
-    width, height = 2 * np.ceil(reach + margin)
-    return int(width), int(height)
+    return [float(np.linalg.norm(position)) / footprint for position in positions]
 
 
 def _per_camera(value: ArrayLike, count: int, what: str) -> NDArray[np.float64]:
