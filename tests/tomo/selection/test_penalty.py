@@ -30,8 +30,8 @@ def apart():
     return Projector(trace(rays, grid), grid)
 
 
-class Foretold:
-    """Candidates whose squared errors are told beforehand, by method, width and iterations."""
+class Foreseen:
+    """Candidates whose squared errors are foreseen beforehand, by method, width and iterations."""
 
     def __init__(self, plain, penalised):
         self.plain, self.penalised, self.tried = plain, penalised, []
@@ -40,7 +40,7 @@ class Foretold:
         assert method == "nnls"
         return [candidates.Fit(method, *each, 0.0, each[2:]) for each in self.plain]
 
-    def attempt(self, method, width, best=(), *, iterations, to_the_end=False):
+    def fit(self, method, width, best=(), *, iterations, to_the_end=False):
         self.tried.append((method, width, iterations, to_the_end))
         error = self.penalised[width, iterations]
         return candidates.Fit(method, width, iterations, error, 0.0, [error])
@@ -62,10 +62,10 @@ def test_a_narrower_basis_is_taken_where_the_penalty_makes_it_clearly_better(
     narrower, penalised, with_penalty, asked_for, taken, resolving
 ):
     plain = [(0.0, 17, 2.0), (0.5, 17, narrower), (0.8, 20, 1.0)]
-    told = Foretold(plain, {(0.8, 20): penalised, (0.8, 30): 1.0, (0.5, 30): with_penalty})
-    best = rules.of_many_views(told, resolving)
+    foreseen = Foreseen(plain, {(0.8, 20): penalised, (0.8, 30): 1.0, (0.5, 30): with_penalty})
+    best = rules.of_many_views(foreseen, resolving)
     assert (best.method, best.width, best.iterations) == ("tikhonov", *taken)
-    longer = [each for each in told.tried if each[-1] is True]
+    longer = [each for each in foreseen.tried if each[-1] is True]
     asked = [("tikhonov", 0.8, 30, True), ("tikhonov", 0.5, 30, True)]
     assert longer == (asked if asked_for else [])
 
@@ -76,8 +76,8 @@ def test_the_penalty_is_left_out_where_left_out_views_speak_clearly_against_it(
     width, share, left_out, resolving, apart
 ):
     for projector in (resolving, apart):
-        told = Foretold([(width, 20, share)], {(width, 20): 1.0})
-        best = rules.of_many_views(told, projector)
+        foreseen = Foreseen([(width, 20, share)], {(width, 20): 1.0})
+        best = rules.of_many_views(foreseen, projector)
         tame = projector is apart or not left_out
         assert best.method == ("tikhonov" if tame else "nnls")
         assert (best.width, best.iterations) == (width, 20)
@@ -104,5 +104,5 @@ def test_where_rays_leave_gaps_the_volume_stays_tame():
 
 def test_gaps_are_between_rays_and_not_beside_them(resolving, apart):
     # Of six columns along x two are passed over; the sixth, and two of five along y, lie beside.
-    assert rules._share_in_gaps(apart) == 2 * 3 * 4 / apart.grid.size
-    assert rules._share_in_gaps(resolving) == 0
+    assert rules._fraction_in_gaps(apart) == 2 * 3 * 4 / apart.grid.size
+    assert rules._fraction_in_gaps(resolving) == 0
