@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.text import shortened
-from rigs.formats._quaternion import matrix_of_quaternion
 from rigs.formats._values import as_count, errors_of, numbers_of_line
+from rigs.geometry.rotation import matrix_of_quaternion
 from rigs.rig import Rig
 
 _POSE = ["QW", "QX", "QY", "QZ", "TX", "TY", "TZ"]

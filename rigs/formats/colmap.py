@@ -22,9 +22,9 @@ from rigs.files.text import read_text, shortened, write_text
 from rigs.files.units import UNKNOWN
 from rigs.formats._colmap_rigs import read_sensors, rig_texts
 from rigs.formats._lens import named_model, refuse_skew, refuse_tables
-from rigs.formats._quaternion import matrix_of_quaternion, quaternion_of_matrix
 from rigs.formats._values import as_count, errors_of, errors_of_file, numbers_of_line
 from rigs.formats._views import difference, grouped, named
+from rigs.geometry.rotation import matrix_of_quaternion, quaternion_of_matrix
 from rigs.lens import Distortion
 from rigs.rig import Rig
 

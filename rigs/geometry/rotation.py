@@ -1,4 +1,4 @@
-"""Checks of the numbers that place a camera."""
+"""Rotations: checked matrices, rotation vectors, quaternions."""
 
 from __future__ import annotations
 
@@ -53,19 +53,30 @@ def rotation(value: ArrayLike, what: str, tolerance: float = 1e-6) -> NDArray[np
 
 
 def matrix_of_vector(vector: ArrayLike) -> NDArray[np.float64]:
-    """Return the rotation ``(3, 3)`` of OpenCV's rvec: the axis times the angle in radians.
+    """Return the rotation ``(..., 3, 3)`` of rotation vectors ``(..., 3)``, OpenCV's rvec.
 
-    Rodrigues' formula, ``I + sin(a) / a [v]_x + (1 - cos(a)) / a^2 [v]_x^2``, of sines alone: it
-    loses no digits at small angles.
+    A rotation vector is the axis times the angle in radians.
     """
-    x, y, z = vector = np.asarray(vector, np.float64)
-    angle = float(np.linalg.norm(vector))
-    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return (
-        np.eye(3)
-        + np.sinc(angle / np.pi) * across
-        + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * across @ across
-    )
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(vector).as_matrix()
+
+
+def matrix_of_quaternion(quaternion: ArrayLike, what: str) -> NDArray[np.float64]:
+    """Return the rotation ``(3, 3)`` of Hamilton's (w, x, y, z), of any length but zero."""
+    from scipy.spatial.transform import Rotation
+
+    q = np.asarray(quaternion, np.float64)
+    if not 0 < float(np.linalg.norm(q)) < np.inf:
+        raise ValueError(f"{what}: found {q.tolist()}, expected a unit quaternion")
+    return Rotation.from_quat(np.roll(q, -1)).as_matrix()
+
+
+def quaternion_of_matrix(R: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return Hamilton's unit quaternion (w, x, y, z), w not negative, of a rotation ``(3, 3)``."""
+    from scipy.spatial.transform import Rotation
+
+    return np.roll(Rotation.from_matrix(R).as_quat(canonical=True), 1)
 
 
 def _wording(shape: tuple[int, ...]) -> str:

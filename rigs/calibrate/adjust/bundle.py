@@ -20,9 +20,9 @@ from rigs.calibrate.adjust.observation_arrays import (
     camera_rows,
     jacobian,
     predicted,
-    rotation_matrices,
     runs,
 )
+from rigs.geometry.rotation import matrix_of_vector
 
 _LEAST_GAIN = 1e-8  # relative fall of the cost below which the method has arrived
 _DAMPING = 1e-4
@@ -237,12 +237,12 @@ def _moved(
         full[camera] = step[:6]
         lenses.append(lens.moved(step[6:]))
     target_R, target_t = scene.target_R.copy(), scene.target_t.copy()
-    target_R[frames] = rotation_matrices(target_step[:, :3]) @ target_R[frames]
+    target_R[frames] = matrix_of_vector(target_step[:, :3]) @ target_R[frames]
     target_t[frames] += target_step[:, 3:]
     return replace(
         scene,
         lenses=tuple(lenses),
-        camera_R=rotation_matrices(full[:, :3]) @ scene.camera_R,
+        camera_R=matrix_of_vector(full[:, :3]) @ scene.camera_R,
         camera_t=scene.camera_t + full[:, 3:],
         target_R=target_R,
         target_t=target_t,

@@ -136,13 +136,6 @@ def rays_by_camera(
     return by_point @ scene.camera_R[camera], by_camera
 
 
-def rotation_matrices(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotations ``(N, 3, 3)`` of rotation vectors ``(N, 3)``."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(vectors).as_matrix()
-
-
 def _cross(points: NDArray, gradients: NDArray) -> NDArray[np.float64]:
     """Return ``points`` ``(n, 3)`` times each row of ``gradients`` ``(n, 2, 3)``, crosswise."""
     x, y, z = (points[:, None, axis] for axis in range(3))
