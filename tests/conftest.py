@@ -1,6 +1,8 @@
 import importlib.util
 import os
 import sys
+import time
+import tracemalloc
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -9,6 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 ROOT = Path(__file__).resolve().parent.parent
+SECONDS = 2.0  # of processor time for a reader's refusal of one small file
+MEMORY = 260 << 20  # bytes that a refusal may take: twice what the size guard allows to any file
 
 # Examples differ from run to run only where a test asks for it: a failure is a failure of the code
 hypothesis.settings.register_profile("project", deadline=None, derandomize=True, max_examples=50)
@@ -89,3 +93,33 @@ def test_data():
     if not folder.is_dir():
         pytest.skip(f"no real image sets at {folder}; TOMO_TEST_DATA names another folder")
     return folder
+
+
+@pytest.fixture
+def refused(tmp_path):
+    """Return a function that reads a hostile file and returns the one line of the refusal.
+
+    ``refused(read, name, content)`` writes the file first; nothing may be read but that file.
+    """
+
+    def run(read, name, content):
+        path = tmp_path / name
+        path.write_bytes(content)
+        tracemalloc.start()
+        began = time.process_time()
+        try:
+            with pytest.raises((ValueError, OSError)) as caught:
+                read(path)
+            seconds = time.process_time() - began
+            taken = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+        line = str(caught.value)
+        assert line.startswith(f"{path}: ")
+        assert "\n" not in line
+        assert seconds < SECONDS
+        assert taken < MEMORY + 4 * len(content)
+        assert "allocate" not in line  # nor was the memory asked for and refused
+        return line.removeprefix(f"{path}: ")
+
+    return run

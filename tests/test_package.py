@@ -218,6 +218,7 @@ DISTRIBUTIONS = {
     "cv2": "opencv-contrib-python-headless",
     "lazy_loader": "lazy-loader",
     "nrrd": "pynrrd",
+    "PIL": "pillow",
     "skimage": "scikit-image",
     "yaml": "pyyaml",
 }

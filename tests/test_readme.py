@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rigs import load_rig
+from rigs.recordings import write_image
 from tomo import Scan
-from tomo.io import write_image
 
 README = (Path(__file__).parents[1] / "README.md").read_text("utf-8")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rigs.recordings.decoded import size_of
+from rigs.recordings import image_size
 
 MOST_RAYS = 2**24
 """Of a table of rays that is made from a formula: about 4 GB while it is made."""
@@ -15,7 +15,7 @@ def size_of_image(path: Path) -> tuple[int, int] | None:
     if not path.is_file():
         return None
     try:
-        return size_of(path.read_bytes())
+        return image_size(path)
     except (OSError, ValueError):
         return None
 

@@ -23,8 +23,9 @@ from rigs.calibrate.detect.found import Found
 from rigs.calibrate.detect.image_sets import read_source
 from rigs.files import load_rig, save_rig
 from rigs.ray_table.ray_file import load_ray_table, save_ray_table
+from rigs.recordings import is_integer_image, read_image
 from tomo import Scan, VoxelGrid
-from tomo.io import is_integer_image, read_image, read_volume, write_volume
+from tomo.io import read_volume, write_volume
 from tomo.selection import Choice
 from tomo.wernet import load_encoder, save_encoder
 from tomo.wernet.default import CorrectionEncoder

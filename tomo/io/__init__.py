@@ -1,11 +1,10 @@
-"""Volumes and images in and out; every file is written whole or not at all."""
+"""Volumes in and out; every file is written whole or not at all."""
 
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "images": ["is_integer_image", "read_image", "write_image"],
         "volumes": ["read_volume", "write_volume"],
     },
 )

@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.archives import check_unpacked, inflated
+from rigs.files.size_guard import check_claim, decompressed
 from tomo.grid import VoxelGrid
 
 _NUMBERS = {
@@ -177,12 +177,12 @@ def _values(root: ElementTree.Element, array: ElementTree.Element, appended: byt
     head_size = (3 + blocks) * header.itemsize
     _, each, last, *sizes = np.frombuffer(take(encoded, head_size), header).tolist()
     counts = [each] * (blocks - 1) + [last or each]
-    check_unpacked(sum(counts), len(encoded))
+    check_claim(sum(counts), len(encoded))
     encoded = encoded[head_size if is_raw else -(-head_size // 3) * 4 :]
     payload = take(encoded, sum(sizes))
     stops = itertools.accumulate(sizes)
     parts = (payload[stop - size : stop] for stop, size in zip(stops, sizes, strict=True))
-    return np.frombuffer(b"".join(map(inflated, parts, counts)), dtype)
+    return np.frombuffer(b"".join(map(decompressed, parts, counts)), dtype)
 
 
 def _take_raw(encoded: bytes, count: int) -> bytes:

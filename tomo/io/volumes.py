@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.files import atomic_path
-from rigs.files.archives import errors_of_libraries, most_unpacked, read_arrays
+from rigs.files.archives import read_arrays
+from rigs.files.size_guard import errors_of_libraries, largest_claim
 from tomo.grid import VoxelGrid
 from tomo.io import _nrrd, _vti
 
@@ -59,7 +60,7 @@ def read_volume(path: str | os.PathLike, *, allow_nan: bool = False) -> Volume:
                 f"data: found {data.dtype} of shape {data.shape}, expected numbers of shape "
                 "(nx, ny, nz)"
             )
-        with np.errstate(over="ignore"):  # too large a number is told as infinity below
+        with np.errstate(over="ignore"):  # to infinity, which is refused below
             data = np.ascontiguousarray(data, dtype=np.float32)
         grid = VoxelGrid.from_origin(
             data.shape, _three(spacing, "spacing"), _three(origin, "origin")
@@ -115,7 +116,7 @@ def write_volume(
     with atomic_path(path) as temporary:
         writer(temporary, data, grid, length_unit)
         values = temporary.stat().st_size - _HEADERS
-        if data.nbytes + _HEADERS > most_unpacked(values):  # no reader would take it
+        if data.nbytes + _HEADERS > largest_claim(values):  # no reader would take it
             writer(temporary, data, grid, length_unit, is_packed=False)
 
 

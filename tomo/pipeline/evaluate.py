@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.recordings import is_integer_image
 from tomo.grid import VoxelGrid
-from tomo.io import is_integer_image, read_volume
+from tomo.io import read_volume
 from tomo.operators import LinearSystem
 from tomo.operators.system import VolumeNotSeenError
 from tomo.pipeline.reconstruction import View

@@ -98,7 +98,7 @@ class Corrections:
 
     def _check_scale(self, path: Path, camera: str, source: Path | None) -> None:
         """Refuse corrections in a camera's counts: they would never, or always, be reached."""
-        from tomo.io import is_integer_image
+        from rigs.recordings import is_integer_image
 
         for name in ("dark", "saturation"):
             value = self.of(name, camera)
@@ -129,7 +129,7 @@ def _read(
     usable: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.float32]:
     """Return a camera's image, of its own size."""
-    from tomo.io import read_image
+    from rigs.recordings import read_image
 
     try:
         image = read_image(path, bit_depth, usable)

@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 from rigs import Rig, formats, load_rig, save_rig
 from rigs.files import whole_folder
 from rigs.files.text import breaks_a_line
+from rigs.recordings import write_image
+from rigs.recordings.images import IMAGE_SUFFIXES
 from tomo.grid import VoxelGrid, grid_of_rig
-from tomo.io import write_image, write_volume
-from tomo.io.images import IMAGE_SUFFIXES
+from tomo.io import write_volume
 from tomo.io.volumes import check_length_unit
 from tomo.scan._schema import parse_scan_file
 from tomo.scan.corrections import Corrections

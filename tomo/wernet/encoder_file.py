@@ -11,7 +11,7 @@ from typing import Any
 import torch
 
 from rigs.files import atomic_path
-from rigs.files.archives import check_unpacked, errors_of_libraries
+from rigs.files.size_guard import check_claim, errors_of_libraries
 from tomo.wernet.default import CorrectionEncoder
 from tomo.wernet.paper import WeightEncoder
 
@@ -126,7 +126,7 @@ def load_tensors(path: Path, expected: str) -> object:
         with zipfile.ZipFile(path) as archive:  # what torch.save writes; older files are not read
             members = archive.infolist()
             size = sum(item.file_size for item in members)
-            check_unpacked(size, path.stat().st_size)
+            check_claim(size, path.stat().st_size)
             for item in members:
                 if item.filename.endswith("data.pkl"):
                     _check_names(archive.read(item))

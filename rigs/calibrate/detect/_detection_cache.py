@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from rigs.calibrate.detect.found import Found
 from rigs.calibrate.detect.image_sets import Source, VideoFrame
 from rigs.files import atomic_path
-from rigs.files.archives import errors_of_libraries, read_arrays
+from rigs.files.archives import read_arrays
+from rigs.files.size_guard import errors_of_libraries
 
 _FORMAT = "target detections 1"  # another number where the search gives other results
 _FIELDS = ("format", "keys", "counts", "point", "uv", "blur", "reason", "legacy", "size")

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.recordings.decoded import decoded
+from rigs.recordings import luminance, read_pixels
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp")
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
@@ -98,8 +98,9 @@ def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, 
 def read_source(source: Source) -> NDArray:
     """Return the grey image ``(rows, columns)`` of a source, in the numbers stored.
 
-    Colour, blue first as OpenCV has it, becomes grey by its luminance. How a file says it should
-    be turned for viewing is passed over: calibration is about the sensor.
+    Colour becomes grey by its luminance; an array's channels are blue, green and red, as OpenCV
+    has them. How a file is meant to be turned for viewing is ignored: calibration is about the
+    sensor.
 
     Raises
     ------
@@ -109,16 +110,12 @@ def read_source(source: Source) -> NDArray:
     if isinstance(source, VideoFrame):
         return next(iter(read_pictures(source.path, [source.index])))[1]
     if isinstance(source, np.ndarray):
-        return _grey(source, "image")
+        return _grey(source, "image", blue_first=True)
     path = Path(source)
     try:
-        content = path.read_bytes()
+        image = read_pixels(path)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
-    try:
-        image = decoded(content)
-    except ValueError as error:
-        raise ValueError(f"{path}: not a readable image: {error}") from None
     return _grey(image, str(path))
 
 
@@ -146,7 +143,7 @@ def read_pictures(path: Path, indices: Iterable[int]) -> Iterator[tuple[int, NDA
             decoded, image = video.retrieve()
             if not decoded:
                 raise ValueError(f"{path}: picture {index} cannot be decoded")
-            yield index, _grey(image, f"{path}: picture {index}")
+            yield index, _grey(image, f"{path}: picture {index}", blue_first=True)
     finally:
         video.release()
 
@@ -200,12 +197,12 @@ def _count_pictures(path: Path) -> int:
     return count
 
 
-def _grey(image: NDArray, name: str) -> NDArray:
-    """Return a colour image's luminance, a grey image as it is."""
+def _grey(image: NDArray, name: str, blue_first: bool = False) -> NDArray:
+    """Return a colour image's luminance, a grey image as it is; only files have grey and alpha."""
     channels = image.shape[2] if image.ndim == 3 else 1
     if (
         image.ndim not in (2, 3)
-        or channels not in (1, 3, 4)
+        or channels not in ((1, 3, 4) if blue_first else (1, 2, 3, 4))
         or min(image.shape[:2]) < 2
         or image.dtype.kind not in "uif"
     ):
@@ -213,12 +210,7 @@ def _grey(image: NDArray, name: str) -> NDArray:
             f"{name}: found shape {image.shape} of {image.dtype}, expected an image in grey or "
             "colour"
         )
-    if channels > 1:
-        if image.dtype not in (np.uint8, np.uint16):
-            image = image.astype(np.float32)  # no other kind of number is made grey by OpenCV
-        code = cv2.COLOR_BGR2GRAY if channels == 3 else cv2.COLOR_BGRA2GRAY
-        image = cv2.cvtColor(image, code)
-    image = image.reshape(image.shape[:2])
+    image = luminance(image[:, :, 2::-1] if blue_first and channels > 2 else image)
     if image.dtype.kind == "f" and not np.isfinite(image).all():
         raise ValueError(f"{name}: found NaN or infinite pixels, expected finite ones")
     return image

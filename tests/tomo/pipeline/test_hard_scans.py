@@ -9,8 +9,8 @@ import pytest
 import phantoms
 import rigs
 from rigs import Camera, Distortion, look_at
+from rigs.recordings import write_image
 from tomo import Scan, VoxelGrid
-from tomo.io import write_image
 from tomo.metrics import nrmse
 from tomo.pipeline import reconstruct
 from tomo.scan import Corrections

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rigs.recordings import write_image
 from tomo import Scan
-from tomo.io import write_image
 from tomo.scan import Corrections, Frame
 
 

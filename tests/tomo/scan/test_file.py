@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rigs.recordings import write_image
 from tomo import Scan
-from tomo.io import read_volume, write_image
+from tomo.io import read_volume
 from tomo.scan import save_scan
 
 

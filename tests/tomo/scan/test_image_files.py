@@ -5,8 +5,8 @@ import shutil
 import numpy as np
 
 from rigs import save_rig
+from rigs.recordings import write_image
 from tomo import Scan
-from tomo.io import write_image
 
 
 def test_a_rig_and_a_folder_of_images(folder, tmp_path, rig, frames, assert_refused):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rigs.recordings import write_image
 from tomo import Rays, Scan
-from tomo.io import write_image
 
 
 @pytest.mark.parametrize("factor", [1, 2, 3, 4])

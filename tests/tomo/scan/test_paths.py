@@ -5,8 +5,8 @@ import os
 import numpy as np
 import pytest
 
+from rigs.recordings import write_image
 from tomo import Scan
-from tomo.io import write_image
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Camera, Rig
+from rigs.recordings import luminance, read_pixels
 from tomo.draw.rig.rig_scene import Target, on_symbol, symbol_length
 from tomo.draw.scene import ColourScale, Mesh, Scene
 from tomo.draw.volume.maps import lattice_triangles
@@ -123,11 +124,10 @@ def _file_of(folder: Path, camera: str, frame: str | None) -> Path | None:
 
 def _read(path: Path, camera: Camera) -> NDArray[np.float32]:
     """Return a photograph as grey levels."""
-    import cv2
-
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
-    if image is None:
-        raise ValueError(f"{path}: camera {camera.name}: not readable, expected an image")
+    try:
+        image = luminance(read_pixels(path))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"camera {camera.name}: {error}") from None
     _check_size(path, image.shape[::-1], camera)
     return np.nan_to_num(image.astype(np.float32), posinf=0.0, neginf=0.0)
 

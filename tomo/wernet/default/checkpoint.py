@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 
 from rigs.files import atomic_path
-from rigs.files.archives import errors_of_libraries
+from rigs.files.size_guard import errors_of_libraries
 from rigs.files.text import shortened
 from tomo.operators import Defocused
 from tomo.selection import Choice

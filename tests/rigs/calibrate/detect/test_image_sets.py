@@ -212,8 +212,8 @@ def damage_values(path):
     ("damage", "message"),
     [
         (damage_size, "1.png: found 240x160 pixels, expected 200x160 as in"),
-        (damage_content, "1.png: not a readable image: found no end mark"),
-        (damage_all, "1.png: not a readable image: damaged, empty or of another format"),
+        (damage_content, "1.png: not a readable image: damaged or truncated"),
+        (damage_all, "1.png: not a readable image: the file is empty"),
         (damage_values, "1.tif: found NaN or infinite pixels"),
     ],
 )

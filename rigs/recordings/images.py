@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.files import atomic_path
-from rigs.recordings.decoded import decoded
-from tomo.io._tiff import decoded_tiff
+from rigs.recordings.pixels import read_pixels
+from rigs.recordings.tiff import tiff_page
 
 TIFF_SUFFIXES = (".tif", ".tiff")
 IMAGE_SUFFIXES = (*TIFF_SUFFIXES, ".png", ".jpg", ".jpeg")
@@ -49,8 +49,8 @@ def read_image(
 
     Notes
     -----
-    JPEG has no check sum, and its decoder only prints that data inside are corrupt: such a file
-    is read as far as it goes. TIFF and PNG are the formats for measurements.
+    JPEG has no check sum: data damaged inside are decoded as they are. TIFF and PNG are the
+    formats for measurements.
     """
     path = Path(path)
     if path.suffix.lower() not in IMAGE_SUFFIXES:
@@ -58,15 +58,7 @@ def read_image(
         raise ValueError(f"{path}: found suffix {path.suffix!r}, expected one of {expected}")
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such image file")
-    decode = decoded_tiff if path.suffix.lower() in TIFF_SUFFIXES else decoded
-    try:
-        content = path.read_bytes()
-        if not content:
-            raise ValueError("the file is empty")
-        stored = decode(content)
-    except Exception as error:  # decoders of foreign bytes may raise anything
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"{path}: not a readable image: {reason}") from error
+    stored = read_pixels(path)
     if stored.ndim != 2:
         raise ValueError(
             f"{path}: found a colour image of shape {stored.shape}, "
@@ -94,10 +86,8 @@ def is_integer_image(path: str | os.PathLike) -> bool:
     path = Path(path)
     if path.suffix.lower() not in TIFF_SUFFIXES:
         return True
-    import tifffile
-
-    with tifffile.TiffFile(path) as file:
-        return file.pages[0].dtype.kind in "biu"
+    with tiff_page(path) as page:
+        return page.dtype.kind in "biu"
 
 
 def write_image(path: str | os.PathLike, image: ArrayLike) -> None:
@@ -144,7 +134,7 @@ def write_image(path: str | os.PathLike, image: ArrayLike) -> None:
 
 def _to_float(path: Path, stored: NDArray, bit_depth: int | None) -> NDArray[np.float32]:
     if stored.dtype.kind == "f":
-        with np.errstate(over="ignore"):  # too large a number is told as infinity by the caller
+        with np.errstate(over="ignore"):  # a larger number becomes infinity, which is refused
             return stored.astype(np.float32)
     if stored.dtype == np.bool_:
         return stored.astype(np.float32)

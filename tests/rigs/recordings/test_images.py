@@ -5,7 +5,7 @@ import tifffile
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tomo.io import read_image, write_image
+from rigs.recordings import read_image, write_image
 
 RAMP = np.arange(12, dtype=np.uint8).reshape(3, 4)
 
@@ -151,5 +151,5 @@ def test_a_strip_that_unpacks_to_more_than_the_image_is_refused(tmp_path):
     tifffile.imwrite(path, zeros, compression="zlib", rowsperstrip=2048)
     with tifffile.TiffFile(path, mode="r+b") as file:
         file.pages[0].tags["ImageLength"].overwrite(8)
-    with pytest.raises(ValueError, match="found strips of more than 8192 bytes"):
+    with pytest.raises(ValueError, match="damaged or truncated: libdeflate"):
         read_image(path)
