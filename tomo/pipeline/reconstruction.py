@@ -18,7 +18,7 @@ from tomo._compute.reductions import dot, norm
 from tomo.solvers import Solution
 
 if TYPE_CHECKING:
-    from tomo.uncertainty import Condition
+    from tomo.uncertainty import Assessment
     from tomo.wernet.default import LearnedWeights
 
 UNSEEN = (ZERO, NOT_A_NUMBER) = ("zero", "nan")
@@ -150,7 +150,7 @@ class Reconstruction:
         entry of its history; empty without a truth.
     learned : LearnedWeights, optional
         What was learned in place of chord lengths; None: chords.
-    condition : Condition, optional
+    condition : Assessment, optional
         How far the volume is to be trusted, see `tomo.condition`.
     """
 
@@ -174,7 +174,7 @@ class Reconstruction:
     settings: Mapping[str, Any] = field(default_factory=dict)
     cosine_distances: tuple[tuple[float, ...], ...] = ()
     learned: LearnedWeights | None = None
-    condition: Condition | None = None
+    condition: Assessment | None = None
 
     @property
     def volume(self) -> NDArray[np.float32]:

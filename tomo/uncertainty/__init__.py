@@ -5,8 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "angular_coverage": ["Seeing", "seeing"],
-        "assessment": ["AUTO_REPEATS", "Condition", "assess"],
+        "angular_coverage": ["AngularCoverage", "view_coverage"],
+        "assessment": ["AUTO_REPEATS", "Assessment", "assess"],
         "bootstrap": ["Deviations", "standard_deviations"],
         "residual_noise": ["Solve", "noise_of_images"],
         "resolution": ["Resolution", "half_widths", "resolution"],

@@ -1,4 +1,4 @@
-"""How many views cross each voxel that emits, and the angular gaps they leave."""
+"""The views that cross each emitting voxel, and the angular gaps between them."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from rigs.check.coverage import coverage
 from tomo.operators import LinearSystem
 
 EMITTING = 0.01
-"""A voxel counts as emitting above this share of the brightest one."""
+"""Fraction of the brightest voxel above which a voxel counts as emitting."""
 
 SAMPLED = 150
 """Emitting voxels, spread evenly, at which angular gaps and pixel sizes are computed."""
 
 SAME_LINE = 5.0
-"""Degrees up to which two views see a voxel along the same line: from both ends of one the
-integral is the same, and an even number of cameras in a full ring looks along half as many."""
+"""Degrees up to which two views share a line of sight. Opposite views measure the same integral:
+an even ring of cameras has half as many lines."""
 
 GAP_EDGES = (0.0, 15.0, 30.0, 45.0, 60.0, 90.0, 180.0)
-"""Degrees between which the voxels are counted."""
+"""Edges, in degrees, of the histogram of gaps."""
 
 
 @dataclass(frozen=True, eq=False)
-class Seeing:
-    """What the views see of the unknowns.
+class AngularCoverage:
+    """How the views cover the unknowns.
 
     Attributes
     ----------
     views : (unknowns,) int64
-        How many views have a usable pixel whose rays cross the voxel.
+        Views with a usable pixel whose rays cross the voxel.
     emitting : (unknowns,) bool
-        Which voxels emit: above `EMITTING` of the brightest.
+        True above `EMITTING` times the brightest voxel.
     lines : (samples,) int64
-        Along how many lines some emitting voxels are seen, see `SAME_LINE`.
+        Lines of sight through sampled emitting voxels, see `SAME_LINE`.
     gap : (samples,) float64
-        Largest angular gap in degrees of the same, see `rigs.check.angular_gap`.
+        Largest angular gap at the same voxels, in degrees, see `rigs.check.angular_gap`.
     pixel : float
-        Median size of a pixel there, across the line of sight, in the rig's unit; NaN if unknown.
+        Median pixel size there, across the line of sight, in the rig's unit; NaN if unknown.
     """
 
     views: NDArray[np.int64]
@@ -59,8 +59,8 @@ class Seeing:
         return float(np.median(seen)) if len(seen) else float("nan")
 
     @property
-    def median_lines(self) -> float:
-        """Median number of lines that emitting voxels are seen along; NaN where none emits."""
+    def median_sight_lines(self) -> float:
+        """Median number of lines of sight of emitting voxels; NaN where none emits."""
         return float(np.median(self.lines)) if len(self.lines) else float("nan")
 
     @property
@@ -72,28 +72,28 @@ class Seeing:
         """Return the counts of voxels by views and by gap."""
         numbers, counts = np.unique(self.views, return_counts=True)
         bright, bright_counts = np.unique(self.views[self.emitting], return_counts=True)
-        shares = np.histogram(self.gap, GAP_EDGES)[0] / max(len(self.gap), 1)
+        fractions = np.histogram(self.gap, GAP_EDGES)[0] / max(len(self.gap), 1)
         return {
             "emitting": int(np.count_nonzero(self.emitting)),
             "by_views": dict(zip(numbers.tolist(), counts.tolist(), strict=True)),
             "emitting_by_views": dict(zip(bright.tolist(), bright_counts.tolist(), strict=True)),
             "median_views": self.median_views,
-            "median_lines": self.median_lines,
+            "median_lines": self.median_sight_lines,
             "gap_edges_degrees": list(GAP_EDGES),
-            "emitting_share_by_gap": shares.tolist(),
+            "emitting_share_by_gap": fractions.tolist(),
             "median_gap_degrees": self.median_gap,
             "sampled": len(self.gap),
         }
 
 
-def seeing(system: LinearSystem, volume: NDArray[np.float32]) -> Seeing:
-    """Return how the views of a system see its unknowns.
+def view_coverage(system: LinearSystem, volume: NDArray[np.float32]) -> AngularCoverage:
+    """Return how the views of a system cover its unknowns.
 
     Parameters
     ----------
     system : LinearSystem
     volume : (unknowns,) float32
-        What was reconstructed, to tell the voxels that emit.
+        The reconstruction, which shows the emitting voxels.
     """
     projector = system.projector
     brightest = float(np.max(volume, initial=0.0))
@@ -107,7 +107,7 @@ def seeing(system: LinearSystem, volume: NDArray[np.float32]) -> Seeing:
         views += crossed
         seen[:, number] = crossed[sample]
     if not len(sample):
-        return Seeing(views, emitting, np.zeros(0, np.int64), np.zeros(0), float("nan"))
+        return AngularCoverage(views, emitting, np.zeros(0, np.int64), np.zeros(0), float("nan"))
     points = _centers(system, sample)
     found = coverage(system.rig, points)
     lines = lines_of_sight(found.directions, seen, SAME_LINE)
@@ -115,14 +115,12 @@ def seeing(system: LinearSystem, volume: NDArray[np.float32]) -> Seeing:
     sizes = found.median_footprint
     known = np.isfinite(sizes)
     pixel = float(np.median(sizes[known])) if known.any() else math.nan
-    return Seeing(views, emitting, lines, gap, pixel)
+    return AngularCoverage(views, emitting, lines, gap, pixel)
 
 
 def _centers(system: LinearSystem, unknowns: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the centres of some unknowns, ``(n, 3)``."""
     active = system.projector.active
     flat = unknowns if active.index is None else active.index[unknowns]
-    places = np.unravel_index(flat, active.grid.shape)
-    return np.stack(
-        [axis[place] for axis, place in zip(active.grid.axes(), places, strict=True)], axis=-1
-    )
+    index = np.unravel_index(flat, active.grid.shape)
+    return np.stack([axis[i] for axis, i in zip(active.grid.axes(), index, strict=True)], axis=-1)

@@ -1,4 +1,4 @@
-"""The condition report: what the views see, the noise's share of the volume, the resolution."""
+"""The uncertainty report: angular coverage, standard deviation by noise, resolution."""
 
 from __future__ import annotations
 
@@ -13,83 +13,83 @@ from tomo._compute.reductions import norm
 from tomo.grid import ActiveVoxels
 from tomo.operators import LinearSystem
 from tomo.operators.system import Progress
-from tomo.uncertainty.angular_coverage import Seeing, seeing
+from tomo.uncertainty.angular_coverage import AngularCoverage, view_coverage
 from tomo.uncertainty.bootstrap import Deviations, standard_deviations
 from tomo.uncertainty.residual_noise import Solve, noise_of_images
 from tomo.uncertainty.resolution import Resolution, resolution
-from tomo.uncertainty.warnings import doubts
+from tomo.uncertainty.warnings import trust_warnings
 
 AUTO_REPEATS = 3
-"""Enough for what is averaged over the voxels that emit, not for a map of single ones."""
+"""Repeats that suffice for averages over the emitting voxels, not for a map of single voxels."""
 
 MAPPED = 10
-"""From so many repeats on, the deviations of single voxels, known to a quarter, are shown."""
+"""Repeats from which on single voxels' standard deviations, then known to a quarter, are shown."""
 
 _DEVIATION_WORDS = (
-    "repeats of the solve, as it was chosen, on re-projected images with new noise, as large as "
-    "that found in the residual (half of 20 or more repeats calibrate the others); what "
-    "smoothing, missing views and wrong cameras do to the volume is not in it, nor noise that "
-    "neighbouring pixels share, as in resampled images"
+    "the chosen solve is repeated on re-projected images with new noise of the level found in "
+    "the residual (half of 20 or more repeats calibrate the others); errors by smoothing, missing "
+    "views and wrong cameras are not included, nor noise that neighbouring pixels share, as in "
+    "resampled images"
 )
 _RESOLUTION_WORDS = (
-    "full width at half maximum of what faint spots of one voxel, added to the images, change in "
-    "the volume when it is solved again; the pixels' width is added in squares"
+    "faint spots of one voxel are added to the images and the volume is solved again; the full "
+    "width at half maximum of the change, with the pixels' width added in quadrature"
 )
 
 
 @dataclass(frozen=True, eq=False)
-class Condition:
-    """How far a reconstruction is to be trusted.
+class Assessment:
+    """How far a reconstruction can be trusted.
 
     Attributes
     ----------
     active : ActiveVoxels
         The unknowns.
     volume : (unknowns,) float32
-    seeing : Seeing
+    coverage : AngularCoverage
     residual, noise : float
-        Root mean square of the images' residual and of their noise, over that of the images; the
-        noise is NaN where it is not known, the residual of dark images too.
+        Root mean squares of the images' residual and noise over that of the images; NaN where
+        unknown, and for dark images.
     deviations : Deviations, optional
-        None where the reconstruction was not repeated.
+        None if the reconstruction was not repeated.
     resolution : Resolution, optional
-        None where it was not looked for, or nothing emits.
+        None if it was not measured, or nothing emits.
     """
 
     active: ActiveVoxels
     volume: NDArray[np.float32]
-    seeing: Seeing
+    coverage: AngularCoverage
     residual: float
     noise: float
     deviations: Deviations | None = None
     resolution: Resolution | None = None
 
     def __repr__(self) -> str:
-        """Say what it is of and how many doubts there are."""
-        return f"<Condition of {self.active.size} unknowns: {len(self.warnings)} doubts>"
+        """Name the size and the number of warnings."""
+        return f"<Assessment of {self.active.size} unknowns: {len(self.warnings)} warnings>"
 
     @property
     def relative_deviation(self) -> float:
         """Root mean square standard deviation of the emitting voxels over their emission's."""
         if self.deviations is None:
             return math.nan
-        emitting = self.seeing.emitting
+        emitting = self.coverage.emitting
         size = norm(self.volume[emitting])
         return norm(self.deviations.values[emitting]) / size if size > 0 else math.nan
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Why the volume is not to be trusted, one line each."""
-        return doubts(self.seeing, self.residual, self.noise, self.relative_deviation)
+        """The reasons not to trust the volume, one line each."""
+        return trust_warnings(self.coverage, self.residual, self.noise, self.relative_deviation)
 
     @property
     def mapped(self) -> bool:
-        """Whether the deviations of single voxels are worth showing."""
+        """Whether the standard deviations of single voxels are known well enough to show."""
         return self.deviations is not None and self.deviations.repeats >= MAPPED
 
     @property
     def standard_deviation(self) -> NDArray[np.float32] | None:
-        """The standard deviation of every voxel ``(nx, ny, nz)``, zero where none is unknown."""
+        """The standard deviation of every voxel ``(nx, ny, nz)``, zero for inactive voxels."""
         if self.deviations is None:
             return None
         return self.active.expand(self.deviations.values).reshape(self.active.grid.shape)
@@ -99,7 +99,7 @@ class Condition:
 
         ``voxels``
             ``emitting`` (above a hundredth of the brightest), counts of unknowns and of emitting
-            voxels by number of views, shares of ``sampled`` emitting voxels by angular gap.
+            voxels by number of views, fractions of ``sampled`` emitting voxels by angular gap.
         ``images``
             ``residual`` and ``noise`` relative to the images, and the first over the second.
         ``standard_deviation``
@@ -110,11 +110,11 @@ class Condition:
         ``resolution``
             ``voxels`` and ``length`` along x, y, z: medians of full widths at half maximum.
         ``warnings``
-            Why the volume is not to be trusted; empty where nothing speaks against it.
+            The reasons not to trust the volume; may be empty.
         """
         known = not math.isnan(self.noise)
         return {
-            "voxels": self.seeing.report(),
+            "voxels": self.coverage.report(),
             "images": {
                 "residual": self.residual,
                 "noise": self.noise,
@@ -132,7 +132,7 @@ class Condition:
     def _of_deviations(self) -> dict[str, Any] | None:
         if self.deviations is None:
             return None
-        emitting = self.seeing.emitting
+        emitting = self.coverage.emitting
         values, volume = self.deviations.values[emitting], self.volume[emitting]
         return {
             "relative": self.relative_deviation,
@@ -155,23 +155,23 @@ def assess(
     repeats: int = AUTO_REPEATS,
     seed: int = 0,
     progress: Progress | None = None,
-) -> Condition:
-    """Return how far a reconstruction is to be trusted.
+) -> Assessment:
+    """Return how far a reconstruction can be trusted.
 
     Parameters
     ----------
     system : LinearSystem
-        What it was reconstructed with.
+        The system that was solved.
     measured : (pixels,) float32
-        The images that it was reconstructed from, gains corrected.
+        The images, gains corrected.
     volume : (nx, ny, nz) float32
     solve : callable, optional
-        The reconstruction. Without it there is neither a standard deviation nor a resolution.
+        The solve, to repeat. Without it there is no standard deviation and no resolution.
     repeats : int
-        How often to repeat it with new noise; two more solves find out how much noise it fits,
-        and the resolution. 0: none of these.
+        Repeats with new noise; two more solves measure how much noise it fits, and the
+        resolution. 0 for none of these.
     seed : int
-        Of the noise.
+        Seed of the noise.
     progress : callable, optional
 
     Raises
@@ -184,7 +184,7 @@ def assess(
     active = system.projector.active
     unknowns = active.compress(volume)
     seen = (system.projector @ unknowns).astype(np.float32)
-    found = seeing(system, unknowns)
+    found = view_coverage(system, unknowns)
     size = norm(measured)
     residual = norm(measured - seen) / size if size > 0 else math.nan
     deviations = width = None
@@ -195,4 +195,4 @@ def assess(
         width = resolution(system, measured, unknowns, found.emitting, solve, found.pixel)
     sigma = noise_of_images(system, measured, seen) if deviations is None else deviations.noise
     noise = norm(sigma) / size if size > 0 else math.nan
-    return Condition(active, unknowns, found, residual, noise, deviations, width)
+    return Assessment(active, unknowns, found, residual, noise, deviations, width)

@@ -1,4 +1,4 @@
-"""The standard deviation that noise leaves in every voxel of what a method returns."""
+"""The standard deviation of every voxel by noise: a parametric bootstrap of the solve."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from numpy.typing import NDArray
 
 from tomo.operators import LinearSystem
 from tomo.operators.system import Progress
-from tomo.uncertainty.bootstrap_calibration import Spread, among_neighbours, calibrated
+from tomo.uncertainty.bootstrap_calibration import Spread, calibrated, neighbour_means
 from tomo.uncertainty.residual_noise import Solve, generator, noise_of_images, smoothed
 
 KEPT = 0.7
-"""Pixels, the standard deviation of the blur by which noise is taken out of the residual."""
+"""Standard deviation, in pixels, of the blur that removes noise from the residual."""
 
 NEIGHBOURS = 0.5
-"""Voxels, the standard deviation of the blur by which neighbours share what few repeats found:
-these scatter, the noise's share of neighbouring voxels differs little."""
+"""Standard deviation, in voxels, of the blur over the voxels' deviations: few repeats scatter more
+than true deviations differ between neighbours."""
 
 CALIBRATED = 20
-"""From so many repeats on, half of them go into a second bootstrap, which calibrates the first."""
+"""Repeats from which on half of them are a second bootstrap that calibrates the first."""
 
 
 @dataclass(frozen=True, eq=False)
 class Deviations:
-    """What repeating a reconstruction with new noise gave.
+    """The result of repeating a reconstruction with new noise.
 
     Attributes
     ----------
@@ -108,14 +108,14 @@ def standard_deviations(
         base = again + smoothed(system, images - again, KEPT)
         values = calibrated(first, _repeated(base, noise, solve, drawn)[0], active)
     else:
-        values = among_neighbours(np.sqrt(first.deviation), NEIGHBOURS, active) ** 2
+        values = neighbour_means(np.sqrt(first.deviation), NEIGHBOURS, active) ** 2
     if progress:
         progress(repeats, repeats, "standard deviations")
     return Deviations(values.astype(np.float32), repeats, noise)
 
 
 def _calibrating(repeats: int) -> int:
-    """Return how many of the repeats are the second bootstrap's."""
+    """Return the number of repeats in the second bootstrap."""
     return repeats // 2 if repeats >= CALIBRATED else 0
 
 

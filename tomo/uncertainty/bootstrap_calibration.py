@@ -1,4 +1,4 @@
-"""Standard deviations made better by what a second bootstrap says of the first."""
+"""Standard deviations of a bootstrap, calibrated by a second bootstrap."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from numpy.typing import NDArray
 from tomo.grid import ActiveVoxels
 
 WIDTHS = (0.8, 1.5)
-"""Voxels, the standard deviations of the blurs that say what a voxel's surroundings are like."""
+"""Standard deviations, in voxels, of the blurs that describe a voxel's surroundings."""
 
 FLOOR = 1e-3
-"""Of the large deviations; smaller ones, whose logarithms say little, count as so much."""
+"""Fraction of a large deviation to which smaller ones are raised before the logarithm."""
 
 LARGE = 0.9
-"""The quantile of all deviations that is taken for a large one."""
+"""Quantile of all deviations that counts as a large one."""
 
 OUTLIER = 0.4
-"""From this error of a deviation's logarithm on, a factor 1.5, a voxel counts less in the fit."""
+"""Error of a deviation's logarithm (a factor 1.5) beyond which a voxel weighs less in the fit."""
 
-ROUNDS = 10
+REWEIGHTINGS = 10
 VOXELS_IN_FIT = 50_000
 
 RIDGE = 1e-3
-"""Share of a voxel's weight that holds each coefficient at zero, no correction."""
+"""Ridge, as a fraction of a voxel's weight, that pulls each coefficient to 0, no correction."""
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """What repeats of a solve gave, voxel by voxel.
+    """Mean and deviation of the repeats of a solve, voxel by voxel.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Spread:
 
 
 def calibrated(first: Spread, second: Spread, active: ActiveVoxels) -> NDArray[np.float64]:
-    """Return standard deviations corrected for what is wrong with a bootstrap of this scene.
+    """Return standard deviations corrected for the bias of the bootstrap on this scene.
 
     Parameters
     ----------
@@ -82,11 +82,11 @@ def calibrated(first: Spread, second: Spread, active: ActiveVoxels) -> NDArray[n
     chosen = slice(None, None, -(-active.size // VOXELS_IN_FIT))
     coefficients = _fitted([feature[chosen] for feature in tried], (known[0] - tried[0])[chosen])
     found = scale * np.exp(known[0] + _polynomial(known, coefficients))
-    moved = among_neighbours(first.deviation, WIDTHS[0], active) > 0
+    moved = neighbour_means(first.deviation, WIDTHS[0], active) > 0
     return np.where(moved, found, 0.0)
 
 
-def among_neighbours(
+def neighbour_means(
     values: NDArray[np.float64], width: float, active: ActiveVoxels
 ) -> NDArray[np.float64]:
     """Return the Gaussian means (unknowns,) of a voxel and its neighbours that are unknown."""
@@ -102,7 +102,7 @@ def among_neighbours(
 def _features(spread: Spread, scale: float, active: ActiveVoxels) -> list[NDArray[np.float64]]:
     """Return the logarithms of deviation and mean, plain and blurred, (unknowns,) each."""
     plain = [np.log(np.maximum(own / scale, FLOOR)) for own in (spread.deviation, spread.mean)]
-    return plain + [among_neighbours(own, width, active) for own in plain for width in WIDTHS]
+    return plain + [neighbour_means(own, width, active) for own in plain for width in WIDTHS]
 
 
 def _terms(features: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
@@ -127,7 +127,7 @@ def _fitted(
     terms = np.stack(_terms(features))  # (terms, voxels)
     hold = RIDGE * np.eye(len(terms))
     weights = np.ones_like(target)
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTINGS):
         weighted = weights * terms
         # einsum adds in one order whatever the number of threads, a matrix product may not
         normal = np.einsum("iv,jv->ij", weighted, terms)

@@ -1,4 +1,4 @@
-"""The noise of the images, from what is left of them when the volume is taken away."""
+"""The noise of the images, estimated from the residual."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from tomo.measurement import estimate_noise
 from tomo.operators import LinearSystem
 
 Solve = Callable[[NDArray[np.float32]], NDArray[np.float32]]
-"""From the pixels that take part ``(pixels,)`` to the unknowns ``(unknowns,)``: a method as it was
-chosen, with its smoothness and its number of iterations."""
+"""The chosen method, with its smoothness and iterations, as a function from the pixels
+``(pixels,)`` to the unknowns ``(unknowns,)``."""
 
 MOST_FITTED = 0.5
-"""The largest share of the noise's standard deviation that a solve may fit for its residual to
-tell the noise; where it fits more the images alone have to."""
+"""Largest fraction of the noise's standard deviation that a solve may fit. Beyond it the residual
+is too small, and the images alone give the noise."""
 
 CLEARLY = 0.8
-"""Times the noise found in the residual: what the images say by themselves has to be below."""
+"""Factor below the residual's noise from which on the images' own estimate is taken."""
 
 
 def noise_of_images(
@@ -69,7 +69,7 @@ def noise_of_images(
 
 
 def generator(seed: int, number: int) -> np.random.Generator:
-    """Return one of many generators; none repeats what ``default_rng(seed)`` gave a simulation."""
+    """Return one of many generators; none repeats ``default_rng(seed)``, which simulations use."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
 
 
@@ -91,7 +91,7 @@ def _fine_structure(
 
 
 def traced(system: LinearSystem) -> list[NDArray[np.bool_]]:
-    """Return which pixels of each view take part, ``(height, width)`` each."""
+    """Return the pixels of each view that take part, ``(height, width)`` bool each."""
     masks = []
     for camera, kept in zip(system.rig, system.pixels, strict=True):
         width, height = camera.image_size
@@ -104,7 +104,7 @@ def traced(system: LinearSystem) -> list[NDArray[np.bool_]]:
 def smoothed(
     system: LinearSystem, pixels: NDArray[np.float32], width: float
 ) -> NDArray[np.float32]:
-    """Return pixels blurred within their images, ``(pixels,)``; pixels not traced say nothing.
+    """Return pixels blurred within their images, ``(pixels,)``; untraced pixels are ignored.
 
     Parameters
     ----------

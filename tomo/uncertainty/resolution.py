@@ -1,4 +1,4 @@
-"""The resolution: how wide a single voxel's light becomes in what a method returns."""
+"""The resolution: the width of a single voxel's light in the reconstruction."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ SPACING = 9
 """Voxels between neighbouring spots along each axis."""
 
 REACH = 4
-"""Voxels out to which a spot's light is followed."""
+"""Voxels from a spot out to which its light is measured."""
 
 BRIGHTNESS = 0.1
-"""Of a spot, as a share of the brightest voxel: a small change of what is there."""
+"""Brightness of a spot, as a fraction of the brightest voxel: a small change of the volume."""
 
 PIXEL = (8 * np.log(2) / 12) ** 0.5
 """Full width at half maximum of the Gaussian with the variance of a box of width 1."""
@@ -28,7 +28,7 @@ PIXEL = (8 * np.log(2) / 12) ** 0.5
 
 @dataclass(frozen=True, eq=False)
 class Resolution:
-    """How wide spots of one voxel become.
+    """The widths of reconstructed spots of one voxel.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Resolution:
     widths: NDArray[np.float64]
 
     def report(self) -> Mapping[str, Any]:
-        """Return medians and the widest tenth, in voxels and in the grid's unit."""
+        """Return medians and 90 % quantiles, in voxels and in the grid's unit."""
         median = np.median(self.widths, axis=0)
         worst = np.quantile(self.widths, 0.9, axis=0)
         return {
@@ -66,7 +66,7 @@ def resolution(
     solve: Solve,
     pixel: float = 0.0,
 ) -> Resolution | None:
-    """Return how wide spots of one voxel become; None where no voxel emits.
+    """Return the widths of reconstructed spots of one voxel; None where no voxel emits.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def half_widths(response: NDArray[np.float64], place: tuple[int, int, int]) -> N
 
 
 def _to_half(falling: NDArray[np.float64]) -> float:
-    """Return where values that begin at 1 first fall to a half; `REACH` where they do not."""
+    """Return the distance at which values first fall from 1 to a half; `REACH` at most."""
     below = np.flatnonzero(falling < 0.5)
     if not len(below):
         return float(REACH)
@@ -134,7 +134,7 @@ def _to_half(falling: NDArray[np.float64]) -> float:
 
 
 def _spots(system: LinearSystem, emitting: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the unknowns of the lattice that meets the most emitting voxels."""
+    """Return the unknowns on the lattice that hits the most emitting voxels."""
     active = system.projector.active
     bright = np.flatnonzero(emitting)
     flat = bright if active.index is None else active.index[bright]

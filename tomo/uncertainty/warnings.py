@@ -1,4 +1,4 @@
-"""When an answer is not to be trusted, and why: plain lines."""
+"""Warnings that a volume is not to be trusted: what was found, what it means, what to do."""
 
 from __future__ import annotations
 
@@ -6,73 +6,74 @@ import math
 
 import numpy as np
 
-from tomo.uncertainty.angular_coverage import Seeing
+from tomo.uncertainty.angular_coverage import AngularCoverage
 
-FEW_LINES = 4
-"""Fewer lines through the typical emitting voxel hardly say where along them light is. Clean
-images of three that are spread evenly leave an NRMSE of 0.33 (jet) and 0.44 (turbulent flame), of
-four 0.06 and 0.25. The gap does not tell: that of eleven views within 110 degrees is wider."""
+FEW_SIGHT_LINES = 4
+"""Least number of lines of sight through the typical emitting voxel. Fewer leave positions along
+them undetermined."""
 
 WIDE_GAP = 75.0
-"""Degrees; two views at right angles leave 90, three evenly spread ones 60."""
+"""Largest angular gap, in degrees: two views at right angles leave 90, three evenly spread 60."""
 
 BARELY_SEEN = 0.05
-"""The largest share of the emitting voxels that fewer than two views may see."""
+"""Largest fraction of the emitting voxels that fewer than two views may see."""
 
 UNEXPLAINED = 1 / 3
-"""The largest share of the images that neither volume nor noise may explain."""
+"""Largest fraction of the images that neither volume nor noise explains."""
 
 ABOVE_NOISE = 2.0
-"""Residual over noise from which on what is unexplained is no matter of the noise."""
+"""Ratio of residual to noise up to which the residual may be noise."""
 
 NOISY = 0.5
-"""The largest standard deviation, as a share of the emission, root mean squares of both."""
+"""Largest root mean square standard deviation, as a fraction of that of the emission."""
 
 
-def doubts(
-    seen: Seeing, residual: float, noise: float, deviation: float = math.nan
+def trust_warnings(
+    seen: AngularCoverage, residual: float, noise: float, deviation: float = math.nan
 ) -> tuple[str, ...]:
-    """Return why a volume is not to be trusted, one line each; none where nothing speaks for it.
+    """Return the reasons not to trust a volume, one line each.
 
     Parameters
     ----------
-    seen : Seeing
+    seen : AngularCoverage
     residual, noise : float
-        Of the images, relative to them; NaN where not known.
+        Relative to the images; NaN where unknown.
     deviation : float
-        Root mean square standard deviation over that of the emission; NaN where not known.
+        Root mean square standard deviation over that of the emission; NaN where unknown.
     """
     lines = []
-    if seen.median_lines < FEW_LINES:
-        found, what = f"{seen.median_views:g}", "what lies along their lines of sight is guessed"
-        if seen.median_lines < seen.median_views:
-            ending = "" if seen.median_lines == 1 else "s"
-            found += f", along {seen.median_lines:g} line{ending} of sight"
-            what = "opposite views, or neighbours, share one; what lies along it is guessed"
+    if seen.median_sight_lines < FEW_SIGHT_LINES:
+        found, what = f"{seen.median_views:g}", "positions along the lines of sight are uncertain"
+        if seen.median_sight_lines < seen.median_views:
+            ending = "" if seen.median_sight_lines == 1 else "s"
+            found += f", along {seen.median_sight_lines:g} line{ending} of sight"
+            what = "opposite or neighbouring views share a line; positions along it are uncertain"
         lines.append(
-            f"few views: the typical voxel that emits is seen by {found}, expected {FEW_LINES} or "
-            f"more: {what}"
+            f"few views: the typical emitting voxel is seen by {found}, expected at least "
+            f"{FEW_SIGHT_LINES}: {what}. Add cameras"
         )
     if seen.median_gap > WIDE_GAP:
         lines.append(
-            f"wide gap: the views leave {seen.median_gap:.0f} degrees open, expected "
-            f"{WIDE_GAP:.0f} or less: shapes are drawn out along the views that there are"
+            f"wide gap: no camera looks within {seen.median_gap:.0f} degrees, expected at most "
+            f"{WIDE_GAP:.0f}: shapes are stretched along the existing views. Add a camera there"
         )
     barely = float(np.mean(seen.views[seen.emitting] < 2)) if seen.emitting.any() else 0.0
     if barely > BARELY_SEEN and seen.median_views > 2:
         lines.append(
-            f"partly unseen: {barely:.0%} of the voxels that emit are seen by fewer than two views"
+            f"partly unseen: fewer than two views see {barely:.0%} of the emitting voxels. "
+            "Do not trust their values, or move the grid"
         )
     unexplained = math.sqrt(max(residual**2 - noise**2, 0.0)) if noise >= 0 else residual
     if unexplained > UNEXPLAINED and not residual <= ABOVE_NOISE * noise:
         lines.append(
-            f"unexplained images: they are missed by {residual:.0%}"
-            + (f", of which noise explains {noise:.1%}" if noise >= 0 else "")
-            + ": cameras, gains or optics are not as the rig says, or the voxels are too coarse"
+            f"unexplained images: the projections miss them by {residual:.0%}"
+            + (f", the noise is {noise:.1%}" if noise >= 0 else "")
+            + ". Cameras, gains or optics differ from the rig, or the voxels are too coarse: run "
+            "check-rig, refine the cameras, or use smaller voxels"
         )
     if deviation > NOISY:
         lines.append(
-            f"noise: the voxels' standard deviation is {deviation:.0%} of the emission: average "
-            "over regions or moments, or use fewer voxels"
+            f"noise: the voxels' standard deviation is {deviation:.0%} of the emission. Average "
+            "over regions or frames, or use fewer voxels"
         )
     return tuple(lines)

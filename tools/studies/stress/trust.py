@@ -14,7 +14,7 @@ from studies.common.study import Request, Tables
 from studies.stress.row import COLUMNS, Row, measured, relative_error, worst_of
 from studies.stress.trust_scenes import SHAPE, TrustScene, seen_by, trust_scene
 from tomo.simulation import simulate
-from tomo.uncertainty import Condition, assess, half_widths
+from tomo.uncertainty import Assessment, assess, half_widths
 
 __all__ = ["COLUMNS", "run"]
 
@@ -82,7 +82,7 @@ def _rows(request: Request) -> Iterator[Row]:
     progress(len(cases) + 2, len(cases) + 2, "")
 
 
-def assessed(scene: TrustScene, repeats: int) -> Condition:
+def assessed(scene: TrustScene, repeats: int) -> Assessment:
     """Return the condition of a scene, from its noisy images alone."""
     return assess(
         scene.problem.system,
@@ -100,15 +100,15 @@ def agreeing(found: NDArray, reference: NDArray, voxels: NDArray[np.bool_]) -> f
     return float(np.mean((a <= WITHIN * b) & (b <= WITHIN * a)))
 
 
-def noise_ratio(scene: TrustScene, found: Condition) -> float:
+def noise_ratio(scene: TrustScene, found: Assessment) -> float:
     """Return the noise found over the true one, root mean squares."""
     return float(np.linalg.norm(found.deviations.noise) / np.linalg.norm(scene.true_noise()))
 
 
-def deviation_rows(scene: TrustScene, found: Condition, repeats: int) -> Iterator[Row]:
+def deviation_rows(scene: TrustScene, found: Assessment, repeats: int) -> Iterator[Row]:
     """Compare standard deviations with those of new noisy sets."""
     bound = SHARE if repeats >= REPEATS else QUICK_SHARE
-    emitting = found.seeing.emitting
+    emitting = found.coverage.emitting
     everywhere = np.ones_like(emitting)
     values = found.deviations.values
     reference, other = (scene.repeated(repeats, batch) for batch in (1, 2))
@@ -133,7 +133,7 @@ def deviation_rows(scene: TrustScene, found: Condition, repeats: int) -> Iterato
         )
 
 
-def resolution_row(scene: TrustScene, found: Condition) -> Row:
+def resolution_row(scene: TrustScene, found: Assessment) -> Row:
     """Compare the stated resolution with the width of small bright blobs in the scene.
 
     The width stated is that of a spot of one voxel; a blob is as much wider as its means over the

@@ -6,8 +6,14 @@ from rigs import ring
 from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.simulation import camera_noise as noises
 from tomo.simulation import simulate
-from tomo.uncertainty import assess, noise_of_images, resolution, seeing, standard_deviations
-from tomo.uncertainty.warnings import doubts
+from tomo.uncertainty import (
+    assess,
+    noise_of_images,
+    resolution,
+    standard_deviations,
+    view_coverage,
+)
+from tomo.uncertainty.warnings import trust_warnings
 
 GRID = VoxelGrid((10, 14, 10), 1.0, (1.0, -2.0, 0.5))
 
@@ -169,10 +175,10 @@ def test_half_of_many_repeats_are_around_a_noisy_set_of_the_others(system, image
 
 def test_views_and_gaps_of_two_and_of_many_views():
     two = system_of(2)
-    found = seeing(two, np.ones(GRID.size, np.float32))
+    found = view_coverage(two, np.ones(GRID.size, np.float32))
     assert found.median_views == 2
     assert found.median_gap > 90  # they face each other: the same line
-    nine = seeing(system_of(9), np.ones(GRID.size, np.float32))
+    nine = view_coverage(system_of(9), np.ones(GRID.size, np.float32))
     assert nine.median_views == 9
     assert nine.median_gap == pytest.approx(180 / 9, abs=3)  # from off the axis
     shares = nine.report()["emitting_share_by_gap"]
@@ -184,13 +190,13 @@ def test_views_and_gaps_of_two_and_of_many_views():
     ("views", "lines", "wide"),
     [(2, 1, True), (3, 3, False), (4, 2, True), (5, 5, False), (6, 3, False), (8, 4, False)],
 )
-def test_few_lines_of_sight_are_told_of_however_many_views_look_along_them(views, lines, wide):
+def test_few_lines_of_sight_are_reported_however_many_views_look_along_them(views, lines, wide):
     """Of an even number in a ring each looks along the line of the one opposite."""
     volume = np.ones(GRID.shape, np.float32)
-    found = seeing(system_of(views), volume.ravel())
-    assert (found.median_views, found.median_lines) == (views, lines)
+    found = view_coverage(system_of(views), volume.ravel())
+    assert (found.median_views, found.median_sight_lines) == (views, lines)
     assert found.report()["median_lines"] == lines
-    told = doubts(found, residual=0.01, noise=0.01)
+    told = trust_warnings(found, residual=0.01, noise=0.01)
     few = [line for line in told if line.startswith("few views: ")]
     assert len(few) == (lines < 4)
     for line in few:
@@ -205,7 +211,7 @@ def test_only_voxels_that_emit_are_judged():
     volume = np.zeros(GRID.shape, np.float32)
     volume[3:6, 4:9, 3:6] = 1.0
     volume[0, 0, 0] = 0.005
-    found = seeing(system, volume.ravel())
+    found = view_coverage(system, volume.ravel())
     assert np.count_nonzero(found.emitting) == 45
     assert found.report()["emitting_by_views"] == {4: 45}
     assert sum(found.report()["by_views"].values()) == GRID.size
