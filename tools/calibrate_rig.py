@@ -101,7 +101,7 @@ def calibrate_rig(
     """Calibrate a rig from images of a flat target that was moved about in front of it.
 
     Lenses, camera poses and target poses are adjusted together. Beside the rig stand a page and
-    a file with every figure; the verdict comes first.
+    a file with every figure; the assessment comes first.
     """
     started = time.perf_counter()
     with bad_input_in_one_line():
@@ -109,7 +109,7 @@ def calibrate_rig(
         from rigs import save_rig
         from rigs.calibrate import calibrate
         from rigs.calibrate.detect import detections, image_set
-        from rigs.calibrate.options import check_asked
+        from rigs.calibrate.options import check_options
         from rigs.calibrate.targets import parse_target
         from rigs.files.json_file import write_json
 
@@ -118,7 +118,7 @@ def calibrate_rig(
         given = load_rig_or_preset(intrinsics) if intrinsics else None
         names = _world(world)
         found = image_set(images, every)
-        check_asked(
+        check_options(
             found,
             {frame for of_camera in found.values() for frame in of_camera},
             intrinsics=given,
@@ -157,7 +157,7 @@ def calibrate_rig(
             **_figures(calibration),
         }
         write_json(folder / FIGURES, figures, indent=2)
-    for line in (calibration.verdict, *notes):
+    for line in (calibration.assessment, *notes):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     if json:
         print_json({"rig": str(out), "page": str(folder / PAGE), **figures})

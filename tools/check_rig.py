@@ -97,7 +97,7 @@ def check_rig(
     for finding in check.findings:
         _tell(finding.level, finding.cameras, finding.text)
     console.print(
-        f"{heading}: {check.verdict}. {_costs(need, effort, iterations, why)}",
+        f"{heading}: {check.assessment}. {_costs(need, effort, iterations, why)}",
         style="bold",
         markup=False,
         highlight=False,
@@ -117,7 +117,7 @@ def _effort(rig: object, voxels: object, is_timed: bool) -> tuple:
         return need, None, "not asked for"
     try:
         effort = estimate_effort(rig, voxels)
-    except ValueError as error:  # too large, or nothing is seen: the verdict tells
+    except ValueError as error:  # too large, or nothing is seen: the assessment tells
         return need, None, str(error)
     return effort.need, effort, ""
 
@@ -139,7 +139,9 @@ def _write_maps(
     maps = coverage_maps(check.coverage, coarse, check.voxel)
     unit = rig.length_unit
     if path.suffix.lower() == ".png":
-        write_coverage(path, maps, coarse, length_unit=unit, title=f"{heading}: {check.verdict}")
+        write_coverage(
+            path, maps, coarse, length_unit=unit, title=f"{heading}: {check.assessment}"
+        )
         return
     scene = rig_scene(rig, voxels)
     if path.suffix.lower() == ".glb":
@@ -238,7 +240,7 @@ def _report(
     else:
         estimate |= {"seconds": None, "reason": why}
     return {
-        "verdict": check.verdict,
+        "assessment": check.assessment,
         "length_unit": found.rig.length_unit,
         "voxel": check.voxel,
         "views": {

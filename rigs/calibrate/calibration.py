@@ -1,4 +1,4 @@
-"""From sightings of a flat target to a calibrated rig."""
+"""From observations of a flat target to a calibrated rig."""
 
 from __future__ import annotations
 
@@ -8,21 +8,32 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.calibrate.adjust.culling import adjust_and_cull
+from rigs.calibrate.adjust.culling import Culled, adjust_and_cull
 from rigs.calibrate.adjust.duplicates import without_repeats
-from rigs.calibrate.adjust.initial import View, check_view, lens_alone, view_with
+from rigs.calibrate.adjust.initial import (
+    SingleCamera,
+    check_target_poses,
+    lens_alone,
+    single_camera,
+)
 from rigs.calibrate.adjust.joint_terms import richer_terms
 from rigs.calibrate.adjust.lens_choice import Terms
-from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, ordered, predicted
+from rigs.calibrate.adjust.observation_arrays import (
+    Freedom,
+    ObservationArrays,
+    Scene,
+    ordered,
+    predicted,
+)
 from rigs.calibrate.adjust.projection import Lens
 from rigs.calibrate.adjust.shared_views import rig_poses
-from rigs.calibrate.adjust.world import placed
+from rigs.calibrate.adjust.world import in_world
 from rigs.calibrate.observations import Observations
-from rigs.calibrate.options import check_asked
+from rigs.calibrate.options import check_options
+from rigs.calibrate.quality.assessment import assessment, findings
 from rigs.calibrate.quality.covariance import labels, refuse_unknown_lenses
 from rigs.calibrate.quality.quality import measure
 from rigs.calibrate.quality.summary import summary
-from rigs.calibrate.quality.verdict import findings, verdict
 from rigs.calibrate.result import Calibration
 from rigs.camera import Camera
 from rigs.rig import Rig, Volume
@@ -43,11 +54,11 @@ def calibrate(
     cull: bool = True,
     progress: Callable[[str], None] | None = None,
 ) -> Calibration:
-    """Return the rig that explains the sightings best, and how far it can be trusted.
+    """Return the rig that explains the observations best, and how far it can be trusted.
 
-    Each camera's lens is found by itself, all poses follow along the tree of shared views, then
-    lenses, camera poses and target poses are adjusted together to least squared residuals;
-    sightings and images that do not belong to the rest are left out and listed.
+    Each camera's lens is found from its own images, poses follow along the tree of shared views,
+    then lenses, camera poses and target poses are adjusted together to least squared residuals.
+    Outlier observations and images are left out and listed.
 
     Parameters
     ----------
@@ -55,25 +66,25 @@ def calibrate(
     intrinsics : Rig, optional
         Cameras of the same names whose lenses are kept as they are.
     world : str or mapping of str to (3,) array_like, optional
-        The world of the rig: the axes of the camera or of the target in the frame of this name;
-        or where cameras' centres or targets' points (0, 0, 0) are, at least three by name, met
-        in the least-squares sense. By default the axes of the first camera.
+        World axes of the rig. A camera's or frame's name takes the axes of that camera, or of the
+        target in that frame. A mapping gives positions of at least three cameras' centres or
+        targets' points (0, 0, 0) by name, met in the least-squares sense. By default the axes of
+        the first camera.
     rescale : bool
         Let the positions in ``world`` set the scale instead of the target.
     length_unit : str
-        Of the target, and so of the rig; with ``rescale`` that of the positions.
+        Unit of the target's lengths, and so of the rig; with ``rescale`` that of the positions.
     distortion : str
-        Which terms of the lenses are free: "none", "radial" (k1 k2), "brown4", "brown5",
-        "rational", "thin_prism", "tilted", "fisheye"; "auto" frees those that pay, camera by
-        camera, up to "rational": first by what frames left out gain, then by the joint
-        adjustment.
+        Free terms of the lenses: "none", "radial" (k1 k2), "brown4", "brown5", "rational",
+        "thin_prism", "tilted", "fisheye". "auto" chooses for each camera up to "rational": first
+        by cross-validation over frames, then by the joint adjustment.
     target : object, optional
-        What was seen, for its ``ambiguity``: text that says why its pose has several answers.
+        The target that was seen. Its ``ambiguity``, a text, says why its pose has several answers.
     volume : Volume, optional
-        Where ray-miss is judged, in the rig's world; by default where the target was. Kept in
-        the rig.
+        Where ray-miss is evaluated, in the rig's world; by default where the target was. It is
+        kept in the rig.
     cull : bool
-        Leave out what does not belong to the rest; False keeps every sighting.
+        Leave out outliers; False keeps every observation.
     progress : callable, optional
         Called with a line of text at each step.
 
@@ -83,9 +94,9 @@ def calibrate(
         In one line, if cameras share no views (they are named), a camera has too few, the target
         is ambiguous, or names do not match.
     """
-    say = progress or (lambda _: None)
+    report = progress or (lambda _: None)
     _check(observations, intrinsics)
-    check_asked(
+    check_options(
         observations.cameras,
         observations.frames,
         intrinsics=intrinsics,
@@ -95,60 +106,41 @@ def calibrate(
         distortion=distortion,
         target=target,
     )
-    names, frames = observations.cameras, len(observations.frames)
+    names, points = observations.cameras, observations.target_points
     keep, frozen, repeats = without_repeats(observations)
     order = ordered(observations)
     order = order[keep[order]]
-    points = observations.target_points
-    scale = float(np.linalg.norm(np.ptp(points, axis=0)))
-    sightings = Sightings(
+    scale = float(np.linalg.norm(np.ptp(points, axis=0)))  # adjusted in units of the target's size
+    arrays = ObservationArrays(
         observations.camera[order],
         observations.frame[order],
         points[observations.point[order]] / scale,
         observations.uv[order],
     )
-    views = []
-    for camera, name in enumerate(names):
-        say(f"lens of camera {name}")
-        own = sightings.where(sightings.camera == camera)
-        own = replace(own, camera=np.zeros(len(own), np.int64))
-        lens, terms = (
-            lens_alone(name, own, frames, observations.image_sizes[camera], distortion)
-            if intrinsics is None
-            else _given(intrinsics[name])
-        )
-        views.append(view_with(lens, terms, own, frames))
-        check_view(name, views[-1])
-    say("poses along shared views")
-    scene, root = rig_poses(names, views, sightings, frames)
-    freedom = Freedom(tuple(_lens_freedom(view) for view in views), np.arange(len(names)) != root)
-    say("joint adjustment")
-    kept = adjust_and_cull(scene, sightings, freedom, cull)
-    terms = [view.terms for view in views]
-    if distortion == "auto":
-        richer = richer_terms(kept.solution.scene, sightings.where(kept.used), freedom, terms)
-        if richer is not None:
-            scene, freedom, terms = richer
-            kept = adjust_and_cull(scene, sightings, freedom, cull)
-    scene, words, size, poorly_met = placed(
+    views = _single_cameras(observations, arrays, intrinsics, distortion, report)
+    report("poses along shared views")
+    scene, root = rig_poses(names, views, arrays, len(observations.frames))
+    report("joint adjustment")
+    kept, freedom, terms = _adjusted(scene, arrays, views, root, distortion, cull)
+    scene, world_frame, size, poorly_met = in_world(
         _scaled(kept.solution.scene, scale), names, observations.frames, world, rescale
     )
     if size != 1:
         observations = replace(observations, target_points=points * size)
-    sightings = replace(sightings, points=sightings.points * (scale * size))
-    rig = Rig(_cameras(observations, scene, intrinsics), length_unit, words, volume)
-    say("quality")
+    arrays = replace(arrays, points=arrays.points * (scale * size))
+    rig = Rig(_cameras(observations, scene, intrinsics), length_unit, world_frame, volume)
+    report("quality")
     quality, noise, covariance = measure(
-        rig, scene, sightings, kept.used, freedom, volume, intrinsics is not None
+        rig, scene, arrays, kept.used, freedom, volume, intrinsics is not None
     )
     refuse_unknown_lenses(quality.focal_error, names)
     residuals = np.full((len(observations), 2), np.nan)
-    residuals[order] = sightings.uv - predicted(scene, sightings)
+    residuals[order] = arrays.uv - predicted(scene, arrays)
     used = np.zeros(len(observations), bool)
     used[order] = kept.used
-    doubts, remarks = findings(quality, observations, used, noise)
-    repeats += _unposed(scene, sightings, observations.frames)
-    doubts, remarks = (*frozen, *poorly_met, *doubts), (*repeats, *remarks)
+    warnings, notes = findings(quality, observations, used, noise)
+    warnings = (*frozen, *poorly_met, *warnings)
+    notes = (*repeats, *_unposed(scene, arrays, observations.frames), *notes)
     calibration = Calibration(
         rig,
         observations,
@@ -162,15 +154,63 @@ def calibrate(
         covariance,
         names[root],
         quality,
-        doubts + remarks,
-        verdict(quality, doubts, remarks, length_unit),
+        warnings + notes,
+        assessment(quality, warnings, notes, length_unit),
     )
     return replace(calibration, rig=replace(rig, calibration=summary(calibration)))
 
 
-def _unposed(scene: Scene, sightings: Sightings, frames: tuple[str, ...]) -> tuple[str, ...]:
+def _single_cameras(
+    observations: Observations,
+    arrays: ObservationArrays,
+    intrinsics: Rig | None,
+    distortion: str,
+    report: Callable[[str], None],
+) -> list[SingleCamera]:
+    """Return each camera's lens, found from its own images or given, and its target poses."""
+    frames = len(observations.frames)
+    views = []
+    for camera, name in enumerate(observations.cameras):
+        report(f"lens of camera {name}")
+        own = arrays.where(arrays.camera == camera)
+        own = replace(own, camera=np.zeros(len(own), np.int64))
+        lens, terms = (
+            lens_alone(name, own, frames, observations.image_sizes[camera], distortion)
+            if intrinsics is None
+            else _given(intrinsics[name])
+        )
+        views.append(single_camera(lens, terms, own, frames))
+        check_target_poses(name, views[-1])
+    return views
+
+
+def _adjusted(
+    scene: Scene,
+    arrays: ObservationArrays,
+    views: list[SingleCamera],
+    root: int,
+    distortion: str,
+    cull: bool,
+) -> tuple[Culled, Freedom, list[Terms]]:
+    """Return the joint adjustment, what was free in it, and each camera's lens terms.
+
+    The pose of camera ``root`` is held. Terms that pay only jointly are freed for ``auto``.
+    """
+    held = np.arange(len(views)) == root
+    freedom = Freedom(tuple(_lens_freedom(view) for view in views), ~held)
+    terms = [view.terms for view in views]
+    kept = adjust_and_cull(scene, arrays, freedom, cull)
+    if distortion == "auto":
+        richer = richer_terms(kept.solution.scene, arrays.where(kept.used), freedom, terms)
+        if richer is not None:
+            scene, freedom, terms = richer
+            kept = adjust_and_cull(scene, arrays, freedom, cull)
+    return kept, freedom, terms
+
+
+def _unposed(scene: Scene, arrays: ObservationArrays, frames: tuple[str, ...]) -> tuple[str, ...]:
     """Return a line on the frames that show too little of the target for its pose."""
-    shown = np.unique(sightings.frame)
+    shown = np.unique(arrays.frame)
     names = [frames[frame] for frame in shown if np.isnan(scene.target_t[frame, 0])]
     if not names:
         return ()
@@ -201,10 +241,10 @@ def _cameras(
 
 
 def _check(observations: Observations, intrinsics: Rig | None) -> None:
-    """Raise if what was asked for cannot be done with what there is."""
+    """Raise unless there are observations of a flat target, in images of the given sizes."""
     names = observations.cameras
     if not names or not len(observations):
-        raise ValueError("observations: found no sightings, expected the target in some images")
+        raise ValueError("observations: found none, expected the target in some images")
     if np.ptp(observations.target_points[:, 2]) > 0:
         raise ValueError("target_points: found points off the plane z = 0, expected a flat target")
     for name, size in zip(names, observations.image_sizes, strict=True):
@@ -221,7 +261,7 @@ def _given(camera: Camera) -> tuple[Lens, Terms]:
     return Lens(camera.camera_matrix, lens.model, np.array(lens.coefficients)), _GIVEN
 
 
-def _lens_freedom(view: View) -> NDArray[np.bool_]:
+def _lens_freedom(view: SingleCamera) -> NDArray[np.bool_]:
     """Return which numbers of a camera's lens are adjusted."""
     return np.zeros(view.lens.size, bool) if view.terms is _GIVEN else view.terms.freedom()
 

@@ -1,4 +1,4 @@
-"""What the cameras saw of the target: what detection hands over to calibration."""
+"""Observations of a target: what detection gives and calibration takes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Observations:
-    """Where each camera saw each point of the target in each frame, one row a sighting.
+    """Where each camera saw each point of the target in each frame, one row per observation.
 
     Parameters
     ----------
@@ -20,16 +20,16 @@ class Observations:
     image_sizes : tuple of (int, int)
         Width and height of each camera's images.
     frames : tuple of str
-        Moments: images of one frame show the target in one place.
-    camera, frame, point : (sightings,) int64
-        Places in ``cameras``, ``frames`` and ``target_points``.
-    uv : (sightings, 2) float64
+        Moments in time: images of one frame show the target at rest in one pose.
+    camera, frame, point : (observations,) int64
+        Indices into ``cameras``, ``frames`` and ``target_points``.
+    uv : (observations, 2) float64
         Pixel coordinates (column, row), pixel centres at integers.
 
     Raises
     ------
     ValueError
-        If shapes disagree, a number is not finite, a place is out of range, or one camera sees
+        If shapes disagree, a number is not finite, an index is out of range, or one camera sees
         one point twice in a frame.
     """
 
@@ -55,18 +55,20 @@ class Observations:
         if len(self.image_sizes) != len(self.cameras):
             raise ValueError(
                 f"image_sizes: found {len(self.image_sizes)}, expected {len(self.cameras)}, "
-                "one a camera"
+                "one per camera"
             )
         arrays = {"target_points": points, "uv": uv}
         limits = {"camera": len(self.cameras), "frame": len(self.frames), "point": len(points)}
         for name, limit in limits.items():
-            places = np.array(getattr(self, name), np.int64).reshape(-1)
-            if len(places) != len(uv):
-                raise ValueError(f"{name}: found {len(places)} rows, expected {len(uv)}, as in uv")
-            if len(places) and not (places.min() >= 0 and places.max() < limit):
-                raise ValueError(f"{name}: found a place outside 0 to {limit - 1}")
-            arrays[name] = places
-        keys = np.stack([arrays[name] for name in limits], axis=-1)  # (sightings, 3)
+            indices = np.array(getattr(self, name), np.int64).reshape(-1)
+            if len(indices) != len(uv):
+                raise ValueError(
+                    f"{name}: found {len(indices)} rows, expected {len(uv)}, as in uv"
+                )
+            if len(indices) and not (indices.min() >= 0 and indices.max() < limit):
+                raise ValueError(f"{name}: found an index outside 0 to {limit - 1}")
+            arrays[name] = indices
+        keys = np.stack([arrays[name] for name in limits], axis=-1)  # (observations, 3)
         if len(np.unique(keys, axis=0)) != len(keys):
             raise ValueError("point: found twice in one image, expected once")
         for name, array in arrays.items():
@@ -79,7 +81,7 @@ class Observations:
 
     def __repr__(self) -> str:
         return (
-            f"<Observations: {len(self)} sightings of {len(self.target_points)} points by "
+            f"<Observations: {len(self)} observations of {len(self.target_points)} points by "
             f"{len(self.cameras)} cameras in {len(self.frames)} frames>"
         )
 
@@ -97,7 +99,7 @@ class Observations:
     __hash__ = None
 
     def where(self, keep: NDArray[np.bool_]) -> Observations:
-        """Return the sightings where ``keep`` ``(sightings,)`` holds; cameras and frames stay."""
+        """Return the observations where ``keep`` ``(N,)`` holds; cameras and frames stay."""
         return Observations(
             self.target_points,
             self.cameras,

@@ -1,4 +1,4 @@
-"""What can be refused by names alone, before any image is read."""
+"""Checks of the options of `calibrate` that need names alone, before any image is read."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigs.calibrate.adjust.lens_choice import TERMS
 from rigs.rig import Rig
 
 
-def check_asked(
+def check_options(
     cameras: Collection[str],
     frames: Collection[str],
     *,
@@ -21,7 +21,7 @@ def check_asked(
     distortion: str,
     target: object | None,
 ) -> None:
-    """Raise unless `rigs.calibrate.calibrate` can do what is asked with such cameras and frames.
+    """Raise unless the options of `rigs.calibrate.calibrate` suit such cameras and frames.
 
     Raises
     ------

@@ -14,35 +14,37 @@ from rigs.rig import Rig
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration:
-    """A calibrated rig and all that says how far it can be trusted.
+    """A calibrated rig and the figures that say how far it can be trusted.
 
     Parameters
     ----------
     rig : Rig
-        ``rig.calibration`` holds the figures as plain data.
+        Its ``calibration`` holds the figures as plain data.
     observations : Observations
-        What it was made from.
-    residuals : (sightings, 2) float64
+        The observations it was made from.
+    residuals : (observations, 2) float64
         Measured less projected, pixels; NaN where the frame has no pose.
-    used : (sightings,) bool
-        False where a sighting was left out: culled, a repeated image, or in a frame without pose.
+    used : (observations,) bool
+        False where an observation was left out: an outlier, a repeated image, or in a frame
+        without pose.
     target_R, target_t : (frames, 3, 3), (frames, 3) float64
         ``x_world = R x_target + t``; NaN where a frame has no pose.
     terms : tuple of str
-        Each camera's lens terms: a name of those of `calibrate`, or "given".
+        Each camera's lens terms, named as in `rigs.calibrate.calibrate`, or "given".
     noise : float
         Standard deviation of a pixel coordinate, from the residuals used.
     parameters : tuple of (str, str)
-        Camera and name of each adjusted number: wx wy wz (rotation vector multiplied from the
+        Camera and name of each free parameter: wx wy wz (rotation vector multiplied from the
         left, radians), tx ty tz (length units), fx fy cx cy (pixels), c0 c1 ... (coefficients).
     covariance : (parameters, parameters) float64
-        Of these, while the pose of camera ``gauge`` is held.
+        Their covariance, while the pose of camera ``gauge`` is held.
     gauge : str
+        Name of that camera.
     quality : Quality
     findings : tuple of str
-        What is wrong and then what was merely left out, a line each: cameras and frames by name.
-    verdict : str
-        The figure that counts, what it means, then the findings.
+        Warnings and then notes on what was left out, a line each: cameras and frames by name.
+    assessment : str
+        The predicted ray-miss, its meaning, then the findings.
     """
 
     rig: Rig
@@ -58,11 +60,11 @@ class Calibration:
     gauge: str
     quality: Quality
     findings: tuple[str, ...]
-    verdict: str
+    assessment: str
 
     def __repr__(self) -> str:
         rms = np.sqrt((self.residuals[self.used] ** 2).sum(axis=1).mean())
         return (
             f"<Calibration: {len(self.rig)} cameras, {int(self.used.sum())} of {len(self.used)} "
-            f"sightings, RMS {rms:.3g} px>"
+            f"observations, RMS {rms:.3g} px>"
         )

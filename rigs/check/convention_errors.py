@@ -28,7 +28,7 @@ _FINE = 1 / 8  # voxels a pixel, where little of the volume is seen
 
 
 @dataclass(frozen=True)
-class Slip:
+class ConventionError:
     """A reading of the rig under which cameras see the volume that do not as given.
 
     Attributes
@@ -43,7 +43,9 @@ class Slip:
     cameras: tuple[str, ...]
 
 
-def find_slips(rig: Rig, points: ArrayLike, voxel: float) -> tuple[Slip, ...]:
+def find_convention_errors(
+    rig: Rig, points: ArrayLike, voxel: float
+) -> tuple[ConventionError, ...]:
     """Return the slips of convention or unit that explain why cameras see badly.
 
     Parameters
@@ -75,10 +77,12 @@ def find_slips(rig: Rig, points: ArrayLike, voxel: float) -> tuple[Slip, ...]:
     for alternatives in _undone():
         told = _best(rig, cameras, alternatives, points, voxel)
         if told is not None:
-            return (Slip(told, tuple(camera.name for camera in cameras)),)
+            return (ConventionError(told, tuple(camera.name for camera in cameras)),)
     if (size > _COARSE).all():
         text = f"pixels are {np.median(size):.3g} voxels wide at the volume, in every camera"
-        return (Slip(f"{text}: rig and grid seem to count in different units", rig.names),)
+        return (
+            ConventionError(f"{text}: rig and grid seem to count in different units", rig.names),
+        )
     return ()
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.check.angular_gap import new_view
-from rigs.check.convention_errors import find_slips
+from rigs.check.convention_errors import find_convention_errors
 from rigs.check.result import Finding, RigCheck, short
 from rigs.geometry.points import evenly_spread
 
@@ -50,7 +50,7 @@ def _slips(check: RigCheck) -> Iterator[Finding]:
     rig = check.coverage.rig
     points = check.coverage.points
     points = points[evenly_spread(len(points), _CONVENTION_POINTS)]
-    for slip in find_slips(rig, points, check.voxel):
+    for slip in find_convention_errors(rig, points, check.voxel):
         yield Finding("fault", slip.text, slip.cameras)
     down = np.array([camera.R[1] for camera in rig])
     most = down.sum(axis=0)

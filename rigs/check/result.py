@@ -106,7 +106,7 @@ class RigCheck:
         return float(self.weights @ points)
 
     @property
-    def verdict(self) -> str:
+    def assessment(self) -> str:
         """``"good"``, ``"limited"`` where there is a warning, ``"not usable"`` with a fault."""
         levels = {finding.level for finding in self.findings}
         return "not usable" if "fault" in levels else "limited" if "warning" in levels else "good"

@@ -29,7 +29,7 @@ def nearest_point(
     Returns
     -------
     point : (3,) float64
-        That of least distance from the mean position where it is not unique.
+        The one nearest to the mean position where it is not unique.
     certainty : float
         The smallest eigenvalue of the equations: 0 for parallel lines, at most ``2 N / 3``.
     """
@@ -41,7 +41,7 @@ def nearest_point(
 
 
 def point_in_view(cameras: Iterable[CameraLike]) -> NDArray[np.float64] | None:
-    """Return the point nearest to all cameras' middle rays, in least squares: where a rig looks.
+    """Return the point nearest to all cameras' middle rays in least squares, at which a rig looks.
 
     None where they are parallel, or pass each other by more than a tenth of their length.
     """
@@ -64,5 +64,5 @@ def point_in_view(cameras: Iterable[CameraLike]) -> NDArray[np.float64] | None:
     length = np.linalg.norm(away, axis=1).mean()
     if missed.mean() > 0.1 * length:
         return None
-    digits = 6 - math.ceil(math.log10(length)) if length > 0 else 6  # no more than it is worth
+    digits = 6 - math.ceil(math.log10(length)) if length > 0 else 6  # six significant ones
     return np.round(point, digits) + 0.0

@@ -88,7 +88,7 @@ def test_the_rig_s_rays_meet_where_the_true_ones_do(taken, calibrated):
     assert miss < 0.03  # mm, at pixels of 0.8 mm
     assert told["ray_miss_predicted"] < 0.03
     assert told["rms_px"] < 0.15
-    assert rig.calibration["verdict"] == told["verdict"]
+    assert rig.calibration["assessment"] == told["assessment"]
 
 
 def test_the_files_stand_beside_the_rig_and_agree_with_what_is_printed(calibrated):
@@ -103,7 +103,7 @@ def test_the_files_stand_beside_the_rig_and_agree_with_what_is_printed(calibrate
     assert len(written["left_out"]) == written["points_left_out"]
     page = (folder / "calibration.html").read_text("utf-8")
     assert "Images that fit worst" in page
-    assert told["verdict"].split("\n")[0] in said
+    assert told["assessment"].split("\n")[0] in said
 
 
 def test_the_cache_saves_the_search_and_changes_nothing(run_tool, taken, calibrated, tmp_path):
@@ -254,7 +254,7 @@ def test_a_frame_that_stands_twice_counts_once(run_tool, images, tmp_path, calib
     told, _, _ = calibrated
     again = json.loads(done.stdout)
     assert again["points_used"] == told["points_used"]
-    assert "pose_099" in again["verdict"]
+    assert "pose_099" in again["assessment"]
 
 
 def test_images_that_do_not_belong_are_named_and_left_out(run_tool, images, tmp_path, taken):

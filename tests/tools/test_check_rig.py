@@ -36,7 +36,7 @@ def test_a_good_rig_is_called_good_with_its_figures(run_tool, rig_file):
     done = run_tool("check_rig", rig_file, "--no-time", "--json")
     assert done.exit_code == 0, done.stderr
     told = json.loads(done.stdout)
-    assert told["verdict"] == "good"
+    assert told["assessment"] == "good"
     assert told["views"] == {"least": 7, "median": 7.0, "most": 7, "unseen": 0.0}
     # away from the axis the ring is uneven: half its size over the distance, 2.5 degrees
     assert 180 / 7 < told["angular_gap"]["median"] < 180 / 7 + 2.5
@@ -94,7 +94,12 @@ def test_maps_go_to_all_three_kinds_of_file(run_tool, rig_file, tmp_path):
     assert done.exit_code == 0, done.stderr
     assert cv2.imread(str(outs[0])).std() > 10
     page = outs[1].read_text(encoding="utf-8")
-    for words in ("map: angular gap", "map: views", "Is this rig good enough?", "Verdict: good"):
+    for words in (
+        "map: angular gap",
+        "map: views",
+        "Is this rig good enough?",
+        "Assessment: good",
+    ):
         assert words in page
     assert any(name.startswith("map: views") for name in trimesh.load(outs[2]).geometry)
 

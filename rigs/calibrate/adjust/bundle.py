@@ -1,9 +1,9 @@
 """One least-squares adjustment of all lenses, camera poses and target poses.
 
-Each sighting touches one camera and one frame, so the frames' 6 x 6 blocks of the normal
-equations are eliminated first (Schur complement) and what is solved has the size of the cameras
-alone: Triggs, McLauchlan, Hartley and Fitzgibbon, "Bundle adjustment, a modern synthesis" (2000),
-section 6.1.
+Each observation depends on one camera and one frame. The frames' 6 x 6 blocks of the normal
+equations are therefore eliminated first (Schur complement), and the system that is solved has the
+size of the cameras alone: Triggs, McLauchlan, Hartley and Fitzgibbon, "Bundle adjustment, a
+modern synthesis" (2000), section 6.1.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.observation_arrays import (
     Freedom,
+    ObservationArrays,
     Scene,
-    Sightings,
     camera_rows,
     jacobian,
     predicted,
@@ -24,14 +24,14 @@ from rigs.calibrate.adjust.observation_arrays import (
 )
 from rigs.geometry.rotation import matrix_of_vector
 
-_LEAST_GAIN = 1e-8  # relative fall of the cost below which the method has arrived
-_DAMPING = 1e-4
-_LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e9
+_LEAST_GAIN = 1e-8  # relative fall of the cost below which iterations stop; more cost time
+_DAMPING = 1e-4  # Marquardt's first damping, relative to the diagonal
+_LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e9  # below rounding; beyond it no step is left
 
 
 @dataclass(frozen=True)
 class Solution:
-    """The adjusted scene and what the sightings still say about it.
+    """An adjusted scene and the residuals left.
 
     Parameters
     ----------
@@ -50,19 +50,19 @@ class Solution:
 
 @dataclass(frozen=True)
 class _Normal:
-    """Normal equations in blocks; P camera parameters, F frames with sightings."""
+    """Normal equations in blocks; P camera parameters, F frames with observations."""
 
     cameras: NDArray[np.float64]  # (P, P)
     targets: NDArray[np.float64]  # (F, 6, 6)
     mixed: NDArray[np.float64]  # (F, P, 6)
     camera_gradient: NDArray[np.float64]  # (P,)
     target_gradient: NDArray[np.float64]  # (F, 6)
-    frames: NDArray[np.int64]  # (F,) places of these frames in the scene
+    frames: NDArray[np.int64]  # (F,) indices of these frames in the scene
 
 
 def adjust(
     scene: Scene,
-    sightings: Sightings,
+    observations: ObservationArrays,
     freedom: Freedom,
     *,
     huber: NDArray[np.float64] | None = None,
@@ -74,51 +74,51 @@ def adjust(
     Parameters
     ----------
     scene : Scene
-        Start; every frame with a sighting needs a pose with its points before their cameras.
-    sightings : Sightings
+        Start. Every observed frame needs a pose that puts its points before their cameras.
+    observations : ObservationArrays
         In order of camera, then frame.
     freedom : Freedom
     huber : (N,) float64, optional
-        Residual length from which a sighting counts linearly (Huber's loss); squares when None.
+        Residual length beyond which the loss is linear (Huber); plain squares when None.
     iterations : int
         At most.
     tolerance : float
-        Relative fall of the cost, promised or made, that ends the method.
+        Relative fall of the cost, predicted or reached, below which iterations stop.
     """
-    residuals, cost = _residuals(scene, sightings, huber)
+    residuals, cost = _residuals(scene, observations, huber)
     if not np.isfinite(cost):
-        raise ValueError("scene: found a sighting behind its camera, expected a start before it")
-    damping, done = _DAMPING, 0
+        raise ValueError("scene: found an observed point behind its camera, expected it in front")
+    damping, iteration = _DAMPING, 0
     for _ in range(iterations):
-        normal = _normal_equations(scene, sightings, freedom, huber)
-        done += 1
+        normal = _normal_equations(scene, observations, freedom, huber)
+        iteration += 1
         gain = 0.0
         while damping < _MOST_DAMPING:
             step = _solve(normal, damping)
             if step is not None:
-                promised = _promised(normal, *step)
-                if promised < tolerance * cost:
+                predicted_gain = _predicted_gain(normal, *step)
+                if predicted_gain < tolerance * cost:
                     break
                 trial = _moved(scene, freedom, normal.frames, *step)
-                trial_residuals, trial_cost = _residuals(trial, sightings, huber)
+                trial_residuals, trial_cost = _residuals(trial, observations, huber)
                 if trial_cost < cost:
                     gain = (cost - trial_cost) / cost
-                    kept = (cost - trial_cost) / promised
+                    ratio = (cost - trial_cost) / predicted_gain
                     scene, residuals, cost = trial, trial_residuals, trial_cost
-                    # Nearly linear: trust the next step more; in a bent valley less
-                    trust = 0.01 if kept > 0.75 else 0.3 if kept > 0.25 else 2.0
+                    # Where the prediction held, the next step may be longer
+                    trust = 0.01 if ratio > 0.75 else 0.3 if ratio > 0.25 else 2.0
                     damping = max(damping * trust, _LEAST_DAMPING)
                     break
             damping *= 10
         if gain < tolerance:
             break
-    return Solution(scene, residuals, cost, done)
+    return Solution(scene, residuals, cost, iteration)
 
 
 def information(
-    scene: Scene, sightings: Sightings, freedom: Freedom
+    scene: Scene, observations: ObservationArrays, freedom: Freedom
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return what the sightings say about all cameras' free parameters at unit pixel noise.
+    """Return the information on all cameras' free parameters at unit pixel noise.
 
     Returns
     -------
@@ -128,15 +128,15 @@ def information(
     gradient : (P,) float64
         Of half the sum of squares, with the target poses at their best.
     """
-    normal = _normal_equations(scene, sightings, freedom, None)
+    normal = _normal_equations(scene, observations, freedom, None)
     return _reduced(normal, 0.0)[:2]
 
 
 def _residuals(
-    scene: Scene, sightings: Sightings, huber: NDArray | None
+    scene: Scene, observations: ObservationArrays, huber: NDArray | None
 ) -> tuple[NDArray[np.float64], float]:
     """Return measured less projected ``(N, 2)`` and the cost; infinite behind a camera."""
-    residuals = sightings.uv - predicted(scene, sightings)
+    residuals = observations.uv - predicted(scene, observations)
     squares = (residuals**2).sum(axis=1)
     if huber is not None:
         length = np.sqrt(squares)
@@ -146,18 +146,18 @@ def _residuals(
 
 
 def _normal_equations(
-    scene: Scene, sightings: Sightings, freedom: Freedom, huber: NDArray | None
+    scene: Scene, observations: ObservationArrays, freedom: Freedom, huber: NDArray | None
 ) -> _Normal:
     """Return the normal equations of Gauss and Newton, weighted for Huber's loss."""
     slices = freedom.slices
     size = slices[-1].stop
-    frames = np.unique(sightings.frame)
+    frames = np.unique(observations.frame)
     cameras, camera_gradient = np.zeros((size, size)), np.zeros(size)
     targets, target_gradient = np.zeros((len(frames), 6, 6)), np.zeros((len(frames), 6))
     mixed = np.zeros((len(frames), size, 6))
-    for camera, rows in camera_rows(sightings):
-        uv, by_camera, by_target = jacobian(scene, sightings, camera, rows)
-        residual = sightings.uv[rows] - uv
+    for camera, rows in camera_rows(observations):
+        uv, by_camera, by_target = jacobian(scene, observations, camera, rows)
+        residual = observations.uv[rows] - uv
         if huber is not None:
             length = np.linalg.norm(residual, axis=1)
             root = np.sqrt(np.minimum(1.0, huber[rows] / np.maximum(length, 1e-300)))
@@ -165,14 +165,14 @@ def _normal_equations(
             by_camera, by_target = by_camera * root[:, None, None], by_target * root[:, None, None]
         by_camera = by_camera[:, :, freedom.columns(camera)]
         own = slices[camera]
-        for frame, part in runs(sightings.frame[rows]):
-            place = int(np.searchsorted(frames, frame))
+        for frame, part in runs(observations.frame[rows]):
+            index = int(np.searchsorted(frames, frame))
             r = residual[part].reshape(-1)
             A = by_camera[part].reshape(len(r), by_camera.shape[2])
             B = by_target[part].reshape(len(r), 6)
-            targets[place] += B.T @ B
-            target_gradient[place] += B.T @ r
-            mixed[place, own] = A.T @ B
+            targets[index] += B.T @ B
+            target_gradient[index] += B.T @ r
+            mixed[index, own] = A.T @ B
         flat = by_camera.reshape(2 * len(uv), by_camera.shape[2])
         cameras[own, own] = flat.T @ flat
         camera_gradient[own] = flat.T @ residual.reshape(-1)
@@ -207,7 +207,7 @@ def _solve(normal: _Normal, damping: float) -> tuple[NDArray, NDArray] | None:
         scale = np.sqrt(np.maximum(np.diag(normal.cameras), 1e-300))
         try:
             camera_step = np.linalg.solve(matrix / np.outer(scale, scale), gradient / scale)
-        except np.linalg.LinAlgError:  # too little damping for where the scene is
+        except np.linalg.LinAlgError:  # too little damping here
             return None
         camera_step /= scale
     right = normal.target_gradient - np.einsum("fpi,p->fi", normal.mixed, camera_step)
@@ -216,7 +216,7 @@ def _solve(normal: _Normal, damping: float) -> tuple[NDArray, NDArray] | None:
     return (camera_step, target_step) if finite else None
 
 
-def _promised(normal: _Normal, camera_step: NDArray, target_step: NDArray) -> float:
+def _predicted_gain(normal: _Normal, camera_step: NDArray, target_step: NDArray) -> float:
     """Return by how much the cost would fall, were the residuals linear in the parameters."""
     slope = normal.camera_gradient @ camera_step + (normal.target_gradient * target_step).sum()
     return float(slope) / 2

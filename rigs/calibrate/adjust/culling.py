@@ -1,4 +1,4 @@
-"""Sightings and whole images that do not belong to the rest."""
+"""Outliers: observations and whole images that disagree with the rest."""
 
 from __future__ import annotations
 
@@ -10,65 +10,68 @@ from numpy.typing import NDArray
 from rigs.calibrate.adjust.bundle import Solution, adjust
 from rigs.calibrate.adjust.observation_arrays import (
     Freedom,
+    ObservationArrays,
     Scene,
-    Sightings,
     image_rows,
     predicted,
 )
 from rigs.calibrate.adjust.robust import adjust_robustly, noise
 from rigs.calibrate.adjust.target_pose import LEAST_POINTS
 
-_POINT_LIMIT = 12.0  # standard deviations a coordinate, of a sighting's length
-_IMAGE_LIMIT = 5.0  # times the usual, of an image's median length
-_ROUNDS = 5
+_POINT_LIMIT = 12.0  # residual length in standard deviations; less would cull good points
+_IMAGE_LIMIT = 5.0  # times the usual median residual of an image; less would cull good ones
+_ITERATIONS = 5  # of culling; it settles after two or three
 
 
 @dataclass(frozen=True)
-class Kept:
-    """The adjustment of what was kept.
+class Culled:
+    """The adjustment without outliers.
 
     Parameters
     ----------
     solution : Solution
-        Of the sightings that were used, in their order.
-    used : (sightings,) bool
+        Its residuals are those of the observations used, in their order.
+    used : (observations,) bool
     """
 
     solution: Solution
     used: NDArray[np.bool_]
 
 
-def adjust_and_cull(scene: Scene, sightings: Sightings, freedom: Freedom, cull: bool) -> Kept:
-    """Return the least-squares adjustment of all sightings but gross outliers.
+def adjust_and_cull(
+    scene: Scene, observations: ObservationArrays, freedom: Freedom, cull: bool
+) -> Culled:
+    """Return the least-squares adjustment of all observations but gross outliers.
 
-    First with Huber's loss; then sightings and images far beyond their camera's noise are left
-    out, the rest is adjusted by plain least squares, and what was left out is judged anew, until
-    nothing changes. Without ``cull`` all that can be seen at all is kept.
+    First comes an adjustment with Huber's loss. Observations and images far beyond their camera's
+    noise are then left out and the rest is adjusted by plain least squares. Outliers are decided
+    anew after each adjustment, until none changes. Without ``cull`` every observation is kept
+    that lies before its camera.
     """
-    used = _supported(sightings, np.isfinite(predicted(scene, sightings)).all(axis=1))
-    scene = adjust_robustly(scene, sightings.where(used), freedom, tolerance=1e-4).scene
+    used = _supported(observations, np.isfinite(predicted(scene, observations)).all(axis=1))
+    scene = adjust_robustly(scene, observations.where(used), freedom, tolerance=1e-4).scene
     if not cull:
-        return Kept(adjust(scene, sightings.where(used), freedom), used)
+        return Culled(adjust(scene, observations.where(used), freedom), used)
     before = None
-    for _ in range(_ROUNDS):
-        kept = _agreeing(scene, sightings, used)
+    for _ in range(_ITERATIONS):
+        kept = _agreeing(scene, observations, used)
         if before is not None and (kept == before).all():
             break
         robust = before is None or (before & ~kept).any()
         if before is not None and robust:
-            scene = adjust_robustly(scene, sightings.where(kept), freedom, tolerance=1e-4).scene
-        solution = adjust(scene, sightings.where(kept), freedom)
+            scene = adjust_robustly(scene, observations.where(kept), freedom, tolerance=1e-4).scene
+        solution = adjust(scene, observations.where(kept), freedom)
         scene, before = solution.scene, kept
-    return Kept(_with_frames_left_out(solution, sightings, before), before)
+    return Culled(_with_frames_left_out(solution, observations, before), before)
 
 
 def _with_frames_left_out(
-    solution: Solution, sightings: Sightings, used: NDArray[np.bool_]
+    solution: Solution, observations: ObservationArrays, used: NDArray[np.bool_]
 ) -> Solution:
-    """Return the solution with poses for frames left out as a whole, to show by how much."""
+    """Return the solution with poses for frames left out entirely, so that residuals show why."""
     scene = solution.scene
-    before = np.isfinite(predicted(scene, sightings)).all(axis=1)
-    rest = sightings.where(~np.isin(sightings.frame, sightings.frame[used]) & before)
+    before = np.isfinite(predicted(scene, observations)).all(axis=1)
+    rest = observations.where(~np.isin(observations.frame, observations.frame[used]) & before)
     if not len(rest):
         return solution
     fixed = Freedom(
@@ -78,22 +81,24 @@ def _with_frames_left_out(
     return replace(solution, scene=adjust_robustly(scene, rest, fixed, tolerance=1e-3).scene)
 
 
-def _agreeing(scene: Scene, sightings: Sightings, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Say which sightings agree with the scene, within their camera's noise."""
-    residuals = sightings.uv - predicted(scene, sightings)
+def _agreeing(
+    scene: Scene, observations: ObservationArrays, used: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return which observations agree with the scene, within their camera's noise."""
+    residuals = observations.uv - predicted(scene, observations)
     lengths = np.where(used, np.linalg.norm(residuals, axis=1), np.inf)
     known = np.isfinite(lengths)
-    sigma = noise(residuals[known], sightings.camera[known], len(scene.lenses))
-    relative = lengths / sigma[sightings.camera]
+    sigma = noise(residuals[known], observations.camera[known], len(scene.lenses))
+    relative = lengths / sigma[observations.camera]
     kept = known & (relative < _POINT_LIMIT)
-    for _, _, rows in image_rows(sightings):
-        # 1.18 is the median of agreeing sightings
+    for _, _, rows in image_rows(observations):
+        # 1.18 is the median of agreeing observations
         if np.median(relative[rows]) > 1.18 * _IMAGE_LIMIT:
             kept[rows] = False
-    return _supported(sightings, kept)
+    return _supported(observations, kept)
 
 
-def _supported(sightings: Sightings, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return ``kept`` without the frames that have too few sightings left for a pose."""
-    counts = np.bincount(sightings.frame, kept, int(sightings.frame.max(initial=-1)) + 1)
-    return kept & (counts[sightings.frame] >= LEAST_POINTS)
+def _supported(observations: ObservationArrays, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return ``kept`` without the frames that have too few observations left for a pose."""
+    counts = np.bincount(observations.frame, kept, int(observations.frame.max(initial=-1)) + 1)
+    return kept & (counts[observations.frame] >= LEAST_POINTS)

@@ -1,4 +1,4 @@
-"""Images that came twice: they add no knowledge and must not count twice."""
+"""Repeated images: they add no information and must not count twice."""
 
 from __future__ import annotations
 
@@ -11,10 +11,18 @@ from rigs.calibrate.observations import Observations
 def without_repeats(
     observations: Observations,
 ) -> tuple[NDArray[np.bool_], tuple[str, ...], tuple[str, ...]]:
-    """Return which sightings to keep ``(sightings,)``, and lines on frozen cameras and on repeats.
+    """Return which observations to keep, and lines on frozen cameras and on repeats.
 
-    An image is a repeat where one camera's sightings are the same as in an earlier frame, to the
-    last digit: noise never repeats itself.
+    An image is a repeat where all of its observations equal those of an earlier frame of the same
+    camera, to the last digit: noise never repeats itself.
+
+    Returns
+    -------
+    keep : (observations,) bool
+    frozen : tuple of str
+        On cameras that repeat an image while others do not.
+    repeats : tuple of str
+        On frames that are repeated by every camera.
     """
     keep = np.ones(len(observations), bool)
     first: dict[tuple[int, bytes], int] = {}
@@ -33,13 +41,13 @@ def without_repeats(
     counts = observations.counts()
     frozen, notes = [], []
     for (earlier, frame), cameras in sorted(repeats.items()):
-        was, now = observations.frames[earlier], observations.frames[frame]
+        first_name, name = observations.frames[earlier], observations.frames[frame]
         if len(cameras) == np.count_nonzero(counts[:, frame]):
-            notes.append(f"frame {now}: the same as {was} in every camera, counted once")
+            notes.append(f"frame {name}: the same as {first_name} in every camera, counted once")
         else:
             named = ", ".join(observations.cameras[camera] for camera in cameras)
             frozen.append(
-                f"camera {named}: frame {now} is the same image as {was} while other cameras "
-                "moved on, left out: is the camera in step?"
+                f"camera {named}: frame {name} is the same image as {first_name} while other "
+                "cameras have new ones; it was left out. Check that the cameras are synchronised"
             )
     return keep, tuple(frozen), tuple(notes)

@@ -1,4 +1,4 @@
-"""First values of each camera by itself: its lens, and where the target stands before it."""
+"""Start values from each camera's own images: its lens, and the target's pose before it."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.lens_choice import Terms, choose
-from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings
+from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene
 from rigs.calibrate.adjust.projection import Lens
 from rigs.calibrate.adjust.robust import adjust_robustly
-from rigs.calibrate.adjust.target_pose import camera_poses, flat_poses, seen_well
+from rigs.calibrate.adjust.target_pose import camera_poses, fixes_pose, flat_poses
 
-LEAST_VIEWS = 3
+LEAST_VIEWS = 3  # images of one camera; fewer do not determine its focal length
 _FOCAL_LENGTHS = 0.3 * 1.6 ** np.arange(12)  # image widths: 0.3 to 53
-_TRIED_FRAMES = 8
+_TRIED_FRAMES = 8  # with which focal lengths are compared
 
 
 @dataclass(frozen=True)
-class View:
-    """One camera by itself: its lens and both target poses of each frame in its axes.
+class SingleCamera:
+    """One camera's lens, and both answers for the target's pose of each frame in its axes.
 
     Parameters
     ----------
@@ -42,24 +42,24 @@ class View:
 
 def lens_alone(
     name: str,
-    sightings: Sightings,
+    observations: ObservationArrays,
     frames: int,
     image_size: tuple[int, int],
     distortion: str = "auto",
 ) -> tuple[Lens, Terms]:
-    """Return one camera's lens from its own sightings.
+    """Return one camera's lens from its own observations.
 
-    The focal length starts as that of a ladder with the least residuals at both poses of some
-    frames; then lens and poses are adjusted together, robustly.
+    The focal length starts as the one of a ladder of values that leaves the least residuals in
+    some frames. Lens and poses are then adjusted together, robustly.
 
     Parameters
     ----------
     name : str
-        Of the camera, for errors.
-    sightings : Sightings
-        Of this camera, as camera 0, in order of frame.
+        The camera's name, for errors.
+    observations : ObservationArrays
+        This camera's, as camera 0, in order of frame.
     frames : int
-        How many there are in all.
+        Number of frames.
     image_size : (int, int)
     distortion : str
         "auto" or a name of ``TERMS``.
@@ -70,38 +70,38 @@ def lens_alone(
         If fewer than 3 frames show enough of the target.
     """
     good = np.zeros(frames, bool)
-    for frame in np.unique(sightings.frame):
-        good[frame] = seen_well(sightings.points[sightings.frame == frame])
+    for frame in np.unique(observations.frame):
+        good[frame] = fixes_pose(observations.points[observations.frame == frame])
     if good.sum() < LEAST_VIEWS:
         raise ValueError(
             f"camera {name}: found {int(good.sum())} images with 6 or more target points not on "
             f"a line, expected at least {LEAST_VIEWS} to find its lens"
         )
-    sightings = sightings.where(good[sightings.frame])
-    lens = _first_lens(sightings, image_size, "fisheye" if distortion == "fisheye" else "none")
+    observations = observations.where(good[observations.frame])
+    lens = _first_lens(observations, image_size, "fisheye" if distortion == "fisheye" else "none")
     for _ in range(2):
-        R, t, rms = camera_poses(lens, sightings, frames)
+        R, t, rms = camera_poses(lens, observations, frames)
         posed = np.isfinite(rms[:, 0])
         if posed.sum() < LEAST_VIEWS:
             raise ValueError(
                 f"camera {name}: found a target pose in {int(posed.sum())} images, expected at "
-                f"least {LEAST_VIEWS}: is the target described rightly?"
+                f"least {LEAST_VIEWS}: is the target described correctly?"
             )
-        sightings = sightings.where(posed[sightings.frame])
+        observations = observations.where(posed[observations.frame])
         scene = Scene((lens,), np.eye(3)[None], np.zeros((1, 3)), R[:, 0], t[:, 0])
         free = np.zeros(lens.size, bool)
         free[:2] = True
         solution = adjust_robustly(
-            scene, sightings, Freedom((free,), np.zeros(1, bool)), tolerance=1e-3
+            scene, observations, Freedom((free,), np.zeros(1, bool)), tolerance=1e-3
         )
         lens = solution.scene.lenses[0]
-    terms, solution = choose(solution.scene, sightings, image_size, distortion)
+    terms, solution = choose(solution.scene, observations, image_size, distortion)
     return solution.scene.lenses[0], terms
 
 
-def _first_lens(sightings: Sightings, image_size: tuple[int, int], model: str) -> Lens:
-    """Return the lens of a ladder of focal lengths with the least residuals."""
-    frames, counts = np.unique(sightings.frame, return_counts=True)
+def _first_lens(observations: ObservationArrays, image_size: tuple[int, int], model: str) -> Lens:
+    """Return the lens whose focal length, among those of a ladder, leaves the least residuals."""
+    frames, counts = np.unique(observations.frame, return_counts=True)
     tried = frames[np.argsort(-counts, kind="stable")]
     tried = tried[np.linspace(0, len(tried) - 1, min(len(tried), _TRIED_FRAMES)).astype(int)]
     width, height = image_size
@@ -109,10 +109,10 @@ def _first_lens(sightings: Sightings, image_size: tuple[int, int], model: str) -
     for focal in _FOCAL_LENGTHS * max(width, height):
         matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
         lens = Lens(matrix, "none", np.zeros(0)).with_model(model)
-        errors, directions = [], lens.pinhole(sightings.uv)
+        errors, directions = [], lens.pinhole(observations.uv)
         for frame in tried:
-            own = sightings.frame == frame
-            points, pinhole = sightings.points[own], directions[own]
+            own = observations.frame == frame
+            points, pinhole = observations.points[own], directions[own]
             error = np.inf
             for R, t in flat_poses(points, pinhole)[:1]:
                 in_camera = points @ R.T + t
@@ -124,12 +124,14 @@ def _first_lens(sightings: Sightings, image_size: tuple[int, int], model: str) -
     return lenses[int(np.argmin(scores))]
 
 
-def view_with(lens: Lens, terms: Terms, sightings: Sightings, frames: int) -> View:
+def single_camera(
+    lens: Lens, terms: Terms, observations: ObservationArrays, frames: int
+) -> SingleCamera:
     """Return the camera of ``lens`` with the target's poses before it."""
-    return View(lens, terms, *camera_poses(lens, sightings, frames))
+    return SingleCamera(lens, terms, *camera_poses(lens, observations, frames))
 
 
-def check_view(name: str, one: View) -> None:
+def check_target_poses(name: str, one: SingleCamera) -> None:
     """Raise if the camera has no pose of the target, or sees it from behind: mirrored."""
     R, t = one.R[:, 0], one.t[:, 0]
     posed = np.isfinite(one.rms[:, 0])

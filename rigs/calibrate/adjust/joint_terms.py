@@ -1,4 +1,4 @@
-"""Lens terms that pay only where cameras see together: freed after the joint adjustment."""
+"""Lens terms that only the joint adjustment determines: freed after it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import information
 from rigs.calibrate.adjust.lens_choice import TERMS, Terms
-from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, predicted
+from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
 
 _LADDER = ("none", "radial", "brown4", "brown5")
 
@@ -17,12 +17,12 @@ _LADDER = ("none", "radial", "brown4", "brown5")
 def fall_of_squares(
     matrix: NDArray[np.float64], gradient: NDArray[np.float64], free: NDArray[np.bool_]
 ) -> float:
-    """Return what the sum of squares would fall by, were all of ``free`` adjusted, to first order.
+    """Return the fall of the sum of squares if all of ``free`` were adjusted, to first order.
 
     Parameters
     ----------
     matrix, gradient : (P, P), (P,) float64
-        Of `information`.
+        From `information`.
     free : (P,) bool
     """
     scale = 1 / np.sqrt(np.maximum(np.diag(matrix)[free], 1e-300))
@@ -34,63 +34,63 @@ def fall_of_squares(
 
 def richer_terms(
     scene: Scene,
-    sightings: Sightings,
+    observations: ObservationArrays,
     freedom: Freedom,
     terms: list[Terms],
 ) -> tuple[Scene, Freedom, list[Terms]] | None:
-    """Return the scene with more terms free where they pay in the joint adjustment, else None.
+    """Return the scene with more terms free where the joint adjustment supports them, else None.
 
-    A camera by itself cannot always tell its lens from where the target stands. Of the terms up
-    to brown5 those are taken whose fall of the sum of squares exceeds twice the noise's variance
-    a term by most (Akaike's criterion); the fall is that of the joint normal equations (Rao's
-    score test).
+    One camera's images cannot always separate its lens from the target's pose. Candidates are the
+    terms up to brown5. The one is taken whose fall of the sum of squares exceeds twice the noise's
+    variance a term by most (Akaike's criterion); the fall is predicted from the joint normal
+    equations (Rao's score test).
 
     Parameters
     ----------
     scene : Scene
         Adjusted with ``freedom``.
-    sightings : Sightings
-        Those used.
+    observations : ObservationArrays
+        Without outliers.
     freedom : Freedom
     terms : list of Terms
         Each camera's.
     """
-    can = [one.name in _LADDER[:-1] for one in terms]
-    if not any(can):
+    may_grow = [one.name in _LADDER[:-1] for one in terms]
+    if not any(may_grow):
         return None
     wide = replace(
         scene,
         lenses=tuple(
             lens.with_model("brown", 5) if grows else lens
-            for lens, grows in zip(scene.lenses, can, strict=True)
+            for lens, grows in zip(scene.lenses, may_grow, strict=True)
         ),
     )
     every = Freedom(
         tuple(np.ones(lens.size, bool) for lens in wide.lenses),
         freedom.pose,
     )
-    matrix, gradient = information(wide, sightings, every)
+    matrix, gradient = information(wide, observations, every)
     now = [
         np.r_[own, np.zeros(9 - len(own), bool)] if grows else own
-        for own, grows in zip(freedom.lens, can, strict=True)
+        for own, grows in zip(freedom.lens, may_grow, strict=True)
     ]
-    place = every.slices
+    slices = every.slices
     columns = Freedom(tuple(now), freedom.pose)
     free = np.concatenate(
         [columns.columns(camera)[every.columns(camera)] for camera in range(len(terms))]
     )
-    residuals = sightings.uv - predicted(scene, sightings)
-    unknowns = int(free.sum()) + 6 * len(np.unique(sightings.frame))
+    residuals = observations.uv - predicted(scene, observations)
+    unknowns = int(free.sum()) + 6 * len(np.unique(observations.frame))
     variance = float((residuals**2).sum()) / max(residuals.size - unknowns, 1)
     base = fall_of_squares(matrix, gradient, free)
     chosen = list(terms)
-    for camera in np.flatnonzero(can):
+    for camera in np.flatnonzero(may_grow):
         best = 0.0
         for name in _LADDER[_LADDER.index(terms[camera].name) + 1 :]:
             freed = np.zeros(len(free), bool)
             lens = np.zeros(9, bool)
             lens[: 4 + len(TERMS[name].free)] = TERMS[name].freedom()
-            freed[place[camera]][-9:] = lens
+            freed[slices[camera]][-9:] = lens
             count = int((freed & ~free).sum())
             gain = fall_of_squares(matrix, gradient, free | freed) - base - 2 * count * variance
             if gain > best:

@@ -1,4 +1,4 @@
-"""Which terms of a lens model pay: freed one after another while frames left out gain by it."""
+"""The terms of a lens model, chosen by cross-validation over frames."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import Solution
-from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, jacobian
+from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, jacobian
 from rigs.calibrate.adjust.projection import Lens
 from rigs.calibrate.adjust.robust import adjust_robustly, noise
 
-# By how many standard errors the gain must stand out. A needless term of the polynomials costs
-# less than one that is missing; the rational model's poles are another matter.
+# Standard errors by which the gain must exceed zero. A needless term of the polynomials costs
+# less than a missing one; the rational model's poles make it demand more.
 _STANDARD_ERRORS = {"none": 0.0, "radial": 0.0, "brown4": 0.0, "brown5": 0.0, "rational": 2.0}
 
 
@@ -27,7 +27,7 @@ class Terms:
     model : str
         Of `rigs.Distortion`.
     free : tuple of bool
-        One a coefficient; the others stay zero.
+        One for each coefficient; those not free stay zero.
     """
 
     name: str
@@ -35,11 +35,11 @@ class Terms:
     free: tuple[bool, ...]
 
     def freedom(self) -> NDArray[np.bool_]:
-        """Return what is free of fx, fy, cx, cy and the coefficients."""
+        """Return which of fx, fy, cx, cy and the coefficients are free, ``(4 + n,)``."""
         return np.r_[np.ones(4, bool), np.array(self.free, bool)]
 
 
-#: The models that `calibrate` knows, each containing those before it but for the fisheye.
+#: The models of `calibrate`; each contains those before it, except the fisheye.
 TERMS: dict[str, Terms] = {
     terms.name: terms
     for terms in (
@@ -53,39 +53,38 @@ TERMS: dict[str, Terms] = {
         Terms("fisheye", "fisheye", (True,) * 4),
     )
 }
-_DETERMINED = 1e-8  # least eigenvalue of a lens's normal equations, scaled to a unit diagonal
+_DETERMINED = 1e-8  # relative least eigenvalue of a lens's normal equations; below it is noise
 
 
 def choose(
-    start: Scene, sightings: Sightings, image_size: tuple[int, int], asked: str
+    start: Scene, observations: ObservationArrays, image_size: tuple[int, int], requested: str
 ) -> tuple[Terms, Solution]:
-    """Return the terms of one camera's lens that pay, and the adjustment with them.
+    """Return the terms of one camera's lens that lower the error of held-out frames.
 
-    The gain is judged frame by frame: each frame's cost is predicted with the lens adjusted to
-    all the other frames, to second order, and a richer model must lower the mean. A model that
-    maps no direction to a corner of the image is not taken, and the rational one is tried only
-    where all of brown5 pays.
+    Each frame's cost is predicted with the lens adjusted to all the other frames, to second
+    order; a richer model must lower the mean. A model that maps no direction to a corner of the
+    image is not taken. The rational model is tried only where all of brown5 was taken.
 
     Parameters
     ----------
     start : Scene
-        Of one camera.
-    sightings : Sightings
+        Of one camera, with its target poses.
+    observations : ObservationArrays
     image_size : (int, int)
-    asked : str
+    requested : str
         "auto", or the name of the terms to take.
     """
-    if asked != "auto":
-        return TERMS[asked], _fit(start, sightings, TERMS[asked])
+    if requested != "auto":
+        return TERMS[requested], _fit(start, observations, TERMS[requested])
     best, best_score = None, None
     for name, standard_errors in _STANDARD_ERRORS.items():
         terms = TERMS[name]
         if name == "rational" and best[0].name != "brown5":
             break
-        if 2 * len(sightings) <= 6 * len(np.unique(sightings.frame)) + len(terms.freedom()):
+        if 2 * len(observations) <= 6 * len(np.unique(observations.frame)) + len(terms.freedom()):
             break
-        solution = _fit(start if best is None else best[1].scene, sightings, terms)
-        score = held_out_costs(solution, sightings, terms)
+        solution = _fit(start if best is None else best[1].scene, observations, terms)
+        score = held_out_costs(solution, observations, terms)
         if best is None:
             best, best_score = (terms, solution), score
             continue
@@ -96,14 +95,14 @@ def choose(
             continue
         gain = best_score - score
         error = gain.std(ddof=1) / np.sqrt(len(gain)) if len(gain) > 1 else np.inf
-        pays = gain.mean() > standard_errors * error
-        if pays and covers_image(solution.scene.lenses[0], image_size):
+        is_better = gain.mean() > standard_errors * error
+        if is_better and covers_image(solution.scene.lenses[0], image_size):
             best, best_score = (terms, solution), score
     return best
 
 
 def covers_image(lens: Lens, image_size: tuple[int, int]) -> bool:
-    """Say whether every pixel at the image's edge has a line of sight."""
+    """Return whether every pixel at the image's edge has a line of sight."""
     width, height = image_size
     u, v = np.linspace(-0.5, width - 0.5, 17), np.linspace(-0.5, height - 0.5, 17)
     edge = np.concatenate(
@@ -114,23 +113,27 @@ def covers_image(lens: Lens, image_size: tuple[int, int]) -> bool:
     return bool(np.isfinite(lens.distortion.unproject(plane)).all())
 
 
-def held_out_costs(solution: Solution, sightings: Sightings, terms: Terms) -> NDArray[np.float64]:
+def held_out_costs(
+    solution: Solution, observations: ObservationArrays, terms: Terms
+) -> NDArray[np.float64]:
     """Return each frame's cost with the lens adjusted to all other frames, ``(frames,)``.
 
     With S_f and g_f the normal equations and gradient that frame f gives the lens, its own pose
     eliminated, leaving it out moves the lens by ``d = -(S - S_f)^-1 g_f``, where the gradient of
     all is zero; its cost then is ``cost_f - g_f d + d S_f d / 2``. Infinite where the terms are
-    not determined, or the adjustment has not arrived.
+    not determined, or the adjustment has not converged.
     """
     free = np.r_[np.zeros(6, bool), terms.freedom()]
-    uv, by_camera, by_target = jacobian(solution.scene, sightings, 0, slice(0, len(sightings)))
-    residual = sightings.uv - uv
-    huber = 3 * noise(residual, sightings.camera, 1)[0]
+    uv, by_camera, by_target = jacobian(
+        solution.scene, observations, 0, slice(0, len(observations))
+    )
+    residual = observations.uv - uv
+    huber = 3 * noise(residual, observations.camera, 1)[0]
     length = np.maximum(np.linalg.norm(residual, axis=1), 1e-300)
     weight = np.sqrt(np.minimum(1.0, huber / length))[:, None]
     costs, matrices, gradients = [], [], []
-    for frame in np.unique(sightings.frame):
-        own = sightings.frame == frame
+    for frame in np.unique(observations.frame):
+        own = observations.frame == frame
         A = (by_camera[own][:, :, free] * weight[own, :, None]).reshape(-1, int(free.sum()))
         B = (by_target[own] * weight[own, :, None]).reshape(-1, 6)
         r = (residual[own] * weight[own]).reshape(-1)
@@ -161,8 +164,8 @@ def held_out_costs(solution: Solution, sightings: Sightings, terms: Terms) -> ND
     )
 
 
-def _fit(start: Scene, sightings: Sightings, terms: Terms) -> Solution:
+def _fit(start: Scene, observations: ObservationArrays, terms: Terms) -> Solution:
     """Return the one-camera scene adjusted with ``terms`` free."""
     lens = start.lenses[0].with_model(terms.model, len(terms.free))
     scene = Scene((lens,), start.camera_R, start.camera_t, start.target_R, start.target_t)
-    return adjust_robustly(scene, sightings, Freedom((terms.freedom(),), np.zeros(1, bool)))
+    return adjust_robustly(scene, observations, Freedom((terms.freedom(),), np.zeros(1, bool)))

@@ -1,7 +1,7 @@
-"""Cameras, targets and sightings as arrays: what is predicted, and how it depends on each.
+"""Cameras, targets and observations as arrays: predictions and their derivatives.
 
-A sighting is predicted as ``project(lens_c, R_c (R_f x + t_f) + t_c)`` for target point x, camera
-c and frame f. Rotations change by rotation vectors multiplied from the left.
+An observation is predicted as ``project(lens_c, R_c (R_f x + t_f) + t_c)`` for target point x,
+camera c and frame f. Rotations change by rotation vectors multiplied from the left.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from rigs.calibrate.observations import Observations
 
 
 @dataclass(frozen=True)
-class Sightings:
-    """Sightings in order of camera, then frame; lengths in any unit.
+class ObservationArrays:
+    """Observations in order of camera, then frame; lengths in any unit.
 
     Parameters
     ----------
     camera, frame : (N,) int64
     points : (N, 3) float64
-        Each sighting's point in the target's axes.
+        Each observation's point in the target's axes.
     uv : (N, 2) float64
     """
 
@@ -36,14 +36,16 @@ class Sightings:
     def __len__(self) -> int:
         return len(self.uv)
 
-    def where(self, keep: NDArray) -> Sightings:
-        """Return the sightings where ``keep`` holds, or in the order it gives."""
-        return Sightings(self.camera[keep], self.frame[keep], self.points[keep], self.uv[keep])
+    def where(self, keep: NDArray) -> ObservationArrays:
+        """Return the observations where ``keep`` holds, or in the order it gives."""
+        return ObservationArrays(
+            self.camera[keep], self.frame[keep], self.points[keep], self.uv[keep]
+        )
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that is adjusted.
+    """The unknowns of the adjustment: lenses, camera poses and target poses.
 
     Parameters
     ----------
@@ -63,12 +65,12 @@ class Scene:
 
 @dataclass(frozen=True)
 class Freedom:
-    """What may be adjusted; the target poses always are.
+    """Which unknowns are free; the target poses always are.
 
     Parameters
     ----------
     lens : tuple of (4 + n,) bool
-        Of each camera's fx, fy, cx, cy and coefficients.
+        For each camera: fx, fy, cx, cy and coefficients.
     pose : (cameras,) bool
     """
 
@@ -76,28 +78,28 @@ class Freedom:
     pose: NDArray[np.bool_]
 
     def columns(self, camera: int) -> NDArray[np.bool_]:
-        """Return what is free of rotation, translation, fx, fy, cx, cy, coefficients."""
+        """Return which of rotation, translation, fx, fy, cx, cy, coefficients are free."""
         return np.r_[np.repeat(self.pose[camera], 6), self.lens[camera]]
 
     @property
     def slices(self) -> list[slice]:
-        """Where each camera's free parameters stand among those of all cameras."""
+        """Slices of each camera's free parameters among those of all cameras."""
         counts = [int(self.columns(camera).sum()) for camera in range(len(self.lens))]
         ends = np.cumsum([0, *counts])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
-def predicted(scene: Scene, sightings: Sightings) -> NDArray[np.float64]:
-    """Return where the scene has the sightings, ``(N, 2)``; NaN behind the camera."""
-    uv = np.full((len(sightings), 2), np.nan)
-    for camera, rows in camera_rows(sightings):
-        in_camera, *_ = _in_camera(scene, sightings, camera, rows)
+def predicted(scene: Scene, observations: ObservationArrays) -> NDArray[np.float64]:
+    """Return the predicted pixels of the observations, ``(N, 2)``; NaN behind a camera."""
+    uv = np.full((len(observations), 2), np.nan)
+    for camera, rows in camera_rows(observations):
+        in_camera, *_ = _in_camera(scene, observations, camera, rows)
         uv[rows] = project(scene.lenses[camera], in_camera)[0]
     return uv
 
 
 def jacobian(
-    scene: Scene, sightings: Sightings, camera: int, rows: slice
+    scene: Scene, observations: ObservationArrays, camera: int, rows: slice
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return predictions of one camera's ``rows`` and their derivatives.
 
@@ -109,7 +111,7 @@ def jacobian(
     by_target : (n, 2, 6) float64
         With respect to the target's rotation and translation.
     """
-    in_camera, turned, on_target = _in_camera(scene, sightings, camera, rows)
+    in_camera, turned, on_target = _in_camera(scene, observations, camera, rows)
     uv, by_point, by_lens = project(scene.lenses[camera], in_camera)
     # d (w x p) = -[p] dw, and g . (w x p) = w . (p x g)
     by_camera = np.concatenate([_cross(turned, by_point), by_point, by_lens], axis=2)
@@ -144,39 +146,39 @@ def _cross(points: NDArray, gradients: NDArray) -> NDArray[np.float64]:
 
 
 def _in_camera(
-    scene: Scene, sightings: Sightings, camera: int, rows: slice
+    scene: Scene, observations: ObservationArrays, camera: int, rows: slice
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the points in the camera's axes, turned into them, and turned on the target."""
-    frames = sightings.frame[rows]
-    on_target = np.einsum("nij,nj->ni", scene.target_R[frames], sightings.points[rows])
+    frames = observations.frame[rows]
+    on_target = np.einsum("nij,nj->ni", scene.target_R[frames], observations.points[rows])
     turned = (on_target + scene.target_t[frames]) @ scene.camera_R[camera].T
     return turned + scene.camera_t[camera], turned, on_target
 
 
-def camera_rows(sightings: Sightings) -> list[tuple[int, slice]]:
-    """Return each camera that has sightings and where they stand."""
-    return runs(sightings.camera)
+def camera_rows(observations: ObservationArrays) -> list[tuple[int, slice]]:
+    """Return each camera that has observations, and the slice of its rows."""
+    return runs(observations.camera)
 
 
 def runs(values: NDArray[np.int64]) -> list[tuple[int, slice]]:
-    """Return each run of equal ``values`` and where it stands."""
+    """Return the value of each run of equal ``values``, and its slice."""
     starts = np.r_[0, np.flatnonzero(np.diff(values)) + 1] if len(values) else np.zeros(0, int)
     ends = np.r_[starts[1:], len(values)].astype(int)
     return [(int(values[a]), slice(int(a), int(b))) for a, b in zip(starts, ends, strict=False)]
 
 
-def ordered(sightings: Sightings | Observations) -> NDArray[np.int64]:
+def ordered(observations: ObservationArrays | Observations) -> NDArray[np.int64]:
     """Return the order of camera, then frame."""
-    return np.lexsort((sightings.frame, sightings.camera))
+    return np.lexsort((observations.frame, observations.camera))
 
 
-def image_rows(sightings: Sightings) -> list[tuple[int, int, slice]]:
-    """Return camera, frame and place of the sightings of each image."""
-    if not len(sightings):
+def image_rows(observations: ObservationArrays) -> list[tuple[int, int, slice]]:
+    """Return camera, frame and slice of the observations of each image."""
+    if not len(observations):
         return []
-    change = np.diff(sightings.camera).astype(bool) | np.diff(sightings.frame).astype(bool)
-    bounds = np.r_[0, np.flatnonzero(change) + 1, len(sightings)].tolist()
+    change = np.diff(observations.camera).astype(bool) | np.diff(observations.frame).astype(bool)
+    bounds = np.r_[0, np.flatnonzero(change) + 1, len(observations)].tolist()
     return [
-        (int(sightings.camera[a]), int(sightings.frame[a]), slice(a, b))
+        (int(observations.camera[a]), int(observations.frame[a]), slice(a, b))
         for a, b in pairwise(bounds)
     ]

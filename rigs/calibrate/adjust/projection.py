@@ -1,4 +1,4 @@
-"""Where points in a camera's axes appear, and how that changes with point and lens.
+"""Projection of points in a camera's axes, with derivatives by point and lens.
 
 The perspective models are OpenCV's own (``cv2.projectPoints``); the fisheye is written out, as
 OpenCV's stops at a right angle off the axis.
@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from rigs.lens import Distortion
 from rigs.lens.distortion import COEFFICIENT_COUNTS
 
-_NEAREST = 1e-9  # depth, in target sizes, below which a perspective camera sees nothing
+_NEAREST = 1e-9  # depth in target sizes; below it a perspective camera projects to NaN
 
 
 @dataclass(frozen=True)
 class Lens:
-    """What maps a camera's axes to its pixels: ``pixel = K @ distorted(x / z, y / z)``.
+    """Intrinsics that map a camera's axes to pixels: ``pixel = K @ distorted(x / z, y / z)``.
 
     Parameters
     ----------
@@ -35,12 +35,12 @@ class Lens:
 
     @property
     def distortion(self) -> Distortion:
-        """The same as a value of the package."""
+        """The coefficients as a `rigs.Distortion`."""
         return Distortion(self.model, tuple(self.coefficients.tolist()))
 
     @property
     def size(self) -> int:
-        """How many numbers may be adjusted: fx, fy, cx, cy and the coefficients."""
+        """Number of adjustable values: fx, fy, cx, cy and the coefficients."""
         return 4 + len(self.coefficients)
 
     def moved(self, step: NDArray[np.float64]) -> Lens:
@@ -59,7 +59,7 @@ class Lens:
         return Lens(self.matrix, model, coefficients)
 
     def pinhole(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return ``x / z, y / z`` ``(N, 2)`` of what is seen at ``uv`` ``(N, 2)``, or NaN."""
+        """Return ``x / z, y / z`` ``(N, 2)`` of the directions at ``uv`` ``(N, 2)``, or NaN."""
         plane = np.linalg.solve(self.matrix, np.c_[uv, np.ones(len(uv))].T).T[:, :2]
         directions = self.distortion.unproject(plane)
         depth = directions[:, 2:]
@@ -79,7 +79,7 @@ def project(
     Returns
     -------
     uv : (N, 2) float64
-        NaN where a perspective camera has the point behind it. Folds are not looked for.
+        NaN where the point is behind a perspective camera. Folds of the lens are not detected.
     by_point : (N, 2, 3) float64
         Derivatives with respect to the point.
     by_lens : (N, 2, 4 + n) float64
@@ -121,7 +121,7 @@ def _perspective(
 def _fisheye(
     coefficients: NDArray, points: NDArray
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the same of the fisheye: radius = angle (1 + k1 angle² + ... + k4 angle⁸)."""
+    """Return the same for the fisheye: radius = angle (1 + k1 angle² + ... + k4 angle⁸)."""
     x, y, z = points.T
     across = np.hypot(x, y)
     on_axis = across < 1e-12 * np.abs(z)

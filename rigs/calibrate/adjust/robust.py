@@ -1,4 +1,4 @@
-"""Adjustment in the presence of sightings that are wrong."""
+"""Adjustment with Huber's loss, which outliers disturb little."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import Solution, adjust
-from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, predicted
+from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
 
-_RAYLEIGH_MEDIAN = 1.1774  # of the length of a residual, in standard deviations a coordinate
-_HUBER = 3.0  # standard deviations
-_ROUNDS = 6
-_LEAST_NOISE = 1e-3  # pixels: exact data are not searched for outliers below
+_RAYLEIGH_MEDIAN = 1.1774  # median length of a 2-D normal residual, in standard deviations
+_HUBER = 3.0  # standard deviations, beyond which the loss is linear
+_ITERATIONS = 6  # of estimating the noise; it settles after two or three
+_LEAST_NOISE = 1e-3  # pixels; below it exact data would show rounding as outliers
 
 
 def noise(
@@ -30,7 +30,7 @@ def noise(
 
 def adjust_robustly(
     scene: Scene,
-    sightings: Sightings,
+    observations: ObservationArrays,
     freedom: Freedom,
     *,
     tolerance: float = 1e-6,
@@ -38,26 +38,26 @@ def adjust_robustly(
 ) -> Solution:
     """Return the scene of least Huber loss, whose scale follows each camera's own noise.
 
-    From a poor start all residuals are large and so is the scale: the first rounds are least
-    squares but for what is far off.
+    From a poor start all residuals are large and so is the scale: the first iterations are nearly
+    plain least squares.
     """
-    residuals = sightings.uv - predicted(scene, sightings)
+    residuals = observations.uv - predicted(scene, observations)
     cameras = len(scene.lenses)
-    sigma = noise(residuals, sightings.camera, cameras)
+    sigma = noise(residuals, observations.camera, cameras)
     solution = None
-    for round_ in range(_ROUNDS):
-        huber = (_HUBER * sigma)[sightings.camera]
+    for iteration in range(_ITERATIONS):
+        huber = (_HUBER * sigma)[observations.camera]
         solution = adjust(
             scene,
-            sightings,
+            observations,
             freedom,
             huber=huber,
-            tolerance=1e-3 if round_ == 0 else tolerance,
+            tolerance=1e-3 if iteration == 0 else tolerance,
             iterations=iterations,
         )
         scene = solution.scene
-        before, sigma = sigma, noise(solution.residuals, sightings.camera, cameras)
+        before, sigma = sigma, noise(solution.residuals, observations.camera, cameras)
         seen = np.isfinite(sigma)
-        if round_ and (np.abs(sigma - before) <= 0.02 * before)[seen].all():
+        if iteration and (np.abs(sigma - before) <= 0.02 * before)[seen].all():
             break
     return solution

@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.adjust.initial import View
-from rigs.calibrate.adjust.observation_arrays import Scene, Sightings, image_rows
+from rigs.calibrate.adjust.initial import SingleCamera
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, image_rows
 
-_TRIED_FRAMES = 12
-_BEHIND = 1e6  # pixels: how far off a point behind the camera counts
-_ASTRAY = 40.0  # pixels, in the median frame, beyond which no pose joins two cameras
+_TRIED_FRAMES = 12  # shared by two cameras, whose poses are compared
+_BEHIND = 1e6  # pixels: residual of a point behind the camera, larger than any other
+_FAR_OFF = 40.0  # pixels of median residual; beyond it two cameras did not see one scene
 
 
 @dataclass(frozen=True)
 class _Image:
-    """One camera's sightings in one frame, the lens taken out."""
+    """One camera's observations in one frame, the lens taken out."""
 
     points: NDArray[np.float64]  # (n, 3)
     pinhole: NDArray[np.float64]  # (n, 2)
@@ -25,37 +25,38 @@ class _Image:
 
 
 def rig_poses(
-    names: tuple[str, ...], views: list[View], sightings: Sightings, frames: int
+    names: tuple[str, ...], views: list[SingleCamera], observations: ObservationArrays, frames: int
 ) -> tuple[Scene, int]:
-    """Return cameras and targets in the axes of the camera of most shared views, and which it is.
+    """Return the poses of cameras and targets, and which camera holds the axes.
 
-    Each pair of cameras that saw the target at once gets its relative pose from the shared frame
-    that explains the others best, whichever of the two answers of a flat target is meant. Poses
-    follow the maximum spanning tree of the pairs, weighted by the points that agree.
+    The axes are those of the camera with most shared views. Each pair of cameras that saw the
+    target in one frame gets its relative pose from the shared frame that explains the others
+    best; both answers of the flat target are tried. Poses follow the maximum spanning tree of the
+    pairs, weighted by the points that agree.
 
     Parameters
     ----------
     names : tuple of str
-        The cameras, for errors.
+        The cameras' names, for errors.
     views : list of View
-    sightings : Sightings
+    observations : ObservationArrays
         In order of camera, then frame.
     frames : int
 
     Raises
     ------
     ValueError
-        Naming the cameras, if no chain of shared frames joins all, or one is out of step.
+        Naming the cameras, if no chain of shared frames joins all, or one is not synchronised.
     """
     count = len(views)
-    images = _images(views, sightings)
-    weight, off, relative = np.zeros((count, count)), np.zeros((count, count)), {}
+    images = _images(views, observations)
+    weight, residual, relative = np.zeros((count, count)), np.zeros((count, count)), {}
     for a in range(count):
         for b in range(a + 1, count):
             found = _relative_pose(views[a], views[b], a, b, images)
             if found is not None:
-                R, t, weight[a, b], off[a, b] = found
-                weight[b, a], off[b, a] = weight[a, b], off[a, b]
+                R, t, weight[a, b], residual[a, b] = found
+                weight[b, a], residual[b, a] = weight[a, b], residual[a, b]
                 relative[a, b] = R, t
                 relative[b, a] = R.T, -R.T @ t
     root = int(np.argmax(weight.sum(axis=1)))
@@ -73,11 +74,11 @@ def rig_poses(
                 f"cameras {apart}: found no frame in which they see the target together with "
                 f"{rest}, expected shared views that join all cameras"
             )
-        if off[a, b] > _ASTRAY:
+        if residual[a, b] > _FAR_OFF:
             raise ValueError(
-                f"camera {names[b]}: sees the target {off[a, b]:.0f} px from where camera "
+                f"camera {names[b]}: sees the target {residual[a, b]:.0f} px from where camera "
                 f"{names[a]} does in most of their shared frames, expected images of the same "
-                "moments from cameras at rest: one is out of step or was moved"
+                "moments from cameras at rest: one is not synchronised or was moved"
             )
         R, t = relative[int(a), int(b)]
         camera_R[b], camera_t[b] = R @ camera_R[a], R @ camera_t[a] + t
@@ -89,25 +90,27 @@ def rig_poses(
     return _with_targets(empty, views, images), root
 
 
-def _images(views: list[View], sightings: Sightings) -> dict[tuple[int, int], _Image]:
+def _images(
+    views: list[SingleCamera], observations: ObservationArrays
+) -> dict[tuple[int, int], _Image]:
     """Return the images by camera and frame."""
-    pinhole = np.full((len(sightings), 2), np.nan)
+    pinhole = np.full((len(observations), 2), np.nan)
     focal = [float(np.sqrt(np.prod(np.diag(view.lens.matrix)[:2]))) for view in views]
     for camera, view in enumerate(views):
-        own = sightings.camera == camera
-        pinhole[own] = view.lens.pinhole(sightings.uv[own])
+        own = observations.camera == camera
+        pinhole[own] = view.lens.pinhole(observations.uv[own])
     return {
-        (camera, frame): _Image(sightings.points[rows], pinhole[rows], focal[camera])
-        for camera, frame, rows in image_rows(sightings)
+        (camera, frame): _Image(observations.points[rows], pinhole[rows], focal[camera])
+        for camera, frame, rows in image_rows(observations)
     }
 
 
 def _relative_pose(
-    one: View, other: View, a: int, b: int, images: dict[tuple[int, int], _Image]
+    one: SingleCamera, other: SingleCamera, a: int, b: int, images: dict[tuple[int, int], _Image]
 ) -> tuple[NDArray, NDArray, float, float] | None:
-    """Return R, t from the axes of camera a to those of b, how many points agree, and pixels off.
+    """Return R, t from the axes of camera a to those of b, the points that agree, and a residual.
 
-    The last is the median over the frames that both see.
+    The residual, in pixels, is the median over the frames that both see.
     """
     shared = np.flatnonzero(np.isfinite(one.rms[:, 0]) & np.isfinite(other.rms[:, 0]))
     if not len(shared):
@@ -136,8 +139,10 @@ def _relative_pose(
     )
 
 
-def _errors(one: View, frame: int, R: NDArray, t: NDArray, image: _Image) -> NDArray[np.float64]:
-    """Return the RMS in pixels of relative poses ``(n, ...)`` in one frame, the better answer."""
+def _errors(
+    one: SingleCamera, frame: int, R: NDArray, t: NDArray, image: _Image
+) -> NDArray[np.float64]:
+    """Return the RMS residual of relative poses ``(n,)`` in one frame, for the better answer."""
     errors = np.full((2, len(R)), _BEHIND)
     for i in range(2):
         if np.isfinite(one.rms[frame, i]):
@@ -147,7 +152,7 @@ def _errors(one: View, frame: int, R: NDArray, t: NDArray, image: _Image) -> NDA
 
 
 def _pixels(image: _Image, in_camera: NDArray) -> NDArray[np.float64]:
-    """Return the RMS in pixels of ``in_camera`` ``(n, points, 3)`` against the image."""
+    """Return the RMS residual in pixels of points ``(n, points, 3)`` in an image, ``(n,)``."""
     depth = in_camera[:, :, 2]
     before = (depth > 0).all(axis=1)
     safe = np.where(depth > 0, depth, 1.0)[:, :, None]
@@ -157,8 +162,10 @@ def _pixels(image: _Image, in_camera: NDArray) -> NDArray[np.float64]:
     return np.where(before, np.minimum(image.focal * np.sqrt(mean), _BEHIND), _BEHIND)
 
 
-def _with_targets(scene: Scene, views: list[View], images: dict[tuple[int, int], _Image]) -> Scene:
-    """Return the scene with each frame's pose: the camera's and answer that fit all best."""
+def _with_targets(
+    scene: Scene, views: list[SingleCamera], images: dict[tuple[int, int], _Image]
+) -> Scene:
+    """Return the scene with each frame's pose: of all cameras' answers the one that fits best."""
     target_R, target_t = scene.target_R.copy(), scene.target_t.copy()
     by_frame: dict[int, list[tuple[int, _Image]]] = {}
     for (camera, frame), image in images.items():

@@ -1,4 +1,4 @@
-"""Where the target stands before one camera: both answers, as a flat target often has two."""
+"""The target's pose before one camera: both answers, as a flat target often has two."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import adjust
-from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, predicted
+from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
 from rigs.calibrate.adjust.projection import Lens
 
-LEAST_POINTS = 6
-_LEAST_SPREAD = 0.02  # of the points across their longest direction, relative
+LEAST_POINTS = 6  # of an image; fewer leave the pose to the noise
+_LEAST_SPREAD = 0.02  # of the points across their longest direction; less is nearly a line
 
 
-def seen_well(points: NDArray[np.float64]) -> bool:
-    """Say whether ``points`` ``(n, 3)`` on the target fix its pose: enough and not on a line."""
+def fixes_pose(points: NDArray[np.float64]) -> bool:
+    """Return whether ``points`` ``(n, 3)`` fix the target's pose: enough, and not on a line."""
     if len(points) < LEAST_POINTS:
         return False
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
@@ -38,9 +38,9 @@ def flat_poses(
     import cv2
 
     known = np.isfinite(pinhole).all(axis=1)
-    if not seen_well(points[known]):
+    if not fixes_pose(points[known]):
         return []
-    # The method wants points about their middle
+    # The method needs points relative to their middle
     middle = points[known].mean(axis=0)
     try:
         _, turns, shifts, _ = cv2.solvePnPGeneric(
@@ -60,17 +60,17 @@ def flat_poses(
 
 
 def camera_poses(
-    lens: Lens, sightings: Sightings, frames: int
+    lens: Lens, observations: ObservationArrays, frames: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return both target poses in one camera's axes, refined to least residuals.
 
     Parameters
     ----------
     lens : Lens
-    sightings : Sightings
-        Of one camera, in order of frame.
+    observations : ObservationArrays
+        One camera's, in order of frame.
     frames : int
-        How many there are in all.
+        Number of frames.
 
     Returns
     -------
@@ -80,16 +80,19 @@ def camera_poses(
         Root mean square of the residuals' lengths, pixels; infinite where there is no pose.
     """
     R, t = np.full((2 * frames, 3, 3), np.nan), np.full((2 * frames, 3), np.nan)
-    pinhole = lens.pinhole(sightings.uv)
-    for frame in np.unique(sightings.frame):
-        own = sightings.frame == frame
-        for place, pose in enumerate(flat_poses(sightings.points[own], pinhole[own])[:2]):
-            R[frame + place * frames], t[frame + place * frames] = pose
-    both = [np.arange(len(sightings))] * 2
-    twice = Sightings(
-        np.zeros(2 * len(sightings), np.int64),
-        np.concatenate([sightings.frame, sightings.frame + frames]),
-        *(np.concatenate([array[i] for i in both]) for array in (sightings.points, sightings.uv)),
+    pinhole = lens.pinhole(observations.uv)
+    for frame in np.unique(observations.frame):
+        own = observations.frame == frame
+        for answer, pose in enumerate(flat_poses(observations.points[own], pinhole[own])[:2]):
+            R[frame + answer * frames], t[frame + answer * frames] = pose
+    both = [np.arange(len(observations))] * 2
+    twice = ObservationArrays(
+        np.zeros(2 * len(observations), np.int64),
+        np.concatenate([observations.frame, observations.frame + frames]),
+        *(
+            np.concatenate([array[i] for i in both])
+            for array in (observations.points, observations.uv)
+        ),
     )
     scene = Scene((lens,), np.eye(3)[None], np.zeros((1, 3)), R, t)
     start = np.isfinite(predicted(scene, twice)).all(axis=1)

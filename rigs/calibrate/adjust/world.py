@@ -1,4 +1,4 @@
-"""Which world a finished rig is told in."""
+"""The world axes of a finished rig."""
 
 from __future__ import annotations
 
@@ -11,19 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.calibrate.adjust.observation_arrays import Scene
 from rigs.geometry.rotation import numbers
 
-_POORLY_MET = 0.05  # of how far given positions lie from their middle, RMS
+_POORLY_MET = 0.05  # misfit relative to the RMS distance of given positions from their middle
 
 
-def placed(
+def in_world(
     scene: Scene,
     cameras: tuple[str, ...],
     frames: tuple[str, ...],
     world: str | Mapping[str, ArrayLike] | None,
     rescale: bool,
 ) -> tuple[Scene, str, float, tuple[str, ...]]:
-    """Return the scene in the world asked for, that world in words, and what lengths grew by.
-
-    Last comes a line of doubt where given positions are poorly met, else nothing.
+    """Return the scene in a world of the user's choice.
 
     Parameters
     ----------
@@ -32,7 +30,17 @@ def placed(
     world : str or mapping of str to (3,) array_like, optional
         See `rigs.calibrate.calibrate`.
     rescale : bool
-        Let given positions set the scale too.
+        Whether given positions set the scale too.
+
+    Returns
+    -------
+    scene : Scene
+    world_frame : str
+        The world in words.
+    size : float
+        The factor by which lengths grew.
+    warnings : tuple of str
+        A line where given positions are poorly met.
 
     Raises
     ------
@@ -47,12 +55,14 @@ def placed(
     if name in cameras:
         index = cameras.index(name)
         R, t = scene.camera_R[index], scene.camera_t[index]
-        words = f"axes of camera {name}: origin in its centre, x right, y down, z forward"
+        world_frame = f"axes of camera {name}: origin in its centre, x right, y down, z forward"
     else:
         index = _posed_frame(scene, frames, name)
         R, t = scene.target_R[index].T, -scene.target_R[index].T @ scene.target_t[index]
-        words = f"axes of the target in frame {name}: origin in its point (0, 0, 0), z its normal"
-    return _moved(scene, R, t, 1.0), words, 1.0, ()
+        world_frame = (
+            f"axes of the target in frame {name}: origin in its point (0, 0, 0), z its normal"
+        )
+    return _moved(scene, R, t, 1.0), world_frame, 1.0, ()
 
 
 def _aligned(
@@ -88,20 +98,26 @@ def _aligned(
     R = left @ (sign[:, None] * right)
     size = float((values * sign).sum() / (from_**2).sum()) if rescale else 1.0
     t = given.mean(axis=0) - size * R @ found.mean(axis=0)
-    off = np.sqrt((((size * found @ R.T + t) - given) ** 2).sum(axis=1).mean())
-    apart = np.sqrt((onto**2).sum(axis=1).mean())
-    words = f"given positions of {', '.join(world)}, met within {off:.3g} RMS"
-    words += ", which set the scale" if rescale else ""
-    doubt = (
-        f"world: the given positions are met within {off:.3g} only, {100 * off / apart:.0f} % of "
-        f"how far they lie from their middle: are they in {'one' if rescale else 'the same'} "
-        "length unit, of these cameras and frames, and not mirrored?",
+    misfit = np.sqrt((((size * found @ R.T + t) - given) ** 2).sum(axis=1).mean())
+    extent = np.sqrt((onto**2).sum(axis=1).mean())
+    world_frame = f"given positions of {', '.join(world)}, met within {misfit:.3g} RMS"
+    world_frame += ", which set the scale" if rescale else ""
+    warning = (
+        f"world: the given positions are met within {misfit:.3g} only, "
+        f"{100 * misfit / extent:.0f} % of their distance from their middle: check that they are "
+        f"in {'one' if rescale else 'the same'} length unit, of these cameras and frames, and not "
+        "mirrored",
     )
-    return _moved(scene, R, t, size), words, size, doubt if off > _POORLY_MET * apart else ()
+    return (
+        _moved(scene, R, t, size),
+        world_frame,
+        size,
+        warning if misfit > _POORLY_MET * extent else (),
+    )
 
 
 def _posed_frame(scene: Scene, frames: tuple[str, ...], name: str) -> int:
-    """Return the place of the frame called ``name``."""
+    """Return the index of the frame called ``name``."""
     if name not in frames:
         raise ValueError(f"world: found {name!r}, expected the name of a camera or of a frame")
     index = frames.index(name)

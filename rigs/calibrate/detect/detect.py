@@ -85,7 +85,7 @@ def observe(
     progress: Callable[[int, int], None] | None = None,
     workers: int | None = None,
 ) -> Observations:
-    """Return the sightings of a target: `detections` without what else it tells."""
+    """Return the observations of a target: `detections` without what else it tells."""
     return detections(images, target, cache=cache, progress=progress, workers=workers).observations
 
 

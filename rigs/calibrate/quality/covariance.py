@@ -1,4 +1,4 @@
-"""How well the sightings determine the cameras."""
+"""Covariance of the cameras' parameters, and how well lenses are determined."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import information
 from rigs.calibrate.adjust.joint_terms import fall_of_squares
-from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, predicted
+from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
 from rigs.rig import Rig
 
-_UNKNOWN_FOCAL_LENGTH = 0.2  # standard deviation relative to it
-_SINGULAR = 1e-13  # least eigenvalue of the normal equations, scaled to a unit diagonal
+_UNKNOWN_FOCAL_LENGTH = 0.2  # relative standard deviation; above it the focal length is a guess
+_SINGULAR = 1e-13  # relative least eigenvalue of the normal equations; below it is rounding
 
 
 def covariance_of(
-    rig: Rig, scene: Scene, sightings: Sightings, freedom: Freedom
+    rig: Rig, scene: Scene, observations: ObservationArrays, freedom: Freedom
 ) -> tuple[float, NDArray[np.float64]]:
     """Return the pixel noise and the covariance of the cameras' free parameters ``(P, P)``.
 
     Raises
     ------
     ValueError
-        Naming the camera and the parameter least known, if they are not determined.
+        Naming the camera and the least determined parameter, if the matrix is singular.
     """
-    matrix, _ = information(scene, sightings, freedom)
-    residuals = sightings.uv - predicted(scene, sightings)
-    unknowns = len(matrix) + 6 * len(np.unique(sightings.frame))
+    matrix, _ = information(scene, observations, freedom)
+    residuals = observations.uv - predicted(scene, observations)
+    unknowns = len(matrix) + 6 * len(np.unique(observations.frame))
     if residuals.size <= unknowns:
         raise ValueError(
             f"observations: found {residuals.size} coordinates, expected more than the "
@@ -41,7 +41,7 @@ def covariance_of(
         weakest = int(np.argmax(np.abs(vectors[:, 0])))
         camera, name = labels(rig.names, freedom)[weakest]
         raise ValueError(
-            f"camera {camera}: {name} is not determined by the sightings, expected the target "
+            f"camera {camera}: {name} is not determined by the observations, expected the target "
             "tilted in different directions, all over the image, and shared by cameras"
         )
     inverse = (vectors / values) @ vectors.T
@@ -64,16 +64,16 @@ def focal_errors(scene: Scene, freedom: Freedom, covariance: NDArray) -> NDArray
     errors = np.zeros(len(scene.lenses))
     for camera, own in enumerate(freedom.slices):
         free = freedom.columns(camera)
-        for place in (6, 7):
-            if free[place]:
-                at = own.start + int(free[:place].sum())
-                focal = scene.lenses[camera].matrix[place - 6, place - 6]
+        for column in (6, 7):  # fx, fy
+            if free[column]:
+                at = own.start + int(free[:column].sum())
+                focal = scene.lenses[camera].matrix[column - 6, column - 6]
                 errors[camera] = max(errors[camera], np.sqrt(covariance[at, at]) / focal)
     return errors
 
 
 def refuse_unknown_lenses(focal_error: NDArray[np.float64], names: tuple[str, ...]) -> None:
-    """Raise if a focal length is not known: the rig would look fine and not be."""
+    """Raise if a focal length is undetermined: residuals would be small and the rig wrong."""
     worst = int(np.argmax(focal_error))
     if focal_error[worst] > _UNKNOWN_FOCAL_LENGTH:
         raise ValueError(
@@ -84,17 +84,17 @@ def refuse_unknown_lenses(focal_error: NDArray[np.float64], names: tuple[str, ..
 
 
 def lens_misfit(
-    scene: Scene, sightings: Sightings, freedom: Freedom, noise: float
+    scene: Scene, observations: ObservationArrays, freedom: Freedom, noise: float
 ) -> NDArray[np.float64]:
     """Return by how many standard deviations the lenses held fixed do not fit, ``(cameras,)``.
 
-    The root of what the sum of squares would fall by, were all of one camera's lens free too,
-    for each number freed; about 1 when the lens is right, 0 where it is free already. To first
-    order (Rao's score test).
+    The figure is ``sqrt(fall / n) / noise``, where ``fall`` is the predicted fall of the sum of
+    squares if the n held numbers of the camera's lens were free (Rao's score test). It is about 1
+    when the lens is right, 0 where it is free already.
     """
     misfit = np.zeros(len(scene.lenses))
     every = Freedom(tuple(np.ones(lens.size, bool) for lens in scene.lenses), freedom.pose)
-    matrix, gradient = information(scene, sightings, every)
+    matrix, gradient = information(scene, observations, every)
     free = np.concatenate(
         [freedom.columns(camera)[every.columns(camera)] for camera in range(len(misfit))]
     )

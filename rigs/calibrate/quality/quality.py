@@ -1,4 +1,4 @@
-"""How far a calibrated rig can be trusted, in length units in the volume."""
+"""Figures of a calibrated rig's accuracy, in length units in the volume."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import adjust
-from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, predicted
+from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
 from rigs.calibrate.quality.covariance import covariance_of, focal_errors, lens_misfit
 from rigs.calibrate.quality.ray_miss import predicted_squares, views
-from rigs.calibrate.quality.region import judged_points
+from rigs.calibrate.quality.region import evaluation_points
 from rigs.check.lines_of_sight import ray_miss
 from rigs.rig import Rig, Volume
 
 _COVERAGE_CELLS = 8  # along each side of an image
-_LEAST_SPARE = 60  # degrees of freedom between images that tell their variance
-_HALVES_TOO_POOR = 6.0  # times the ray-miss of the whole: 2 is usual
+_LEAST_SPARE = 60  # degrees of freedom between images; fewer do not determine their variance
+_HALVES_TOO_POOR = 6.0  # times the whole rig's ray-miss, beyond which halves tell nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,38 +27,37 @@ class Quality:
     Parameters
     ----------
     points : (points, 3) float64
-        Where ray-miss is judged: those of a grid that two cameras see.
+        Where ray-miss is evaluated: points of a grid that two cameras see.
     predicted_ray_miss : float
-        RMS over points and rays, from the covariance; NaN for one camera. The covariance is that
-        of the noise between images where it exceeds that within them.
+        RMS over points and rays, from the covariance; NaN for one camera. The noise is
+        that between images where it exceeds that within them.
     camera_ray_miss : (cameras,) float64
         The same for each camera's rays.
     point_ray_miss : (points,) float64
         The same for each point's rays.
     cross_ray_miss : float
         Ray-miss between the rigs of every other frame and of the rest; NaN where halves do not
-        suffice. Halves know half as much, and two of them differ: twice ``predicted_ray_miss``
-        is usual.
+        suffice. Each half has half the data and both err: twice ``predicted_ray_miss`` is usual.
     cross_expected : float
-        What the covariances of both halves predict for it.
+        Its prediction from the covariances of both halves.
     footprint : (cameras,) float64
         Pixel size in the middle of the points.
     image_rms : (cameras, frames) float64
-        RMS length of the residuals of each image, left out or not, in pixels; NaN where none.
+        RMS length of each image's residuals in pixels, outliers included; NaN without any.
     alone_rms : (cameras, frames) float64
-        The same when the target may stand as suits each camera alone.
+        The same when each camera by itself decides the target's pose.
     contradiction : (cameras, frames) float64
-        How much an image loses by agreeing with the others on where the target is, in standard
-        deviations: ``sqrt((sum of squares - that alone) / 6) / noise alone``. About 1 when all
-        is well, however noisy; NaN where there is no pose.
+        By how much the common target pose worsens an image's residuals, in standard deviations:
+        ``sqrt((sum of squares - that alone) / 6) / noise alone``. About 1 when all is well,
+        however noisy; NaN where there is no pose.
     camera_rms : (cameras,) float64
-        Of the sightings used.
+        RMS residual of each camera's used observations, pixels.
     frame_rms : (frames,) float64
-        Of the sightings used; NaN where none.
+        The same for each frame; NaN where none is used.
     image_coverage : (cameras,) float64
-        Part of the image, in 8 x 8 cells, where the target was seen.
+        Fraction of the image's 8 x 8 cells in which the target was seen.
     volume_coverage : (cameras,) float64
-        The same of the cells in which the camera sees ``points``; NaN where it sees none.
+        The same among the cells in which the camera sees ``points``; NaN where it sees none.
     depth_range : (cameras, 2) float64
         Nearest and farthest point seen, along the optical axis.
     focal_error : (cameras,) float64
@@ -90,7 +89,7 @@ class Quality:
 def measure(
     rig: Rig,
     scene: Scene,
-    sightings: Sightings,
+    observations: ObservationArrays,
     used: NDArray[np.bool_],
     freedom: Freedom,
     volume: Volume | None,
@@ -103,44 +102,44 @@ def measure(
     rig : Rig
         The cameras of ``scene``.
     scene : Scene
-    sightings : Sightings
+    observations : ObservationArrays
         In order of camera, then frame.
-    used : (sightings,) bool
+    used : (observations,) bool
     freedom : Freedom
     volume : Volume, optional
-        What is judged; by default where the target was.
+        Where ray-miss is evaluated; by default where the target was.
     given_lenses : bool
-        Whether the lenses were held.
+        Whether the lenses were given and held.
 
     Raises
     ------
     ValueError
-        Naming camera and parameter, if the sightings do not determine the cameras.
+        Naming camera and parameter, if the observations do not determine the cameras.
     """
-    noise, covariance = covariance_of(rig, scene, sightings.where(used), freedom)
-    image_rms, alone_rms, contradiction, excess = _images(scene, sightings, used, freedom)
+    noise, covariance = covariance_of(rig, scene, observations.where(used), freedom)
+    image_rms, alone_rms, contradiction, excess = _images(scene, observations, used, freedom)
     covariance = covariance * excess
-    points, seen = judged_points(rig, scene, sightings.where(used), volume)
+    points, seen = evaluation_points(rig, scene, observations.where(used), volume)
     squares = np.zeros(seen.shape)
     cross, expected = np.nan, np.nan
     if len(points):
         squares = predicted_squares(scene, freedom, covariance, points, seen)
         whole = float(_rms(squares, seen, (0, 1)))
         cross, expected = _cross_validated(
-            rig, scene, sightings.where(used), freedom, points, whole
+            rig, scene, observations.where(used), freedom, points, whole
         )
         expected *= float(np.sqrt(excess))
     cameras, frames = len(rig), len(scene.target_t)
-    residuals = sightings.uv - predicted(scene, sightings)
+    residuals = observations.uv - predicted(scene, observations)
     lengths2 = (residuals**2).sum(axis=1)
     coverage, depths = np.zeros((2, cameras)), np.full((cameras, 2), np.nan)
     for camera in range(cameras):
-        own = sightings.where(used & (sightings.camera == camera))
+        own = observations.where(used & (observations.camera == camera))
         uv, _, _ = rig[camera].project(points[seen[camera]])
         coverage[:, camera] = _coverage(own.uv, uv, rig[camera].image_size)
         depth = _depths(scene, own, camera)
         depths[camera] = depth.min(initial=np.inf), depth.max(initial=-np.inf)
-    middle = points.mean(axis=0) if len(points) else scene.target_t[sightings.frame[0]]
+    middle = points.mean(axis=0) if len(points) else scene.target_t[observations.frame[0]]
     quality = Quality(
         points,
         float(_rms(squares, seen, (0, 1))),
@@ -152,12 +151,12 @@ def measure(
         image_rms,
         alone_rms,
         contradiction,
-        _group_rms(lengths2, sightings.camera, used, cameras),
-        _group_rms(lengths2, sightings.frame, used, frames),
+        _group_rms(lengths2, observations.camera, used, cameras),
+        _group_rms(lengths2, observations.frame, used, frames),
         *coverage,
         depths,
         focal_errors(scene, freedom, covariance / excess),
-        lens_misfit(scene, sightings.where(used), freedom, noise)
+        lens_misfit(scene, observations.where(used), freedom, noise)
         if given_lenses
         else np.zeros(cameras),
     )
@@ -165,23 +164,28 @@ def measure(
 
 
 def _cross_validated(
-    rig: Rig, scene: Scene, sightings: Sightings, freedom: Freedom, points: NDArray, whole: float
+    rig: Rig,
+    scene: Scene,
+    observations: ObservationArrays,
+    freedom: Freedom,
+    points: NDArray,
+    whole: float,
 ) -> tuple[float, float]:
     """Return the ray-miss between the rigs of both halves of the frames, and its expectation.
 
-    NaN where halves are too little, so that it is far above the ``whole`` rig's.
+    NaN where halves have too little data: far above the ``whole`` rig's.
     """
-    frames = np.unique(sightings.frame)
+    frames = np.unique(observations.frame)
     halves, expected = [], 0.0
     for start in range(2):
-        half = sightings.where(np.isin(sightings.frame, frames[start::2]))
+        half = observations.where(np.isin(observations.frame, frames[start::2]))
         if not np.array_equal(np.unique(half.camera), np.arange(len(rig))):
             return np.nan, np.nan
         try:
             adjusted = adjust(scene, half, freedom, tolerance=1e-5).scene
             _, covariance = covariance_of(rig, adjusted, half, freedom)
             half_rig = with_scene(rig, adjusted)
-        except ValueError:  # a half may be too little for what the whole determines
+        except ValueError:  # a half may not determine what the whole does
             return np.nan, np.nan
         seen = views(rig, points)
         squares = predicted_squares(adjusted, freedom, covariance, points, seen)
@@ -203,29 +207,29 @@ def with_scene(rig: Rig, scene: Scene) -> Rig:
 
 
 def _images(
-    scene: Scene, sightings: Sightings, used: NDArray[np.bool_], freedom: Freedom
+    scene: Scene, observations: ObservationArrays, used: NDArray[np.bool_], freedom: Freedom
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
     """Return each image's RMS, that alone, and its contradiction, all ``(cameras, frames)``.
 
-    Of an image that is used in part the rest is not looked at. Last comes by how much the
-    variance between images exceeds that within them, at least 1: errors that the points of an
-    image share do not average out over its points, as in an analysis of variance by groups.
+    Outliers in an image that is used otherwise do not count. The fourth value is the ratio of the
+    variance between images to that within them, at least 1: errors common to the points of one
+    image do not average out over its points, as in an analysis of variance by groups.
     """
     shape = len(scene.lenses), len(scene.target_t)
     kept = np.zeros(shape, bool)
-    kept[sightings.camera[used], sightings.frame[used]] = True
-    residuals = sightings.uv - predicted(scene, sightings)
+    kept[observations.camera[used], observations.frame[used]] = True
+    residuals = observations.uv - predicted(scene, observations)
     shown = np.isfinite(residuals).all(axis=1)
-    shown &= used | ~kept[sightings.camera, sightings.frame]
-    sightings, residuals = sightings.where(shown), residuals[shown]
-    images = sightings.camera * shape[1] + sightings.frame
+    shown &= used | ~kept[observations.camera, observations.frame]
+    observations, residuals = observations.where(shown), residuals[shown]
+    images = observations.camera * shape[1] + observations.frame
     alone = adjust(
         replace(
             scene,
             target_R=np.tile(scene.target_R, (shape[0], 1, 1)),
             target_t=np.tile(scene.target_t, (shape[0], 1)),
         ),
-        replace(sightings, frame=images),
+        replace(observations, frame=images),
         Freedom(
             tuple(np.zeros(lens.size, bool) for lens in scene.lenses), np.zeros(shape[0], bool)
         ),
@@ -243,7 +247,7 @@ def _images(
     seen = np.where(number > 0, 1.0, np.nan)
     contradiction = np.sqrt(np.maximum(together - by_itself, 0) / 6 / max(variance, 1e-18))
     of_image = kept & (2 * number > 6)
-    # Of six numbers an image, frames and camera poses took six each; lenses the better known four
+    # Each image has six numbers; each frame and camera pose takes six, each lens its first four
     spent = 6 * int(kept.any(axis=0).sum()) + 6 * int(freedom.pose.sum())
     spent += sum(int(lens[:4].sum()) for lens in freedom.lens)
     left = 6 * int(of_image.sum()) - spent
@@ -259,22 +263,22 @@ def _images(
 
 
 def _coverage(uv: NDArray, of_volume: NDArray, image_size: tuple[int, int]) -> tuple[float, float]:
-    """Return the part of an image's cells that hold some of ``uv``, and of those of the volume."""
-    cells, asked = (
+    """Return the fractions of an image's cells, and of the volume's, that hold some ``uv``."""
+    cells, wanted = (
         np.zeros((_COVERAGE_CELLS, _COVERAGE_CELLS), bool),
         np.zeros((_COVERAGE_CELLS, _COVERAGE_CELLS), bool),
     )
-    for grid, places in ((cells, uv), (asked, of_volume)):
-        at = np.floor((places + 0.5) / image_size * _COVERAGE_CELLS).astype(int)
+    for grid, pixels in ((cells, uv), (wanted, of_volume)):
+        at = np.floor((pixels + 0.5) / image_size * _COVERAGE_CELLS).astype(int)
         grid[tuple(np.clip(at, 0, _COVERAGE_CELLS - 1).T)] = True
-    return float(cells.mean()), float(cells[asked].mean()) if asked.any() else np.nan
+    return float(cells.mean()), float(cells[wanted].mean()) if wanted.any() else np.nan
 
 
-def _depths(scene: Scene, sightings: Sightings, camera: int) -> NDArray[np.float64]:
-    """Return the depths of one camera's sightings."""
-    frames = sightings.frame
-    places = np.einsum("nij,nj->ni", scene.target_R[frames], sightings.points)
-    return (places + scene.target_t[frames]) @ scene.camera_R[camera][2] + scene.camera_t[
+def _depths(scene: Scene, observations: ObservationArrays, camera: int) -> NDArray[np.float64]:
+    """Return the depths of one camera's observations."""
+    frames = observations.frame
+    positions = np.einsum("nij,nj->ni", scene.target_R[frames], observations.points)
+    return (positions + scene.target_t[frames]) @ scene.camera_R[camera][2] + scene.camera_t[
         camera, 2
     ]
 

@@ -1,4 +1,4 @@
-"""The ray-miss that a covariance predicts: rays from their best common point."""
+"""The ray-miss predicted by a covariance: distances of rays from their best common point."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, rays_by_camera
 from rigs.rig import Rig
 
-_BLOCK = 64  # points at a time
+_BLOCK = 64  # points at a time; more need more memory
 
 
 def views(rig: Rig, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Say which camera has which of ``points`` in its image, ``(cameras, points)``."""
+    """Return which camera has which of ``points`` in its image, ``(cameras, points)``."""
     seen = np.zeros((len(rig), len(points)), bool)
     for index, camera in enumerate(rig):
         seen[index] = camera.inside(camera.project(points)[0])
@@ -31,17 +31,17 @@ def predicted_squares(
     A small change p of the parameters shifts the ray through a fixed pixel, where it passes point
     X, by ``e = -pinv(du/dX) du/dp p`` across the ray. The common point is the least-squares one
     of all shifted rays, so the distances are linear in p and their expected squares follow from
-    the joint covariance: what moves the whole rig alike does not count.
+    the joint covariance. A common motion of the whole rig cancels.
 
     Parameters
     ----------
     scene : Scene
     freedom : Freedom
     covariance : (P, P) float64
-        Of the parameters that are free.
+        The free parameters' covariance.
     points : (points, 3) float64
     seen : (cameras, points) bool
-        At least two a point.
+        Two or more cameras for each point.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def predicted_squares(
 def _block_squares(
     scene: Scene, freedom: Freedom, root: NDArray, points: NDArray, seen: NDArray
 ) -> NDArray[np.float64]:
-    """Return `predicted_squares` of some points; ``root`` ``(P, P)`` is of the covariance."""
+    """Return `predicted_squares` of some points; ``root`` ``(P, P)`` is the covariance's root."""
     shifts = np.zeros((len(scene.lenses), len(points), 3, len(root)))
     across = np.zeros((len(scene.lenses), len(points), 3, 3))
     for camera, own in enumerate(freedom.slices):
@@ -76,5 +76,5 @@ def _block_squares(
 
 
 def _inverse(matrices: NDArray) -> NDArray[np.float64]:
-    """Return the inverses ``(n, 3, 3)``; along rays that are all parallel nothing moves."""
+    """Return the inverses ``(n, 3, 3)``; zero along rays that are all parallel."""
     return np.linalg.pinv(matrices, rcond=1e-9, hermitian=True)

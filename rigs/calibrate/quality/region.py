@@ -1,24 +1,24 @@
-"""Where a rig is judged."""
+"""The points of a volume at which a rig is evaluated."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.adjust.observation_arrays import Scene, Sightings
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene
 from rigs.calibrate.quality.ray_miss import views
 from rigs.geometry.points import box_points
 from rigs.rig import Rig, Volume
 
-_GRID = 9  # points a side of the box
+_GRID = 9  # points along each side of the box
 
 
-def judged_points(
-    rig: Rig, scene: Scene, sightings: Sightings, volume: Volume | None
+def evaluation_points(
+    rig: Rig, scene: Scene, observations: ObservationArrays, volume: Volume | None
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return points of the volume that two cameras see, and which cameras see them.
 
-    Without a volume: a grid in the convex hull of all places where the target was seen.
+    Without a volume the points are a grid in the convex hull of all observed target points.
 
     Returns
     -------
@@ -31,7 +31,7 @@ def judged_points(
         corners = volume.corners()
         points = box_points(corners[0], corners[-1], _GRID)
     else:
-        points = _swept(scene, sightings)
+        points = _swept(scene, observations)
     seen = views(rig, points)
     good = seen.sum(axis=0) > 1
     if volume is not None and not good.any():
@@ -39,16 +39,16 @@ def judged_points(
     return points[good], seen[:, good]
 
 
-def _swept(scene: Scene, sightings: Sightings) -> NDArray[np.float64]:
+def _swept(scene: Scene, observations: ObservationArrays) -> NDArray[np.float64]:
     """Return a grid in the convex hull of the target's points, or these where they are flat."""
     from scipy.spatial import Delaunay, QhullError
 
-    frames = sightings.frame
-    places = np.einsum("nij,nj->ni", scene.target_R[frames], sightings.points)
-    places += scene.target_t[frames]
-    grid = box_points(places.min(axis=0), places.max(axis=0), _GRID)
+    frames = observations.frame
+    positions = np.einsum("nij,nj->ni", scene.target_R[frames], observations.points)
+    positions += scene.target_t[frames]
+    grid = box_points(positions.min(axis=0), positions.max(axis=0), _GRID)
     try:
-        inside = Delaunay(places[:: max(1, len(places) // 3000)]).find_simplex(grid) >= 0
+        inside = Delaunay(positions[:: max(1, len(positions) // 3000)]).find_simplex(grid) >= 0
     except QhullError:
         inside = np.zeros(len(grid), bool)
-    return grid[inside] if inside.any() else places[:: max(1, len(places) // 300)]
+    return grid[inside] if inside.any() else positions[:: max(1, len(positions) // 300)]

@@ -1,4 +1,4 @@
-"""A calibration's figures as plain data, to travel in the rig's file."""
+"""A calibration's figures as plain data, for the rig's file."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rigs.files.json_file import plain
+
 if TYPE_CHECKING:
     from rigs.calibrate.result import Calibration
 
+_DIGITS = 6  # significant ones, in files
+
 
 def summary(calibration: Calibration) -> dict[str, Any]:
-    """Return the figures: of the whole, and under ``cameras`` of each."""
+    """Return the figures of the rig, and under ``cameras`` those of each camera."""
     quality, used = calibration.quality, calibration.used
     cameras = {}
     for index, camera in enumerate(calibration.rig):
@@ -21,37 +25,37 @@ def summary(calibration: Calibration) -> dict[str, Any]:
             "points_used": int((own & used).sum()),
             "points_left_out": int((own & ~used).sum()),
             "lens_terms": calibration.terms[index],
-            "rms_px": _plain(quality.camera_rms[index]),
-            "image_coverage": _plain(quality.image_coverage[index]),
-            "volume_coverage": _plain(quality.volume_coverage[index]),
-            "depth_range": [_plain(depth) for depth in quality.depth_range[index]],
-            "focal_length_error": _plain(quality.focal_error[index]),
-            "ray_miss": _plain(quality.camera_ray_miss[index]),
+            "rms_px": plain(quality.camera_rms[index], _DIGITS),
+            "image_coverage": plain(quality.image_coverage[index], _DIGITS),
+            "volume_coverage": plain(quality.volume_coverage[index], _DIGITS),
+            "depth_range": plain(quality.depth_range[index].tolist(), _DIGITS),
+            "focal_length_error": plain(quality.focal_error[index], _DIGITS),
+            "ray_miss": plain(quality.camera_ray_miss[index], _DIGITS),
         }
     return {
         "method": "target images, joint adjustment of lenses, camera poses and target poses",
-        "rms_px": _plain(np.sqrt((calibration.residuals[used] ** 2).sum(axis=1).mean())),
-        "noise_px": _plain(calibration.noise),
+        "rms_px": plain(np.sqrt((calibration.residuals[used] ** 2).sum(axis=1).mean()), _DIGITS),
+        "noise_px": plain(calibration.noise, _DIGITS),
         "frames": int(np.isfinite(quality.frame_rms).sum()),
         "points_used": int(used.sum()),
         "points_left_out": int((~used).sum()),
         "held": calibration.gauge,
         "length_unit": calibration.rig.length_unit,
-        "ray_miss_predicted": _plain(quality.predicted_ray_miss),
-        "ray_miss_between_halves": _plain(quality.cross_ray_miss),
-        "ray_miss_between_halves_expected": _plain(quality.cross_expected),
-        "pixel_footprint": _plain(np.nanmedian(quality.footprint)),
+        "ray_miss_predicted": plain(quality.predicted_ray_miss, _DIGITS),
+        "ray_miss_between_halves": plain(quality.cross_ray_miss, _DIGITS),
+        "ray_miss_between_halves_expected": plain(quality.cross_expected, _DIGITS),
+        "pixel_footprint": plain(np.nanmedian(quality.footprint), _DIGITS),
         "findings": list(calibration.findings),
-        "verdict": calibration.verdict,
+        "assessment": calibration.assessment,
         "cameras": cameras,
         "target_poses": _target_poses(calibration),
     }
 
 
 def _target_poses(calibration: Calibration) -> list[dict[str, Any]]:
-    """Return where the target was held: its corners in the axes of the camera that was held.
+    """Return the target's corners in each frame, in the axes of the camera whose pose was held.
 
-    Not in the world: so they stay true when the rig is moved.
+    These stay valid when the rig's world changes.
     """
     points = calibration.observations.target_points
     (left, top), (right, bottom) = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
@@ -62,11 +66,6 @@ def _target_poses(calibration: Calibration) -> list[dict[str, Any]]:
         R, t = calibration.target_R[index], calibration.target_t[index]
         if np.isfinite(t).all():
             corners = (border @ R.T + t) @ camera.R.T + camera.t
-            rows = [[_plain(value) for value in corner] for corner in corners]
+            rows = plain(corners.tolist(), _DIGITS)
             poses.append({"frame": frame, "camera": camera.name, "corners": rows})
     return poses
-
-
-def _plain(value: float) -> float | None:
-    """Return a number as files keep it: six digits, None where there is none."""
-    return float(f"{value:.6g}") if np.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Simulated sightings: known cameras, a flat target in known places, noise of known size."""
+"""Simulated observations: known cameras, a flat target in known places, noise of known size."""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +20,7 @@ class Simulated:
     target_t: np.ndarray
 
     def observe(self, noise, seed, facing=0.5, partial=True, least=4):
-        """Return the noisy sightings of all points that face a camera and fall into its image."""
+        """Return noisy observations of all points that face a camera and are in its image."""
         rng = np.random.default_rng(seed)
         rows, pixels = [], []
         for f, (R, t) in enumerate(zip(self.target_R, self.target_t, strict=True)):

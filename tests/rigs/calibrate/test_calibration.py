@@ -13,7 +13,7 @@ from rigs.calibrate.adjust.lens_choice import TERMS
 
 @pytest.fixture(scope="module")
 def arc_case(simulated_rig):
-    """Four cameras over 100 degrees, with sightings and what they give."""
+    """Four cameras over 100 degrees, with observations and what they give."""
     truth = simulated_rig("arc", cameras=4, frames=14, seed=1)
     observations = truth.observe(0.05, seed=1)
     return truth, observations, calibrate(observations)
@@ -24,7 +24,7 @@ def test_an_arc_is_found_within_a_hundredth_of_a_pixel(arc_case, judged_volume):
     assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.003
     assert found.used.all()
     assert found.noise == pytest.approx(0.05, rel=0.05)
-    assert found.verdict.startswith("good")
+    assert found.assessment.startswith("good")
     assert found.findings == ()
     assert found.rig.names == observations.cameras
     # What does not hang on how the first camera's axes lie in it
@@ -118,7 +118,7 @@ def test_data_without_noise_give_the_rig_to_rounding(simulated_rig, judged_volum
     found = calibrate(truth.observe(0.0, seed=1, facing=0.3))
     assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 1e-6
     assert found.used.all()
-    assert found.verdict.startswith("good")
+    assert found.assessment.startswith("good")
 
 
 def test_a_wide_fisheye_on_request(simulated_rig, judged_volume):
@@ -158,7 +158,7 @@ def test_frames_that_show_too_little_are_told_and_not_used(arc_case):
     assert np.isnan(found.residuals[frame]).all()
     assert np.array_equal(~found.used, frame)
     assert [line.split(":")[0] for line in found.findings] == ["frames 003"]
-    assert found.verdict.startswith("good")
+    assert found.assessment.startswith("good")
 
 
 def test_one_camera_gives_its_lens(arc_case, one_camera):
@@ -168,7 +168,7 @@ def test_one_camera_gives_its_lens(arc_case, one_camera):
     focal, true = found.rig[0].camera_matrix[0, 0], truth.rig[2].camera_matrix[0, 0]
     assert focal == pytest.approx(true, rel=0.003)
     assert np.isnan(found.quality.predicted_ray_miss)
-    assert "one camera" in found.verdict
+    assert "one camera" in found.assessment
 
 
 def test_the_summary_is_plain_and_the_rig_can_be_saved(arc_case, tmp_path):
@@ -221,7 +221,7 @@ def test_too_few_views_are_named(arc_case):
     few = observations.where(keep)
     with pytest.raises(ValueError, match="camera cam01: found 1 images"):
         calibrate(few)
-    with pytest.raises(ValueError, match="no sightings"):
+    with pytest.raises(ValueError, match="observations: found none"):
         calibrate(observations.where(np.zeros(len(observations), bool)))
 
 

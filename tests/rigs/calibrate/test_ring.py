@@ -11,5 +11,5 @@ def test_a_ring_of_twelve_where_neighbours_alone_share_views(simulated_rig, judg
     assert seen.sum(axis=0).max() <= 4
     found = calibrate(observations)
     assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.005
-    assert found.verdict.startswith("good")
+    assert found.assessment.startswith("good")
     assert found.used.all()

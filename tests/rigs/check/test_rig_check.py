@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rigs import Distortion, Optics, RayTable, Rig, arc, check_rig, look_at, ring
-from rigs.check.convention_errors import find_slips
+from rigs.check.convention_errors import find_convention_errors
 
 EXTENT = np.array([16.0, 40.0, 16.0])
 POINTS = np.stack(
@@ -37,7 +37,7 @@ def found(answer, words, level=None):
 
 def test_a_sound_ring_is_good():
     answer = check(a_ring())
-    assert answer.verdict == "good", answer.findings
+    assert answer.assessment == "good", answer.findings
     assert [f.level for f in answer.findings] == ["note"] * len(answer.findings)
     figures = answer.cameras[0]
     assert figures.sees == 1
@@ -105,7 +105,7 @@ def not_square(camera):
 def test_the_camera_to_blame_is_named(change, words, level):
     answer = check(changed(a_ring(), change, "cam04"))
     assert found(answer, words, level).cameras == ("cam04",)
-    assert answer.verdict == ("not usable" if level == "fault" else "limited")
+    assert answer.assessment == ("not usable" if level == "fault" else "limited")
 
 
 def test_a_gap_names_its_neighbours_and_where_a_camera_would_close_it():
@@ -161,7 +161,7 @@ def test_ray_miss_is_the_calibration_s_where_there_is_one():
     assert answer.cameras[3].ray_miss == 0.9
     other_unit = replace(rig, calibration=summary | {"length_unit": "m"})
     assert check(other_unit).ray_miss_from == "pixel accuracy"
-    assert check(rig, pixel_accuracy=5.0).verdict == "not usable"
+    assert check(rig, pixel_accuracy=5.0).assessment == "not usable"
 
 
 @pytest.mark.parametrize(
@@ -181,20 +181,20 @@ def test_ray_miss_is_the_calibration_s_where_there_is_one():
 )
 def test_slips_of_unit_and_convention_are_named(slip, words):
     rig = a_ring(pitch_degrees=8.0, start_degrees=7.0)
-    assert find_slips(rig, POINTS, 0.5) == ()
-    (all_wrong,) = find_slips(changed(rig, slip), POINTS, 0.5)
+    assert find_convention_errors(rig, POINTS, 0.5) == ()
+    (all_wrong,) = find_convention_errors(changed(rig, slip), POINTS, 0.5)
     assert words in all_wrong.text
     assert all_wrong.cameras == rig.names
-    (one_wrong,) = find_slips(changed(rig, slip, "cam03"), POINTS, 0.5)
+    (one_wrong,) = find_convention_errors(changed(rig, slip, "cam03"), POINTS, 0.5)
     assert words in one_wrong.text
     assert one_wrong.cameras == ("cam03",)
-    assert check(changed(rig, slip)).verdict == "not usable"
+    assert check(changed(rig, slip)).assessment == "not usable"
 
 
 def test_a_grid_in_another_unit_is_told_without_a_slip_that_explains_it():
     tiny = Distortion()
     rig = changed(a_ring(), lambda c: replace(c, distortion=tiny))
-    (slip,) = find_slips(rig, POINTS / 1e5, 0.5e-5)
+    (slip,) = find_convention_errors(rig, POINTS / 1e5, 0.5e-5)
     assert "different units" in slip.text
 
 
@@ -211,7 +211,7 @@ def test_tables_of_rays_are_judged_like_the_cameras_they_stand_for():
     rig = a_ring(5)
     tables = replace(rig, cameras=tuple(RayTable.of(camera) for camera in rig))
     one, other = check(rig), check(tables)
-    assert other.verdict == one.verdict
+    assert other.assessment == one.assessment
     assert [f.level for f in other.findings] == [f.level for f in one.findings]
     for wanted, told in zip(one.cameras, other.cameras, strict=True):
         assert told.sees == wanted.sees

@@ -15,7 +15,7 @@ SUMMARY = {
     "ray_miss_predicted": 0.002,
     "ray_miss_between_halves": None,
     "pixel_footprint": 0.32,
-    "verdict": "good: rays miss each other by 0.002 mm RMS",
+    "assessment": "good: rays miss each other by 0.002 mm RMS",
     "cameras": {"cam00": {"ray_miss": 0.003, "rms_px": 0.2, "depth_range": [400.0, 600.0]}},
     "target_poses": [{"frame": "a", "camera": "cam00", "corners": [[1.0, 2, 500.0]] * 3}],
     "refined_from_images": {"cameras": {"cam00": {"position_right_down_forward": [1.0, 0, 3]}}},
@@ -37,7 +37,7 @@ def test_lengths_of_the_calibration_follow():
     assert found["target_poses"][0]["corners"][2] == pytest.approx([0.001, 0.002, 0.5])
     moved = found["refined_from_images"]["cameras"]["cam00"]["position_right_down_forward"]
     assert moved == pytest.approx([0.001, 0, 0.003])
-    for key in ("rms_px", "frames", "ray_miss_between_halves", "verdict"):
+    for key in ("rms_px", "frames", "ray_miss_between_halves", "assessment"):
         assert found[key] == SUMMARY[key]
     assert found["cameras"]["cam00"]["rms_px"] == 0.2
     assert rig.calibration == SUMMARY

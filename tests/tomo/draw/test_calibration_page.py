@@ -21,7 +21,7 @@ FRAMES = 10
 WRONG = ("cam<1>", "frame 7")  # two points of it were detected 4 px beside
 
 
-def sightings(names=("cam0", "cam<1>", "cam2")):
+def observed(names=("cam0", "cam<1>", "cam2")):
     """Return what three cameras see of a board, with noise and two points gone wrong."""
     generator = np.random.default_rng(4)
     rig = rigs.arc(len(names), 50.0, 600.0, image_size=(320, 256), footprint=0.6)
@@ -50,7 +50,7 @@ def sightings(names=("cam0", "cam<1>", "cam2")):
 
 @pytest.fixture(scope="module")
 def calibration():
-    return calibrate(sightings())
+    return calibrate(observed())
 
 
 def image_of(camera, frame):
@@ -78,7 +78,7 @@ def rows(page, heading):
 
 def test_the_verdict_and_every_finding_stand_on_the_page(page, calibration):
     text = html.unescape(re.sub("<[^>]*>", "", page.split("<h2>")[0]))
-    first, *rest = calibration.verdict.split("\n")
+    first, *rest = calibration.assessment.split("\n")
     assert first in " ".join(text.split())
     assert rest
     for finding in rest:
@@ -118,7 +118,7 @@ def test_the_page_loads_nothing_and_escapes_names(page):
 
 
 def test_the_page_is_whole_without_images_and_with_one_camera(tmp_path):
-    observations = sightings()
+    observations = observed()
     alone = observations.where(observations.camera == 0)
     alone = replace(alone, cameras=("cam0",), image_sizes=alone.image_sizes[:1])
     write_calibration_page(tmp_path / "calibration.html", calibrate(alone))

@@ -35,10 +35,10 @@ def test_a_camera_that_looks_beside_misses_by_what_geometry_says():
 def test_only_images_with_every_point_are_complete():
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     camera, frame, point = np.array([[0, 0, 0], [0, 0, 1], [0, 0, 2], [1, 0, 0], [1, 0, 2]]).T
-    sightings = Observations(
+    observations = Observations(
         points, ("a", "b"), ((9, 9),) * 2, ("f",), camera, frame, point, np.ones((5, 2))
     )
-    kept = truth.of_complete_targets(sightings)
+    kept = truth.of_complete_targets(observations)
     assert kept.counts().tolist() == [[3], [0]]
     assert kept.cameras == ("a", "b")
     np.testing.assert_array_equal(truth.in_metres(kept).target_points, points / 1000)

@@ -80,7 +80,7 @@ def draw_residuals(calibration: Calibration) -> Figure:
 
 
 def draw_coverage(calibration: Calibration) -> Figure:
-    """Return how many sightings were used in each cell of each camera's image."""
+    """Return how many observations were used in each cell of each camera's image."""
     observations = calibration.observations
     figure, panels = _panels(observations)
     maps = []
@@ -97,7 +97,7 @@ def draw_coverage(calibration: Calibration) -> Figure:
         )  # fmt: skip
         share = f"{np.mean(count > 0):.0%}"
         axes.set_title(f"{plain(name)}: {share}", fontsize=8, color=INK, pad=3)
-    _bar(figure, shown, "sightings in a cell; the title has the share of cells with any")
+    _bar(figure, shown, "observations in a cell; the title has the share of cells with any")
     return figure
 
 
@@ -130,7 +130,7 @@ def draw_depths(calibration: Calibration, grid: VoxelGrid | None = None) -> Figu
     axes.set_yticks(range(len(rig)), [plain(name) for name in rig.names])
     axes.set_ylim(len(rig) - 0.4, -0.6)
     axes.set_xlabel(f"depth ({plain(rig.length_unit)})", fontsize=8)
-    words = "line: all sightings; thick: their middle half"
+    words = "line: all observations; thick: their middle half"
     axes.set_title(
         words + ("; grey: the volume" if grid is not None else ""), fontsize=8, color=MUTED
     )
@@ -228,9 +228,9 @@ class _Cells:
         )  # fmt: skip
         self._uv = observations.uv
 
-    def sums(self, sightings: NDArray, values: NDArray) -> NDArray[np.float64]:
-        """Return the sums of ``values`` over the sightings in each cell."""
-        place = np.floor((self._uv[sightings] + 0.5) / self.side).astype(int)
+    def sums(self, observations: NDArray, values: NDArray) -> NDArray[np.float64]:
+        """Return the sums of ``values`` over the observations in each cell."""
+        place = np.floor((self._uv[observations] + 0.5) / self.side).astype(int)
         column, row = (np.clip(place[:, k], 0, self.shape[1 - k] - 1) for k in range(2))
         sums = np.zeros(self.shape)
         np.add.at(sums, (row, column), values)

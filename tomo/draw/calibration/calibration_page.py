@@ -1,4 +1,4 @@
-"""The page of a calibration: its verdict first, then what it rests on; loads nothing."""
+"""The page of a calibration: its assessment first, then what it rests on; loads nothing."""
 
 from __future__ import annotations
 
@@ -85,12 +85,12 @@ def write_calibration_page(
         "coverage": draw_coverage(calibration),
         "depths": draw_depths(calibration, grid),
     }
-    word, verdict = _verdict(calibration)
+    word, assessment = _assessment(calibration)
     text = render(
         "calibration.html",
         title=title,
         word=word,
-        verdict=verdict,
+        assessment=assessment,
         findings=[*calibration.findings, *notes],
         headline=_headline(calibration),
         unit=calibration.rig.length_unit,
@@ -137,9 +137,9 @@ def _scene_page(calibration: Calibration, grid: VoxelGrid | None) -> str:
         return page.read_text(encoding="utf-8")
 
 
-def _verdict(calibration: Calibration) -> tuple[str, str]:
-    """Return the verdict's first word, and the rest of its first line."""
-    first = calibration.verdict.split("\n")[0]
+def _assessment(calibration: Calibration) -> tuple[str, str]:
+    """Return the assessment's first word, and the rest of its first line."""
+    first = calibration.assessment.split("\n")[0]
     word, colon, rest = first.partition(":")
     return (word, colon + rest) if " " not in word else ("", first)
 

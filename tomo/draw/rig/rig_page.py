@@ -35,9 +35,9 @@ def check_on_grid(rig: Rig, grid: VoxelGrid, **options: float) -> tuple[RigCheck
 
 
 def check_table(check: RigCheck) -> Table:
-    """Return the verdict, the findings, and a row of figures for each camera."""
+    """Return the assessment, the findings, and a row of figures for each camera."""
     unit = check.coverage.rig.length_unit
-    lines = [("", f"Verdict: {check.verdict}")]
+    lines = [("", f"Assessment: {check.assessment}")]
     for finding in check.findings:
         names = some_names(finding.cameras)
         lines.append((finding.level, f"{names}: {finding.text}" if names else finding.text))

@@ -33,7 +33,7 @@ class Attempt:
 
 
 def attempts(observations: Observations, length_unit: str = "m") -> Iterator[Attempt]:
-    """Yield what each setting makes of sightings of complete targets.
+    """Yield what each setting makes of observations of complete targets.
 
     It throws on targets in millimetres, so these are to be in metres. The intrinsics are found
     by its own first step, with five, four or two coefficients of distortion, or taken from

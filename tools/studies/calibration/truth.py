@@ -30,11 +30,11 @@ def true_ray_miss(true: Rig, estimated: Rig, volume: Volume, points_per_side: in
 
 
 def in_metres(observations: Observations) -> Observations:
-    """Return sightings of a target in millimetres with its points in metres."""
+    """Return observations of a target in millimetres with its points in metres."""
     return replace(observations, target_points=observations.target_points / 1000)
 
 
 def of_complete_targets(observations: Observations) -> Observations:
-    """Return the sightings in images that show every point of the target."""
+    """Return the observations in images that show every point of the target."""
     complete = observations.counts() == len(observations.target_points)  # (cameras, frames)
     return observations.where(complete[observations.camera, observations.frame])

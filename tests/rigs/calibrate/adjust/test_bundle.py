@@ -8,7 +8,13 @@ from scipy.spatial.transform import Rotation
 
 from rigs import Camera, Distortion
 from rigs.calibrate.adjust.bundle import adjust, information
-from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, jacobian, predicted
+from rigs.calibrate.adjust.observation_arrays import (
+    Freedom,
+    ObservationArrays,
+    Scene,
+    jacobian,
+    predicted,
+)
 from rigs.calibrate.adjust.projection import Lens, project
 from rigs.calibrate.adjust.robust import adjust_robustly
 
@@ -29,7 +35,7 @@ def lens(model):
 
 
 def scene(model, cameras=3, frames=4, seed=0):
-    """Cameras side by side, tilted targets before them, and sightings without noise."""
+    """Cameras side by side, tilted targets before them, and observations without noise."""
     rng = np.random.default_rng(seed)
     grid = np.mgrid[-2:3, -2:3].reshape(2, -1).T * 0.1
     points = np.c_[grid, np.zeros(len(grid))]
@@ -41,7 +47,7 @@ def scene(model, cameras=3, frames=4, seed=0):
         0.15 * rng.standard_normal((frames, 3)),
     )
     camera, frame, point = np.mgrid[:cameras, :frames, : len(points)].reshape(3, -1)
-    blank = Sightings(camera, frame, points[point], np.zeros((len(camera), 2)))
+    blank = ObservationArrays(camera, frame, points[point], np.zeros((len(camera), 2)))
     return truth, replace(blank, uv=predicted(truth, blank))
 
 
@@ -77,9 +83,9 @@ def test_projection_is_the_cameras_own(model):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_derivatives_match_differences(model):
-    truth, sightings = scene(model, cameras=1, frames=1)
-    uv, by_camera, by_target = jacobian(truth, sightings, 0, slice(0, len(sightings)))
-    assert np.array_equal(uv, predicted(truth, sightings))
+    truth, observations = scene(model, cameras=1, frames=1)
+    uv, by_camera, by_target = jacobian(truth, observations, 0, slice(0, len(observations)))
+    assert np.array_equal(uv, predicted(truth, observations))
 
     def moved(camera_step, target_step):
         turn = Rotation.from_rotvec([camera_step[:3], target_step[:3]]).as_matrix()
@@ -97,7 +103,9 @@ def test_derivatives_match_differences(model):
         step = np.zeros(size + 6)
         h = step[index] = 1e-2 if 6 <= index < 10 else 1e-5  # pixels; radians and lengths
         ahead, behind = (moved(s * step[:size], s * step[size:]) for s in (1, -1))
-        numeric[:, :, index] = (predicted(ahead, sightings) - predicted(behind, sightings)) / 2 / h
+        numeric[:, :, index] = (
+            (predicted(ahead, observations) - predicted(behind, observations)) / 2 / h
+        )
     exact = np.concatenate([by_camera, by_target], axis=2)
     scale = np.abs(exact).max(axis=(0, 1))
     assert (np.abs(exact - numeric).max(axis=(0, 1)) < 1e-6 * np.maximum(scale, 1)).all()
@@ -116,12 +124,12 @@ def test_fisheye_sees_beside_and_on_the_axis():
 
 @pytest.mark.parametrize("model", ["brown", "fisheye"])
 def test_exact_data_give_the_truth(model):
-    truth, sightings = scene(model, frames=8)
+    truth, observations = scene(model, frames=8)
     free = Freedom(
         tuple(np.r_[np.ones(6, bool), np.zeros(one.size - 6, bool)] for one in truth.lenses),
         np.arange(3) > 0,
     )
-    solution = adjust(disturbed(truth, 0.02), sightings, free, tolerance=1e-14)
+    solution = adjust(disturbed(truth, 0.02), observations, free, tolerance=1e-14)
     assert np.abs(solution.residuals).max() < 1e-6
     for found, true in zip(solution.scene.lenses, truth.lenses, strict=True):
         assert np.abs(found.matrix - true.matrix).max() < 1e-3
@@ -131,23 +139,23 @@ def test_exact_data_give_the_truth(model):
 def test_elimination_equals_the_dense_normal_equations():
     truth, exact = scene("brown", cameras=2, frames=5)
     noise = 0.3 * np.random.default_rng(3).standard_normal(exact.uv.shape)
-    sightings = replace(exact, uv=exact.uv + noise)
+    observations = replace(exact, uv=exact.uv + noise)
     free = Freedom(tuple(np.arange(9) < 4 for _ in truth.lenses), np.array([False, True]))
-    solution = adjust(truth, sightings, free, tolerance=1e-14)
-    dense = np.zeros((len(sightings), 2, 14 + 30))
+    solution = adjust(truth, observations, free, tolerance=1e-14)
+    dense = np.zeros((len(observations), 2, 14 + 30))
     for camera, own in enumerate(free.slices):
-        rows = slice(camera * len(sightings) // 2, (camera + 1) * len(sightings) // 2)
-        _, by_camera, by_target = jacobian(solution.scene, sightings, camera, rows)
+        rows = slice(camera * len(observations) // 2, (camera + 1) * len(observations) // 2)
+        _, by_camera, by_target = jacobian(solution.scene, observations, camera, rows)
         dense[rows, :, own] = by_camera[:, :, free.columns(camera)]
         for frame in range(5):
-            at = np.flatnonzero(sightings.frame[rows] == frame)
+            at = np.flatnonzero(observations.frame[rows] == frame)
             dense[rows.start + at, :, 14 + 6 * frame : 20 + 6 * frame] = by_target[at]
     dense = dense.reshape(-1, 44)
     full, slope = dense.T @ dense, dense.T @ solution.residuals.ravel()
     assert np.abs(slope / np.sqrt(np.diag(full))).max() < 1e-4  # a minimum, in every direction
     assert solution.cost < 0.5 * (noise**2).sum()
     reduced = full[:14, :14] - full[:14, 14:] @ np.linalg.solve(full[14:, 14:], full[14:, :14])
-    matrix, gradient = information(solution.scene, sightings, free)
+    matrix, gradient = information(solution.scene, observations, free)
     diagonal = np.sqrt(np.diag(reduced))
     assert np.abs((matrix - reduced) / np.outer(diagonal, diagonal)).max() < 1e-8
     assert np.abs(gradient / diagonal).max() < 1e-4
@@ -156,12 +164,15 @@ def test_elimination_equals_the_dense_normal_equations():
 def test_units_of_length_do_not_matter():
     truth, exact = scene("brown")
     noise = 0.1 * np.random.default_rng(4).standard_normal(exact.uv.shape)
-    sightings = replace(exact, uv=exact.uv + noise)
+    observations = replace(exact, uv=exact.uv + noise)
     start = disturbed(truth, 0.01)
-    one = adjust(start, sightings, all_free(truth), tolerance=1e-14)
+    one = adjust(start, observations, all_free(truth), tolerance=1e-14)
     large = replace(start, camera_t=start.camera_t * 1000, target_t=start.target_t * 1000)
     other = adjust(
-        large, replace(sightings, points=sightings.points * 1000), all_free(truth), tolerance=1e-14
+        large,
+        replace(observations, points=observations.points * 1000),
+        all_free(truth),
+        tolerance=1e-14,
     )
     assert other.cost == pytest.approx(one.cost, rel=1e-9)
 
@@ -172,10 +183,10 @@ def test_a_tenth_of_wrong_sightings_moves_huber_little():
     noise = 0.1 * rng.standard_normal(exact.uv.shape)
     wrong = rng.uniform(size=len(exact)) < 0.1
     noise[wrong] = rng.uniform(-20, 20, (int(wrong.sum()), 2))
-    sightings = replace(exact, uv=exact.uv + noise)
+    observations = replace(exact, uv=exact.uv + noise)
     free = Freedom(tuple(np.arange(9) < 4 for _ in truth.lenses), np.arange(3) > 0)
-    robust = adjust_robustly(truth, sightings, free)
-    plain = adjust(truth, sightings, free)
+    robust = adjust_robustly(truth, observations, free)
+    plain = adjust(truth, observations, free)
     off = [
         np.abs(predicted(found.scene, exact) - exact.uv)[~wrong].max() for found in (robust, plain)
     ]
@@ -184,7 +195,7 @@ def test_a_tenth_of_wrong_sightings_moves_huber_little():
 
 
 def test_a_start_behind_a_camera_is_refused():
-    truth, sightings = scene("none")
+    truth, observations = scene("none")
     behind = replace(truth, target_t=truth.target_t - [0, 0, 10])
     with pytest.raises(ValueError, match="behind its camera"):
-        adjust(behind, sightings, all_free(truth))
+        adjust(behind, observations, all_free(truth))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rigs.calibrate.adjust.observation_arrays import Scene, Sightings, predicted
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 from rigs.calibrate.adjust.projection import Lens
-from rigs.calibrate.adjust.world import placed
+from rigs.calibrate.adjust.world import in_world
 
 CAMERAS, FRAMES = ("left", "right", "top", "low"), ("a", "b", "c")
 
@@ -32,13 +32,13 @@ def positions(scene):
 def pictures(scene):
     camera, frame, point = np.mgrid[:4, :2, :5].reshape(3, -1)
     points = np.random.default_rng(1).standard_normal((5, 3))
-    return predicted(scene, Sightings(camera, frame, points[point], np.zeros((40, 2))))
+    return predicted(scene, ObservationArrays(camera, frame, points[point], np.zeros((40, 2))))
 
 
 @pytest.mark.parametrize("world", [None, "right", "b"])
 def test_axes_of_a_camera_or_of_a_frame(scene, world):
-    moved, words, size, doubt = placed(scene, CAMERAS, FRAMES, world, False)
-    assert not doubt
+    moved, words, size, warning = in_world(scene, CAMERAS, FRAMES, world, False)
+    assert not warning
     assert size == 1
     assert (world or "left") in words
     if world == "b":
@@ -57,8 +57,8 @@ def test_given_positions_are_met(scene, size):
     aim = size * positions(scene) @ R.T + [1, 2, 3]
     target = size * R @ scene.target_t[0] + [1, 2, 3]
     given = {"right": aim[1], "top": aim[2], "low": aim[3], "a": target}
-    moved, words, found, doubt = placed(scene, CAMERAS, FRAMES, given, size != 1)
-    assert not doubt
+    moved, words, found, warning = in_world(scene, CAMERAS, FRAMES, given, size != 1)
+    assert not warning
     assert found == pytest.approx(size, rel=1e-12)
     assert np.abs(positions(moved) - aim).max() < 1e-9
     assert np.abs(moved.target_t[0] - target).max() < 1e-9
@@ -69,18 +69,20 @@ def test_given_positions_are_met(scene, size):
 
 def test_a_mirrored_world_is_met_as_well_as_a_rotation_can(scene):
     aim = dict(zip(CAMERAS, positions(scene) * [-1, 1, 1], strict=True))
-    moved, _, _, doubt = placed(scene, CAMERAS, FRAMES, aim, False)
+    moved, _, _, warning = in_world(scene, CAMERAS, FRAMES, aim, False)
     assert np.linalg.det(moved.camera_R) == pytest.approx(np.ones(4))
-    assert "not mirrored?" in doubt[0]
+    assert "not mirrored" in warning[0]
 
 
 def test_positions_in_another_unit_or_of_other_cameras_are_doubted(scene):
     right = positions(scene)
     for wrong in (right / 1000, right[::-1]):
-        *_, doubt = placed(scene, CAMERAS, FRAMES, dict(zip(CAMERAS, wrong, strict=True)), False)
-        assert doubt[0].startswith("world: the given positions are met within")
+        *_, warning = in_world(
+            scene, CAMERAS, FRAMES, dict(zip(CAMERAS, wrong, strict=True)), False
+        )
+        assert warning[0].startswith("world: the given positions are met within")
     close = right + 0.01 * np.random.default_rng(3).standard_normal((4, 3))
-    assert not placed(scene, CAMERAS, FRAMES, dict(zip(CAMERAS, close, strict=True)), False)[3]
+    assert not in_world(scene, CAMERAS, FRAMES, dict(zip(CAMERAS, close, strict=True)), False)[3]
 
 
 @pytest.mark.parametrize(
@@ -96,9 +98,9 @@ def test_positions_in_another_unit_or_of_other_cameras_are_doubted(scene):
 )
 def test_worlds_that_cannot_be(scene, world, message):
     with pytest.raises(ValueError, match=message):
-        placed(scene, CAMERAS, FRAMES, world, False)
+        in_world(scene, CAMERAS, FRAMES, world, False)
 
 
 def test_rescaling_needs_positions(scene):
     with pytest.raises(ValueError, match="rescale"):
-        placed(replace(scene), CAMERAS, FRAMES, "left", True)
+        in_world(replace(scene), CAMERAS, FRAMES, "left", True)

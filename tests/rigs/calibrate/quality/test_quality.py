@@ -9,7 +9,13 @@ from scipy.spatial.transform import Rotation
 from rigs import Rig, Volume, nearest_point, ray_miss
 from rigs.calibrate import calibrate
 from rigs.calibrate.adjust.bundle import adjust
-from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, Sightings, ordered, predicted
+from rigs.calibrate.adjust.observation_arrays import (
+    Freedom,
+    ObservationArrays,
+    Scene,
+    ordered,
+    predicted,
+)
 from rigs.calibrate.adjust.projection import Lens
 from rigs.calibrate.quality.covariance import covariance_of
 from rigs.calibrate.quality.quality import with_scene
@@ -20,14 +26,14 @@ VOLUME = Volume((10, 10, 10), 5.0, (0.0, 0.0, 800.0))
 
 @pytest.fixture(scope="module")
 def case(simulated_rig):
-    """Four cameras over 100 degrees, with sightings and what they give."""
+    """Four cameras over 100 degrees, with observations and what they give."""
     truth = simulated_rig("arc", cameras=4, frames=16, seed=1)
     observations = truth.observe(0.05, seed=1)
     return truth, observations, calibrate(observations, volume=VOLUME)
 
 
 def pixels_swapped(observations, other, rows):
-    """Take the pixels of the same sightings from other observations, drop what they lack."""
+    """Take the pixels of the same observations from other observations, drop what they lack."""
     size = len(observations.target_points)
 
     def key(o):
@@ -110,7 +116,7 @@ def test_predicted_ray_miss_is_the_true_one_on_average(case, judged_volume):
         truth.target_t,
     )
     free = Freedom(tuple(np.ones(8, bool) for _ in lenses), np.arange(4) > 0)
-    exact = Sightings(
+    exact = ObservationArrays(
         observations.camera[order],
         observations.frame[order],
         truth.points[observations.point[order]],
@@ -206,7 +212,7 @@ def test_one_image_from_a_camera_that_moved_is_left_out_and_named(case, judged_v
     assert found.findings[0].startswith(name)
     own = (found.observations.camera == camera) & (found.observations.frame == frame)
     assert np.array_equal(~found.used, own)
-    assert found.verdict.startswith("good")
+    assert found.assessment.startswith("good")
 
 
 def test_a_camera_that_moved_half_way_is_named(simulated_rig):
@@ -215,7 +221,7 @@ def test_a_camera_that_moved_half_way_is_named(simulated_rig):
     moved = with_camera(truth, 2, turned(truth.rig[2], 0.03)).observe(0.05, seed=1)
     rows = (observations.camera == 2) & (observations.frame >= 8)
     found = calibrate(pixels_swapped(observations, moved, rows))
-    assert found.verdict.startswith("doubtful")
+    assert found.assessment.startswith("doubtful")
     assert any(line.startswith("camera cam02: ") for line in found.findings)
     assert not any(f"camera cam0{other}: " in line for other in (0, 1, 3, 4)
                    for line in found.findings)  # fmt: skip
@@ -227,12 +233,12 @@ def test_a_camera_that_moved_and_shares_most_frames_with_one_other_is_named(simu
     observations = truth.observe(0.05, seed=1)
     moved = (observations.camera == 2) & (observations.frame >= 14)
     found = calibrate(replace(observations, uv=observations.uv + moved[:, None] * [2.0, 1.0]))
-    assert found.verdict.startswith("doubtful")
+    assert found.assessment.startswith("doubtful")
     assert any(line.startswith("camera cam02: in 4 of its 14 images") for line in found.findings)
     assert not any(line.startswith(("camera cam00", "camera cam01")) for line in found.findings)
 
 
-def test_a_camera_out_of_step_is_named(simulated_rig):
+def test_a_camera_that_is_not_synchronised_is_named(simulated_rig):
     truth = simulated_rig("arc", cameras=5, frames=16, seed=3)
     observations = truth.observe(0.05, seed=1)
     late = replace(
@@ -247,7 +253,7 @@ def test_a_camera_out_of_step_is_named(simulated_rig):
             for name in ("camera", "frame", "point", "uv")
         },
     )
-    with pytest.raises(ValueError, match=r"camera cam03: sees the target .* out of step"):
+    with pytest.raises(ValueError, match=r"camera cam03: sees the target .* not synchronised"):
         calibrate(joined)
 
 
@@ -257,7 +263,7 @@ def test_a_given_lens_that_is_wrong_is_named(case):
     matrix[[0, 1], [0, 1]] *= 1.01
     wrong = with_camera(truth, 1, replace(truth.rig[1], camera_matrix=matrix)).rig
     found = calibrate(observations, intrinsics=wrong, volume=VOLUME)
-    assert found.verdict.startswith("doubtful")
+    assert found.assessment.startswith("doubtful")
     assert any(line.startswith("camera cam01: its given lens") for line in found.findings)
     assert int(np.argmax(found.quality.lens_misfit)) == 1
 
@@ -294,9 +300,9 @@ def test_a_target_that_covers_little_is_told(case):
     _, observations, _ = case
     middle = (np.abs(observations.uv - [320, 240]) < 110).all(axis=1)
     found = calibrate(observations.where(middle), volume=Volume((9, 9, 9), 12, (0, 0, 800)))
-    assert "of where the image shows the volume: its lens is extrapolated" in found.verdict
+    assert "of where the image shows the volume: its lens is extrapolated" in found.assessment
     assert (found.quality.image_coverage < 0.5).all()
-    assert found.verdict.startswith("doubtful")
+    assert found.assessment.startswith("doubtful")
 
 
 def test_a_camera_that_does_not_see_the_volume_is_named(case):
@@ -307,7 +313,7 @@ def test_a_camera_that_does_not_see_the_volume_is_named(case):
     for name, is_blind in zip(truth.rig.names, blind, strict=True):
         line = f"camera {name}: sees no part of the volume that another camera sees"
         assert any(finding.startswith(line) for finding in found.findings) == is_blind
-    assert found.verdict.startswith("doubtful")
+    assert found.assessment.startswith("doubtful")
 
 
 def test_a_volume_nobody_sees_is_refused(case):

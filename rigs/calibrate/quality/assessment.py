@@ -1,4 +1,4 @@
-"""A calibration's figures in plain words, with the guilty camera or frame named."""
+"""A calibration's figures in plain words, with the responsible camera or frame named."""
 
 from __future__ import annotations
 
@@ -10,53 +10,54 @@ from numpy.typing import NDArray
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality.quality import Quality
 
-_MANY_IMAGES = 0.2  # of a camera's images left out: the camera is to blame
-_MANY_POINTS = 0.1  # of a camera's points
-_CAMERA_AGAINST = 2.0  # standard deviations, of a camera's contradiction
-_MORE_THAN_OTHERS = 1.4  # times theirs, to be blamed alone
-_FRAME_AGAINST = 2.5  # of a frame's contradiction
-_LENS_AGAINST = 4.0  # of a given lens's misfit
-_HIGH_RMS = 2.0  # times the usual, of a camera by itself
-_HIGH_FRAME = 3.0  # of a frame
-_HIGH_CROSS = 2.0  # times what is expected
+# Limits above which a figure becomes a finding; lower ones would warn of sound calibrations
+_MANY_IMAGES = 0.2  # fraction of a camera's images left out: the camera is responsible
+_MANY_POINTS = 0.1  # fraction of a camera's points left out
+_CAMERA_CONTRADICTS = 2.0  # standard deviations, a camera's contradiction
+_MORE_THAN_OTHERS = 1.4  # ratio to the other cameras' contradiction, to name one alone
+_FRAME_CONTRADICTS = 2.5  # standard deviations, a frame's contradiction
+_LENS_MISFIT = 4.0  # standard deviations, a given lens's misfit
+_HIGH_RMS = 2.0  # ratio to the usual residual, one camera by itself
+_HIGH_FRAME = 3.0  # ratio to the usual residual, one frame
+_HIGH_CROSS = 2.0  # ratio of the difference of halves to its expectation
 _HIGH_NOISE = 1.0  # pixels
-_LITTLE_COVERAGE = 0.6
-_HIGH_FOCAL_ERROR = 0.05
+_LITTLE_COVERAGE = 0.6  # fraction of the volume's image; less is extrapolated
+_HIGH_FOCAL_ERROR = 0.05  # relative standard deviation
 _GOOD_MISS = 0.1  # of a pixel's footprint
-_TINY_MISS = 1e-4
+_TINY_MISS = 1e-4  # of a pixel's footprint; smaller differences of halves are rounding
 
 
 def findings(
     quality: Quality, observations: Observations, used: NDArray[np.bool_], noise: float
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return doubts about the rig, the gravest first, and remarks on what was left out."""
-    doubts, remarks = _left_out(quality, observations, used)
-    against, frames_against = _contradictions(quality, observations, used)
-    doubts += against
-    remarks += frames_against
-    doubts += _bad_images(quality, observations, used)
+    """Return warnings about the rig, the gravest first, and notes on what was left out."""
+    warnings, notes = _left_out(quality, observations, used)
+    contradictions, frame_notes = _contradictions(quality, observations, used)
+    warnings += contradictions
+    notes += frame_notes
+    warnings += _bad_images(quality, observations, used)
     if noise > _HIGH_NOISE:
-        doubts.append(
-            f"residuals of {noise:.2g} px a coordinate: far above what detection errs; is the "
-            "target described rightly?"
+        warnings.append(
+            f"residuals of {noise:.2g} px per coordinate, far above the error of detection: check "
+            "that the target is described correctly"
         )
-    return (*doubts, *_unmodelled(quality), *_thin_data(quality, observations)), tuple(remarks)
+    return (*warnings, *_unmodelled(quality), *_thin_data(quality, observations)), tuple(notes)
 
 
-def verdict(
-    quality: Quality, doubts: tuple[str, ...], remarks: tuple[str, ...], length_unit: str
+def assessment(
+    quality: Quality, warnings: tuple[str, ...], notes: tuple[str, ...], length_unit: str
 ) -> str:
-    """Return the figure that counts, what it means, doubts and remarks, in one text."""
+    """Return a grade, the predicted ray-miss and its meaning, warnings and notes, in one text."""
     if len(quality.camera_rms) < 2:
         rms = float(quality.camera_rms[0])
-        word = "doubtful" if doubts else "good"
+        word = "doubtful" if warnings else "good"
         lines = [f"{word}: one camera, residuals {rms:.2g} px; no other rays to compare with"]
     elif not np.isfinite(quality.predicted_ray_miss):
-        lines = ["doubtful: no point where the target was is seen by two cameras"]
+        lines = ["doubtful: no point that the target covered is seen by two cameras"]
     else:
         pixels = quality.predicted_ray_miss / float(np.nanmedian(quality.footprint))
         word = "good" if pixels <= _GOOD_MISS else "usable"
-        word = "poor" if pixels > 1 else "doubtful" if doubts else word
+        word = "poor" if pixels > 1 else "doubtful" if warnings else word
         cross = (
             f"; rigs of every other frame and of the rest differ by {quality.cross_ray_miss:.2g} "
             f"{length_unit} ({quality.cross_expected:.2g} expected)"
@@ -67,47 +68,47 @@ def verdict(
             f"{word}: rays miss each other by {quality.predicted_ray_miss:.2g} {length_unit} RMS "
             f"in the volume, {pixels:.2g} of a pixel{cross}"
         ]
-    return "\n".join([*lines, *doubts, *remarks])
+    return "\n".join([*lines, *warnings, *notes])
 
 
 def _left_out(
     quality: Quality, observations: Observations, used: NDArray[np.bool_]
 ) -> tuple[list[str], list[str]]:
-    """Return doubts and remarks on what was left out: whole images, and single sightings."""
+    """Return warnings and notes on what was left out: whole images, and single observations."""
     shape = observations.counts().shape
     seen, kept = observations.counts(), np.zeros(shape, int)
     np.add.at(kept, (observations.camera[used], observations.frame[used]), 1)
     # Images without residuals never had a pose
     out = (seen > 0) & (kept == 0) & np.isfinite(quality.image_rms)
     frames = observations.frames
-    doubts, remarks = [], []
+    warnings, notes = [], []
     for camera, name, images, words in _many(observations, out):
-        doubts.append(
+        warnings.append(
             f"camera {name}: {words}, disagree with the other cameras and were left out: it moved "
-            "or is out of step"
+            "or is not synchronised"
         )
         out[camera, images] = False
-    # Of two that disagree either may be left out, so who is left alone is as suspect
+    # When two disagree either may be left out, so the one that remains is as suspect
     alone = (kept > 0) & ((kept > 0).sum(axis=0) == 1) & out.any(axis=0)
     for _, name, images, words in _many(observations, alone):
-        doubts.append(
-            f"camera {name}: in {words}, no other camera agrees with it: it moved or is out of "
-            "step, or all of these are"
+        warnings.append(
+            f"camera {name}: in {words}, no other camera agrees with it: it moved or is not "
+            "synchronised, or all others did"
         )
         out[:, images] = False
     for frame in np.flatnonzero((out.sum(axis=0) >= 2) & (kept.sum(axis=0) == 0)):
         cameras = [observations.cameras[camera] for camera in np.flatnonzero(out[:, frame])]
-        remarks.append(
+        notes.append(
             f"frame {frames[frame]}: cameras {', '.join(cameras)} disagree by "
             f"{np.nanmax(quality.image_rms[:, frame]):.2g} px, left out: the target moved, or an "
-            "image is out of step"
+            "image is not synchronised"
         )
         out[:, frame] = False
     for camera, frame in np.argwhere(out):
-        remarks.append(
+        notes.append(
             f"camera {observations.cameras[camera]}, frame {frames[frame]}: disagrees with the "
             f"other cameras by {quality.image_rms[camera, frame]:.2g} px, left out: the camera "
-            "moved, is out of step there, or took the target the wrong way round"
+            "moved or is not synchronised there, or the target was detected turned round"
         )
     for camera, name in enumerate(observations.cameras):
         own = observations.camera == camera
@@ -119,14 +120,14 @@ def _left_out(
                 f"detected in the wrong place in frames {', '.join(where[:5])}"
                 + (f" and {len(where) - 5} more" if len(where) > 5 else "")
             )
-            (doubts if single.sum() > _MANY_POINTS * own.sum() else remarks).append(line)
-    return doubts, remarks
+            (warnings if single.sum() > _MANY_POINTS * own.sum() else notes).append(line)
+    return warnings, notes
 
 
 def _many(
     observations: Observations, which: NDArray[np.bool_]
 ) -> Iterator[tuple[int, str, NDArray[np.int64], str]]:
-    """Yield cameras with many of ``which`` images ``(cameras, frames)``: these, and in words."""
+    """Yield cameras with many of ``which`` images ``(cameras, frames)``, with these in words."""
     counts = (observations.counts() > 0).sum(axis=1)
     for camera, (name, of) in enumerate(zip(observations.cameras, counts, strict=True)):
         images = np.flatnonzero(which[camera])
@@ -139,41 +140,41 @@ def _many(
 def _contradictions(
     quality: Quality, observations: Observations, used: NDArray[np.bool_]
 ) -> tuple[list[str], list[str]]:
-    """Return doubts on cameras and remarks on frames that were used but contradict the others."""
+    """Return warnings on cameras and notes on frames that were used but contradict the others."""
     kept = np.zeros(quality.contradiction.shape, bool)
     kept[observations.camera[used], observations.frame[used]] = True
-    against = np.where(kept, quality.contradiction, np.nan)
-    cameras, frames = (np.sqrt(_mean(against**2, axis)) for axis in (1, 0))
+    contradiction = np.where(kept, quality.contradiction, np.nan)
+    cameras, frames = (np.sqrt(_mean(contradiction**2, axis)) for axis in (1, 0))
     if len(cameras) < 2:
         return [], []
-    lines, remarks = [], []
+    lines, notes = [], []
     worst = int(np.argmax(cameras))
     others = float(np.median(np.delete(cameras, worst)))
     name = observations.cameras[worst]
-    if cameras[worst] > _CAMERA_AGAINST:
+    if cameras[worst] > _CAMERA_CONTRADICTS:
         alone = _rms(np.where(kept, quality.alone_rms, np.nan)[worst])
         rms = f"residuals {quality.camera_rms[worst]:.2g} px, {alone:.2g}"
         if cameras[worst] > _MORE_THAN_OTHERS * others and len(cameras) > 2:
             lines.append(
                 f"camera {name}: contradicts the others ({rms} by itself, {cameras[worst]:.2g} "
-                f"standard deviations where {others:.2g} is usual): it moved, is out of step, or "
-                "its lens is wrong"
+                f"standard deviations where {others:.2g} is usual): it moved, is not "
+                "synchronised, or its lens is wrong"
             )
         else:
             lines.append(
                 f"cameras contradict each other, {name} most ({rms} by itself, "
-                f"{cameras[worst]:.2g} standard deviations): one moved or is out of step, or the "
-                "target is bent"
+                f"{cameras[worst]:.2g} standard deviations): one moved or is not synchronised, or "
+                "the target is bent"
             )
     usual = float(np.nanmedian(frames))
-    for frame in np.flatnonzero(frames > np.fmax(_FRAME_AGAINST, 3 * usual)):
-        most = int(np.nanargmax(against[:, frame]))
-        remarks.append(
+    for frame in np.flatnonzero(frames > np.fmax(_FRAME_CONTRADICTS, 3 * usual)):
+        most = int(np.nanargmax(contradiction[:, frame]))
+        notes.append(
             f"frame {observations.frames[frame]}: cameras contradict each other on where the "
             f"target is ({frames[frame]:.2g} standard deviations where {usual:.2g} is usual), "
             f"{observations.cameras[most]} most: it or the target moved"
         )
-    return lines, remarks
+    return lines, notes
 
 
 def _bad_images(
@@ -192,7 +193,7 @@ def _bad_images(
                 f"camera {name}: residuals {cameras[camera]:.2g} px by itself where others have "
                 f"{usual:.2g} px: blur, or a lens beyond its model"
             )
-        if quality.lens_misfit[camera] > _LENS_AGAINST:
+        if quality.lens_misfit[camera] > _LENS_MISFIT:
             lines.append(
                 f"camera {name}: its given lens does not fit what it saw "
                 f"({quality.lens_misfit[camera]:.2g} standard deviations)"
@@ -208,13 +209,13 @@ def _bad_images(
 
 
 def _rms(values: NDArray) -> float:
-    """Return the root mean square of what is finite; 0 of nothing."""
+    """Return the root mean square of the finite values; 0 without any."""
     values = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
 def _mean(values: NDArray, axis: int) -> NDArray[np.float64]:
-    """Return the mean of what is finite along ``axis``; 0 of nothing."""
+    """Return the mean of the finite values along ``axis``; 0 without any."""
     finite = np.isfinite(values)
     total = np.where(finite, values, 0.0).sum(axis=axis)
     return total / np.maximum(finite.sum(axis=axis), 1)
@@ -227,19 +228,19 @@ def _unmodelled(quality: Quality) -> list[str]:
         return [
             f"halves of the frames differ {quality.cross_ray_miss / quality.cross_expected:.2g} "
             "times as much as noise explains: the target is bent, something moved, or a lens is "
-            "beyond the model; the predicted ray-miss is too good"
+            "beyond the model. The predicted ray-miss is too small"
         ]
     return []
 
 
 def _thin_data(quality: Quality, observations: Observations) -> list[str]:
-    """Return lines on cameras of which too little is known."""
+    """Return lines on cameras with too little data."""
     lines = []
     for camera, name in enumerate(observations.cameras):
         if len(quality.points) and np.isnan(quality.camera_ray_miss[camera]):
             lines.append(
-                f"camera {name}: sees no part of the volume that another camera sees: nothing is "
-                "known of its rays there"
+                f"camera {name}: sees no part of the volume that another camera sees: the error "
+                "of its rays there is unknown"
             )
         if quality.focal_error[camera] > _HIGH_FOCAL_ERROR:
             lines.append(
