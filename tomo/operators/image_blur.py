@@ -1,104 +1,149 @@
-"""A projector whose images are out of focus."""
+"""Images blurred by one kernel a view: an operator from pixels to pixels."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 import scipy.sparse
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from rigs import CameraLike, Rig
 from tomo._compute.index_types import numbering
-from tomo.operators.operator import ProjectionOperator, as_float
+from tomo._compute.memory import available_memory
+from tomo.operators.composition import ImageOperator
+from tomo.operators.operator import Matrix, as_float
 from tomo.operators.spmv import gather, part_bounds, scatter
-from tomo.trace import Segments
+
+Kernel = tuple[NDArray[np.int64], NDArray[np.float32]]
+"""``offsets`` (n, 2), columns and rows from a pixel, and the ``weight`` (n,) of each."""
+
+BYTES = 24
+"""Memory of one kernel weight of one pixel while the matrix is built, in bytes. Less lets a system
+start that runs out of memory, more refuses one that would fit."""
 
 
-class Defocused(ProjectionOperator):
-    """The projector ``B A`` of lines ``A`` whose light a lens spreads by ``B``.
+class ImageBlur(ImageOperator):
+    """The blur ``B`` of images: each pixel passes on its light by the weights of a kernel.
+
+    ``blur @ images`` blurs images ``(pixels,)``; ``blur @ rays`` of a projection operator is the
+    projection of blurred images.
 
     Parameters
     ----------
-    lines : Projector or OnTheFlyProjector
-        ``A``: of chord lengths, or weights learned in their place. `segments` and `with_lengths`
-        are there for stored ones.
-    spread : (pixels, lines) sparse
-        ``B``: the share of each line's light in each pixel, see `spread_of`.
-    view_ptr : (views + 1,) int, optional
-        Where each view's pixels begin; those of the lines when None.
-
-    Raises
-    ------
-    ValueError
-        If the spread is not one of those lines.
+    matrix : (pixels, rays) float32 sparse
+        Entry ``(p, q)``: the fraction of the light of ray ``q`` that reaches pixel ``p``. See
+        `from_kernels`, `tomo.operators.lens_blur` and `tomo.operators.footprint_blur`.
 
     Notes
     -----
-    Rows are summed in double precision, and the adjoint ``A^T B^T`` goes through the same
-    entries: both as `Projector` does it, the same bits on any number of threads.
+    Forward ``(B y)_p = sum_q B_pq y_q``, summed in double precision; the adjoint goes through the
+    same entries. Both as in `Projector`: the same bits on any number of threads.
+
+    Examples
+    --------
+    >>> out_of_focus = lens_blur(rig, pixels, grid, 0.5) @ rays    # doctest: +SKIP
     """
 
-    def __init__(
-        self,
-        lines: ProjectionOperator,
-        spread: scipy.sparse.csr_array,
-        view_ptr: ArrayLike | None = None,
-    ) -> None:
-        if spread.shape[1] != lines.shape[0]:
+    def __init__(self, matrix: scipy.sparse.csr_array) -> None:
+        self.matrix = matrix
+        super().__init__(dtype=matrix.dtype, shape=matrix.shape)
+
+    @classmethod
+    def from_kernels(
+        cls,
+        rig: Rig,
+        pixels: Sequence[NDArray[np.integer]],
+        kernels: Sequence[Kernel],
+        what: str = "image blur",
+    ) -> ImageBlur:
+        """Return the blur of the pixels of a rig's images by one kernel a camera.
+
+        Parameters
+        ----------
+        rig : Rig
+        pixels : sequence of (P_v,) int
+            For each camera the flat numbers ``row * width + column`` of the pixels that take
+            part; the others count as dark.
+        kernels : sequence of ((n, 2) int64, (n,) float32)
+            For each camera the pixels that the light of a ray reaches, in columns and rows from
+            its own, and the fraction that reaches each.
+        what : str
+            The subject of the error about memory.
+
+        Raises
+        ------
+        ValueError
+            If the matrix would not fit in memory.
+        """
+        counts = [
+            len(kept) * len(weight) for kept, (_, weight) in zip(pixels, kernels, strict=True)
+        ]
+        needed, available = BYTES * (max(counts) + sum(counts)), available_memory()
+        if needed > available:
             raise ValueError(
-                f"spread: found one of {spread.shape[1]} lines, expected {lines.shape[0]}"
+                f"{what} would take about {needed / 1e9:.1f} GB, expected at most "
+                f"{available / 1e9:.1f} GB: use smaller images (--scale)"
             )
-        self.lines, self.spread = lines, spread
-        view_ptr = lines.view_ptr if view_ptr is None else view_ptr
-        super().__init__(spread.shape[0], lines.grid, view_ptr, lines.dtype, lines.active)
+        views = [
+            _matrix_of_view(camera, kept, kernel)
+            for camera, kept, kernel in zip(rig, pixels, kernels, strict=True)
+        ]
+        matrix = scipy.sparse.block_diag(views, format="csr", dtype=np.float32)
+        return cls(scipy.sparse.csr_array(matrix))
 
     def __repr__(self) -> str:
-        """Name the lines."""
-        return f"<Defocused: {self.shape[0]} pixels of {self.lines!r}>"
+        """Name the size."""
+        return f"<ImageBlur: {self.shape[0]} pixels>"
 
     @cached_property
-    def _entries(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """The spread as compiled products take it: starts, stops, lines and shares."""
-        pointers = self.spread.indptr.astype(np.int64)
-        indices = self.spread.indices.astype(numbering(self.spread.shape[1]), copy=False)
-        return pointers[:-1], pointers[1:], indices.view(f"u{indices.itemsize}"), self.spread.data
+    def _entries(self) -> Matrix:
+        """The matrix as compiled products take it."""
+        pointers = self.matrix.indptr.astype(np.int64)
+        indices = self.matrix.indices.astype(numbering(self.matrix.shape[1]), copy=False)
+        return pointers[:-1], pointers[1:], indices.view(f"u{indices.itemsize}"), self.matrix.data
 
     @cached_property
     def _parts(self) -> NDArray[np.int64]:
-        return part_bounds(np.diff(self.spread.indptr), self.spread.shape[1])
+        return part_bounds(np.diff(self.matrix.indptr), self.matrix.shape[1])
 
     def _matvec(self, x: NDArray) -> NDArray:
-        seen = self.lines @ as_float(x.ravel())
-        images = np.zeros(self.shape[0], seen.dtype)
-        gather(*self._entries, seen, images, self.spread.nnz)
+        x = as_float(x.ravel())
+        images = np.zeros(self.shape[0], x.dtype)
+        gather(*self._entries, x, images, self.matrix.nnz)
         return images
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
-        gathered = np.zeros(self.spread.shape[1], y.dtype)
-        scatter(*self._entries, y, self._parts, gathered, self.spread.nnz)
-        return self.lines.T @ gathered
+        gathered = np.zeros(self.shape[1], y.dtype)
+        scatter(*self._entries, y, self._parts, gathered, self.matrix.nnz)
+        return gathered
+
+    def take(self, pixels: NDArray[np.integer]) -> tuple[ImageBlur, NDArray[np.int64]]:
+        """Return the blur of some pixels, from the rays that reach them, and those rays."""
+        matrix = self.matrix[pixels]
+        needed = np.unique(matrix.indices)
+        return ImageBlur(matrix[:, needed]), needed
 
     @property
-    def n_segments(self) -> int:
-        """How many crossings of lines with voxels there are."""
-        return self.lines.n_segments
+    def arrays(self) -> tuple[NDArray, ...]:
+        """The columns and the weights of the entries."""
+        return self.matrix.indices, self.matrix.data
 
-    @property
-    def segments(self) -> Segments:
-        """The segments of the lines, as they are before their light is spread."""
-        return self.lines.segments
 
-    def with_lengths(self, length: NDArray[np.floating]) -> Self:
-        """Return the projector with ``length`` (S,), of either sign, in place of its own."""
-        return type(self)(self.lines.with_lengths(length), self.spread, self.view_ptr)
-
-    def rows(self, start: int, stop: int) -> Self:
-        """Return the projector of pixels ``start:stop`` as one view, with the lines they need."""
-        return self._taken(np.arange(start, stop), np.array([0, stop - start]))
-
-    def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> Self:
-        spread = self.spread[pixels]
-        needed = np.unique(spread.indices)
-        return type(self)(self.lines.take(needed), spread[:, needed], view_ptr)
+def _matrix_of_view(
+    camera: CameraLike, pixels: NDArray[np.integer], kernel: Kernel
+) -> scipy.sparse.csr_array:
+    """Return the weights between the pixels of one view: (pixels, pixels)."""
+    offsets, weight = kernel
+    reach = int(np.abs(offsets).max())
+    columns, rows = camera.image_size
+    number = np.full((rows + 2 * reach, columns + 2 * reach), -1)
+    row, column = pixels // columns + reach, pixels % columns + reach
+    number[row, column] = np.arange(len(pixels))
+    near = number[row[:, None] + offsets[:, 1], column[:, None] + offsets[:, 0]]  # (pixels, n)
+    there = near >= 0
+    weights = np.broadcast_to(weight, near.shape)[there]
+    pointers = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
+    return scipy.sparse.csr_array((weights, near[there], pointers), (len(pixels), len(pixels)))

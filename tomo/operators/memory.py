@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera
+from rigs import CameraLike
 from tomo._compute.grouping import golden_section
 from tomo._compute.memory import available_memory
 from tomo.grid import VoxelGrid
@@ -46,7 +47,7 @@ class MemoryNeed:
 
 
 def estimate_memory(
-    cameras: list[Camera] | tuple[Camera, ...],
+    cameras: Sequence[CameraLike],
     grid: VoxelGrid,
     *,
     form: str = STORED,
@@ -85,7 +86,7 @@ def _sampled_pixels(count: int) -> tuple[NDArray[np.int64], float]:
 
 
 def check_memory(
-    cameras: list[Camera] | tuple[Camera, ...],
+    cameras: Sequence[CameraLike],
     grid: VoxelGrid,
     *,
     form: str = STORED,
@@ -127,7 +128,7 @@ def _refuse_too_large(need: MemoryNeed, grid: VoxelGrid, form: str, available: i
 
 
 def choose_form(
-    cameras: list[Camera] | tuple[Camera, ...],
+    cameras: Sequence[CameraLike],
     grid: VoxelGrid,
     *,
     wanted: str = "auto",
@@ -176,7 +177,7 @@ def choose_form(
 
 
 def _most_stored(
-    cameras: list[Camera] | tuple[Camera, ...], grid: VoxelGrid, supersample: int, midpoints: bool
+    cameras: Sequence[CameraLike], grid: VoxelGrid, supersample: int, midpoints: bool
 ) -> int:
     """Return what a stored matrix takes at most: no ray crosses more than the planes between."""
     rays = supersample**2 * sum(math.prod(camera.image_size) for camera in cameras)

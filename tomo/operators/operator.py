@@ -1,11 +1,11 @@
-"""What every projector shares: its rows are pixels, grouped by view, its columns active voxels."""
+"""What every projection operator is: rows are pixels grouped by view, columns are unknowns."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -13,31 +13,49 @@ from scipy.sparse.linalg import LinearOperator
 
 from tomo.grid import ActiveVoxels, VoxelGrid
 
+VOXEL, LINEAR = "voxel", "linear"
+"""Basis functions of the emission: even within each voxel, or linear between voxel centres."""
+
+Matrix = tuple[
+    NDArray[np.int64], NDArray[np.int64], NDArray[np.unsignedinteger], NDArray[np.floating]
+]
+"""``starts, stops, voxel, length``: pixel ``p`` owns the entries ``starts[p]:stops[p]``."""
+
 
 class ProjectionOperator(LinearOperator):
-    """A linear operator from voxels to pixels that knows its views.
+    """A linear operator ``A`` from the unknowns to the pixels that knows its views.
 
-    Subclasses compute ``_matvec`` and ``_rmatvec`` and say how to take some of the rows.
+    ``A @ x`` takes the unknowns ``(unknowns,)`` to the images ``(pixels,)``, view after view;
+    ``A.T @ y`` is its exact adjoint, which `tomo.dot_test` measures. Both return the type of
+    their argument, float32 or float64. Subclasses compute ``_matvec`` and ``_rmatvec`` and take
+    some of the rows.
 
     Parameters
     ----------
     n_pixels : int
     grid : VoxelGrid
     view_ptr : (views + 1,) int, optional
-        Where each view's pixels begin; one view when None.
+        The first pixel of each view, and the number of pixels; one view when None.
     dtype : float32 or float64
-        Of the matrix entries.
+        The type of the matrix entries.
     active : ActiveVoxels, optional
         The voxels that are unknowns, one a column; all of the grid when None.
+
+    Raises
+    ------
+    ValueError
+        If the active voxels belong to another grid, or ``view_ptr`` does not ascend from 0 to the
+        number of pixels.
     """
 
-    faint: ClassVar[float] = 5e-4
-    """Strength of a penalty on differences of neighbours that tames what the unknowns make of
-    clean images and leaves their detail."""
+    basis: str = VOXEL
+    """The basis functions that the unknowns are coefficients of: `VOXEL` or `LINEAR`."""
 
-    edged: ClassVar[bool] = True
-    """Whether the unknowns have edges that no flame has. Least squares make up for those by
-    contrast, and views left out, which see them too, do not say when it is enough."""
+    rows_are_single_rays: bool = True
+    """Whether a row holds the rays of its own pixel alone, not those of neighbours."""
+
+    matrix: Matrix | None = None
+    """The stored entries; None where the operator stores none that solvers may go through."""
 
     def __init__(
         self,
@@ -60,23 +78,32 @@ class ProjectionOperator(LinearOperator):
     @property
     @abstractmethod
     def n_segments(self) -> int:
-        """How many crossings of rays with voxels there are: the matrix's entries."""
+        """Number of segments of rays in voxels."""
 
     @abstractmethod
     def rows(self, start: int, stop: int) -> Self:
-        """Return the projector of pixels ``start:stop`` as one view; nothing large is copied."""
+        """Return the operator of pixels ``start:stop`` as one view; nothing large is copied."""
 
     @abstractmethod
     def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> Self:
-        """Return the projector of some pixels, grouped into views by ``view_ptr``."""
+        """Return the operator of some pixels, grouped into views by ``view_ptr``."""
 
-    def averages(self, volume: NDArray[np.floating]) -> NDArray[np.floating]:
-        """Return the mean emission in every voxel, ``(nx, ny, nz)``, of unknowns so laid out."""
+    def packed(self) -> Self:
+        """Return the same operator with its rows next to each other in memory."""
+        return self
+
+    @property
+    def without_blur(self) -> ProjectionOperator:
+        """The operator of the rays in voxels, before an image blur; itself where none is."""
+        return self
+
+    def voxel_means(self, volume: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Return the mean emission in every voxel of coefficients, both ``(nx, ny, nz)``."""
         return volume
 
     @property
-    def of_averages(self) -> ProjectionOperator:
-        """The same images of a volume of `averages`."""
+    def on_voxel_means(self) -> ProjectionOperator:
+        """The operator that takes the mean emission of every voxel to the same images."""
         return self
 
     @property
@@ -86,23 +113,23 @@ class ProjectionOperator(LinearOperator):
 
     @cached_property
     def row_sums(self) -> NDArray[np.float64]:
-        """Length of every pixel's rays inside the grid, ``(pixels,)``: ``A 1``."""
+        """Sum of every row, ``A 1``, ``(pixels,)``: the length of a pixel's rays in the grid."""
         return self @ np.ones(self.shape[1])
 
     @cached_property
     def column_sums(self) -> NDArray[np.float64]:
-        """Length of all rays inside every active voxel, ``(voxels,)``: ``A^T 1``; 0 is unseen."""
+        """Sum of every column, ``A^T 1``, ``(unknowns,)``; 0 where no ray meets the unknown."""
         return self.T @ np.ones(self.shape[0])
 
     def _transpose(self) -> LinearOperator:
         return self._adjoint()  # scipy's own copies both vectors to conjugate them
 
     def view(self, number: int) -> Self:
-        """Return the projector of one view."""
+        """Return the operator of one view."""
         return self.rows(int(self.view_ptr[number]), int(self.view_ptr[number + 1]))
 
     def subset(self, views: Sequence[int]) -> Self:
-        """Return the projector of some views, in the order given."""
+        """Return the operator of some views, in the order given."""
         counts = [0, *(self.view_ptr[v + 1] - self.view_ptr[v] for v in views)]
         return self._taken(self.pixels_of(views), np.cumsum(counts))
 
@@ -121,7 +148,7 @@ class ProjectionOperator(LinearOperator):
         return np.concatenate([np.zeros(0, np.int64), *spans])
 
     def take(self, pixels: NDArray[np.integer]) -> Self:
-        """Return the projector of some pixels; views stay views.
+        """Return the operator of some pixels; views stay views.
 
         Raises
         ------

@@ -1,11 +1,9 @@
-"""The equations of a scan: which pixels take part, and the projector that predicts them."""
+"""The equations of a scan: the pixels that take part, and the operator that predicts them."""
 
 from __future__ import annotations
 
-import itertools
 import math
-import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numba
@@ -13,25 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Rig, point_in_view
-from tomo._compute.threads import share_out
 from tomo.grid import ActiveVoxels, VoxelGrid
-from tomo.operators.footprint import shadow_spread
-from tomo.operators.image_blur import Defocused
-from tomo.operators.lens_blur import spread_of
-from tomo.operators.linear_basis import Splines
+from tomo.operators.assembly import Progress, camera_sources, trace_cameras
+from tomo.operators.basis import LinearBasis, footprint_blur
+from tomo.operators.lens_blur import lens_blur
 from tomo.operators.memory import STORED, choose_form
-from tomo.operators.on_the_fly.counting_pass import survey
 from tomo.operators.on_the_fly.projector import OnTheFlyProjector
-from tomo.operators.on_the_fly.ray_sources import PixelSource, pixel_source
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.stored import Projector
-from tomo.rays import Rays
 from tomo.trace import Segments, tracing
-
-Progress = Callable[[int, int, str], None]
-"""Called as ``progress(done, total, where)``."""
-
-RAYS_AT_ONCE = 16_384  # traced by one thread: they stay near its core, and threads end together
 
 
 class VolumeNotSeenError(ValueError):
@@ -40,18 +28,18 @@ class VolumeNotSeenError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class LinearSystem:
-    """The projector of the pixels that matter, and how they lie in the images.
+    """The operator of the pixels that take part, and where they lie in the images.
 
     Attributes
     ----------
-    projector : Projector, OnTheFlyProjector, Defocused or Splines
+    projector : ProjectionOperator
         One row a pixel, grouped by view.
     rig : Rig
         The cameras, one a view.
     pixels : tuple of (P_v,) int64
         For each view the flat pixel numbers ``row * width + column`` of its rows.
     form, reason : str
-        Whether the projector is stored or computed on the fly, and why.
+        Whether the matrix is stored or computed on the fly, and why.
     """
 
     projector: ProjectionOperator
@@ -88,17 +76,17 @@ class LinearSystem:
         active : ActiveVoxels, optional
             The voxels that are unknowns, see `tomo.hull.carve`; all when None.
         skip : bool
-            Whether to leave out the pixels whose rays miss the active voxels; on the fly, the
-            grid.
+            Whether to leave out the pixels whose rays miss the active voxels; on the fly, those
+            whose rays miss the grid.
         supersample : int
             Rays along each side of a pixel.
         midpoints : bool
-            Whether to keep the middle of every crossing (WERNet needs them).
+            Whether to keep the midpoint of every segment (WERNet needs them).
         form : {"auto", "stored", "on-the-fly"}
-            Of the projector; ``auto`` stores the matrix where it fits in memory. On the fly, the
-            tracer is not used.
+            Whether to store the matrix; ``auto`` stores it where it fits in memory. On the fly
+            the tracer is not used.
         needs_matrix : bool
-            Whether the method goes through the matrix's entries: then only a stored one will do.
+            Whether the method goes through the matrix entries: the form is then ``stored``.
         progress : callable, optional
 
         Raises
@@ -123,13 +111,13 @@ class LinearSystem:
         else:
             usable = [np.flatnonzero(mask) for mask in masks]
         if form == STORED:
-            by_place = not active.all  # there voxels are looked up in a table in any case
+            by_place = not active.all  # a table of the voxels is read in any case
             how = {"midpoints": midpoints, "active": active, "by_place": by_place}
             threads = numba.get_num_threads() if tracer == "march" else 1  # raycast has its own
             tracers = [tracing(grid, tracer, **how) for _ in range(threads)]
-            parts, pixels = _traced(rig, usable, tracers, skip, supersample, progress)
+            parts, pixels = trace_cameras(rig, usable, tracers, skip, supersample, progress)
         else:
-            parts, pixels = _followed(rig, usable, active, skip, supersample, progress)
+            parts, pixels = camera_sources(rig, usable, active, skip, supersample, progress)
         if progress:
             progress(len(rig), len(rig), "")
         if form == STORED:
@@ -143,56 +131,54 @@ class LinearSystem:
             raise VolumeNotSeenError(_not_seen(rig, grid))
         return cls(projector, rig, tuple(pixels), form, reason)
 
-    def out_of_focus(self, blur: float) -> LinearSystem:
-        """Return the same equations for lenses that spread light over discs.
+    def with_lens_blur(self, diameter: float) -> LinearSystem:
+        """Return the same equations for lenses out of focus.
 
         Parameters
         ----------
-        blur : float
-            Diameter at the grid's centre, see `tomo.operators.spread_of`.
+        diameter : float
+            Diameter of the disc at the grid's centre, see `tomo.operators.lens_blur`.
 
         Raises
         ------
         ValueError
-            If the blur is not a number above 0.
+            If the diameter is not a number above 0, or see `tomo.operators.lens_blur`.
         """
-        spread = spread_of(self.rig, self.pixels, self.projector.grid, blur)
-        return replace(self, projector=Defocused(self.projector, spread))
+        blur = lens_blur(self.rig, self.pixels, self.projector.grid, diameter)
+        return replace(self, projector=blur @ self.projector)
 
-    def of_splines(self, supersample: int = 1) -> LinearSystem:
-        """Return the same equations for emission that runs straight between voxels' centres.
+    def with_linear_basis(self, supersample: int = 1) -> LinearSystem:
+        """Return the same equations for emission that is linear between voxel centres.
 
         Parameters
         ----------
         supersample : int
-            Rays along each side of a pixel, as the equations were made with.
+            Rays along each side of a pixel that the equations were made with.
 
         Raises
         ------
         ValueError
-            If a camera does not see the grid's centre, or the shares would not fit in memory.
+            If the grid's centre is behind a camera, or the blur would not fit in memory.
         """
-        seeing = self.projector.row_sums > 0
-        spread = shadow_spread(self.rig, self.pixels, seeing, self.projector.grid, supersample)
-        return replace(self, projector=Splines(self.projector, spread))
+        seen = self.projector.row_sums > 0
+        blur = footprint_blur(self.rig, self.pixels, seen, self.projector.grid, supersample)
+        return replace(self, projector=LinearBasis(blur @ self.projector))
 
     @property
-    def of_averages(self) -> LinearSystem:
-        """The same equations, of volumes that hold the mean emission in every voxel."""
-        return replace(self, projector=self.projector.of_averages)
+    def on_voxel_means(self) -> LinearSystem:
+        """The same equations for volumes that hold the mean emission of every voxel."""
+        return replace(self, projector=self.projector.on_voxel_means)
 
     @property
     def blind(self) -> tuple[str, ...]:
         """The cameras of which no usable pixel sees the volume."""
         views = range(self.projector.n_views)
-        crossings = [self.projector.view(number).n_segments for number in views]
-        return tuple(
-            name for name, found in zip(self.rig.names, crossings, strict=True) if not found
-        )
+        counts = [self.projector.view(number).n_segments for number in views]
+        return tuple(name for name, found in zip(self.rig.names, counts, strict=True) if not found)
 
     @property
     def unseen(self) -> NDArray[np.bool_]:
-        """Which voxels no ray crosses though they may emit, of the grid's shape."""
+        """The active voxels that no ray meets, ``(nx, ny, nz)``."""
         active = self.projector.active
         silent = active.expand(self.projector.column_sums == 0)
         return silent.reshape(active.grid.shape)
@@ -230,76 +216,6 @@ class LinearSystem:
             image[kept] = flat[start:stop]
             images.append(image.reshape(height, width))
         return images
-
-
-def _traced(
-    rig: Rig,
-    usable: list[NDArray[np.int64]],
-    tracers: list[Callable[[Rays], Segments]],
-    skip: bool,
-    supersample: int,
-    progress: Progress | None,
-) -> tuple[list[Segments], list[NDArray[np.int64]]]:
-    """Return the crossings of the cameras' pixels with active voxels, and each camera's pixels.
-
-    Some rays at a time, by each of the tracers on a thread of its own.
-    """
-    at_once = max(RAYS_AT_ONCE // max(supersample, 1) ** 2, 1)
-    pieces = [
-        (view, first)
-        for view, pixels in enumerate(usable)
-        for first in range(0, max(len(pixels), 1), at_once)
-    ]
-    found: dict[tuple[int, int], tuple[Segments, NDArray[np.int64]]] = {}
-    free, begun, one_at_a_time = iter(tracers), itertools.count(), threading.Lock()
-
-    def worker() -> Callable[[tuple[int, int]], None]:
-        find = next(free)
-
-        def trace(piece: tuple[int, int]) -> None:
-            view, first = piece
-            if progress and first == 0:
-                with one_at_a_time:
-                    number = next(begun)
-                    progress(number, len(rig), rig[number].name)
-            some = usable[view][first : first + at_once]
-            part = find(Rays.from_camera(rig[view], some, supersample))
-            if skip:
-                part, seeing = part.without_empty()
-                some = some[seeing]
-            found[piece] = part, some
-
-        return trace
-
-    share_out(pieces, len(tracers), worker)
-    parts, kept = [], [[] for _ in rig]
-    for view, first in pieces:
-        part, some = found[view, first]
-        parts.append(part)
-        kept[view].append(some)
-    return parts, [np.concatenate(some) for some in kept]
-
-
-def _followed(
-    rig: Rig,
-    usable: list[NDArray[np.int64]],
-    active: ActiveVoxels,
-    skip: bool,
-    supersample: int,
-    progress: Progress | None,
-) -> tuple[list[PixelSource], list[NDArray[np.int64]]]:
-    """Return the pixels of the cameras to follow through the grid at every product."""
-    sources, kept = [], []
-    for view, (camera, pixels) in enumerate(zip(rig, usable, strict=True)):
-        if progress:
-            progress(view, len(rig), camera.name)
-        source = pixel_source(camera, pixels, supersample)
-        if skip:
-            seeing = np.flatnonzero(survey(source, active.grid).meets)
-            source, pixels = source.take(seeing), pixels[seeing]
-        sources.append(source)
-        kept.append(pixels)
-    return sources, kept
 
 
 def _not_seen(rig: Rig, grid: VoxelGrid) -> str:

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
 
 from tomo.grid import VoxelGrid
+from tomo.operators import LINEAR, VOXEL
 from tomo.pipeline.methods import AUTO, Method, method_named, method_names
 from tomo.pipeline.reconstruction import UNSEEN
 from tomo.scan import Scan
-from tomo.selection.basis import BASES, BOXES, SPLINES
+from tomo.selection.basis import BASES
 from tomo.selfcal.refine.search import FEWEST
 from tomo.uncertainty import AUTO_REPEATS
 
@@ -76,14 +77,14 @@ def check_basis(basis: str, blur: float | str, method: Method) -> None:
     if basis not in (AUTO, *BASES):
         expected = ", ".join((AUTO, *BASES))
         raise ValueError(f"basis: found {basis!r}, expected one of {expected}")
-    if basis == SPLINES and not method.through_lenses:
+    if basis == LINEAR and not method.through_lenses:
         raise ValueError(
-            f"basis: found {basis}, expected {BOXES} for method {method.name}: it goes line by "
+            f"basis: found {basis}, expected {VOXEL} for method {method.name}: it goes line by "
             "line"
         )
-    if basis == SPLINES and blur:
+    if basis == LINEAR and blur:
         raise ValueError(
-            f"basis: found {basis} with blur {blur}, expected {BOXES}: discs are told for those"
+            f"basis: found {basis} with blur {blur}, expected {VOXEL}: discs are told for those"
         )
 
 

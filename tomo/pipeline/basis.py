@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.operators import STORED, Defocused, LinearSystem
+from tomo.operators import LINEAR, STORED, VOXEL, LinearSystem
 from tomo.pipeline.methods import AUTO, Method
 from tomo.pipeline.request import Request
-from tomo.selection.basis import BOXES, SPLINES, error_ratio
+from tomo.selection.basis import error_ratio
 from tomo.selection.choose import FEW_VIEWS
 
 LARGEST_PIXEL = 0.62
@@ -64,11 +64,11 @@ def of_basis(
     """
     if request.basis != AUTO:
         given = Basis(request.basis, "as asked for")
-        splines = request.basis == SPLINES
-        return (system.of_splines(request.supersample) if splines else system), given
+        splines = request.basis == LINEAR
+        return (system.with_linear_basis(request.supersample) if splines else system), given
     against = _reason_against(system, request, method)
     if against:
-        return system, Basis(BOXES, against)
+        return system, Basis(VOXEL, against)
     return better_of(system, measured, request.supersample)
 
 
@@ -87,18 +87,18 @@ def better_of(
     """
     against = _reason_for_boxes(system, supersample)
     if against:
-        return system, Basis(BOXES, against)
+        return system, Basis(VOXEL, against)
     try:
-        splines = system.of_splines(supersample)
+        splines = system.with_linear_basis(supersample)
     except ValueError as error:  # too large, or a camera beside which the grid's centre lies
-        return system, Basis(BOXES, str(error))
+        return system, Basis(VOXEL, str(error))
     share = error_ratio(splines.projector, system.projector, measured)
     if math.isnan(share):
-        return system, Basis(BOXES, "nothing to judge by")
+        return system, Basis(VOXEL, "nothing to judge by")
     left = f"splines leave {share:.2f} of the squared error of left-out views"
     if share < 1:
-        return splines, Basis(SPLINES, left, share)
-    return system, Basis(BOXES, left, share)
+        return splines, Basis(LINEAR, left, share)
+    return system, Basis(VOXEL, left, share)
 
 
 def _reason_against(system: LinearSystem, request: Request, method: Method) -> str:
@@ -115,7 +115,7 @@ def _reason_against(system: LinearSystem, request: Request, method: Method) -> s
 
 def _reason_for_boxes(system: LinearSystem, supersample: int) -> str:
     """Return why splines are not even tried; empty where they are."""
-    if isinstance(system.projector, Defocused):
+    if not system.projector.rows_are_single_rays:
         return "a lens's discs are told for boxes"
     if system.form != STORED:
         return "on the fly splines would take more memory than all the rest"

@@ -104,7 +104,7 @@ def reconstruct(
         of focus make of points: images are projected through them, see `tomo.defocus`. 0: in
         focus. ``auto``: what the images' spectra show; clean images of a smooth flame may look as
         if they were out of focus.
-    basis : {"auto", "boxes", "splines"}
+    basis : {"auto", "voxel", "linear"}
         Whether the emission is taken to be even within voxels or to run straight between their
         centres, see `tomo.splines`; `Reconstruction.volume` holds the voxels' means either way.
         ``auto``: splines where they predict left-out views clearly better.

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from tomo.operators import LinearSystem
+from tomo.operators import LINEAR, VOXEL, LinearSystem
 from tomo.pipeline.basis import Basis, better_of
 from tomo.pipeline.evaluate import as_learned
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.request import Request
 from tomo.pipeline.run import Run
-from tomo.selection.basis import BOXES, SPLINES
 from tomo.solvers import Iteration, Solution
 
 
@@ -36,11 +35,11 @@ def solved_once_more(
     request : Request
     """
     settled = request.basis != AUTO or not math.isnan(basis.share)
-    if settled or basis.name != BOXES or "learned" not in found.settings:
+    if settled or basis.name != VOXEL or "learned" not in found.settings:
         return system, basis, run, found
     learned = as_learned(system, found, same_views=True)
     better, basis = better_of(learned, run.measured, request.supersample)
-    if basis.name != SPLINES:
+    if basis.name != LINEAR:
         return system, basis, run, found
     last_run = run.through(better.projector)
     last = last_run.solve(method_named(AUTO), None)

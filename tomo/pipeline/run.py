@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo import metrics
-from tomo.operators import Splines
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.system import Progress
 from tomo.pipeline.methods import AUTO, Method
@@ -69,7 +68,7 @@ class Run:
         def watch(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
             if self.truth is not None:
                 distances.append(
-                    metrics.cosine_distance(averages_of(projector, volume), self.truth)
+                    metrics.cosine_distance(voxel_means_of(projector, volume), self.truth)
                 )
             if self.progress:
                 self.progress(index, total, name)
@@ -97,7 +96,7 @@ class Run:
             found = method.solver(projector, self.measured, callback=watch, **arguments)
             extra = {}
         self.cosine_distances.append(tuple(distances))
-        volume = averages_of(projector, projector.active.compress(found.volume))
+        volume = voxel_means_of(projector, projector.active.compress(found.volume))
         return replace(
             found,
             volume=volume,
@@ -114,7 +113,7 @@ class Run:
         """Return ``found``'s solve, with as many iterations, for other images; None if it learns.
 
         From the pixels that take part, ``(pixels,)``, to the voxels' mean emission, the unknowns
-        of the projector ``of_averages``, ``(unknowns,)``.
+        of the projector ``on_voxel_means``, ``(unknowns,)``.
         """
         if method.needs_midpoints:
             return None
@@ -129,19 +128,19 @@ class Run:
             else:
                 arguments = method.arguments(seed=self.seed, iterations=iterations)
                 repeated = method.solver(self.projector, measured, **arguments)
-            volume = averages_of(self.projector, self.projector.active.compress(repeated.volume))
-            return self.projector.of_averages.active.compress(volume)
+            volume = voxel_means_of(
+                self.projector, self.projector.active.compress(repeated.volume)
+            )
+            return self.projector.on_voxel_means.active.compress(volume)
 
         return solve
 
     def _projector_for(self, method: Method) -> ProjectionOperator:
-        """Return the projector, of boxes for a method that goes line by line."""
-        if isinstance(self.projector, Splines) and not method.through_lenses:
-            return self.projector.lines
-        return self.projector
+        """Return the projector, of the voxel basis for a method that goes ray by ray."""
+        return self.projector if method.through_lenses else self.projector.without_blur
 
 
-def averages_of(
+def voxel_means_of(
     projector: ProjectionOperator, unknowns: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Return the mean emission in every voxel, ``(nx, ny, nz)``, of ``unknowns``.
@@ -150,4 +149,4 @@ def averages_of(
     such voxels: not seen by the cameras reconstructed from, it would be seen by those held out.
     """
     seen = np.where(projector.column_sums > 0, unknowns, np.float32(0))
-    return projector.averages(projector.active.expand(seen).reshape(projector.grid.shape))
+    return projector.voxel_means(projector.active.expand(seen).reshape(projector.grid.shape))

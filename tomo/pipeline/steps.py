@@ -10,7 +10,7 @@ import numpy as np
 from tomo._compute.memory import peak_memory
 from tomo.grid import VoxelGrid
 from tomo.measurement import blur_of_images
-from tomo.operators import STORED, LinearSystem
+from tomo.operators import LINEAR, STORED, LinearSystem
 from tomo.operators.system import Progress, VolumeNotSeenError
 from tomo.pipeline.as_warning import as_warning
 from tomo.pipeline.basis import of_basis
@@ -32,7 +32,6 @@ from tomo.pipeline.screen import ScreenedScan, screen_views
 from tomo.pipeline.stage_timings import Laps
 from tomo.pipeline.weights import weights_of
 from tomo.scan import Scan
-from tomo.selection.basis import SPLINES
 from tomo.selfcal.gains import Gains, gains_worth_correcting
 from tomo.simulation.true_weights import true_effects, true_ratios
 from tomo.solvers import Solution
@@ -84,8 +83,8 @@ def reconstruct_as_asked(
     system, judged_system = _traced(prepared, screened, grid, request, progress)
     blur = _blur(system, screened, request)
     if blur:
-        system = system.out_of_focus(blur)
-        judged_system = judged_system and judged_system.out_of_focus(blur)
+        system = system.with_lens_blur(blur)
+        judged_system = judged_system and judged_system.with_lens_blur(blur)
     if system.form != STORED:
         first_use += warm_up(request.tracer, system.form)
     warnings += screened.warnings
@@ -118,8 +117,8 @@ def reconstruct_as_asked(
     )
     found = run.solve(request.main, request.iterations)
     system, basis, run, found = solved_once_more(system, basis, run, found, request)
-    if basis.name == SPLINES:
-        judged_system = judged_system and judged_system.of_splines(request.supersample)
+    if basis.name == LINEAR:
+        judged_system = judged_system and judged_system.with_linear_basis(request.supersample)
     laps.end("solve")
     comparisons = []
     for other, count in request.others:
@@ -131,7 +130,7 @@ def reconstruct_as_asked(
     condition = None
     with as_warning("condition: how far to trust the volume was not found", warnings):
         condition = assess(
-            system.of_averages,
+            system.on_voxel_means,
             measured,
             found.volume,
             run.again(request.main, found),
@@ -145,7 +144,9 @@ def reconstruct_as_asked(
     views, learned = [], None
     with as_warning("re-projected images: not found", warnings):
         seeing = as_learned(system, found, same_views=True)
-        views += views_of(seeing.of_averages, found.volume, screened.images, screened.masks, gains)
+        views += views_of(
+            seeing.on_voxel_means, found.volume, screened.images, screened.masks, gains
+        )
         views += _views_judged(judged_system, found, screened, request)
         if found.weights is not None:
             comparable = request.supersample == 1
@@ -266,7 +267,7 @@ def _views_judged(
             left_out=view.name in screened.left_out,
         )
         for view in views_of(
-            judging.of_averages, found.volume, screened.judged_images, screened.judged_masks
+            judging.on_voxel_means, found.volume, screened.judged_images, screened.judged_masks
         )
     ]
 

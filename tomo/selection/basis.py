@@ -7,12 +7,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tomo.operators.operator import ProjectionOperator
+from tomo.operators import LINEAR, VOXEL, ProjectionOperator
 from tomo.selection.candidates import Candidates
 from tomo.solvers.iterate import check_measured
 
-BOXES, SPLINES = "boxes", "splines"
-BASES = (BOXES, SPLINES)
+BASES = (VOXEL, LINEAR)
+"""The bases that can be asked for by name."""
 
 
 def error_ratio(

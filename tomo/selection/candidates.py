@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compute.reductions import norm
-from tomo.operators.operator import ProjectionOperator
+from tomo.operators import LINEAR, VOXEL, ProjectionOperator
 from tomo.selection.cross_validation import (
     CHECKPOINTS,
     FEW_VIEWS,
@@ -32,6 +32,10 @@ LONGEST = 80
 
 PENALISED = ("tikhonov", "curvature")
 """Methods with a prior strength."""
+
+DEFAULT_STRENGTH = {VOXEL: 5e-4, LINEAR: 1e-4}
+"""Prior strength, by basis, where none is chosen: a weaker one leaves the contrast that makes up
+for the edges of voxels, a stronger one takes detail from clean images."""
 
 WORTH_WIDENING = 0.1
 """A wider basis must gain at least this fraction of the gain so far: less is chance, and costs
@@ -72,7 +76,7 @@ def further_settings(
     """
     found: dict[str, Any] = {} if method in MULTIPLICATIVE else {"weights": weights}
     if method in PENALISED:
-        found["strength"] = projector.faint if strength is None else strength
+        found["strength"] = DEFAULT_STRENGTH[projector.basis] if strength is None else strength
     return found
 
 
@@ -177,7 +181,7 @@ class Candidates:
             where = f"choosing: {method}, {setting}"
             self.progress(len(self.tried), self.total, where)
         training = self.folds[0].training
-        patient = method in PENALISED and not training.edged
+        patient = method in PENALISED and training.basis == LINEAR
         most = iterations or (LONGEST if patient else ITERATIONS[method])
 
         def settings(fold: Fold) -> Mapping[str, Any]:

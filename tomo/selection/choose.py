@@ -42,7 +42,7 @@ class Choice:
         Relative residual of the left-out views (relative to all views if those are dark); NaN if
         none could be left out.
     strength : float, optional
-        Of the penalty; None is as faint as suits the unknowns (`ProjectionOperator.faint`).
+        Prior strength; None is the default of the basis (`DEFAULT_STRENGTH`).
     reason : str
         Why, in words.
     tried : tuple of (method, width, iterations, held-out residual, strength)
@@ -83,10 +83,10 @@ def choose_by_held_out_views(
     each fit also gives its number of iterations. With noise or inexact cameras a wide basis
     predicts left-out views better, with clean images it does not. The best fit then gets the
     default penalty on differences of neighbours, unless the left-out views clearly reject it and
-    rays leave no gaps, and a narrower basis where that predicts clearly better. Unknowns that have
-    no edges (`ProjectionOperator.edged`) have a penalty on curvature instead of any width,
-    increased while it improves, a little more for up to 18 noisy views, and are iterated while the
-    prediction improves.
+    rays leave no gaps, and a narrower basis where that predicts clearly better. The linear basis,
+    which has no edges, has a penalty on curvature instead of any width, increased while it
+    improves, a little more for up to 18 noisy views, and is iterated while the prediction
+    improves.
 
     With few views least squares have the penalty throughout and MLEM is tried too. Scattered
     pixels of the training views are left out as well, if there are enough: they show the noise
@@ -165,7 +165,7 @@ def solve_as_chosen(
     basis = GaussianBasis(projector, choice.width) if choice.width else None
 
     def report(index: int, volume: NDArray[np.float32], residual: float) -> bool | None:
-        return callback(index, basis.blur(volume) if basis else volume, residual)
+        return callback(index, basis.to_voxels(volume) if basis else volume, residual)
 
     start = None
     if choice.method in MULTIPLICATIVE:

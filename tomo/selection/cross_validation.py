@@ -186,7 +186,7 @@ class Fold:
             if index not in CHECKPOINTS[first:]:
                 return False
             at = CHECKPOINTS.index(index)
-            errors[at] = self.squared_error(basis.blur(volume) if basis else volume)
+            errors[at] = self.squared_error(basis.to_voxels(volume) if basis else volume)
             if at < first + 2:
                 return False
             before, now = errors[at - 1 : at + 1].sum(axis=1)

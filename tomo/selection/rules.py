@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tomo.operators.operator import ProjectionOperator
+from tomo.operators import LINEAR, ProjectionOperator
 from tomo.selection.candidates import Candidate, Candidates, Fit
 
 UNPENALISED_MARGIN = 0.7
@@ -47,7 +47,7 @@ seldom resolve single voxels, 0 is tried last."""
 
 def of_many_views(candidates: Candidates, projector: ProjectionOperator) -> Fit:
     """Return the best least-squares fit; ``projector`` has all views."""
-    if not projector.edged:  # smoothness is set by the penalty alone
+    if projector.basis == LINEAR:  # smoothness is set by the penalty alone
         predicts = candidates.smoothed("curvature", strengths=STRENGTHS)[-1]
         several = np.count_nonzero(np.diff(projector.view_ptr)) <= SEVERAL_VIEWS
         clean = predicts.strength == STRENGTHS[0] and not candidates.weighted

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.operators import GaussianBasis, Projector
+from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.view_gains import Gains, geometric_mean
 from tomo.solvers import Solution, cgls, mlem
@@ -135,7 +135,7 @@ def estimate_gains(
         return Gains.none(projector.n_views)
     stride = max(int(min(projector.n_segments // CROSSINGS, projector.shape[0] // 1000)), 1)
     some = interleaved(projector.shape[0], stride)[0]
-    thinned = _taken(projector, some) if stride > 1 else projector
+    thinned = projector.take(some).packed() if stride > 1 else projector
 
     light = float(np.abs(measured).sum(dtype=np.float64))
     darkness = -float(np.minimum(measured, 0).sum(dtype=np.float64)) / light
@@ -151,18 +151,6 @@ def estimate_gains(
         return replace(found, volume=basis.volume(found.volume))
 
     return solve_with_gains(quick, projector, measured, rounds=rounds, offsets=offsets)[1]
-
-
-def _taken(projector: ProjectionOperator, pixels: NDArray[np.int64]) -> ProjectionOperator:
-    """Return the projector of some pixels.
-
-    Rows here and there in a large matrix take as long as all of them: those of a stored one are
-    copied.
-    """
-    taken = projector.take(pixels)
-    if not isinstance(taken, Projector):
-        return taken
-    return Projector(taken.segments, taken.grid, taken.view_ptr, taken.active)
 
 
 def gains_worth_correcting(

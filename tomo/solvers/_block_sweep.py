@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from tomo._compute.jit import compiled
 from tomo._compute.threads import threads_worth
-from tomo.operators import Projector
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.spmv import (
     ADDED_AT_ONCE,
@@ -64,7 +63,7 @@ def sweep_of(
     """
     per_row = _per_row(projector, weights)
     most = _per_column(_column_sums(projector, weights) / len(parts)) if fair else None
-    if isinstance(projector, Projector) and parts:
+    if projector.matrix is not None and parts:
         return _StoredSweep(projector, measured, parts, weights, per_row, most)
     blocks = [
         Block(
@@ -143,7 +142,7 @@ class _StoredSweep:
 
     def __init__(
         self,
-        projector: Projector,
+        projector: ProjectionOperator,
         measured: NDArray[np.float32],
         parts: Sequence[NDArray[np.int64]],
         weights: NDArray[np.float32] | None,

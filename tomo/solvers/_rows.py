@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compute.jit import compiled
-from tomo.operators import Projector
 from tomo.operators.operator import ProjectionOperator
 
 
@@ -50,10 +49,10 @@ def merged_rows(
     ValueError
         If the projector stores no matrix.
     """
-    if not isinstance(projector, Projector):
+    if projector.matrix is None:
         raise ValueError(
-            f"projector: found {type(projector).__name__}, expected a stored Projector: the "
-            "method goes through the matrix's entries"
+            "projector: found one without a stored matrix, expected a stored one: the method goes "
+            "through its entries"
         )
     segments, n_voxels = projector.segments, projector.shape[1]
     row_ptr = np.zeros_like(segments.ptr)

@@ -24,7 +24,7 @@ def test_the_estimate_is_close_to_what_tracing_finds(supersample):
 
 def test_a_part_of_the_rays_is_enough_for_the_estimate(monkeypatch):
     whole = estimate_memory(tuple(RIG), GRID)
-    monkeypatch.setattr("tomo.operators.SAMPLED_RAYS", 300)
+    monkeypatch.setattr("tomo.operators.memory.SAMPLED_RAYS", 300)
     assert estimate_memory(tuple(RIG), GRID).segments == pytest.approx(whole.segments, rel=0.1)
 
 

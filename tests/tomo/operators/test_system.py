@@ -73,7 +73,7 @@ def test_tracing_in_chunks_changes_nothing(monkeypatch, share):
     mask = np.random.default_rng(4).random(GRID.shape) < share
     how = {"active": ActiveVoxels.from_mask(GRID, mask)}
     whole = LinearSystem.from_rig(RIG, GRID, **how).projector
-    monkeypatch.setattr("tomo.operators.system.RAYS_AT_ONCE", 37)
+    monkeypatch.setattr("tomo.operators.assembly.RAYS_AT_ONCE", 37)
     chunked = LinearSystem.from_rig(RIG, GRID, midpoints=True, **how).projector
     np.testing.assert_array_equal(chunked.view_ptr, whole.view_ptr)
     for name in ("ptr", "voxel", "length"):
@@ -85,7 +85,7 @@ def test_tracing_in_chunks_changes_nothing(monkeypatch, share):
 
 @pytest.mark.parametrize("rays", [7, 1000])
 def test_any_number_of_threads_traces_the_same(monkeypatch, rays, on_threads):
-    monkeypatch.setattr("tomo.operators.system.RAYS_AT_ONCE", rays)
+    monkeypatch.setattr("tomo.operators.assembly.RAYS_AT_ONCE", rays)
     found = []
     for threads in (1, 2):
         with on_threads(threads):

@@ -61,7 +61,7 @@ def by_splines(fine):
 @pytest.fixture(scope="session")
 def by_boxes(fine):
     settings = {"hold_out": ["cam03"], "compare": [("art", 3), ("sirt", 20)]}
-    return reconstruct(fine, basis="boxes", **settings)
+    return reconstruct(fine, basis="voxel", **settings)
 
 
 def residual_of_used(outcome):
@@ -75,7 +75,7 @@ def psnr(outcome, name):
 
 
 def test_a_flame_in_fine_pixels_is_nearer_to_the_truth_by_splines(by_splines, by_boxes):
-    assert (basis(by_splines), basis(by_boxes)) == ("splines", "boxes")
+    assert (basis(by_splines), basis(by_boxes)) == ("linear", "voxel")
     assert by_splines.settings["basis"]["share"] < 1
     assert distance(by_splines) < 0.8 * distance(by_boxes)
     assert psnr(by_splines, "cam03") > psnr(by_boxes, "cam03") + 1
@@ -106,12 +106,12 @@ def test_what_goes_line_by_line_is_compared_by_boxes(by_splines, by_boxes):
 
 @pytest.mark.parametrize("method", ["art", "mart", "wernet-paper"])
 def test_what_goes_line_by_line_takes_boxes(fine, method):
-    assert basis(reconstruct(fine.scaled(2), method=method, iterations=1)) == "boxes"
+    assert basis(reconstruct(fine.scaled(2), method=method, iterations=1)) == "voxel"
 
 
 def test_pixels_as_large_as_voxels_take_boxes_unless_lines_share_them(take):
     scan = take(footprint=1.0)
-    assert basis(reconstruct(scan, method="cgls", iterations=2)) == "boxes"
+    assert basis(reconstruct(scan, method="cgls", iterations=2)) == "voxel"
     shared = reconstruct(scan, method="cgls", iterations=2, supersample=2)
     assert shared.settings["basis"]["share"] > 0  # both were tried
 
@@ -124,14 +124,14 @@ def test_pixels_too_fine_for_their_worth_take_boxes(take):
 
 def test_light_as_rough_as_boxes_takes_boxes(take):
     scan = take(name="homogeneous", refine=1)
-    assert basis(reconstruct(scan, method="nnls", iterations=3)) == "boxes"
+    assert basis(reconstruct(scan, method="nnls", iterations=3)) == "voxel"
 
 
 def test_on_the_fly_takes_boxes_and_splines_when_asked(fine):
     settings = {"method": "sirt", "iterations": 5, "projector": "on-the-fly", "align": False}
-    assert basis(reconstruct(fine, **settings)) == "boxes"
+    assert basis(reconstruct(fine, **settings)) == "voxel"
     found = [
-        reconstruct(fine, **{**settings, "projector": form}, basis="splines").reconstruction.volume
+        reconstruct(fine, **{**settings, "projector": form}, basis="linear").reconstruction.volume
         for form in ("stored", "on-the-fly")
     ]
     assert cosine_distance(*found) < 1e-4
@@ -139,7 +139,7 @@ def test_on_the_fly_takes_boxes_and_splines_when_asked(fine):
 
 def test_many_views_learn_of_boxes_and_leave_images_without_more_to_splines(fine):
     found = reconstruct(fine, method="wernet", uncertainty=0)
-    assert basis(found) == "splines"
+    assert basis(found) == "linear"
     assert found.reconstruction.settings["method"] == "wernet"
     assert found.reconstruction.settings["learned"] is False
     assert "by splines" in found.reconstruction.stop_reason
@@ -151,9 +151,9 @@ def test_what_many_views_taught_of_boxes_is_solved_for_by_splines(take):
     scan = take(effects=Effects(gain_spread=0.1), seed=3)
     settings = {"method": "wernet", "fit_gain": False, "hold_out": ["cam03"]}
     settings["compare"] = [("sirt", 20)]
-    found, boxes = (reconstruct(scan, basis=one, **settings) for one in ("auto", "boxes"))
+    found, boxes = (reconstruct(scan, basis=one, **settings) for one in ("auto", "voxel"))
     learned, of_boxes = (one.reconstruction for one in (found, boxes))
-    assert basis(found) == "splines"
+    assert basis(found) == "linear"
     assert learned.settings["learned"] is of_boxes.settings["learned"] is True
     assert distance(found) < 0.85 * distance(boxes)
     assert psnr(found, "cam03") > psnr(boxes, "cam03")
@@ -188,8 +188,8 @@ def test_weights_that_are_given_are_judged_on_what_predicts_better(fine):
 def test_few_views_learn_of_splines(take):
     scan = take(views=6)
     found = reconstruct(scan, method="wernet")
-    assert basis(found) == "splines"
-    boxes = reconstruct(scan, method="wernet", basis="boxes")
+    assert basis(found) == "linear"
+    boxes = reconstruct(scan, method="wernet", basis="voxel")
     assert distance(found) < distance(boxes)
 
 
@@ -198,7 +198,7 @@ def test_few_views_that_teach_nothing_are_judged_by_the_splines_they_were_solved
     found = reconstruct(scan, method="wernet", iterations=0, **settings)
     classic = reconstruct(scan, **settings)
     assert found.reconstruction.settings["learned"] is False
-    assert basis(found) == basis(classic) == "splines"
+    assert basis(found) == basis(classic) == "linear"
     np.testing.assert_array_equal(found.reconstruction.volume, classic.reconstruction.volume)
     assert psnr(found, "cam02") == psnr(classic, "cam02")
 
@@ -206,9 +206,9 @@ def test_few_views_that_teach_nothing_are_judged_by_the_splines_they_were_solved
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"basis": "blobs"}, "basis: found 'blobs', expected one of auto, boxes, splines"),
-        ({"basis": "splines", "method": "art"}, "basis: found splines, expected boxes for method"),
-        ({"basis": "splines", "blur": 1.0}, "basis: found splines with blur 1.0, expected boxes"),
+        ({"basis": "blobs"}, "basis: found 'blobs', expected one of auto, voxel, linear"),
+        ({"basis": "linear", "method": "art"}, "basis: found linear, expected voxel for method"),
+        ({"basis": "linear", "blur": 1.0}, "basis: found linear with blur 1.0, expected voxel"),
     ],
 )
 def test_what_cannot_be_is_refused(fine, settings, words):

@@ -23,7 +23,7 @@ warm_up_carving()
 warm_up_alignment()
 before = known()
 grid = VoxelGrid((20, 40, 20), 0.5, (1.0, -2.0, 0.5))
-for basis in ("boxes", "splines"):
+for basis in ("voxel", "linear"):
     outcome = reconstruct(
         Scan.load(sys.argv[1]), grid, method="sirt", iterations=2, basis=basis
     )

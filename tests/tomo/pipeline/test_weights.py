@@ -47,7 +47,7 @@ def distance(outcome):
     return outcome.reconstruction.quality["cosine_distance"]
 
 
-@pytest.mark.parametrize("basis", ["boxes", "splines"])
+@pytest.mark.parametrize("basis", ["voxel", "linear"])
 def test_photons_are_weighed_and_the_volume_comes_nearer_to_the_truth(photons, basis):
     plain, weighed = both(photons, basis=basis)
     assert weighed.settings["weights"]["used"]

@@ -58,7 +58,7 @@ def test_masked_pixels_never_matter(copy, volume_of, far, garble):
 def test_pixels_that_miss_the_grid_change_nothing(folder, method, far):
     settings = {"method": method, "iterations": 10}
     if method == "auto":  # its stop depends on which pixels it leaves out
-        settings |= {"iterations": None, "basis": "boxes"}
+        settings |= {"iterations": None, "basis": "voxel"}
     skipped = reconstruct(Scan.load(folder), margin=np.inf, **settings)
     whole = reconstruct(Scan.load(folder), skip=False, **settings)
     assert whole.counts["rays"] == 6 * 40 * 60 > skipped.counts["rays"]

@@ -18,7 +18,7 @@ def systems(views):
         pitch_degrees=np.resize([15.0, -15.0], views),
     )  # fmt: skip
     boxes = LinearSystem.from_rig(rig, GRID)
-    return boxes, boxes.of_splines().projector
+    return boxes, boxes.with_linear_basis().projector
 
 
 @pytest.mark.parametrize("views", [5, 10])

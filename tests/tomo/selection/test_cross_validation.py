@@ -117,7 +117,7 @@ def test_the_errors_are_those_of_runs_of_just_so_many_iterations(fold, method, w
             iterations=CHECKPOINTS[at],
             start=fold.start if method == "mlem" else None,
         ).volume.ravel()
-        seen = fold.left_out @ (basis.blur(found) if basis else found)
+        seen = fold.left_out @ (basis.to_voxels(found) if basis else found)
         expected = np.sum((seen.astype(float) - fold.left_out_pixels) ** 2)
         assert errors[at, 0] == pytest.approx(expected, rel=1e-5)
         assert errors[at, 1] == 0

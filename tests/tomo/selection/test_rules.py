@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tomo.operators import LINEAR
 from tomo.selection.candidates import Candidate, Fit
 from tomo.selection.rules import (
     SEVERAL_VIEWS,
@@ -64,6 +65,6 @@ def test_of_several_noisy_views_the_penalty_is_stronger_than_they_ask_for(
     )
     # A view without pixels does not count.
     view_ptr = np.concatenate([[0], np.arange(views + 1)]) * 10
-    found = of_many_views(candidates, SimpleNamespace(edged=False, view_ptr=view_ptr))
+    found = of_many_views(candidates, SimpleNamespace(basis=LINEAR, view_ptr=view_ptr))
     assert (found.method, found.width) == ("curvature", 0.0)
     assert found.strength == pytest.approx(best * STRONGER if stronger else best)

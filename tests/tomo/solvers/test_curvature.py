@@ -10,7 +10,7 @@ import phantoms
 import rigs
 from tomo import metrics, solvers
 from tomo.grid import ActiveVoxels, VoxelGrid
-from tomo.operators import LinearSystem, averages
+from tomo.operators import LinearSystem, voxel_means
 from tomo.priors.differences import Gradient
 from tomo.simulation import camera_noise, simulate
 from tomo.solvers.curvature import AROUND, DARKEST, FIRST, RelativeCurvature
@@ -164,13 +164,13 @@ def test_few_noisy_views_of_smooth_light_come_nearer_than_by_differences(seed):
     scan = simulate(rig, field, grid, supersample=3, refine=3)
     images = camera_noise.gaussian(list(scan.images.values()), 0.02, random)
     system = LinearSystem.from_rig(rig, grid)
-    measured, splines = system.flatten(images), system.of_splines().projector
+    measured, splines = system.flatten(images), system.with_linear_basis().projector
 
     def nearest(method):
         distances = []
 
         def judge(_index, volume, _residual):
-            found = averages(splines.active.expand(volume).reshape(grid.shape))
+            found = voxel_means(splines.active.expand(volume).reshape(grid.shape))
             distances.append(metrics.cosine_distance(found, scan.truth) if volume.any() else 1.0)
 
         for strength in (1e-4, 3e-4, 1e-3, 3e-3):

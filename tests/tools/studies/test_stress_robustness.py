@@ -24,7 +24,7 @@ def flame():
 
 def test_a_wrong_view_is_named_and_one_that_is_kept_is_a_fault(flame, monkeypatch):
     images = dict((name, i) for name, i, _ in wrong_views(flame, 1, SHRINK))["upside down"]
-    reconstruct = partial(scenes.reconstructed, basis="boxes")  # which a wrong view costs more
+    reconstruct = partial(scenes.reconstructed, basis="voxel")  # which a wrong view costs more
     monkeypatch.setattr(scenes, "reconstructed", reconstruct)
     found = area._Measured(flame)
     name = flame.rig.names[WRONG]

@@ -36,7 +36,7 @@ class FirstVolume:
     @property
     def values(self) -> NDArray[np.float32]:
         """The active voxels, ``(unknowns,)``."""
-        return self.basis.blur(self.coefficients)
+        return self.basis.to_voxels(self.coefficients)
 
 
 def first_volume(projector: ProjectionOperator, measured: NDArray[np.float32]) -> FirstVolume:

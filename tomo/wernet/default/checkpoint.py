@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from rigs.files import atomic_path
 from rigs.files.size_guard import errors_of_libraries
 from rigs.files.text import shortened
-from tomo.operators import Defocused
 from tomo.selection import Choice
 from tomo.selection.candidates import Candidate
 from tomo.wernet.default.correction import CorrectionEncoder, ViewTokens
@@ -25,7 +24,7 @@ from tomo.wernet.default.ray_weights import RayWeights
 from tomo.wernet.encoder_file import load_tensors, rebuilt
 
 if TYPE_CHECKING:
-    from tomo.operators import Projector
+    from tomo.operators import ProjectionOperator
 
 _FORMAT, _VERSION = "wernet-checkpoint", 5
 
@@ -91,19 +90,15 @@ class Checkpoint:
         cls,
         path: str | Path | None,
         settings: Mapping[str, Any],
-        projector: Projector | Defocused,
+        projector: ProjectionOperator,
         measured: NDArray[np.float32],
     ) -> Checkpoint | None:
         """Return the checkpoint of a problem; None without a path."""
         if path is None:
             return None
         images = zlib.crc32(np.ascontiguousarray(measured))
-        segments = projector.segments
         rays = 0
-        parts = [projector.view_ptr, segments.ptr, segments.voxel, segments.length]
-        if isinstance(projector, Defocused):
-            parts += [projector.spread.indices, projector.spread.data]
-        for part in parts:
+        for part in projector.arrays:
             rays = zlib.crc32(np.ascontiguousarray(part), rays)
         told = {key: value for key, value in settings.items() if key != "device"}
         return cls(Path(path), f"{projector.shape} {images:08x} {rays:08x} {told}")

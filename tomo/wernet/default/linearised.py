@@ -104,7 +104,7 @@ class Thinned:
         basis = GaussianBasis(learned, eliminated.width) if eliminated.width else learned
         free = _solved(basis, self.measured, eliminated)
         if isinstance(basis, GaussianBasis):
-            free = basis.blur(free)
+            free = basis.to_voxels(free)
         residual = (self.measured - learned @ free).astype(np.float64)
         slope = 2 * learned.segments.length
         level = self.projector.with_lengths(slope) @ free

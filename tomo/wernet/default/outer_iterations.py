@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tomo.operators import Defocused, Projector
+from tomo.operators import Projector
 from tomo.selection import Choice, choose_by_held_out_views
 from tomo.selection.choose import residual_of_left_out_views, solve_as_chosen
 from tomo.wernet.default.alternation import Alternation
@@ -169,10 +169,10 @@ class Rounds:
 
         By the weights as they are learnt by now. None where every pixel sees its own line alone.
         """
-        if not isinstance(self.projector, Defocused):
+        if self.projector.rows_are_single_rays:
             return None
         learned = reweighted(self.projector, self._corrections(front))
-        return (learned @ self.volume - learned.lines @ self.volume).astype(np.float32)
+        return (learned @ self.volume - learned.without_blur @ self.volume).astype(np.float32)
 
     def _corrections(self, front: torch.Tensor) -> NDArray[np.float32]:
         """Return the correction of each segment, ``(S,)``, as it is learnt by now."""

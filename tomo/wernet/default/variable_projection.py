@@ -12,7 +12,6 @@ import torch
 from numpy.typing import NDArray
 
 from tomo._compute.reductions import dot
-from tomo.operators import Defocused
 from tomo.selection import Choice, choose_by_held_out_views
 from tomo.wernet.default.correction import ViewTokens
 from tomo.wernet.default.linearised import Linearised, Thinned
@@ -21,7 +20,7 @@ from tomo.wernet.default.patch_validation import residuals_of_left_out_patches
 from tomo.wernet.default.ray_features import TRENDS
 
 if TYPE_CHECKING:
-    from tomo.operators import Projector
+    from tomo.operators import ProjectionOperator
 
 STEPS = 6
 PIXELS_AN_UNKNOWN = 12
@@ -73,7 +72,7 @@ class Step(NamedTuple):
 
 
 def first_guess(
-    projector: Projector,
+    projector: ProjectionOperator,
     measured: NDArray[np.float32],
     choice: Choice,
     unit: float,
@@ -95,7 +94,7 @@ def first_guess(
 
     Parameters
     ----------
-    projector : Projector or Defocused
+    projector : ProjectionOperator
         Of chord lengths, with midpoints.
     measured : (pixels,) float32
     choice : Choice
@@ -107,8 +106,8 @@ def first_guess(
         In which places in the image are counted, see `RayFeatures`.
     """
     stride = max(projector.shape[0] // (PIXELS_AN_UNKNOWN * max(projector.shape[1], 1)), 1)
-    if isinstance(projector, Defocused):
-        stride = 1  # every pixel needs the lines of its neighbours
+    if not projector.rows_are_single_rays:
+        stride = 1  # every pixel needs the rays of its neighbours
     some = Thinned.of(projector, measured, stride, unit, widest)
     best, chosen = ViewTokens(projector.n_views, 1), ()
     now = some.at(best, choice)

@@ -6,13 +6,13 @@ import copy
 import math
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import ArrayLike
 
-from tomo.operators import Defocused
+from tomo.operators import VOXEL, ProjectionOperator
 from tomo.selection import choose_by_held_out_views
 from tomo.selection.choose import FEW_VIEWS, solve_as_chosen
 from tomo.solvers import Iteration, Solution
@@ -27,9 +27,6 @@ from tomo.wernet.default.ray_features import RayFeatures
 from tomo.wernet.device import usable_device
 from tomo.wernet.encoder_file import load_encoder
 from tomo.wernet.micro_batches import on_cores
-
-if TYPE_CHECKING:
-    from tomo.operators import Projector, Splines
 
 FEW_VIEW_ROUNDS = 2
 FEW_VIEWS_WORTH = 1.02
@@ -49,7 +46,7 @@ gas that absorbs, 0.2 to 0.5 dB better, and by these 0.4 to 0.8."""
 
 
 def wernet(
-    projector: Projector | Defocused | Splines,
+    projector: ProjectionOperator,
     measured: ArrayLike,
     *,
     iterations: int = 8,
@@ -77,11 +74,11 @@ def wernet(
 
     Parameters
     ----------
-    projector : Projector, Defocused or Splines
-        Stored, of chord lengths, its segments with midpoints. Out of focus, levels and trends are
-        found through the lens; an encoder, which sees single lines, is not trained then. Of
-        splines it is, beside what pixels see of neighbouring lines by the weights as they stand;
-        the volume is that of coefficients, see `Splines.averages`.
+    projector : ProjectionOperator
+        Stored, its segments with midpoints. Through a lens blur levels and trends are found; an
+        encoder, which sees single rays, is not trained then. With the linear basis it is, given
+        the light that pixels see of neighbouring rays by the current weights; the volume is that
+        of coefficients, see `ProjectionOperator.voxel_means`.
     measured : (pixels,)
     iterations : int
         Rounds; none with a frozen encoder.
@@ -220,7 +217,8 @@ def wernet(
                 saved.save(rounds.state())
             if not math.isnan(residual) and note(1, residual):
                 rounds.ended = "stopped by the callback after the first guess"
-        if type(projector) is Defocused and not (freeze_encoder or rounds.ended):
+        blurred = projector.basis == VOXEL and not projector.rows_are_single_rays
+        if blurred and not (freeze_encoder or rounds.ended):
             rounds.ended = "out of focus, where single lines teach an encoder nothing"
         while not rounds.ended and (rounds.done < last or (freeze_encoder and not rounds.done)):
             residual = rounds.round(train=not freeze_encoder)

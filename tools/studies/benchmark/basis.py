@@ -26,10 +26,11 @@ from studies.common.problems import Problem, problem
 from studies.common.study import Request, Tables
 from tomo import metrics
 from tomo.measurement import estimate_noise
-from tomo.pipeline.run import averages_of
+from tomo.operators import LINEAR, VOXEL
+from tomo.pipeline.run import voxel_means_of
 from tomo.pipeline.weights import weigh_images
 from tomo.selection import choose_by_held_out_views
-from tomo.selection.basis import BOXES, SPLINES, error_ratio
+from tomo.selection.basis import error_ratio
 from tomo.selection.choose import solve_as_chosen
 
 REFINE = 4
@@ -61,7 +62,7 @@ def _row(shown: Scene, passes: int) -> dict[str, Any]:
     scan = shown.scan
     ready = problem(scan.rig, scan.grid, shown.images, skip=True)
     by_linear = in_linear_basis(ready)
-    found = convergence_of({BOXES: ready, SPLINES: by_linear}, scan.truth, CLASSIC, passes)
+    found = convergence_of({VOXEL: ready, LINEAR: by_linear}, scan.truth, CLASSIC, passes)
     best = min(found, key=lambda name: found[name].least)
     started = time.perf_counter()
     weights = _weights(shown, ready)
@@ -97,7 +98,7 @@ def _default(
     started, projector = time.perf_counter(), ready.system.projector
     choice = choose_by_held_out_views(projector, ready.measured, weights=weights)
     found = solve_as_chosen(projector, ready.measured, choice, weights=weights)
-    volume = averages_of(projector, projector.active.compress(found.volume))
+    volume = voxel_means_of(projector, projector.active.compress(found.volume))
     return {
         f"{name}_cosine_distance": metrics.cosine_distance(volume, truth),
         f"{name}_nrmse": metrics.nrmse(volume, truth),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from studies.benchmark.convergence import Convergence, converged
 from studies.common.problems import Problem
-from tomo.selection.basis import BOXES, SPLINES
+from tomo.operators import LINEAR, VOXEL
 from tomo.solvers.curvature import FIRST
 
 
@@ -22,7 +22,7 @@ class Candidate(NamedTuple):
     method: str
     width: float = 0.0
     settings: Mapping[str, Any] = {}
-    basis: str = BOXES
+    basis: str = VOXEL
 
     @property
     def name(self) -> str:
@@ -32,7 +32,7 @@ class Candidate(NamedTuple):
             parts.append(f"width {self.width:g}")
         if "strength" in self.settings:
             parts.append(f"strength {self.settings['strength']:g}")
-        if self.basis != BOXES:
+        if self.basis != VOXEL:
             parts.append(self.basis)
         return ", ".join(parts)
 
@@ -43,8 +43,8 @@ INFORMED: tuple[Candidate, ...] = (
     Candidate("nnls", 0.5),
     Candidate("nnls", 0.8),
     Candidate("curvature", settings={"strength": 0.001}),
-    Candidate("curvature", settings={"strength": 0.0001}, basis=SPLINES),
-    Candidate("curvature", settings={"strength": 0.001}, basis=SPLINES),
+    Candidate("curvature", settings={"strength": 0.0001}, basis=LINEAR),
+    Candidate("curvature", settings={"strength": 0.001}, basis=LINEAR),
 )
 CLASSIC: tuple[Candidate, ...] = (
     *INFORMED,
@@ -55,15 +55,15 @@ CLASSIC: tuple[Candidate, ...] = (
     Candidate("tv", settings={"strength": 0.001}),
     Candidate("tv", settings={"strength": 0.005}),
     Candidate("curvature", settings={"strength": 0.01}),
-    Candidate("nnls", basis=SPLINES),
-    Candidate("curvature", settings={"strength": 0.01}, basis=SPLINES),
+    Candidate("nnls", basis=LINEAR),
+    Candidate("curvature", settings={"strength": 0.01}, basis=LINEAR),
 )
 
 
 def in_linear_basis(ready: Problem) -> Problem:
     """Return the same problem in the linear basis; its set-up counts."""
     started = time.perf_counter()
-    system = ready.system.of_splines()
+    system = ready.system.with_linear_basis()
     return replace(ready, system=system, seconds=ready.seconds + time.perf_counter() - started)
 
 

@@ -82,8 +82,8 @@ def converged(
 
     def judge(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
         with watch.paused() as solving:
-            values = basis.blur(volume) if basis else volume
-            found = projector.averages(projector.active.expand(values).reshape(truth.shape))
+            values = basis.to_voxels(volume) if basis else volume
+            found = projector.voxel_means(projector.active.expand(values).reshape(truth.shape))
             distance = metrics.cosine_distance(found, truth)
             reached.append((problem.seconds + solving, distance, metrics.nrmse(found, truth)))
             best = int(np.argmin([r[1] for r in reached]))

@@ -26,7 +26,7 @@ from studies.common.flames import FlameSize
 from studies.common.scans import seconds_of
 from studies.common.study import Request, Tables
 from tomo import metrics
-from tomo.selection.basis import BOXES, SPLINES
+from tomo.operators import LINEAR, VOXEL
 
 COLUMNS = {
     "mismatch": "effect flame noise seeds classic classic_pass classic_cosine_distance "
@@ -53,7 +53,7 @@ def mismatch_row(
     """Return what all methods make of one scene, see `mismatch_scene`."""
     scene = mismatch_scene(effect, flame, noise, seed, size)
     ready = scene.problem(midpoints=True)
-    problems = {BOXES: ready, SPLINES: in_linear_basis(ready)}
+    problems = {VOXEL: ready, LINEAR: in_linear_basis(ready)}
     classic = convergence_of(problems, scene.truth, CLASSIC, passes)
     best = min(classic, key=lambda name: classic[name].least)
     went = classic[best]

@@ -17,7 +17,7 @@ from studies.common.flames import FlameSize, flame_rig, with_noise
 from studies.common.problems import Problem, problem
 from studies.common.scans import reconstructed
 from tomo import LinearSystem, Projector, Segments, VoxelGrid
-from tomo.operators import Splines
+from tomo.operators import LINEAR
 from tomo.operators.operator import ProjectionOperator
 from tomo.pipeline import Reconstruction
 from tomo.simulation import simulate
@@ -121,7 +121,7 @@ class MismatchScene:
         In the linear basis it knows the weights along the middle of a pixel, not of the pixel's
         area; None where a lens sees far more.
         """
-        if isinstance(system.projector, Splines):
+        if system.projector.basis == LINEAR:
             if self.effects.aperture:
                 return None
             lengths = system.projector.segments.length * self.weight_ratios(system)

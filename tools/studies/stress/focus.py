@@ -31,7 +31,7 @@ def focus_rows(quick: bool) -> Iterator[Row]:
         sharp = LinearSystem.from_rig(seen.rig, seen.grid, form=form)
         measured = sharp.flatten(images)
         for width in widths:
-            system = sharp.out_of_focus(width * pixel)
+            system = sharp.with_lens_blur(width * pixel)
             for dtype, figures in adjoints.items():
                 error = dot_test(system.projector, dtype=dtype)
                 figures.append((f"{width:g} pixels, {form}", error))

@@ -29,7 +29,7 @@ def residual(outcome):
 
 def test_wernet_finds_the_disc_and_sees_through_it(scans, out_of_focus):
     settings = {"method": "wernet", "hold_out": ["cam02"], "compare": [("mlem", 30)]}
-    settings |= {"basis": "boxes"}  # as what is reconstructed through a disc
+    settings |= {"basis": "voxel"}  # as what is reconstructed through a disc
     found = reconstruct(scans[0], **settings, blur="auto")
     unaware = reconstruct(scans[0], **settings)
     report = json.loads(json.dumps(found.report(), allow_nan=False))
@@ -53,7 +53,7 @@ def test_others_see_through_a_disc_they_are_told(scans, out_of_focus, method, pr
     told = reconstruct(scans[0], **settings, blur=out_of_focus.blur)
     unaware = reconstruct(scans[0], **settings)
     assert distance(told) < 0.75 * distance(unaware)
-    boxes = reconstruct(scans[0], **settings, basis="boxes")  # as what is told of the disc
+    boxes = reconstruct(scans[0], **settings, basis="voxel")  # as what is told of the disc
     assert residual(told) < residual(boxes)
     assert unaware.settings["blur"] == 0
 

@@ -194,7 +194,7 @@ def _other_views(one):
 
 
 def _through_a_lens(one):
-    return one.system.out_of_focus(3.0).projector, one.measured
+    return one.system.with_lens_blur(3.0).projector, one.measured
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def test_the_share_of_the_misfit_is_of_the_same_rays():
 
 def test_light_of_neighbours_is_nothing_to_learn_of_a_line(scene, small_steps):
     one = scene(finer=2)
-    splines = one.system.of_splines().projector
+    splines = one.system.with_linear_basis().projector
     volume = np.random.default_rng(3).random(splines.shape[1]).astype(np.float32)
     measured, alone = splines @ volume, splines.lines @ volume
     features = RayFeatures.of(splines, torch.device("cpu"), tells_views=False)

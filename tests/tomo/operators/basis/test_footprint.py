@@ -1,11 +1,11 @@
-"""What a voxel's shadow and a pixel's area leave of waves, and what shares of pixels do."""
+"""The waves that a voxel's footprint and a pixel's area pass, and those that the kernel passes."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tomo.operators import footprint
-from tomo.operators.footprint import shares_of_shadow
+from tomo.operators.basis import footprint
+from tomo.operators.basis.footprint import footprint_kernel
 
 EDGES = np.diag([1.0, 1.2, 0.9])
 
@@ -16,8 +16,8 @@ def edges_of(footprint, turn=None):
     return turned[:2].T / footprint
 
 
-def left_by(apart, share, waves):
-    return np.cos(2 * np.pi * waves @ apart.T) @ share
+def passed_by(offsets, weight, waves):
+    return np.cos(2 * np.pi * waves @ offsets.T) @ weight
 
 
 @pytest.mark.parametrize(
@@ -27,48 +27,48 @@ def left_by(apart, share, waves):
         (1.0, 1, 0.34), (1.0, 2, 0.16), (1.0, 3, 0.12), (3.0, 1, 0.5),
     ],
 )  # fmt: skip
-def test_long_waves_are_left_as_by_shadow_and_area(footprint, supersample, bound):
-    """Relative to what is lost; of lines far apart copies are lost instead of waves so long."""
+def test_long_waves_pass_as_through_footprint_and_area(footprint, supersample, bound):
+    """Relative to the loss; where rays are far apart, copies are lost instead of long waves."""
     angle = np.linspace(0, np.pi, 13)
     for turn in range(5):
         edges = edges_of(footprint, turn)
-        apart, share = shares_of_shadow(edges, supersample)
+        offsets, weight = footprint_kernel(edges, supersample)
         waves = np.stack([np.cos(angle), np.sin(angle)], axis=1) * min(footprint, 1) / 8
         exact = np.sinc(waves @ edges.T).prod(axis=1) * np.sinc(waves / supersample).prod(axis=1)
-        found = left_by(apart, share, waves)
+        found = passed_by(offsets, weight, waves)
         np.testing.assert_allclose(1 - found, 1 - exact, rtol=bound)
 
 
 @pytest.mark.parametrize("footprint", [0.3, 0.4, 0.5])
-def test_copies_that_a_camera_along_faces_sees_of_boxes_are_held_back(footprint):
-    apart, share = shares_of_shadow(edges_of(footprint))
+def test_edges_of_voxels_are_suppressed_for_a_camera_along_faces(footprint):
+    offsets, weight = footprint_kernel(edges_of(footprint))
     for side, edge in enumerate((1.0, 1.2)):
         waves = np.zeros((9, 2))
         waves[:, side] = np.linspace(0.95, 1.05, 9) * footprint / edge
-        assert np.abs(left_by(apart, share, waves)).max() < 0.1
+        assert np.abs(passed_by(offsets, weight, waves)).max() < 0.1
 
 
-def test_shares_are_even_and_not_below_zero_and_sum_to_one():
+def test_weights_are_symmetric_and_not_negative_and_sum_to_one():
     random = np.random.default_rng(0)
     for number in range(120):
         footprint, supersample = np.exp(random.uniform(-4, 1.5)), int(random.integers(1, 4))
         edges = edges_of(footprint, number if number % 3 else None)
-        apart, share = shares_of_shadow(edges, supersample)
-        assert share.min() >= 0
-        assert share.sum(dtype=float) == pytest.approx(1, abs=1e-6)
-        mirrored = dict(zip(map(tuple, (-apart).tolist()), share.tolist(), strict=True))
-        assert mirrored == dict(zip(map(tuple, apart.tolist()), share.tolist(), strict=True))
+        offsets, weight = footprint_kernel(edges, supersample)
+        assert weight.min() >= 0
+        assert weight.sum(dtype=float) == pytest.approx(1, abs=1e-6)
+        mirrored = dict(zip(map(tuple, (-offsets).tolist()), weight.tolist(), strict=True))
+        assert mirrored == dict(zip(map(tuple, offsets.tolist()), weight.tolist(), strict=True))
 
 
 @pytest.mark.parametrize("turn", [None, 0, 1])
-def test_wide_shadows_are_transformed_as_well_as_fitted(turn, monkeypatch):
+def test_wide_footprints_are_transformed_as_well_as_fitted(turn, monkeypatch):
     edges = edges_of(0.12, turn)
     angle = np.linspace(0, np.pi, 13)
     waves = np.stack([np.cos(angle), np.sin(angle)], axis=1) * 0.12 / 4
     found = []
     for most in (0, 1000):
         monkeypatch.setattr(footprint, "MOST_FITTED", most)
-        found.append(1 - left_by(*shares_of_shadow(edges), waves))
+        found.append(1 - passed_by(*footprint_kernel(edges), waves))
     exact = 1 - np.sinc(waves @ edges.T).prod(axis=1) * np.sinc(waves).prod(axis=1)
     for one in found:
         np.testing.assert_allclose(one, exact, rtol=0.06)

@@ -1,4 +1,4 @@
-"""Splines against what a camera sees of them and of smooth emission, both integrated by hand."""
+"""The linear basis against images of linear and of smooth emission, integrated by hand."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import rigs
 from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.grid import ActiveVoxels
 from tomo.metrics import cosine_distance
-from tomo.operators import Splines, averages, dot_test
+from tomo.operators import LinearBasis, dot_test, voxel_means
 from tomo.rays import Rays
 
 GRID = VoxelGrid((12, 10, 11), (1.0, 1.2, 0.9), (3.0, -2.0, 1.0))
@@ -80,14 +80,14 @@ def apart(found, expected):
 
 
 @pytest.mark.parametrize(("footprint", "bound"), [(0.15, 0.001), (0.3, 0.003), (0.5, 0.004)])
-def test_pixels_see_emission_that_runs_straight_between_centres(footprint, bound):
+def test_pixels_see_emission_that_is_linear_between_centres(footprint, bound):
     coefficients = bump()
     system = system_of(footprint)
     seen = integrated(linear(coefficients), system.rig)
-    found = system.of_splines().projector @ coefficients.ravel()
-    boxes = system.projector @ averages(coefficients).ravel()
+    found = system.with_linear_basis().projector @ coefficients.ravel()
+    voxels = system.projector @ voxel_means(coefficients).ravel()
     assert apart(found, seen) < bound
-    assert apart(boxes, seen) > 0.04
+    assert apart(voxels, seen) > 0.04
 
 
 @pytest.mark.parametrize(("footprint", "bound"), [(0.3, 0.35), (0.5, 0.49)])
@@ -96,9 +96,9 @@ def test_a_camera_that_looks_along_faces_sees_less_of_edges(footprint, bound):
     rig = rigs.ring(2, pitch_degrees=0.0, **at_the_grid(footprint))
     system = LinearSystem.from_rig(rig, GRID, skip=False)
     seen = integrated(linear(coefficients), rig)
-    found = system.of_splines().projector @ coefficients.ravel()
-    boxes = system.projector @ averages(coefficients).ravel()
-    assert apart(found, seen) < bound * apart(boxes, seen)
+    found = system.with_linear_basis().projector @ coefficients.ravel()
+    voxels = system.projector @ voxel_means(coefficients).ravel()
+    assert apart(found, seen) < bound * apart(voxels, seen)
 
 
 def test_a_single_hat_has_its_light_and_its_size():
@@ -106,21 +106,21 @@ def test_a_single_hat_has_its_light_and_its_size():
     coefficients[6, 5, 4] = 1.0
     system = system_of(0.3)
     seen = integrated(linear(coefficients), system.rig, 2)
-    found = system.of_splines().projector @ coefficients.ravel()
+    found = system.with_linear_basis().projector @ coefficients.ravel()
     assert found.sum() == pytest.approx(seen.sum(), rel=0.03)
     width = system.rig[0].image_size[0]
     place = np.stack(np.divmod(np.arange(width**2), width))
     for image in (slice(0, width**2), slice(width**2, 2 * width**2)):
-        spread = [np.trace(np.cov(place, aweights=one[image])) for one in (found, seen)]
-        assert spread[0] == pytest.approx(spread[1], rel=0.05)
+        variance = [np.trace(np.cov(place, aweights=one[image])) for one in (found, seen)]
+        assert variance[0] == pytest.approx(variance[1], rel=0.05)
 
 
-def test_lines_that_share_a_pixel_share_its_area():
+def test_rays_of_one_pixel_divide_its_area():
     coefficients = bump()
     for supersample in (2, 3):
         system = system_of(0.8, supersample=supersample)
         seen = integrated(linear(coefficients), system.rig)
-        found = system.of_splines(supersample).projector @ coefficients.ravel()
+        found = system.with_linear_basis(supersample).projector @ coefficients.ravel()
         assert apart(found, seen) < 0.013
 
 
@@ -128,8 +128,8 @@ def test_lines_that_share_a_pixel_share_its_area():
 @pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-6)])
 def test_adjoints_match(masked, dtype, bound):
     active = ActiveVoxels.from_mask(GRID, bump() > 0.1) if masked else None
-    splines = system_of(0.7, active=active).of_splines().projector
-    for projector in (splines, splines.of_averages):
+    basis = system_of(0.7, active=active).with_linear_basis().projector
+    for projector in (basis, basis.on_voxel_means):
         for part in (projector, projector.view(1), projector.subset([1, 0])):
             assert max(dot_test(part, seed, dtype) for seed in range(5)) < bound
 
@@ -137,42 +137,40 @@ def test_adjoints_match(masked, dtype, bound):
 @pytest.mark.parametrize("masked", [False, True])
 def test_a_volume_of_means_shows_what_its_coefficients_show(masked):
     mask = bump() > 0.1 if masked else np.ones(GRID.shape, bool)
-    splines = system_of(0.7, active=ActiveVoxels.from_mask(GRID, mask)).of_splines().projector
+    basis = system_of(0.7, active=ActiveVoxels.from_mask(GRID, mask)).with_linear_basis().projector
     coefficients = np.where(mask, bump(), 0)
-    means = splines.averages(coefficients)
-    shown = splines.of_averages @ splines.of_averages.active.compress(means)
+    means = basis.voxel_means(coefficients)
+    shown = basis.on_voxel_means @ basis.on_voxel_means.active.compress(means)
     np.testing.assert_allclose(
-        shown, splines @ splines.active.compress(coefficients), atol=1e-6 * shown.max()
+        shown, basis @ basis.active.compress(coefficients), atol=1e-6 * shown.max()
     )
-    left = splines.of_averages.active.expand(splines.of_averages.active.compress(means))
+    left = basis.on_voxel_means.active.expand(basis.on_voxel_means.active.compress(means))
     np.testing.assert_allclose(left.reshape(GRID.shape), means, atol=1e-12)
 
 
-def test_parts_stay_splines():
-    splines = system_of(0.7).of_splines().projector
-    length = splines.lines.segments.length * 2
-    for part in (splines.view(0), splines.take(np.arange(5, 90)), splines.with_lengths(length)):
-        assert isinstance(part, Splines)
+def test_parts_stay_in_the_linear_basis():
+    basis = system_of(0.7).with_linear_basis().projector
+    length = basis.without_blur.segments.length * 2
+    for part in (basis.view(0), basis.take(np.arange(5, 90)), basis.with_lengths(length)):
+        assert isinstance(part, LinearBasis)
     ones = np.ones(GRID.size)
-    np.testing.assert_allclose(
-        splines.with_lengths(length) @ ones, 2 * (splines @ ones), rtol=1e-6
-    )
+    np.testing.assert_allclose(basis.with_lengths(length) @ ones, 2 * (basis @ ones), rtol=1e-6)
 
 
-def test_rows_sum_to_one_at_the_images_edge_and_beside_damaged_pixels():
+def test_rows_sum_to_one_at_the_images_edge_and_next_to_bad_pixels():
     rig = rig_of(0.7)
     masks = [
         np.random.default_rng(n).random(camera.image_size[::-1]) > 0.2
         for n, camera in enumerate(rig)
     ]
     system = LinearSystem.from_rig(rig, GRID, masks=masks, skip=False)
-    spread = system.of_splines().projector.spread
-    np.testing.assert_allclose(spread.sum(axis=1), system.projector.row_sums > 0, rtol=1e-6)
-    assert spread.data.min() > 0
+    blur = system.with_linear_basis().projector.projector.images.matrix
+    np.testing.assert_allclose(blur.sum(axis=1), system.projector.row_sums > 0, rtol=1e-6)
+    assert blur.data.min() > 0
 
 
 @pytest.mark.parametrize("footprint", [0.05, 0.3])
-def test_shares_spread_as_much_as_a_voxels_shadow_and_a_pixels_area(footprint):
+def test_the_kernel_has_the_variance_of_footprint_and_pixel_area(footprint):
     rig = (
         rig_of(footprint, views=1)
         if footprint > 0.1
@@ -185,14 +183,14 @@ def test_shares_spread_as_much_as_a_voxels_shadow_and_a_pixels_area(footprint):
     middle = height // 2 * width + width // 2
     system = LinearSystem.from_rig(rig, GRID, skip=False)
     (row,) = np.flatnonzero(system.pixels[0] == middle)
-    shares = system.of_splines().projector.spread[[row]].toarray().ravel()
+    weights = system.with_linear_basis().projector.projector.images.matrix[[row]].toarray().ravel()
     place = np.stack([system.pixels[0] % width, system.pixels[0] // width], 1) - [
         width // 2, height // 2
     ]  # fmt: skip
-    np.testing.assert_allclose(shares @ place, 0, atol=1e-6)
+    np.testing.assert_allclose(weights @ place, 0, atol=1e-6)
     turned = camera.R @ np.diag(np.square(GRID.spacing)) @ camera.R.T
     expected = (np.trace(turned[:2, :2]) / footprint**2 + 2) / 12
-    assert shares @ np.square(place).sum(axis=1) == pytest.approx(expected, rel=0.01)
+    assert weights @ np.square(place).sum(axis=1) == pytest.approx(expected, rel=0.01)
 
 
 def test_a_reconstructed_flame_is_nearer_to_the_truth():
@@ -212,8 +210,8 @@ def test_a_reconstructed_flame_is_nearer_to_the_truth():
     ).astype(np.float32)
     truth = GRID.average(field(GRID.refined(6).centers()), 6)
     system = LinearSystem.from_rig(rig, GRID, skip=False)
-    splines = system.of_splines().projector
-    boxes = solvers.nnls(system.projector, measured, iterations=40).volume
-    found = averages(solvers.nnls(splines, measured, iterations=40).volume)
-    assert cosine_distance(found, truth) < 0.2 * cosine_distance(boxes, truth)
+    basis = system.with_linear_basis().projector
+    voxels = solvers.nnls(system.projector, measured, iterations=40).volume
+    found = voxel_means(solvers.nnls(basis, measured, iterations=40).volume)
+    assert cosine_distance(found, truth) < 0.2 * cosine_distance(voxels, truth)
     assert found.sum() == pytest.approx(truth.sum(), rel=2e-3)

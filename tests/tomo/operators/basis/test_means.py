@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tomo.operators import averages, coefficients_of
+from tomo.operators import coefficients_of, voxel_means
 
 
 def emission(coefficients, points):
@@ -25,30 +25,30 @@ def test_they_are_the_mean_of_the_emission_within_each_voxel():
     means = np.zeros(coefficients.shape)
     for index in np.ndindex(coefficients.shape):
         points = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1) + index
-        shares = np.einsum("i,j,k->ijk", weights, weights, weights)
-        means[index] = emission(coefficients, points.reshape(-1, 3)) @ shares.ravel()
-    np.testing.assert_allclose(averages(coefficients), means, rtol=1e-12)
+        products = np.einsum("i,j,k->ijk", weights, weights, weights)
+        means[index] = emission(coefficients, points.reshape(-1, 3)) @ products.ravel()
+    np.testing.assert_allclose(voxel_means(coefficients), means, rtol=1e-12)
 
 
 @given(st.integers(0, 2**32), st.tuples(*[st.integers(1, 9)] * 3))
-def test_coefficients_undo_averages(seed, shape):
+def test_coefficients_undo_voxel_means(seed, shape):
     volume = np.random.default_rng(seed).standard_normal(shape)
-    np.testing.assert_allclose(averages(coefficients_of(volume)), volume, atol=1e-12)
-    np.testing.assert_allclose(coefficients_of(averages(volume)), volume, atol=1e-12)
+    np.testing.assert_allclose(voxel_means(coefficients_of(volume)), volume, atol=1e-12)
+    np.testing.assert_allclose(coefficients_of(voxel_means(volume)), volume, atol=1e-12)
 
 
 def test_both_are_symmetric():
     shape = (2, 3, 4)
-    for of in (averages, coefficients_of):
+    for of in (voxel_means, coefficients_of):
         columns = [of(one.reshape(shape)).ravel() for one in np.eye(24)]
         np.testing.assert_allclose(columns, np.transpose(columns), atol=1e-14)
 
 
 def test_an_even_volume_and_the_sum_of_all_stay():
     coefficients = np.random.default_rng(1).random((5, 6, 7))
-    assert averages(coefficients).sum() == pytest.approx(coefficients.sum(), rel=1e-13)
-    np.testing.assert_allclose(averages(np.ones((4, 3, 2))), 1, rtol=1e-14)
+    assert voxel_means(coefficients).sum() == pytest.approx(coefficients.sum(), rel=1e-13)
+    np.testing.assert_allclose(voxel_means(np.ones((4, 3, 2))), 1, rtol=1e-14)
 
 
 def test_single_precision_stays():
-    assert averages(np.ones((2, 2, 2), np.float32)).dtype == np.float32
+    assert voxel_means(np.ones((2, 2, 2), np.float32)).dtype == np.float32

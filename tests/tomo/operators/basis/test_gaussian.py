@@ -64,7 +64,7 @@ def test_a_blob_stands_at_its_voxels_centre_and_loses_nothing_inside(lines, widt
     smooth = GaussianBasis(Projector(lines.segments.rows(0, 0), grid), width)
     point = np.zeros(grid.shape)
     point[20, 19, 22] = 5.0
-    blob = smooth.blur(point)
+    blob = smooth.to_voxels(point)
     assert blob.shape == grid.shape
     assert blob.sum() == pytest.approx(5, rel=1e-12)
     assert np.unravel_index(blob.argmax(), grid.shape) == (20, 19, 22)

@@ -3,12 +3,12 @@ import pytest
 import scipy.sparse
 
 from tomo import LinearSystem
-from tomo.operators import Defocused, dot_test
+from tomo.operators import ImageBlur, dot_test
 
 
 @pytest.fixture(scope="module")
-def spread(lines):
-    """Each view's own shares, about a dozen a pixel, none the same."""
+def kernel(lines):
+    """Random weights within each view, about a dozen a pixel."""
     random = np.random.default_rng(1)
     parts = [
         scipy.sparse.random_array((n, n), density=12 / max(n, 1), rng=random, format="csr")
@@ -22,8 +22,8 @@ def spread(lines):
 
 
 @pytest.fixture(scope="module")
-def defocused(lines, spread):
-    return Defocused(lines, spread)
+def blurred(lines, kernel):
+    return ImageBlur(kernel) @ lines
 
 
 def some_of(operator):
@@ -41,15 +41,15 @@ PARTS = pytest.mark.parametrize("name", ["whole", "subset", "take", "view", "non
 
 @PARTS
 @pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-6)])
-def test_the_adjoint_matches(defocused, name, dtype, bound):
-    part, _ = some_of(defocused)[name]
+def test_the_adjoint_matches(blurred, name, dtype, bound):
+    part, _ = some_of(blurred)[name]
     assert max(dot_test(part, seed, dtype) for seed in range(20)) < bound
 
 
 @PARTS
-def test_a_part_is_the_product_of_both_matrices_rows(defocused, lines, spread, name):
-    part, pixels = some_of(defocused)[name]
-    expected = (spread.astype(np.float64) @ lines.to_scipy().astype(np.float64))[pixels]
+def test_a_part_is_the_product_of_both_matrices_rows(blurred, lines, kernel, name):
+    part, pixels = some_of(blurred)[name]
+    expected = (kernel.astype(np.float64) @ lines.to_scipy().astype(np.float64))[pixels]
     x = np.random.default_rng(2).standard_normal(lines.shape[1])
     y = np.random.default_rng(3).standard_normal(len(pixels))
     assert part.shape == (len(pixels), lines.shape[1])
@@ -57,44 +57,46 @@ def test_a_part_is_the_product_of_both_matrices_rows(defocused, lines, spread, n
     np.testing.assert_allclose(part.T @ y, expected.T @ y, rtol=1e-11, atol=1e-12)
 
 
-def test_parts_keep_their_views(defocused):
-    assert defocused.n_views == 4
-    assert defocused.subset([3, 0]).view_ptr.tolist() == [0, 150, 250]
-    assert defocused.take(np.arange(0, 400, 50)).view_ptr.tolist() == [0, 2, 2, 5, 8]
+def test_parts_keep_their_views(blurred):
+    assert blurred.n_views == 4
+    assert blurred.subset([3, 0]).view_ptr.tolist() == [0, 150, 250]
+    assert blurred.take(np.arange(0, 400, 50)).view_ptr.tolist() == [0, 2, 2, 5, 8]
 
 
-def test_other_weights_are_spread_as_the_chords_are(defocused, lines, spread):
+def test_other_lengths_are_blurred_as_the_segment_lengths_are(blurred, lines, kernel):
     length = np.random.default_rng(4).standard_normal(len(lines.segments)).astype(np.float32)
     x = np.random.default_rng(5).random(lines.shape[1])
-    found = defocused.with_lengths(length) @ x
-    np.testing.assert_allclose(found, spread @ (lines.with_lengths(length) @ x), rtol=1e-6)
-    assert np.array_equal(defocused.segments.length, lines.segments.length)
+    found = blurred.with_lengths(length) @ x
+    np.testing.assert_allclose(found, kernel @ (lines.with_lengths(length) @ x), rtol=1e-6)
+    assert np.array_equal(blurred.segments.length, lines.segments.length)
 
 
-def test_the_bits_do_not_depend_on_the_threads(defocused, on_threads):
-    x = np.random.default_rng(6).random(defocused.shape[1]).astype(np.float32)
+def test_the_bits_do_not_depend_on_the_threads(blurred, on_threads):
+    x = np.random.default_rng(6).random(blurred.shape[1]).astype(np.float32)
     y = np.random.default_rng(7).random(400).astype(np.float32)
     found = []
     for threads in (1, 2):
         with on_threads(threads):
-            found.append(((defocused @ x).tobytes(), (defocused.T @ y).tobytes()))
+            found.append(((blurred @ x).tobytes(), (blurred.T @ y).tobytes()))
     assert found[0] == found[1]
 
 
-def test_a_spread_of_other_lines_is_refused(lines, spread):
-    with pytest.raises(ValueError, match="spread: found one of 300 lines, expected 400"):
-        Defocused(lines, spread[:, :300])
+def test_a_kernel_of_other_rays_is_refused(lines, kernel):
+    with pytest.raises(
+        ValueError, match="image operator: found one of 300 pixels, expected the 400 of the rays"
+    ):
+        ImageBlur(kernel[:, :300]) @ lines
 
 
-def test_repr_names_the_lines(defocused):
-    assert repr(defocused).startswith("<Defocused: 400 pixels of <Projector: 4 views")
+def test_repr_names_the_rays(blurred):
+    assert repr(blurred).startswith("<<ImageBlur: 400 pixels> @ <Projector: 4 views")
 
 
-def test_lines_found_anew_at_every_product_are_spread_alike(out_of_focus):
+def test_rays_on_the_fly_are_blurred_alike(out_of_focus):
     """A matrix that is stored and one that is not give the same images and volumes."""
     rig, grid = out_of_focus.rig, out_of_focus.grid
     both = [LinearSystem.from_rig(rig, grid, form=form) for form in ("stored", "on-the-fly")]
-    stored, followed = (system.out_of_focus(1.0) for system in both)
+    stored, followed = (system.with_lens_blur(1.0) for system in both)
     x = np.random.default_rng(8).random(grid.size).astype(np.float32)
     for a, b in zip(
         stored.images(stored.projector @ x), followed.images(followed.projector @ x), strict=True
@@ -103,7 +105,7 @@ def test_lines_found_anew_at_every_product_are_spread_alike(out_of_focus):
 
 
 def test_the_images_of_a_lens_are_near(out_of_focus):
-    """Rays through all of a lens, through finer voxels, agree with the lines once spread.
+    """Rays through all of a lens, through finer voxels, agree with the lines once kernel.
 
     What is left is what voxels of half the disc's width miss of edges.
     """
@@ -112,6 +114,6 @@ def test_the_images_of_a_lens_are_near(out_of_focus):
     truth = one.truth.ravel()
     apart = [
         np.linalg.norm(system.projector @ truth - measured) / np.linalg.norm(measured)
-        for system in (one.system, one.system.out_of_focus(one.blur))
+        for system in (one.system, one.system.with_lens_blur(one.blur))
     ]
     assert apart[1] < 0.2 * apart[0]

@@ -3,30 +3,30 @@ import pytest
 
 from rigs import Rig
 from tomo import VoxelGrid
-from tomo.operators import spread_of
-from tomo.operators.lens_blur import disc
+from tomo.operators import lens_blur
+from tomo.operators.lens_blur import disc_kernel
 
 WIDTHS = pytest.mark.parametrize("width", [0.0, 0.02, 0.7, 1.0, 1.001, 1.5, 3.3, 4.0, 9.6, 61.3])
 
 
 @WIDTHS
 def test_a_disc_is_even_and_all_there(width):
-    apart, share = disc(width)
-    assert share.sum() == pytest.approx(1, abs=1e-6)
-    assert (share > 0).all()
-    shares = dict(zip(map(tuple, apart.tolist()), share.tolist(), strict=True))
-    for (x, y), value in shares.items():
+    offsets, weight = disc_kernel(width)
+    assert weight.sum() == pytest.approx(1, abs=1e-6)
+    assert (weight > 0).all()
+    weights = dict(zip(map(tuple, offsets.tolist()), weight.tolist(), strict=True))
+    for (x, y), value in weights.items():
         for other in ((-x, y), (y, x), (-y, -x)):
-            assert shares[other] == pytest.approx(value)
+            assert weights[other] == pytest.approx(value)
     if width <= 1:
-        assert shares == {(0, 0): 1.0}
+        assert weights == {(0, 0): 1.0}
 
 
 @pytest.mark.parametrize("width", [2.0, 3.3, 4.0, 9.6, 300.0])
-def test_a_disc_spreads_as_much_as_its_variance_says(width):
+def test_a_disc_has_its_variance(width):
     """``d² / 16`` along an axis, and about that of the pixel that it is laid out in."""
-    apart, share = disc(width)
-    variance = float(share @ apart[:, 0] ** 2)
+    offsets, weight = disc_kernel(width)
+    variance = float(weight @ offsets[:, 0] ** 2)
     assert variance == pytest.approx(width**2 / 16 + 1 / 12, abs=0.06, rel=1e-4)
 
 
@@ -34,45 +34,47 @@ def test_light_stays_in_its_view_and_what_misses_the_pixels_is_lost(out_of_focus
     rig, grid = out_of_focus.rig, out_of_focus.grid
     every = np.arange(64 * 144)
     some = np.flatnonzero(np.random.default_rng(0).random(64 * 144) < 0.7)
-    spread = spread_of(rig, [every, some, *[every[:0]] * 10], grid, 1.0)
-    assert spread.dtype == np.float32
-    assert spread.shape == (len(every) + len(some),) * 2
-    assert spread[: len(every), len(every) :].nnz == 0
-    assert spread[len(every) :, : len(every)].nnz == 0
-    sums = spread.sum(axis=1)
+    blur = lens_blur(rig, [every, some, *[every[:0]] * 10], grid, 1.0).matrix
+    assert blur.dtype == np.float32
+    assert blur.shape == (len(every) + len(some),) * 2
+    assert blur[: len(every), len(every) :].nnz == 0
+    assert blur[len(every) :, : len(every)].nnz == 0
+    sums = blur.sum(axis=1)
     image = sums[: len(every)].reshape(144, 64)
     np.testing.assert_allclose(image[4:-4, 4:-4], 1, atol=1e-6)
     assert image[0].max() < 0.7
-    own = spread[0, 0]  # a pixel that takes part is always its own neighbour
+    own = blur[0, 0]  # a pixel that takes part is always its own neighbour
     expected = own + 0.7 * (sums[: len(every)].mean() - own)
     assert sums[len(every) :].mean() == pytest.approx(expected, rel=0.02)
-    assert abs(spread - spread.T).max() < 1e-9
+    assert abs(blur - blur.T).max() < 1e-9
 
 
 def test_voxels_blur_by_themselves(out_of_focus):
-    """A disc that spreads no more than a voxel does leaves the lines as they are."""
+    """A disc of no more variance than a voxel leaves the rays as they are."""
     rig, coarse = out_of_focus.rig, VoxelGrid((6, 20, 6), 1.5)
     pixels = [np.arange(64 * 144)] * len(rig)
-    alone = spread_of(rig, pixels, coarse, 1.7)
+    alone = lens_blur(rig, pixels, coarse, 1.7).matrix
     assert alone.nnz == alone.shape[0]
-    assert spread_of(rig, pixels, coarse, 2.5).nnz > 10 * alone.shape[0]
+    assert lens_blur(rig, pixels, coarse, 2.5).matrix.nnz > 10 * alone.shape[0]
 
 
 @pytest.mark.parametrize("blur", [0.0, -1.0, np.nan, np.inf])
 def test_no_diameter_is_refused(out_of_focus, blur):
     with pytest.raises(ValueError, match=r"^blur: found .*, expected a diameter above 0$"):
-        spread_of(out_of_focus.rig, out_of_focus.system.pixels, out_of_focus.grid, blur)
+        lens_blur(out_of_focus.rig, out_of_focus.system.pixels, out_of_focus.grid, blur)
 
 
-def test_what_is_no_blur_of_an_image_is_refused(out_of_focus, monkeypatch):
+def test_a_disc_that_no_image_holds_is_refused(out_of_focus, monkeypatch):
     one = out_of_focus
     words = "blur: camera cam00: found a disc of 148 pixels, expected one within its image of 64 x"
     with pytest.raises(ValueError, match=words):
-        spread_of(one.rig, one.system.pixels, one.grid, 37.0)
-    monkeypatch.setattr("tomo.operators.lens_blur.available_memory", lambda: 10**8)
-    with pytest.raises(ValueError, match=r"^blur: found 20: its discs would take about .* GB"):
-        spread_of(one.rig, one.system.pixels, one.grid, 20.0)
-    assert spread_of(one.rig, one.system.pixels, one.grid, 1.0).nnz
+        lens_blur(one.rig, one.system.pixels, one.grid, 37.0)
+    monkeypatch.setattr("tomo.operators.image_blur.available_memory", lambda: 10**8)
+    with pytest.raises(
+        ValueError, match=r"^blur: found 20: the matrix of its discs would take about .* GB"
+    ):
+        lens_blur(one.rig, one.system.pixels, one.grid, 20.0)
+    assert lens_blur(one.rig, one.system.pixels, one.grid, 1.0).matrix.nnz
 
 
 def test_a_grid_behind_a_camera_is_refused(out_of_focus):
@@ -80,4 +82,4 @@ def test_a_grid_behind_a_camera_is_refused(out_of_focus):
     behind = VoxelGrid((2, 2, 2), 1.0, tuple(2 * one.position))
     assert np.isnan(Rig((one,)).footprint(behind.center)).all()
     with pytest.raises(ValueError, match=f"blur: camera {one.name}: found the grid's centre"):
-        spread_of(Rig((one,)), [np.arange(3)], behind, 4.0)
+        lens_blur(Rig((one,)), [np.arange(3)], behind, 4.0)

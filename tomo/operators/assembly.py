@@ -1,0 +1,109 @@
+"""The rays of a rig's pixels: traced on several threads, or set up to be projected on the fly."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Rig
+from tomo._compute.threads import share_out
+from tomo.grid import ActiveVoxels
+from tomo.operators.on_the_fly.counting_pass import survey
+from tomo.operators.on_the_fly.ray_sources import PixelSource, pixel_source
+from tomo.rays import Rays
+from tomo.trace import Segments
+
+Progress = Callable[[int, int, str], None]
+"""Called as ``progress(done, total, where)``."""
+
+RAYS_AT_ONCE = 16_384
+"""Rays that a thread traces at once: more leave the cache and let threads end apart, fewer cost
+calls."""
+
+
+def trace_cameras(
+    rig: Rig,
+    usable: Sequence[NDArray[np.int64]],
+    tracers: list[Callable[[Rays], Segments]],
+    skip: bool,
+    supersample: int,
+    progress: Progress | None,
+) -> tuple[list[Segments], list[NDArray[np.int64]]]:
+    """Return the segments of the cameras' pixels in active voxels, and each camera's pixels.
+
+    Parameters
+    ----------
+    rig : Rig
+    usable : sequence of (P_v,) int64
+        For each camera the flat numbers of its usable pixels.
+    tracers : sequence of callable
+        One a thread, from `tomo.trace.tracing`.
+    skip : bool
+        Whether to leave out pixels whose rays meet no active voxel.
+    supersample : int
+        Rays along each side of a pixel.
+    progress : callable, optional
+    """
+    at_once = max(RAYS_AT_ONCE // max(supersample, 1) ** 2, 1)
+    chunks = [
+        (view, first)
+        for view, pixels in enumerate(usable)
+        for first in range(0, max(len(pixels), 1), at_once)
+    ]
+    found: dict[tuple[int, int], tuple[Segments, NDArray[np.int64]]] = {}
+    free, begun, lock = iter(tracers), itertools.count(), threading.Lock()
+
+    def worker() -> Callable[[tuple[int, int]], None]:
+        find = next(free)
+
+        def trace(chunk: tuple[int, int]) -> None:
+            view, first = chunk
+            if progress and first == 0:
+                with lock:
+                    number = next(begun)
+                    progress(number, len(rig), rig[number].name)
+            some = usable[view][first : first + at_once]
+            part = find(Rays.from_camera(rig[view], some, supersample))
+            if skip:
+                part, seeing = part.without_empty()
+                some = some[seeing]
+            found[chunk] = part, some
+
+        return trace
+
+    share_out(chunks, len(tracers), worker)
+    parts, kept = [], [[] for _ in rig]
+    for view, first in chunks:
+        part, some = found[view, first]
+        parts.append(part)
+        kept[view].append(some)
+    return parts, [np.concatenate(some) for some in kept]
+
+
+def camera_sources(
+    rig: Rig,
+    usable: Sequence[NDArray[np.int64]],
+    active: ActiveVoxels,
+    skip: bool,
+    supersample: int,
+    progress: Progress | None,
+) -> tuple[list[PixelSource], list[NDArray[np.int64]]]:
+    """Return the rays of the cameras to project at every product, and each camera's pixels.
+
+    Parameters as of `trace_cameras`; ``skip`` leaves out pixels whose rays miss the grid.
+    """
+    sources, kept = [], []
+    for view, (camera, pixels) in enumerate(zip(rig, usable, strict=True)):
+        if progress:
+            progress(view, len(rig), camera.name)
+        source = pixel_source(camera, pixels, supersample)
+        if skip:
+            seeing = np.flatnonzero(survey(source, active.grid).meets)
+            source, pixels = source.take(seeing), pixels[seeing]
+        sources.append(source)
+        kept.append(pixels)
+    return sources, kept

@@ -1,0 +1,208 @@
+"""Operators made of operators: images mapped after a projection, unknowns mapped before it.
+
+Two compositions cover every effect on the way from unknowns to pixels::
+
+    blur @ rays           B A    an image operator behind a projection: `ComposedProjector`
+    BasisProjector(rays)  A M    a projection of coefficients of other basis functions
+
+Both are projection operators: they know their views, give their adjoint, and take some of their
+pixels, so that they compose further.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse.linalg import LinearOperator
+
+from tomo.grid import ActiveVoxels
+from tomo.operators.operator import ProjectionOperator
+from tomo.trace import Segments
+
+
+class ImageOperator(LinearOperator):
+    """A linear operator ``B`` from pixels to pixels; ``B @ A`` of a projection ``A`` is one too.
+
+    Subclasses compute ``_matvec`` and ``_rmatvec`` and take some of the rows.
+    """
+
+    @abstractmethod
+    def take(self, pixels: NDArray[np.integer]) -> tuple[Self, NDArray[np.int64]]:
+        """Return the operator to some pixels from those that they need, and the latter."""
+
+    @property
+    @abstractmethod
+    def arrays(self) -> tuple[NDArray, ...]:
+        """The arrays that define the entries: operators are equal where these are."""
+
+    def __matmul__(self, other):
+        """Return ``B A`` of a projection ``A``, ``B y`` of images ``y``."""
+        if isinstance(other, ProjectionOperator):
+            return ComposedProjector(self, other)
+        return super().__matmul__(other)
+
+    def _transpose(self) -> LinearOperator:
+        return self._adjoint()  # scipy's own copies both vectors to conjugate them
+
+
+class ComposedProjector(ProjectionOperator):
+    """The projection ``B A`` of rays ``A`` whose images an operator ``B`` maps.
+
+    Parameters
+    ----------
+    images : ImageOperator
+        ``B``, ``(pixels, rays)``, such as an `ImageBlur`.
+    rays : ProjectionOperator
+        ``A``, ``(rays, unknowns)``. Where it is stored, `segments` and `with_lengths` are there.
+    view_ptr : (views + 1,) int, optional
+        The first pixel of each view; that of the rays when None.
+
+    Raises
+    ------
+    ValueError
+        If the image operator takes another number of pixels than ``A`` has rows.
+
+    Notes
+    -----
+    Forward ``B (A x)``, adjoint ``A^T (B^T y)``: each of the two by its own operator.
+    """
+
+    rows_are_single_rays = False
+
+    def __init__(
+        self, images: ImageOperator, rays: ProjectionOperator, view_ptr: ArrayLike | None = None
+    ) -> None:
+        if images.shape[1] != rays.shape[0]:
+            raise ValueError(
+                f"image operator: found one of {images.shape[1]} pixels, expected the "
+                f"{rays.shape[0]} of the rays"
+            )
+        self.images, self.rays = images, rays
+        view_ptr = rays.view_ptr if view_ptr is None else view_ptr
+        super().__init__(images.shape[0], rays.grid, view_ptr, rays.dtype, rays.active)
+
+    def __repr__(self) -> str:
+        """Name both operators."""
+        return f"<{self.images!r} @ {self.rays!r}>"
+
+    def _matvec(self, x: NDArray) -> NDArray:
+        return self.images @ (self.rays @ x.ravel())
+
+    def _rmatvec(self, y: NDArray) -> NDArray:
+        return self.rays.T @ (self.images.T @ y.ravel())
+
+    @property
+    def basis(self) -> str:
+        """The basis of the rays' unknowns."""
+        return self.rays.basis
+
+    @property
+    def without_blur(self) -> ProjectionOperator:
+        """``A``."""
+        return self.rays.without_blur
+
+    @property
+    def n_segments(self) -> int:
+        """Number of segments of rays in voxels."""
+        return self.rays.n_segments
+
+    @property
+    def segments(self) -> Segments:
+        """The segments of the rays, before ``B``."""
+        return self.rays.segments
+
+    @property
+    def arrays(self) -> tuple[NDArray, ...]:
+        """The arrays that define the entries."""
+        return *self.rays.arrays, *self.images.arrays
+
+    def with_lengths(self, length: NDArray[np.floating]) -> Self:
+        """Return the operator with ``length`` (segments,), of either sign, instead of its own."""
+        return type(self)(self.images, self.rays.with_lengths(length), self.view_ptr)
+
+    def rows(self, start: int, stop: int) -> Self:
+        """Return the operator of pixels ``start:stop`` as one view, with the rays they need."""
+        return self._taken(np.arange(start, stop), np.array([0, stop - start]))
+
+    def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> Self:
+        images, needed = self.images.take(pixels)
+        return type(self)(images, self.rays.take(needed), view_ptr)
+
+
+class BasisProjector(ProjectionOperator):
+    """The projection ``A M`` whose unknowns are coefficients of other basis functions.
+
+    Subclasses say what ``M`` does, `to_voxels` and its adjoint, and how they are made of another
+    projection of the same unknowns.
+
+    Parameters
+    ----------
+    projector : ProjectionOperator
+        ``A``.
+    active : ActiveVoxels, optional
+        The unknowns of ``A M``; those of ``A`` when None.
+    """
+
+    def __init__(self, projector: ProjectionOperator, active: ActiveVoxels | None = None) -> None:
+        self.projector = projector
+        active = projector.active if active is None else active
+        pixels, _ = projector.shape
+        super().__init__(pixels, projector.grid, projector.view_ptr, projector.dtype, active)
+
+    @abstractmethod
+    def _on(self, projector: ProjectionOperator) -> Self:
+        """Return the same basis on another projection."""
+
+    def to_voxels(self, coefficients: NDArray) -> NDArray:
+        """Return ``M z``, the unknowns of ``A``."""
+        return coefficients
+
+    def to_voxels_adjoint(self, unknowns: NDArray) -> NDArray:
+        """Return ``M^T x``."""
+        return unknowns
+
+    def _matvec(self, x: NDArray) -> NDArray:
+        return self.projector @ self.to_voxels(x.ravel())
+
+    def _rmatvec(self, y: NDArray) -> NDArray:
+        return self.to_voxels_adjoint(self.projector.T @ y.ravel())
+
+    @cached_property
+    def rows_are_single_rays(self) -> bool:
+        """Whether a row holds the rays of its own pixel alone."""
+        return self.projector.rows_are_single_rays
+
+    @property
+    def without_blur(self) -> ProjectionOperator:
+        """The same basis on the projection before an image blur."""
+        return self._on(self.projector.without_blur)
+
+    @property
+    def n_segments(self) -> int:
+        """Number of segments of rays in voxels."""
+        return self.projector.n_segments
+
+    @property
+    def segments(self) -> Segments:
+        """The segments of the rays."""
+        return self.projector.segments
+
+    @property
+    def arrays(self) -> tuple[NDArray, ...]:
+        """The arrays that define the entries of ``A``."""
+        return self.projector.arrays
+
+    def with_lengths(self, length: NDArray[np.floating]) -> Self:
+        """Return the operator with ``length`` (segments,), of either sign, instead of its own."""
+        return self._on(self.projector.with_lengths(length))
+
+    def rows(self, start: int, stop: int) -> Self:
+        """Return the operator of pixels ``start:stop`` as one view."""
+        return self._on(self.projector.rows(start, stop))
+
+    def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> Self:
+        return self._on(self.projector._taken(pixels, view_ptr))
