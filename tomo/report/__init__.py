@@ -6,6 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "report": ["write_report"],
-        "results": ["Convergence", "Picture", "Results", "View", "draw", "write_pictures"],
+        "content": ["Convergence", "Results"],
+        "pictures": ["Picture", "draw", "write_pictures"],
     },
 )

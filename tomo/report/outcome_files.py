@@ -12,8 +12,9 @@ from rigs import save_rig
 from rigs.files import whole_folder
 from tomo.io import write_volume
 from tomo.pipeline import Reconstruction
+from tomo.report.content import Convergence, Results
+from tomo.report.pictures import draw, write_pictures
 from tomo.report.report import write_report
-from tomo.report.results import Convergence, Results, draw, write_pictures
 from tomo.solvers import Solution
 
 PICTURES = ("rig", "slices", "views", "convergence", "difference", "learned", "condition")

@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 from rigs.files import atomic_path
 from tomo.draw.page import embedded, render
 from tomo.metrics import cosine_distance, nrmse
-from tomo.report.results import Picture, Results, draw
+from tomo.report.content import Results
+from tomo.report.pictures import Picture, draw
 from tomo.report.uncertainty_tables import condition_section
 
 _TITLES = {
@@ -19,7 +20,7 @@ _TITLES = {
     "convergence": "Convergence",
     "difference": "Comparison of volumes",
     "condition": "Standard deviation of every voxel",
-    "learned": "What was learned in place of chord lengths",
+    "learned": "Weights learned in place of segment lengths",
 }
 
 
@@ -119,7 +120,7 @@ def _headline(report: Mapping) -> list[tuple[str, str, str]]:
             rows.append((f"{seconds[key]:.3g} s", name, "wall time"))
     for key, name, words in (
         ("rays", "rays", "lines of sight used"),
-        ("segments", "segments", "crossings of rays with voxels"),
+        ("segments", "segments", "pieces of rays inside voxels"),
         ("voxels", "voxels", "in the grid"),
         ("active_voxels", "active voxels", "that can be non-zero"),
     ):
@@ -172,7 +173,7 @@ def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
     for key, title in (
         ("seconds", "Time (s)"),
         ("quality", "Against the truth"),
-        ("suspects", "Wild pixels and wrong views"),
+        ("suspects", "Outlier pixels and inconsistent views"),
         ("skipping", "What takes no part"),
         ("alignment", "Where the cameras look"),
         ("gains", "Gains and backgrounds"),

@@ -16,7 +16,8 @@ from tomo.metrics import cosine_distance, nrmse
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tomo.report.results import Convergence, Results, View
+    from tomo.pipeline.reconstruction import View
+    from tomo.report.content import Convergence, Results
 
 _LINES = ("#1f6fb2", "#c2500f", "#12826a", "#7d5ba6", "#9a7b00", "#5b6672")
 _UNUSED = "#b9c0c7"

@@ -1,4 +1,4 @@
-"""The figure of the condition report: the volume beside its standard deviations."""
+"""The figure of the uncertainty report: the volume and its standard deviations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The condition report as words and tables, from ``report.json``'s own figures."""
+"""The uncertainty section of the report as words and tables, from report.json's figures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _VIEW_BINS = ((0, 0), (1, 1), (2, 2), (3, 4), (5, 8), (9, 16), (17, 32), (33, ma
 
 
 def condition_section(condition: Mapping | None, length_unit: str) -> dict[str, Any] | None:
-    """Return what the page says of the condition: a verdict, words and two tables.
+    """Return the uncertainty section of the page: warnings, words and two tables.
 
     Parameters
     ----------
@@ -21,12 +21,12 @@ def condition_section(condition: Mapping | None, length_unit: str) -> dict[str, 
     if not condition:
         return None
     voxels = condition["voxels"]
-    doubts = list(condition.get("warnings") or ())
+    warnings = list(condition.get("warnings") or ())
     views, gaps = _by_views(voxels), _by_gap(voxels)
     return {
-        "doubts": doubts,
+        "warnings": warnings,
         "words": [
-            *([] if doubts else ["No doubts: enough views, no wide gap, the images explained."]),
+            *([] if warnings else ["No warning: enough views, no wide gap, images explained."]),
             *_of_views(voxels),
             *_of_images(condition.get("images") or {}),
             *_of_deviations(condition.get("standard_deviation")),

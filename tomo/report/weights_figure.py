@@ -52,7 +52,7 @@ def draw_learned(learned: LearnedWeights, length_unit: str) -> Figure:
         thin_lines(axes)
         axes.xaxis.label.set_size(8)
     for axes in (panels[0], panels[3]):
-        axes.set_ylabel("weight / chord", fontsize=8)
+        axes.set_ylabel("weight / segment length", fontsize=8)
     _draw_residuals(panels[5], learned)
     panels[5].grid(False)
     known = learned.true_by_camera is not None
@@ -112,7 +112,7 @@ def _draw_residuals(axes: Axes, learned: LearnedWeights) -> None:
     for row, name in enumerate(reversed(names)):
         axes.barh(row, known[name], 0.5, color=_LEARNED if name == "learned" else "#b9c0c7")
         axes.text(known[name], row, f" {known[name]:.2%}", va="center", fontsize=8, color=INK)
-    words = {"chords": "chord\nlengths", "learned": "learned\nweights"}
+    words = {"chords": "segment\nlengths", "learned": "learned\nweights"}
     axes.set_yticks(range(len(names)), [words[name] for name in reversed(names)], fontsize=8)
     axes.set_xlabel("relative residual of left-out views", fontsize=8)
     axes.set_xlim(0, 1.25 * max(known.values(), default=1.0))

@@ -8,7 +8,8 @@ import pytest
 
 from rigs import Camera, Rig, look_at
 from tomo.grid import VoxelGrid
-from tomo.report import Convergence, Results, View, draw, write_pictures, write_report
+from tomo.pipeline.reconstruction import View
+from tomo.report import Convergence, Results, draw, write_pictures, write_report
 from tomo.report.result_figures import draw_convergence, draw_difference, draw_views, views_to_show
 
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75))

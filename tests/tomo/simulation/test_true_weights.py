@@ -100,7 +100,7 @@ def test_the_picture_stands_beside_the_others_and_goes_with_what_it_shows(outcom
     write_outcome(tmp_path, outcome)
     assert (tmp_path / "learned.png").read_bytes().startswith(b"\x89PNG")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "What was learned in place of chord lengths" in page
+    assert "Weights learned in place of segment lengths" in page
     assert "Dashed: the true ones" in page
     classic = replace(outcome, learned=None, views=(), truth=None, cosine_distances=())
     assert classic.report()["learned"] is None

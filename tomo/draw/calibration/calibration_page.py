@@ -74,7 +74,7 @@ def write_calibration_page(
     notes : sequence of str
         What is to be said after the findings, a line each.
     grid : VoxelGrid, optional
-        The voxels to show; when None those of the rig, else the box that was judged.
+        The voxels to show; when None those of the rig, else the box that was evaluated.
     details : mapping, optional
         What the calibration was made from, in words.
     """
@@ -115,7 +115,7 @@ def write_calibration_page(
 
 
 def _judged(calibration: Calibration) -> VoxelGrid | None:
-    """Return the box of the points where ray-miss was judged; None where they have none."""
+    """Return the box of the points where ray-miss was evaluated; None where they have none."""
     points = calibration.quality.points
     if not len(points) or not (np.ptp(points, axis=0) > 0).all():
         return None

@@ -251,9 +251,9 @@ def _arrow(camera: Camera, target: Target, grid: VoxelGrid, up: Up) -> Scene:
     lower = grid.lower - 0.12 * target.radius
     upper = grid.upper + 0.12 * target.radius
     with np.errstate(divide="ignore", invalid="ignore"):
-        crossings = np.stack([(lower - position) / forward, (upper - position) / forward])
-    enter = np.nanmax(np.minimum(crossings[0], crossings[1]))
-    leave = np.nanmin(np.maximum(crossings[0], crossings[1]))
+        hits = np.stack([(lower - position) / forward, (upper - position) / forward])
+    enter = np.nanmax(np.minimum(hits[0], hits[1]))
+    leave = np.nanmin(np.maximum(hits[0], hits[1]))
     if not 0 < enter < leave:
         enter = float((target.center - position) @ forward) - target.radius
     length = 0.4 * target.radius

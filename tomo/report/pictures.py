@@ -1,112 +1,21 @@
-"""The figures of a reconstruction: made once, written as PNG files and shown in the report."""
+"""The pictures of a reconstruction: drawn once, written as PNG files and shown in the report."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from numpy.typing import NDArray
-
-from rigs import Rig
 from rigs.files import atomic_path
 from tomo.draw.figures import png_bytes
-from tomo.grid import VoxelGrid
 from tomo.pipeline.as_warning import as_warning
-from tomo.pipeline.reconstruction import View
+from tomo.report.content import Results
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from tomo.wernet.default import LearnedWeights
-
-
-@dataclass(frozen=True, eq=False)
-class Convergence:
-    """How one method went, one entry an iteration.
-
-    Attributes
-    ----------
-    label : str
-        The method.
-    iterations, relative_residual, seconds : (N,) sequences
-    cosine_distance : (N,) sequence, optional
-        Against a truth.
-    """
-
-    label: str
-    iterations: Sequence[float]
-    relative_residual: Sequence[float]
-    seconds: Sequence[float]
-    cosine_distance: Sequence[float] | None = None
-
-    def __post_init__(self) -> None:
-        """Check that all columns are equally long."""
-        n = len(self.iterations)
-        for field in ("relative_residual", "seconds", "cosine_distance"):
-            column = getattr(self, field)
-            if column is not None and len(column) != n:
-                raise ValueError(
-                    f"history {self.label}: {field}: found {len(column)} entries, expected {n}"
-                )
-
-
-@dataclass(frozen=True, eq=False)
-class Results:
-    """Everything the figures and the report show.
-
-    Attributes
-    ----------
-    rig : Rig
-    grid : VoxelGrid
-    volume : (nx, ny, nz)
-        What was reconstructed.
-    views : sequence of View, or of mappings with its fields
-    history : sequence of Convergence, or of mappings with its fields
-    truth : (nx, ny, nz), optional
-    comparisons : sequence of (label, volume)
-        What other methods made of the same images.
-    method : str
-        What to call the reconstruction in figures.
-    learned : LearnedWeights, optional
-        What was learned in place of chord lengths.
-    deviation : (nx, ny, nz), optional
-        The standard deviation of every voxel.
-    """
-
-    rig: Rig
-    grid: VoxelGrid
-    volume: NDArray
-    views: Sequence[View | Mapping] = ()
-    history: Sequence[Convergence | Mapping] = ()
-    truth: NDArray | None = None
-    comparisons: Sequence[tuple[str, NDArray]] = ()
-    method: str = "reconstruction"
-    learned: LearnedWeights | None = None
-    deviation: NDArray | None = None
-
-    def __post_init__(self) -> None:
-        """Take mappings for views and histories too, and check shapes."""
-        views = tuple(v if isinstance(v, View) else View(**v) for v in self.views)
-        history = tuple(
-            h if isinstance(h, Convergence) else Convergence(**h) for h in self.history
-        )
-        object.__setattr__(self, "views", views)
-        object.__setattr__(self, "history", history)
-        volumes = [("volume", self.volume), *self.comparisons]
-        if self.truth is not None:
-            volumes.append(("truth", self.truth))
-        if self.deviation is not None:
-            volumes.append(("deviation", self.deviation))
-        for name, volume in volumes:
-            if volume.shape != self.grid.shape:
-                raise ValueError(
-                    f"results {name}: found shape {volume.shape}, expected the grid's "
-                    f"{self.grid.shape}"
-                )
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,17 +98,17 @@ def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, 
             results.learned is not None,
             "learned",
             lambda: draw_learned(results.learned, unit),
-            "Learned weights over chord lengths: means over the light (grey: where it is) by "
+            "Learned weights over segment lengths: means over the emission (grey: where it is) by "
             "depth in the grid as seen from the camera, emission in front, place in the image, "
             "place in the voxel along each axis, and camera; and the relative residual of views "
-            "left out, with chord lengths and with learned weights. A common factor says nothing."
+            "left out, by segment lengths and by learned weights. A common factor has no meaning."
             + (
                 " Dashed: the true ones, of what the images were simulated with, scaled to the "
                 "same mean."
                 if results.learned is not None and results.learned.true_by_camera is not None
                 else ""
             ),
-            "Line plots of the learned weight over the chord length against five quantities, and "
+            "Line plots of the learned weight over the segment length against five quantities; "
             "bars of left-out views' residuals.",
         ),
         (
@@ -214,8 +123,8 @@ def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, 
     pictures = []
     for wanted, name, make, caption, alt in recipes:
         if wanted:
-            told = warnings is not None
-            with as_warning(f"picture {name}: not drawn", warnings) if told else nullcontext():
+            collect = warnings is not None
+            with as_warning(f"picture {name}: not drawn", warnings) if collect else nullcontext():
                 pictures.append(Picture(name, png_bytes(make()), caption, alt))
     return tuple(pictures)
 
