@@ -247,7 +247,7 @@ def _report(
             "least": int(found.views.min()),
             "median": float(_median(found.views)),
             "most": int(found.views.max()),
-            "unseen": check.share(~seen),
+            "unseen": check.fraction(~seen),
         },
         "angular_gap": {
             "median": finite_or_none(_median(found.gap)),

@@ -1,4 +1,4 @@
-"""The largest angle that a point's viewing directions leave open."""
+"""The largest angular gap between a point's viewing directions, found exactly."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-_POINTS_AT_ONCE = 256
-_LATTICE = 400  # normals over the half sphere from which the search starts
-_PAIRS = 200  # and as many more between two viewing lines each
-_STARTS = 4  # the best of them are followed, each to the top of its cell
-_NEAREST = 5  # viewing planes that may touch a normal's largest empty cap
-_ROUNDS = 4
+_POINTS_AT_ONCE = 256  # more need more memory
+_LATTICE = 400  # start normals over the half sphere; fewer may miss the largest cell
+_PAIRS = 200  # further start normals, each between two viewing lines
+_STARTS = 4  # best start normals, each followed to the maximum of its cell
+_NEAREST = 5  # nearest viewing planes tried as the bounds of a cell
+_ITERATIONS = 4  # of that search; it converges after one or two
 
 
 def largest_gap(
@@ -32,15 +32,15 @@ def largest_gap(
     gap : (N,) float64
         Degrees, from 0 to 180. A single view, or none, leaves 180.
     normal : (N, 3) float64
-        The unit vector across which nothing near is seen: the middle of the missing wedge of
-        spatial frequencies. NaN where nothing sees the point.
+        Unit vector at the middle of the missing wedge of spatial frequencies; NaN where no camera
+        sees the point.
 
     Notes
     -----
-    An emission's line integral is the same from both ends, so that directions count modulo 180
-    degrees. By the central-slice theorem the view along ``d`` tells the spatial frequencies in
-    the plane across ``d``; a frequency along the unit vector ``n`` is ``asin |n . d|`` away from
-    it. The gap is twice the largest distance of any frequency from what is measured,
+    An emission's line integral is the same from both ends: directions count modulo 180 degrees.
+    By the central-slice theorem the view along ``d`` measures the spatial frequencies in the
+    plane across ``d``; a frequency along the unit vector ``n`` is ``asin |n . d|`` away from it.
+    The gap is twice the largest distance of any frequency from the measured ones,
 
         gap = 2 max_n min_i asin |n . d_i| ,
 
@@ -48,9 +48,9 @@ def largest_gap(
     1975: the directions meet every great circle). Where all directions lie in one plane it is the
     largest angle between neighbours modulo 180 degrees: 180 / n for n evenly spread views.
 
-    Between the planes across the viewing lines the normals form cells, in each of which the best
-    one touches one, two or three planes. Those touching the nearest few planes are tried, from
-    starts all over the sphere until nothing improves.
+    The planes across the viewing lines divide the sphere of normals into cells. The best normal of
+    a cell touches one, two or three planes. Normals that touch the nearest few planes are tried,
+    from starts all over the sphere, until none improves.
     """
     directions = np.asarray(directions, np.float64)
     if directions.ndim != 3 or directions.shape[2] != 3:
@@ -72,8 +72,9 @@ def new_view(
 ) -> NDArray[np.float64] | None:
     """Return the viewing direction ``(3,)`` that best closes a gap, as a unit vector.
 
-    Any direction across ``normal`` ``(3,)`` does; of these it is the one along which the present
-    ``directions`` ``(C, 3)`` mostly lie: in the plane of a ring. None where there is none.
+    Every direction across ``normal`` ``(3,)`` closes the gap. The one returned is closest to the
+    present ``directions`` ``(C, 3)``: for a ring it lies in the ring's plane. None where the
+    directions do not determine one.
     """
     across = directions - (directions @ normal)[:, None] * normal
     values, vectors = np.linalg.eigh(across.T @ across)
@@ -83,7 +84,7 @@ def new_view(
 def lines_of_sight(
     directions: NDArray[np.float64], seen: NDArray[np.bool_], apart: float
 ) -> NDArray[np.int64]:
-    """Return along how many lines each point is seen, ``(N,)``.
+    """Return the number of different lines along which each point is seen, ``(N,)``.
 
     Parameters
     ----------
@@ -92,7 +93,7 @@ def lines_of_sight(
     seen : (N, C) bool
         Which cameras see the point.
     apart : float
-        Degrees between two lines, of which less than so many count as one.
+        Degrees; lines closer than that count as one.
     """
     counts = np.zeros(len(seen), np.int64)
     for point, (lines, sees) in enumerate(zip(directions, seen, strict=True)):
@@ -111,7 +112,7 @@ def angles_between(lines: NDArray[np.float64]) -> NDArray[np.float64]:
     The diagonal is infinite, so that a row's minimum is the nearest other line.
     """
     lines = lines / np.maximum(np.linalg.norm(lines, axis=1, keepdims=True), 1e-300)
-    # from sines and cosines both: the arc cosine alone is coarse for nearly equal lines
+    # by sine and cosine: the arc cosine alone is inexact for nearly equal lines
     sine = np.linalg.norm(np.cross(lines[:, None], lines[None]), axis=2)
     angles = np.degrees(np.arctan2(sine, np.abs(lines @ lines.T)))
     np.fill_diagonal(angles, np.inf)
@@ -124,7 +125,7 @@ def _starts(directions: NDArray, seen: NDArray) -> NDArray[np.float64]:
     height, angle = index / _LATTICE, np.pi * (1 + 5**0.5) * index
     level = np.sqrt(1 - height**2)
     lattice = np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=-1)
-    lines = directions[np.argmax(seen.sum(axis=1))]  # those of a point that most cameras see
+    lines = directions[np.argmax(seen.sum(axis=1))]  # from a point that most cameras see
     one, other = np.triu_indices(len(lines), 1)
     pairs = np.concatenate([lines, lines[one] + lines[other], lines[one] - lines[other]])
     length = np.linalg.norm(pairs, axis=1)
@@ -139,7 +140,7 @@ def _search(directions: NDArray, seen: NDArray, starts: NDArray) -> tuple[NDArra
     best = np.argsort(-found, axis=1, kind="stable")[:, :_STARTS]
     normals = starts[best]  # (N, starts, 3)
     values = np.take_along_axis(found, best, axis=1)
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         tried = _touching(normals, directions, seen)  # (N, starts, tries, 3)
         count = tried.shape[2]
         reached = _nearest(tried.reshape(len(tried), -1, 3), directions, seen)

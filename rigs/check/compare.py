@@ -1,4 +1,4 @@
-"""Two rigs against each other: what moved, what turned, what the lenses do otherwise."""
+"""Comparison of two rigs: shifts, rotations and lens differences of each camera."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LATTICE = 25  # points along an image's longer side at which lenses are compare
 
 @dataclass(frozen=True)
 class CameraDifference:
-    """How one camera differs in two rigs, once these are laid over each other.
+    """The difference of one camera in two rigs, after their alignment.
 
     Attributes
     ----------
@@ -26,13 +26,13 @@ class CameraDifference:
     distance : float
         Between both positions, in the first rig's length unit.
     angle : float
-        Of the rotation between both orientations, in degrees.
+        Angle of the rotation between both orientations, in degrees.
     focal_length : float
-        The second's over the first's, less 1.
+        The second's focal length over the first's, less 1.
     lens : float
-        RMS over the image of how far the same direction lies apart in both, in pixels: camera
-        matrix and distortion together. NaN where the images differ in size, or one camera is a
-        table of rays.
+        RMS over the image of the distance in pixels between the images of one direction in both:
+        camera matrix and distortion together. NaN where the images differ in size, or one camera
+        has no lens model.
     distortion : float
         The same for the distortion alone: both seen through the first's camera matrix.
     ray_miss : float
@@ -56,20 +56,20 @@ class RigDifference:
     Attributes
     ----------
     cameras : tuple of CameraDifference
-        Of the names that both have.
+        Those whose names both rigs have.
     only_first, only_second : tuple of str
-        Names that the other has not.
+        Names that the other rig lacks.
     R, t : (3, 3), (3,) float64
-        The rigid motion ``x_first = R x_second + t`` that lays the second rig's cameras over the
+        The rigid motion ``x_first = R x_second + t`` that aligns the second rig's cameras with the
         first's best.
     turn, shift : float
-        Its angle in degrees, and how far it moves the middle of the cameras.
+        Its angle in degrees, and the distance by which it moves the middle of the cameras.
     scale : float
-        By how much the first rig is larger; stated, not applied. NaN for a single camera.
+        Size of the first rig over that of the second; reported, not applied. NaN for one camera.
     ray_miss : float
-        RMS over points and cameras; free of any common motion. NaN without points.
+        RMS over points and cameras; a common motion does not count. NaN without points.
     second : Rig
-        The second rig, moved so and in the first's length unit.
+        The second rig after that motion, in the first's length unit.
     """
 
     cameras: tuple[CameraDifference, ...]
@@ -94,21 +94,21 @@ def compare_rigs(
     first, second : Rig
         Cameras are matched by name; lengths of the second are taken into the first's unit.
     points : (N, 3) array_like, optional
-        All over the volume, in the first rig's world: for the ray-miss. The first's cameras see
-        them, the second's cast their pixels back.
+        Spread over the volume, in the first rig's world, for the ray-miss: the first's cameras
+        project them, the second's cast rays through these pixels.
     align : bool
-        Whether to lay the second rig over the first before cameras are compared.
+        Whether to align the second rig with the first before cameras are compared.
 
     Raises
     ------
     ValueError
-        If the rigs have no camera in common, or units that cannot be told into each other.
+        If the rigs have no camera in common, or units that cannot be converted.
 
     Notes
     -----
-    The motion is the one that moves each camera's position and the three points one arm's length
-    along its axes least, in the sum of squares (Kabsch). The arm is the cameras' RMS distance
-    from their middle, so that three cameras in a row, or a single one, have an answer too.
+    The motion minimises the sum of squared distances between both rigs' camera positions and the
+    three points one arm's length along each camera's axes (Kabsch). The arm is the cameras' RMS
+    distance from their middle; the axes make the motion unique for cameras on a line, or one.
     """
     names = tuple(name for name in first.names if name in second)
     if not names:
@@ -160,7 +160,7 @@ def _motion(one: list[CameraLike], other: list[CameraLike]) -> tuple[NDArray, ND
 
 
 def _scale(one: list[CameraLike], other: list[CameraLike]) -> float:
-    """Return how much farther from their middle the first cameras stand; NaN for a single one."""
+    """Return the ratio of both rigs' RMS distances from their middle; NaN for a single camera."""
     first, second = (_spread(np.array([c.position for c in some])) for some in (one, other))
     return first / second if first > 0 and second > 0 else math.nan
 
@@ -185,7 +185,7 @@ def _difference(one: CameraLike, other: CameraLike, miss: float) -> CameraDiffer
 
 
 def _lenses(one: CameraLike, other: CameraLike) -> tuple[float, float]:
-    """Return by how many pixels whole lens and distortion differ, RMS over the image."""
+    """Return the RMS differences over the image of whole lens and distortion, in pixels."""
     if one.image_size != other.image_size or not (one.has_lens_model and other.has_lens_model):
         return math.nan, math.nan
     width, height = one.image_size
@@ -202,7 +202,7 @@ def _lenses(one: CameraLike, other: CameraLike) -> tuple[float, float]:
 
 
 def _angle(R: NDArray) -> float:
-    """Return the angle of a rotation in degrees, exact for small ones too."""
+    """Return the angle of a rotation in degrees, accurate for small ones too."""
     sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
     return float(np.degrees(np.arctan2(sine, (np.trace(R) - 1) / 2)))
 

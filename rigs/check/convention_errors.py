@@ -1,4 +1,4 @@
-"""Slips of convention and unit that a rig file can hold, and what would put them right."""
+"""Errors of convention and unit that a rig file can hold, and their correction."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ _LENGTHS = {
     25.4: "inches, the grid millimetres",
     1 / 25.4: "millimetres, the grid inches",
 }
-_COARSE = 8.0  # voxels a pixel: no rig is built to see less
-_FINE = 1 / 8  # voxels a pixel, where little of the volume is seen
+_COARSE = 8.0  # voxels per pixel; no rig is built with coarser pixels
+_FINE = 1 / 8  # voxels per pixel; finer ones with little of the volume in view are an error
 
 
 @dataclass(frozen=True)
 class ConventionError:
-    """A reading of the rig under which cameras see the volume that do not as given.
+    """An interpretation of the rig by which cameras see the volume that do not as given.
 
     Attributes
     ----------
     text : str
-        What seems to have happened, and what would put it right.
+        The likely error and its correction.
     cameras : tuple of str
-        Those that it concerns.
+        The cameras that it concerns.
     """
 
     text: str
@@ -46,27 +46,27 @@ class ConventionError:
 def find_convention_errors(
     rig: Rig, points: ArrayLike, voxel: float
 ) -> tuple[ConventionError, ...]:
-    """Return the slips of convention or unit that explain why cameras see badly.
+    """Return the errors of convention or unit that explain why cameras see the volume badly.
 
     Parameters
     ----------
     rig : Rig
     points : (N, 3) array_like
-        All over the volume.
+        Spread over the volume.
     voxel : float
         A voxel's edge length.
 
     Notes
     -----
-    A camera is wrong that sees less than 2 % of the volume, or with pixels larger than 8 voxels,
-    or less than a quarter of it with pixels smaller than 1/8 voxel. Each known slip is undone in
-    turn; the first is told after which those cameras see most of the volume with pixels of 0.01
-    to 4 voxels. A rig whose world is mirrored as a whole, poses and all, agrees with itself:
-    only images tell.
+    A camera is suspected that sees less than 2 % of the volume, or with pixels larger than 8
+    voxels, or less than a quarter of it with pixels smaller than 1/8 voxel. Each known error is
+    corrected in turn; the first is returned after whose correction those cameras see most of the
+    volume with pixels of 0.01 to 4 voxels. A rig whose world is mirrored as a whole is consistent
+    in itself and is not detected: only images show it.
     """
     points = np.asarray(points, np.float64)
-    share, size = _sight(rig, points, voxel)
-    wrong = (share < 0.02) | (size > _COARSE) | ((share < 0.25) & (size < _FINE))
+    fraction, size = _view_of_volume(rig, points, voxel)
+    wrong = (fraction < 0.02) | (size > _COARSE) | ((fraction < 0.25) & (size < _FINE))
     cameras = tuple(
         camera
         for camera, is_wrong in zip(rig, wrong, strict=True)
@@ -74,37 +74,35 @@ def find_convention_errors(
     )
     if not cameras:
         return ()
-    for alternatives in _undone():
-        told = _best(rig, cameras, alternatives, points, voxel)
-        if told is not None:
-            return (ConventionError(told, tuple(camera.name for camera in cameras)),)
+    for alternatives in _corrections():
+        text = _best(rig, cameras, alternatives, points, voxel)
+        if text is not None:
+            return (ConventionError(text, tuple(camera.name for camera in cameras)),)
     if (size > _COARSE).all():
         text = f"pixels are {np.median(size):.3g} voxels wide at the volume, in every camera"
-        return (
-            ConventionError(f"{text}: rig and grid seem to count in different units", rig.names),
-        )
+        return (ConventionError(f"{text}: rig and grid seem to be in different units", rig.names),)
     return ()
 
 
 def _best(
     rig: Rig, cameras: tuple[Camera, ...], alternatives: dict, points: NDArray, voxel: float
 ) -> str | None:
-    """Return in words which slip, undone, lets the cameras see most and finest; None if none."""
+    """Return in words the error whose correction shows the cameras most of the volume, or None."""
     found = []
-    for text, undo in alternatives.items():
-        undone = replace(rig, cameras=tuple(map(undo, cameras)))
-        share, size = _sight(undone, points, voxel)
-        if (share > 0.5).mean() > 0.75 and 0.01 < np.nanmedian(size) < 4:
-            found.append((-round(float(np.median(share)), 1), float(np.nanmedian(size)), text))
+    for text, correct in alternatives.items():
+        corrected = replace(rig, cameras=tuple(map(correct, cameras)))
+        fraction, size = _view_of_volume(corrected, points, voxel)
+        if (fraction > 0.5).mean() > 0.75 and 0.01 < np.nanmedian(size) < 4:
+            found.append((-round(float(np.median(fraction)), 1), float(np.nanmedian(size)), text))
     if not found:
         return None
     _, size, text = min(found)
     who = "the camera sees" if len(cameras) == 1 else f"{len(cameras)} cameras see"
-    return f"{text}; with that undone {who} the volume at {size:.2g} voxels a pixel"
+    return f"{text}; when corrected, {who} the volume at {size:.2g} voxels a pixel"
 
 
-def _sight(rig: Rig, points: NDArray, voxel: float) -> tuple[NDArray, NDArray]:
-    """Return each camera's share of the volume, and its pixels' median size in voxels."""
+def _view_of_volume(rig: Rig, points: NDArray, voxel: float) -> tuple[NDArray, NDArray]:
+    """Return each camera's visible fraction of the volume, and its median pixel size in voxels."""
     found = coverage(rig, points)
     size = np.full(len(rig), np.nan)
     some = found.seen.any(axis=1)
@@ -113,8 +111,8 @@ def _sight(rig: Rig, points: NDArray, voxel: float) -> tuple[NDArray, NDArray]:
     return found.seen.mean(axis=1), size
 
 
-def _undone() -> list[dict[str, Callable[[Camera], Camera]]]:
-    """Return the slips that are looked for, each with the way to undo it; likeliest first."""
+def _corrections() -> list[dict[str, Callable[[Camera], Camera]]]:
+    """Return the errors that are looked for, each with its correction; likeliest first."""
 
     def opengl(camera: Camera) -> Camera:
         return replace(camera, R=_FLIP @ camera.R, t=_FLIP @ camera.t)

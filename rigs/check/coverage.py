@@ -1,4 +1,4 @@
-"""How well the cameras of a rig see given points: views, gaps, pixel sizes, blur, ray-miss."""
+"""Coverage of given points by a rig: views, gaps, pixel sizes, blur, ray-miss."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from rigs.geometry.points import image_motion
 from rigs.rig import Rig
 
 PIXEL_ACCURACY = 0.2
-"""RMS error of a line of sight in pixels, per image axis, where no calibration tells it."""
+"""RMS error of a line of sight in pixels, per image axis, without a calibration's figure."""
 
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """What a rig's cameras make of points; from `coverage`.
+    """How a rig's cameras see points; made by `coverage`.
 
     Attributes
     ----------
@@ -31,14 +31,14 @@ class Coverage:
     directions : (N, C, 3) float64
         Unit vectors along the lines of sight, from the cameras to the points.
     footprint : (C, N) float64
-        The size of a pixel at the point, across the line of sight; NaN where not seen.
+        Size of a pixel at the point, across the line of sight; NaN where not seen.
     blur : (C, N) float64
-        Diameter, at the point, of what a pixel's centre gathers for being out of focus; NaN where
-        not seen or where the lens's figures are not known.
+        Diameter at the point of the defocus cone of a pixel's centre; NaN where not seen or where
+        the lens's figures are unknown.
     gap : (N,) float64
         The largest angular gap in degrees, see `rigs.check.angular_gap.largest_gap`.
     gap_normal : (N, 3) float64
-        Where it is.
+        Its direction, as from `largest_gap`.
     ray_miss : (N,) float64
         Expected RMS distance of the lines of sight from their best common point, for the pixel
         accuracy given; NaN with fewer than two views.
@@ -60,7 +60,7 @@ class Coverage:
 
     @property
     def views(self) -> NDArray[np.int64]:
-        """How many cameras see each point, ``(N,)``."""
+        """Number of cameras that see each point, ``(N,)``."""
         return self.seen.sum(axis=0)
 
     @property
@@ -96,7 +96,7 @@ def coverage(
     rig : Rig
         At least one camera.
     points : (N, 3) array_like
-        In the rig's length unit, voxels' centres say.
+        In the rig's length unit; for example voxels' centres.
     pixel_accuracy : float or (C,) array_like
         RMS error of each camera's lines of sight, in pixels along each image axis.
 
@@ -116,7 +116,7 @@ def coverage(
     confusion in pixels.
 
     With independent errors of RMS ``a_i`` (accuracy times pixel size) along both directions
-    across each line, the best common point of n lines leaves
+    across each line, the best common point of n lines has
 
         ray_miss² = (sum_i 2 a_i² - tr(M^-1 sum_i a_i² P_i)) / n ,   M = sum_i P_i ,
 
@@ -150,7 +150,7 @@ def coverage(
 
 
 def _view(camera: CameraLike, points: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Return of each point its line of sight, whether it is in the image, pixel size and blur."""
+    """Return each point's line of sight, whether it is in the image, pixel size and blur."""
     uv, depth, _ = camera.project(points)
     seen = camera.inside(uv)
     footprint = np.full(len(points), np.nan)
@@ -167,7 +167,7 @@ def _view(camera: CameraLike, points: NDArray) -> tuple[NDArray, NDArray, NDArra
     helper = np.eye(3)[np.abs(along).argmin(axis=1)]
     first = np.cross(helper, along)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
-    step = 1e-4 * distance  # radians: far above rounding, far below what a lens bends
+    step = 1e-4 * distance  # 1e-4 rad: far above rounding, far below the scale of distortion
     derivative = [
         image_motion(camera, points[seen], step * way) / step
         for way in (first, np.cross(along, first))

@@ -15,28 +15,28 @@ from rigs.geometry.points import evenly_spread
 _LEVELS = ("fault", "warning", "note")
 _AXES = "xyz"
 _CONVENTION_POINTS = 60  # of the volume, at which units and conventions are tried
-_WIDE_GAP = 35.0  # degrees: angles alone tell apart little below two thirds of the width
+_WIDE_GAP = 35.0  # degrees; wider gaps smear details of two thirds of the width
 
 
 def findings(check: RigCheck) -> tuple[Finding, ...]:
-    """Return all there is to say about a rig, the worst first."""
+    """Return the findings of a rig's check, the worst first."""
     rules = (
-        _slips,
+        _conventions,
         _lenses,
-        _blind,
+        _sees_nothing,
         _cut_off,
         _unseen,
         _gaps,
-        _repeats,
+        _same_views,
         _footprints,
         _blur,
-        _miss,
+        _ray_misses,
     )
-    names: dict[tuple[str, str], dict[str, None]] = {}  # the same of several cameras is told once
+    names: dict[tuple[str, str], dict[str, None]] = {}  # cameras with one finding share it
     for rule in rules:
         for finding in rule(check):
-            told = names.setdefault((finding.level, finding.text), {})
-            told.update(dict.fromkeys(finding.cameras))
+            responsible = names.setdefault((finding.level, finding.text), {})
+            responsible.update(dict.fromkeys(finding.cameras))
     order = check.coverage.rig.names.index
     found = [
         Finding(level, text, tuple(sorted(cameras, key=order)))
@@ -45,13 +45,13 @@ def findings(check: RigCheck) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda finding: _LEVELS.index(finding.level)))
 
 
-def _slips(check: RigCheck) -> Iterator[Finding]:
-    """Tell units and conventions mixed up, and cameras upside down against the others."""
+def _conventions(check: RigCheck) -> Iterator[Finding]:
+    """Find mixed up units and conventions, and cameras that are upside down."""
     rig = check.coverage.rig
     points = check.coverage.points
     points = points[evenly_spread(len(points), _CONVENTION_POINTS)]
-    for slip in find_convention_errors(rig, points, check.voxel):
-        yield Finding("fault", slip.text, slip.cameras)
+    for error in find_convention_errors(rig, points, check.voxel):
+        yield Finding("fault", error.text, error.cameras)
     down = np.array([camera.R[1] for camera in rig])
     most = down.sum(axis=0)
     if len(rig) > 2 and np.linalg.norm(most) > 0.3 * len(rig):
@@ -61,11 +61,15 @@ def _slips(check: RigCheck) -> Iterator[Finding]:
             if way < -0.5 * np.linalg.norm(most)
         )
         if turned:
-            yield Finding("warning", "upside down against the others: on purpose?", turned)
+            yield Finding(
+                "warning",
+                "upside down relative to the other cameras; check that this is intended",
+                turned,
+            )
 
 
 def _lenses(check: RigCheck) -> Iterator[Finding]:
-    """Tell camera matrices that do not belong to their images."""
+    """Find camera matrices that do not fit their images."""
     for camera, figures in zip(check.coverage.rig, check.cameras, strict=True):
         if not camera.has_lens_model:
             continue
@@ -75,7 +79,7 @@ def _lenses(check: RigCheck) -> Iterator[Finding]:
             yield Finding(
                 "fault",
                 f"{figures.field_of_view:.0f} degrees across with a focal length of {fx:.4g} "
-                f"pixels: is it given in millimetres?",
+                f"pixels; it may be given in millimetres, expected pixels",
                 (camera.name,),
             )
         off = (camera.camera_matrix[:2, 2] - (size - 1) / 2) / size
@@ -84,19 +88,19 @@ def _lenses(check: RigCheck) -> Iterator[Finding]:
             yield Finding(
                 "warning",
                 f"principal point ({cx:.0f}, {cy:.0f}) lies far from the middle of "
-                f"{size[0]} x {size[1]} pixels: is the camera matrix that of another image size?",
+                f"{size[0]} x {size[1]} pixels; the matrix may belong to another image size",
                 (camera.name,),
             )
         if not 0.8 < fx / fy < 1.25:
             yield Finding(
                 "warning",
-                f"focal lengths {fx:.5g} and {fy:.5g} pixels differ: are the pixels not square?",
+                f"focal lengths {fx:.5g} and {fy:.5g} pixels differ: pixels are usually square",
                 (camera.name,),
             )
 
 
-def _blind(check: RigCheck) -> Iterator[Finding]:
-    """Tell cameras that see nothing of the volume, and why."""
+def _sees_nothing(check: RigCheck) -> Iterator[Finding]:
+    """Find cameras that see nothing of the volume, with the reason."""
     points = check.coverage.points
     middle = points.mean(axis=0)
     lower, upper = points.min(axis=0), points.max(axis=0)
@@ -115,7 +119,7 @@ def _blind(check: RigCheck) -> Iterator[Finding]:
 
 
 def _cut_off(check: RigCheck) -> Iterator[Finding]:
-    """Tell cameras whose image cuts the volume off."""
+    """Find cameras whose image cuts the volume off."""
     cut = [figures for figures in check.cameras if 0 < figures.sees < 0.995]
     for figures in sorted(cut, key=lambda figures: figures.sees):
         number = check.coverage.rig.names.index(figures.name)
@@ -128,37 +132,37 @@ def _cut_off(check: RigCheck) -> Iterator[Finding]:
 
 
 def _unseen(check: RigCheck) -> Iterator[Finding]:
-    """Tell what no camera sees, or a single one."""
+    """Find parts of the volume that no camera sees, or only one."""
     views = check.coverage.views
     for few, level, words in ((0, "fault", "no camera"), (1, "fault", "a single camera")):
         poor = views == few
         if not poor.any() or (few == 1 and len(check.coverage.rig) == 1):
             continue
-        # to blame are the cameras that see most elsewhere, and not here
+        # responsible are cameras that miss this part and see only some of the volume
         sees = np.array([figures.sees for figures in check.cameras])
         missing = (~check.coverage.seen[:, poor]).mean(axis=1) > 0.5
-        guilty = tuple(
+        responsible = tuple(
             name
-            for name, is_missing, share in zip(
+            for name, is_missing, fraction in zip(
                 check.coverage.rig.names, missing, sees, strict=True
             )
-            if is_missing and share < 0.995
+            if is_missing and fraction < 0.995
         )
-        share = check.share(poor)
-        text = f"{words} sees {share:.1%} of the volume"
-        if share < 0.0005:
+        fraction = check.fraction(poor)
+        text = f"{words} sees {fraction:.1%} of the volume"
+        if fraction < 0.0005:
             text = f"less than 0.1% of the volume is seen by {words}"
         yield Finding(
-            level if share >= 0.01 else "warning",
+            level if fraction >= 0.01 else "warning",
             f"{text}, {_where(check, poor)}",
-            guilty if len(guilty) < len(check.coverage.rig) else (),
+            responsible if len(responsible) < len(check.coverage.rig) else (),
         )
     if len(check.coverage.rig) == 1:
-        yield Finding("fault", "a single view tells no depth: expected at least two cameras")
+        yield Finding("fault", "a single view gives no depth: expected at least two cameras")
 
 
 def _gaps(check: RigCheck) -> Iterator[Finding]:
-    """Tell the largest angular gap, what it costs, and where a camera would close it."""
+    """Find the largest angular gap, its consequence, and where a camera would close it."""
     found = check.coverage
     some = found.views >= 2
     if not some.any():
@@ -179,35 +183,35 @@ def _gaps(check: RigCheck) -> Iterator[Finding]:
     even = 180.0 / len(names)
     text = f"the largest angular gap is {gap:.3g} degrees ({len(names)} views, even in a ring: "
     unit = found.rig.length_unit
-    text += f"{even:.3g}); by angles alone nothing "
+    text += f"{even:.3g}); the angles alone resolve no detail "
     if feature < size:
         text += f"below {feature:.3g} {unit} ({short(feature / check.voxel)} voxels) "
-    text += f"is told apart across {size:.3g} {unit}"
-    # round a ring the gap is a wedge of all heights, elsewhere the widest of many small holes
+    text += f"across {size:.3g} {unit}"
+    # in a ring the gap is a wedge of all heights, else the widest of many small holes
     is_ring = np.linalg.eigvalsh(lines.T @ lines)[0] < 0.01 * len(lines)
     if gap <= _WIDE_GAP and not (is_ring and gap > max(2.5 * even, 15.0)):
         yield Finding("note", text)
         return
-    beside = np.argsort(np.abs(lines @ normal), kind="stable")[:2]
+    neighbours = np.argsort(np.abs(lines @ normal), kind="stable")[:2]
     away = float(np.median([figures.distance for figures in check.cameras]))
     place = middle - away * way
     step = 10.0 ** np.floor(np.log10(away) - 2)
     spot = ", ".join(f"{value:.6g}" for value in np.round(place / step) * step + 0.0)
     text += f"; a camera at ({spot}), or opposite, would close it"
-    yield Finding("warning", text, tuple(names[number] for number in sorted(beside)))
+    yield Finding("warning", text, tuple(names[number] for number in sorted(neighbours)))
 
 
-def _repeats(check: RigCheck) -> Iterator[Finding]:
-    """Tell cameras whose lines of sight another one has already."""
+def _same_views(check: RigCheck) -> Iterator[Finding]:
+    """Find cameras whose lines of sight another camera has too."""
     rig = check.coverage.rig
     angles = check.coverage.angles_to_middle()
     limit = min(0.1 * 180.0 / len(rig), 2.0)
-    told = set()
+    paired = set()
     pairs = []
     for one, other in zip(*np.nonzero(np.triu(angles < limit)), strict=True):
-        if one in told or other in told:
+        if one in paired or other in paired:
             continue
-        told |= {one, other}
+        paired |= {one, other}
         pairs.append((rig.names[one], rig.names[other]))
     if pairs:
         words = ", ".join(" and ".join(pair) for pair in pairs[:4]) + (
@@ -216,15 +220,15 @@ def _repeats(check: RigCheck) -> Iterator[Finding]:
         distinct = len(rig) - len(pairs)
         yield Finding(
             "warning" if 3 * len(pairs) >= len(rig) else "note",
-            f"{words}: line integrals are the same from both ends, so that {len(rig)} cameras "
-            f"give {distinct} views; an odd number in a ring, or half a step's turn of one of "
-            "each pair, would give more",
+            f"{words}: line integrals are the same from both ends: {len(rig)} cameras give "
+            f"{distinct} different views. An odd number in a ring, or one of each pair turned by "
+            "half a step, gives more",
             tuple(name for pair in pairs for name in pair[1:]),
         )
 
 
 def _footprints(check: RigCheck) -> Iterator[Finding]:
-    """Tell pixels too coarse for the voxels, wastefully fine, or unlike the other cameras'."""
+    """Find pixels too coarse for the voxels, needlessly fine, or unlike the other cameras'."""
     sizes = np.array([figures.footprint_in_voxels for figures in check.cameras])
     known = np.isfinite(sizes)
     if not known.any():
@@ -235,13 +239,13 @@ def _footprints(check: RigCheck) -> Iterator[Finding]:
     if typical > 1.5:
         yield Finding(
             "warning",
-            f"a pixel is {short(typical)} voxels wide: images hold no more than voxels of "
-            f"{typical * check.voxel:.2g} {unit}",
+            f"a pixel is {short(typical)} voxels wide: the images resolve voxels of "
+            f"{typical * check.voxel:.2g} {unit} at best",
         )
     elif typical < 0.3:
         yield Finding(
             "note",
-            f"a voxel is {short(1 / typical)} pixels wide: images could be shrunk "
+            f"a voxel is {short(1 / typical)} pixels wide: images may be shrunk "
             f"(--scale {int(0.5 / typical)}), or voxels be {typical * check.voxel * 2:.2g} {unit}",
         )
     coarse = known & (sizes > max(2 * typical, 1.0))
@@ -251,7 +255,7 @@ def _footprints(check: RigCheck) -> Iterator[Finding]:
 
 
 def _blur(check: RigCheck) -> Iterator[Finding]:
-    """Tell lenses out of focus in the volume."""
+    """Find lenses out of focus in the volume."""
     for figures in check.cameras:
         if figures.blur_in_voxels > 1 and figures.blur_in_pixels > 1.5:
             yield Finding(
@@ -262,24 +266,24 @@ def _blur(check: RigCheck) -> Iterator[Finding]:
             )
 
 
-def _miss(check: RigCheck) -> Iterator[Finding]:
-    """Tell lines of sight that do not meet within a voxel."""
+def _ray_misses(check: RigCheck) -> Iterator[Finding]:
+    """Find lines of sight that do not meet within a voxel."""
     if not np.isfinite(check.ray_miss):
         return
     ratio = check.ray_miss / check.voxel
     unit = check.coverage.rig.length_unit
     text = f"lines of sight miss each other by {check.ray_miss:.3g} {unit} ({ratio:.2g} voxels)"
     text += f", by {check.ray_miss_from}"
-    # by calibration each camera has a figure of its own, else the largest pixels err most
+    # a calibration has a figure for each camera; without one, the largest pixels err most
     own = np.array([f.ray_miss for f in check.cameras])
     own = np.array([f.footprint for f in check.cameras]) if np.isnan(own).any() else own
-    guilty = tuple(
+    responsible = tuple(
         figures.name
         for figures, value in zip(check.cameras, own, strict=True)
         if ratio > 0.5 and value > 1.5 * np.nanmedian(own)
     )
     level = "fault" if ratio > 2 else "warning" if ratio > 0.5 else "note"
-    yield Finding(level, text, guilty)
+    yield Finding(level, text, responsible)
 
 
 def _where(check: RigCheck, poor: NDArray[np.bool_]) -> str:

@@ -1,4 +1,4 @@
-"""How far the lines of sight of cameras pass from the points they should meet in: ray-miss."""
+"""Ray-miss: the distance of cameras' lines of sight from their best common point."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from rigs.rig import Rig
 
 
 def ray_distances(true: Rig, estimated: Rig, points: ArrayLike) -> NDArray[np.float64]:
-    """Return how far an estimated rig's rays pass from the points they should meet in.
+    """Return the distances of an estimated rig's rays from their best common points.
 
-    Points are projected with the true cameras; their pixels are cast back with the estimated
-    cameras of the same names.
+    Points are projected with the true cameras. Rays through these pixels are those of the
+    estimated cameras of the same names.
 
     Parameters
     ----------
     true, estimated : Rig
-        The estimated one in any world: a common displacement of its cameras changes nothing.
+        The estimated one may be in any world: a common motion of its cameras changes nothing.
     points : (N, 3) array_like
         In the true rig's world.
 
     Returns
     -------
     (C, N) float64
-        Of each camera's ray from the point nearest to all, in the estimated rig's length unit;
-        NaN where the camera does not see the point or fewer than two do.
+        Distance of each camera's ray from the point nearest to all, in the estimated rig's length
+        unit; NaN where the camera does not see the point or fewer than two do.
 
     Raises
     ------
@@ -49,12 +49,12 @@ def ray_distances(true: Rig, estimated: Rig, points: ArrayLike) -> NDArray[np.fl
     right = np.einsum("ncij,ncj->ni", across, origins - middle)
     inverse = np.linalg.pinv(across.sum(axis=1), rcond=1e-9, hermitian=True)
     nearest = np.einsum("nij,nj->ni", inverse, right)[:, None] + middle
-    off = np.einsum("ncij,ncj->nci", across, nearest - origins)
-    return np.where(there, np.linalg.norm(off, axis=2), np.nan).T
+    misses = np.einsum("ncij,ncj->nci", across, nearest - origins)
+    return np.where(there, np.linalg.norm(misses, axis=2), np.nan).T
 
 
 def ray_miss(true: Rig, estimated: Rig, points: ArrayLike) -> float:
-    """Return the RMS of `ray_distances`, the figure to judge a rig by; NaN where none is."""
+    """Return the RMS of `ray_distances`, a rig's figure of merit; NaN where none is finite."""
     distances = ray_distances(true, estimated, points)
     squares = distances[np.isfinite(distances)] ** 2
     return float(np.sqrt(squares.mean())) if squares.size else float("nan")
@@ -63,7 +63,7 @@ def ray_miss(true: Rig, estimated: Rig, points: ArrayLike) -> float:
 def expected_ray_miss(
     directions: NDArray[np.float64], error: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the expected ray-miss of lines with known errors, see `coverage`, ``(N,)``.
+    """Return the expected ray-miss of lines with known errors, ``(N,)``; see `coverage`.
 
     Parameters
     ----------

@@ -18,11 +18,11 @@ class Finding:
     Attributes
     ----------
     level : {"fault", "warning", "note"}
-        A fault spoils a reconstruction; a warning limits it; a note does neither.
+        A fault makes a reconstruction wrong; a warning limits it; a note does neither.
     text : str
-        What was found and what it means.
+        The finding and its meaning.
     cameras : tuple of str
-        Those to blame; empty where none is.
+        The cameras responsible; empty where none is.
     """
 
     level: str
@@ -32,29 +32,29 @@ class Finding:
 
 @dataclass(frozen=True)
 class CameraFigures:
-    """What one camera does for the volume; NaN where a figure is not known.
+    """One camera's figures for the volume; NaN where one is unknown.
 
     Attributes
     ----------
     name : str
     distance : float
-        From the middle of the volume.
+        Distance from the middle of the volume.
     field_of_view : float
-        Degrees across the image's diagonal.
+        Angle across the image's diagonal, degrees.
     sees : float
-        Share of the volume's points in its image, 0 to 1.
+        Fraction of the volume in its image, 0 to 1.
     footprint : float
         Median size of a pixel in the volume.
     footprint_in_voxels : float
     blur_in_pixels, blur_in_voxels : float
-        The largest in the volume.
+        The largest diameter of the defocus in the volume.
     nearest_view : float
-        Degrees, modulo 180, to the camera with the most similar lines of sight.
+        Angle modulo 180 degrees to the camera with the most similar line of sight.
     gap_without : float
-        By how much the largest angular gap, its median over the volume, would grow without this
-        camera, in degrees.
+        Growth in degrees of the largest angular gap, its median over the volume, without this
+        camera.
     ray_miss : float
-        Of the camera's lines of sight, as the calibration predicts; NaN without one.
+        Ray-miss of the camera's lines of sight as the calibration predicts; NaN without one.
     """
 
     name: str
@@ -72,12 +72,12 @@ class CameraFigures:
 
 @dataclass(frozen=True, eq=False)
 class RigCheck:
-    """The answer of `check_rig`.
+    """The result of `check_rig`.
 
     Attributes
     ----------
     coverage : Coverage
-        At the volume's points.
+        At points of the volume.
     extent : (3,) float64
         Edge lengths of the box.
     voxel : float
@@ -86,10 +86,10 @@ class RigCheck:
     findings : tuple of Finding
         Faults first.
     ray_miss : float
-        Expected, RMS over the volume, in lengths; NaN with fewer than two views.
+        Expected RMS over the volume, in the length unit; NaN with fewer than two views.
     ray_miss_from : {"calibration", "pixel accuracy"}
     weights : (N,) float64
-        Parts of the volume that the points stand for, of sum 1.
+        Fractions of the volume that the points stand for; their sum is 1.
     """
 
     coverage: Coverage
@@ -101,8 +101,8 @@ class RigCheck:
     ray_miss_from: str
     weights: NDArray[np.float64]
 
-    def share(self, points: NDArray[np.bool_]) -> float:
-        """Return which part of the volume some of the points ``(N,)`` stand for, 0 to 1."""
+    def fraction(self, points: NDArray[np.bool_]) -> float:
+        """Return the fraction of the volume that a mask of the points ``(N,)`` stands for."""
         return float(self.weights @ points)
 
     @property

@@ -1,4 +1,4 @@
-"""Is a rig good enough for a volume, where is it not, and which camera is to blame."""
+"""Is a rig good enough for a volume, where is it not, and which camera is responsible."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rigs.check.result import CameraFigures, RigCheck
 from rigs.geometry.points import evenly_spread
 from rigs.rig import Rig
 
-_GAP_POINTS = 40  # of the volume, at which cameras are left out in turn
+_GAP_POINTS = 40  # of the volume, at which each camera is left out; more take longer
 
 
 def check_rig(
@@ -29,26 +29,26 @@ def check_rig(
     pixel_accuracy: float = PIXEL_ACCURACY,
     weights: ArrayLike | None = None,
 ) -> RigCheck:
-    """Judge a rig by what it sees of a volume.
+    """Evaluate a rig by what it sees of a volume.
 
     Parameters
     ----------
     rig : Rig
     points : (N, 3) array_like
-        Evenly all over the volume, its corners too.
+        Evenly spread over the volume, corners included.
     extent : (3,) array_like
         Edge lengths of the box that holds them.
     voxel : float
         A voxel's edge length, all in the rig's unit.
     pixel_accuracy : float
-        RMS error of a line of sight in pixels, for rigs that bring no calibration's figures.
+        RMS error of a line of sight in pixels, for rigs without a calibration's figures.
     weights : (N,) array_like, optional
-        How much of the volume each point stands for; all alike when None.
+        Part of the volume that each point stands for; equal when None.
 
     Raises
     ------
     ValueError
-        As `coverage` does, or if a length is not positive.
+        As `coverage` raises, or if a length is not positive.
     """
     extent = np.asarray(extent, np.float64)
     if extent.shape != (3,) or not (np.isfinite(extent) & (extent > 0)).all():
@@ -76,9 +76,9 @@ def check_rig(
 
 
 def calibrated_ray_miss(rig: Rig, camera: str | None = None) -> float | None:
-    """Return the ray-miss that the rig's calibration predicts, of all or of one camera.
+    """Return the ray-miss that the rig's calibration predicts, for all cameras or one.
 
-    None without one, and where the rig counts in another unit by now.
+    None without a calibration, and where the rig is now in another length unit.
     """
     summary = rig.calibration or {}
     if summary.get("length_unit", rig.length_unit) != rig.length_unit:
@@ -97,7 +97,7 @@ def _figures(found: Coverage, voxel: float, weights: NDArray) -> tuple[CameraFig
     """Return every camera's figures."""
     rig, middle = found.rig, found.points.mean(axis=0)
     between = found.angles_to_middle()
-    worth = _gap_without(found)
+    growth = _gap_without(found)
     figures = []
     for number, camera in enumerate(rig):
         footprint = _nan(np.nanmedian, found.footprint[number])
@@ -112,7 +112,7 @@ def _figures(found: Coverage, voxel: float, weights: NDArray) -> tuple[CameraFig
                 _nan(np.nanmax, found.blur_in_pixels[number]),
                 _nan(np.nanmax, found.blur[number]) / voxel,
                 float(between[number].min()) if len(rig) > 1 else math.nan,
-                float(worth[number]),
+                float(growth[number]),
                 calibrated_ray_miss(rig, camera.name) or math.nan,
             )
         )
@@ -120,7 +120,7 @@ def _figures(found: Coverage, voxel: float, weights: NDArray) -> tuple[CameraFig
 
 
 def field_of_view(camera: CameraLike) -> float:
-    """Return the angle in degrees between opposite corners' lines of sight; NaN beyond a lens."""
+    """Return the angle in degrees between opposite corners' lines of sight, or NaN."""
     width, height = camera.image_size
     corners = np.array([[0, 0], [width, height], [width, 0], [0, height]]) - 0.5
     rays = camera.rays(corners)[1]
@@ -129,7 +129,7 @@ def field_of_view(camera: CameraLike) -> float:
 
 
 def _gap_without(found: Coverage) -> NDArray[np.float64]:
-    """Return by how much the median gap grows without each camera, ``(C,)``."""
+    """Return the growth of the median gap without each camera, ``(C,)`` degrees."""
     some = evenly_spread(len(found.points), _GAP_POINTS)
     directions, seen = found.directions[some], found.seen[:, some].T
     gap = np.median(largest_gap(directions, seen)[0])
@@ -148,5 +148,5 @@ def _rms(values: NDArray) -> float:
 
 
 def _nan(function: object, values: NDArray) -> float:
-    """Return ``function`` of the values; NaN where all are."""
+    """Return ``function`` of the values; NaN where none is finite."""
     return float(function(values)) if np.isfinite(values).any() else math.nan

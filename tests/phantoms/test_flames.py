@@ -65,7 +65,7 @@ def test_turbulent_front_is_two_to_three_voxels_thick(seed):
 
 
 def test_turbulent_flame_does_not_alias_on_half_millimetre_voxels():
-    """Halving the voxels finds next to nothing new: linear interpolation nearly tells it all."""
+    """Halving the voxels changes little: linear interpolation is nearly exact."""
     field = TurbulentFlame()
     points = (np.random.default_rng(0).random((4000, 3)) - 0.5) * [12, 60, 12]
     step, exact = 0.25, field(points)
@@ -89,8 +89,8 @@ def test_turbulent_flame_has_a_broad_spectrum_and_the_jet_has_not():
     wavelength, turbulent = vertical_spectrum(TurbulentFlame())
     _, jet = vertical_spectrum(JetFlame())
     bands = [(24, 60), (12, 24), (6, 12), (3, 6)]
-    shares = [turbulent[(wavelength >= a) & (wavelength < b)].sum() for a, b in bands]
-    assert min(shares) > 0.05  # every octave holds a part
+    energies = [turbulent[(wavelength >= a) & (wavelength < b)].sum() for a, b in bands]
+    assert min(energies) > 0.05  # every octave holds a part
     assert turbulent[wavelength < 1.2].sum() < 0.01  # and there is next to nothing below
     assert jet[wavelength < 6].sum() < 0.1 * turbulent[wavelength < 6].sum()
 

@@ -139,7 +139,7 @@ def test_a_fold_is_where_theory_puts_it():
 
 
 def test_beyond_a_fold_that_turns_back_again_nothing_is_valid():
-    # The determinant is positive again at large radii: only the way there tells.
+    # The determinant is positive again at large radii: only the path to them shows it.
     lens = Distortion("brown", (-1.2, 0.5, 0, 0))
     radii = np.linspace(0.01, 3, 300)
     points = np.stack([radii, 0 * radii, 1 + 0 * radii], axis=-1)

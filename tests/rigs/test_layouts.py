@@ -123,7 +123,7 @@ def test_presets_are_the_papers_layouts():
 
 
 @pytest.mark.parametrize(("name", "value"), [("footprint", 0.0), ("distance", -1.0)])
-def test_a_length_that_is_not_positive_is_told_as_found(name, value):
+def test_a_length_that_is_not_positive_is_reported_as_found(name, value):
     lengths = {"distance": 100.0, "footprint": 0.5} | {name: value}
     with pytest.raises(ValueError, match=f"ring {name}: found {value}, expected"):
         ring(3, image_size=(8, 12), **lengths)

@@ -80,30 +80,30 @@ def refused(run_tool, tmp_path):
 def test_the_rig_s_rays_meet_where_the_true_ones_do(taken, calibrated):
     from studies.calibration.truth import true_ray_miss
 
-    told, folder, _ = calibrated
+    report, folder, _ = calibrated
     rig = load_rig(folder / "rig.yaml")
     assert rig.names == CAMERAS
     assert all(camera.status == "calibrated" for camera in rig)
     miss = true_ray_miss(taken[0], rig, taken[0].volume)
     assert miss < 0.03  # mm, at pixels of 0.8 mm
-    assert told["ray_miss_predicted"] < 0.03
-    assert told["rms_px"] < 0.15
-    assert rig.calibration["assessment"] == told["assessment"]
+    assert report["ray_miss_predicted"] < 0.03
+    assert report["rms_px"] < 0.15
+    assert rig.calibration["assessment"] == report["assessment"]
 
 
 def test_the_files_stand_beside_the_rig_and_agree_with_what_is_printed(calibrated):
-    told, folder, said = calibrated
+    report, folder, said = calibrated
     assert sorted(path.name for path in folder.iterdir() if path.suffix) == [
         "calibration.html", "calibration.json", "rig.yaml",
     ]  # fmt: skip
     written = json.loads((folder / "calibration.json").read_text("utf-8"))
-    assert written == {k: v for k, v in told.items() if k not in ("rig", "page")}
+    assert written == {k: v for k, v in report.items() if k not in ("rig", "page")}
     assert len(written["frames_rms_px"]) == FRAMES
     assert set(written["images_rms_px"]) == set(CAMERAS)
     assert len(written["left_out"]) == written["points_left_out"]
     page = (folder / "calibration.html").read_text("utf-8")
     assert "Images that fit worst" in page
-    assert told["assessment"].split("\n")[0] in said
+    assert report["assessment"].split("\n")[0] in said
 
 
 def test_the_cache_saves_the_search_and_changes_nothing(run_tool, taken, calibrated, tmp_path):
@@ -251,9 +251,9 @@ def test_a_frame_that_stands_twice_counts_once(run_tool, images, tmp_path, calib
         "calibrate_rig", images, "--target", TARGET, "-o", tmp_path / "rig.yaml", "--json"
     )
     assert done.exit_code == 0, (done.stderr, done.exception)
-    told, _, _ = calibrated
+    report, _, _ = calibrated
     again = json.loads(done.stdout)
-    assert again["points_used"] == told["points_used"]
+    assert again["points_used"] == report["points_used"]
     assert "pose_099" in again["assessment"]
 
 

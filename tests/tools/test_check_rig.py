@@ -35,21 +35,21 @@ def edited(path, change):
 def test_a_good_rig_is_called_good_with_its_figures(run_tool, rig_file):
     done = run_tool("check_rig", rig_file, "--no-time", "--json")
     assert done.exit_code == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told["assessment"] == "good"
-    assert told["views"] == {"least": 7, "median": 7.0, "most": 7, "unseen": 0.0}
+    report = json.loads(done.stdout)
+    assert report["assessment"] == "good"
+    assert report["views"] == {"least": 7, "median": 7.0, "most": 7, "unseen": 0.0}
     # away from the axis the ring is uneven: half its size over the distance, 2.5 degrees
-    assert 180 / 7 < told["angular_gap"]["median"] < 180 / 7 + 2.5
-    assert told["pixel_in_voxels"] == pytest.approx(1, rel=0.02)
-    assert 0.1 < told["ray_miss"] < 0.3
-    assert list(told["cameras"]) == [f"cam{k:02d}" for k in range(7)]
-    assert told["cameras"]["cam03"]["blur_in_pixels"] is None
-    assert told["estimate"]["voxels"] == 16 * 40 * 16
-    assert told["estimate"]["seconds"] is None
+    assert 180 / 7 < report["angular_gap"]["median"] < 180 / 7 + 2.5
+    assert report["pixel_in_voxels"] == pytest.approx(1, rel=0.02)
+    assert 0.1 < report["ray_miss"] < 0.3
+    assert list(report["cameras"]) == [f"cam{k:02d}" for k in range(7)]
+    assert report["cameras"]["cam03"]["blur_in_pixels"] is None
+    assert report["estimate"]["voxels"] == 16 * 40 * 16
+    assert report["estimate"]["seconds"] is None
     assert "rig: good." in done.stderr
 
 
-def test_the_camera_to_blame_is_named_in_plain_words(run_tool, rig_file):
+def test_the_camera_responsible_is_named_in_plain_words(run_tool, rig_file):
     def turn(data):
         entry = data["cameras"][4]
         entry["R"] = (np.diag([-1.0, 1, -1]) @ entry["R"]).tolist()
@@ -65,12 +65,12 @@ def test_the_camera_to_blame_is_named_in_plain_words(run_tool, rig_file):
     assert "100.0%" in rows[3]
 
 
-def test_a_rig_in_metres_about_a_grid_in_millimetres_is_told(run_tool, rig_file):
-    def slip(data):
+def test_a_rig_in_metres_about_a_grid_in_millimetres_is_reported(run_tool, rig_file):
+    def in_metres(data):
         for entry in data["cameras"]:
             entry["t"] = [value / 1000 for value in entry["t"]]
 
-    done = run_tool("check_rig", edited(rig_file, slip), "--no-time")
+    done = run_tool("check_rig", edited(rig_file, in_metres), "--no-time")
     assert done.exit_code == 0
     assert "t seems to be in metres, the grid millimetres (times 1000)" in done.stderr
 

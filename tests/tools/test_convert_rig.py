@@ -33,9 +33,9 @@ def seen(rig):
 def test_there_and_back(run_tool, tmp_path, rig, name):
     done = run_tool("convert_rig", tmp_path / "rig.yaml", tmp_path / "there" / name, "--json")
     assert done.exit_code == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told["cameras"] == ["left", "right"]
-    assert told["format"] == "emission_rig"
+    report = json.loads(done.stdout)
+    assert report["cameras"] == ["left", "right"]
+    assert report["format"] == "emission_rig"
     done = run_tool("convert_rig", tmp_path / "there" / name, tmp_path / "back.yaml")
     assert done.exit_code == 0, done.stderr
     back = load_rig(tmp_path / "back.yaml")

@@ -148,7 +148,7 @@ def test_partial_boards_and_points_of_no_pose_are_used(simulated_rig, judged_vol
     assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.006
 
 
-def test_frames_that_show_too_little_are_told_and_not_used(arc_case):
+def test_frames_that_show_too_little_are_reported_and_not_used(arc_case):
     _, observations, _ = arc_case
     little = (observations.frame == 3) & (observations.point > 4)
     found = calibrate(observations.where(~little))
@@ -280,7 +280,7 @@ def test_a_camera_of_given_lens_that_sees_too_little_of_the_target_is_named(arc_
         calibrate(observations.where(little), intrinsics=truth.rig)
 
 
-def test_repeated_images_count_once_and_are_told(arc_case):
+def test_repeated_images_count_once_and_are_reported(arc_case):
     _, observations, found = arc_case
     again = observations.frame == 4
     last = len(observations.frames)

@@ -39,7 +39,7 @@ def test_corners_fit_a_camera_much_better_than_opencvs(found, camera, most):
 
 
 @pytest.mark.parametrize("size", ["8x6", "9x7"])
-def test_a_wrong_number_of_squares_is_told_with_the_right_one(images, size):
+def test_a_wrong_number_of_squares_is_reported_with_the_right_one(images, size):
     some = {"left": {name: images["left"][name] for name in list(images["left"])[:3]}}
     with pytest.raises(
         ValueError, match=r"camera left: .*found a chessboard of 9x6 inner"

@@ -83,7 +83,7 @@ def test_angles_between_lines_are_modulo_a_straight_angle_and_fine():
     assert np.isinf(np.diag(angles)).all()
 
 
-def test_a_wrong_shape_is_told():
+def test_a_wrong_shape_is_reported():
     with pytest.raises(ValueError, match=r"directions: found shape \(4, 3\)"):
         largest_gap(np.zeros((4, 3)))
 

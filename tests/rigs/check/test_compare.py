@@ -43,7 +43,7 @@ def test_as_they_stand_a_shift_is_every_camera_s_distance():
     assert found.ray_miss < 1e-9
 
 
-def test_the_camera_that_turned_is_told_with_its_angle():
+def test_the_camera_that_turned_is_reported_with_its_angle():
     rig = a_ring(12)
     angle = np.radians(0.5)
     c, s = np.cos(angle), np.sin(angle)

@@ -116,7 +116,7 @@ def test_ray_miss_between_two_rigs_is_free_of_gauge_and_finds_the_camera_moved()
         (dict(points=BALL, pixel_accuracy=[0.1, 0.2]), "pixel_accuracy"),
     ],
 )
-def test_bad_input_is_told(arguments, words):
+def test_bad_input_is_reported(arguments, words):
     with pytest.raises(ValueError, match=words):
         coverage(a_ring(), **arguments)
     with pytest.raises(ValueError, match="rig: found no camera"):

@@ -96,13 +96,13 @@ def not_square(camera):
         (aimed_aside, "cut off toward -y", "warning"),
         (coarse, "pixels 3.3 voxels wide, those of most cameras 1", "warning"),
         (upside_down, "upside down", "warning"),
-        (millimetres_for_pixels, "given in millimetres?", "fault"),
+        (millimetres_for_pixels, "given in millimetres", "fault"),
         (out_of_focus, "out of focus by up to", "warning"),
-        (half_the_matrix, "another image size?", "warning"),
-        (not_square, "pixels not square?", "warning"),
+        (half_the_matrix, "another image size", "warning"),
+        (not_square, "pixels are usually square", "warning"),
     ],
 )
-def test_the_camera_to_blame_is_named(change, words, level):
+def test_the_camera_responsible_is_named(change, words, level):
     answer = check(changed(a_ring(), change, "cam04"))
     assert found(answer, words, level).cameras == ("cam04",)
     assert answer.assessment == ("not usable" if level == "fault" else "limited")
@@ -117,7 +117,7 @@ def test_a_gap_names_its_neighbours_and_where_a_camera_would_close_it():
 
 def test_facing_cameras_count_once():
     answer = check(a_ring(8))
-    finding = found(answer, "8 cameras give 4 views", "warning")
+    finding = found(answer, "8 cameras give 4 different views", "warning")
     assert finding.cameras == ("cam04", "cam05", "cam06", "cam07")
     assert "cam00 and cam04" in finding.text
 
@@ -126,8 +126,8 @@ def test_unseen_part_is_found_with_those_who_miss_it():
     answer = check(changed(a_ring(3), aimed_aside))
     finding = found(answer, "no camera sees", "fault")
     assert "toward -y" in finding.text
-    share = float(finding.text.split("sees ")[1].split("%")[0])
-    assert share == pytest.approx(100 * (answer.coverage.views == 0).mean(), abs=0.06)
+    percent = float(finding.text.split("sees ")[1].split("%")[0])
+    assert percent == pytest.approx(100 * (answer.coverage.views == 0).mean(), abs=0.06)
     alone = check(changed(a_ring(3), aimed_aside, "cam01", "cam02"))
     assert found(alone, "a single camera sees").cameras == ("cam01", "cam02")
 
@@ -143,7 +143,7 @@ def test_a_part_too_small_for_a_tenth_of_a_per_cent_is_no_nothing():
 def test_a_camera_inside_the_volume_and_a_single_camera():
     inside = changed(a_ring(), lambda c: replace(c, t=-c.R @ [1.0, 2.0, 3.0]), "cam02")
     assert "cam02" in found(check(inside), "inside the volume", "fault").cameras
-    assert found(check(Rig((a_ring()[0],))), "single view tells no depth").level == "fault"
+    assert found(check(Rig((a_ring()[0],))), "single view gives no depth").level == "fault"
 
 
 def test_ray_miss_is_the_calibration_s_where_there_is_one():
@@ -165,7 +165,7 @@ def test_ray_miss_is_the_calibration_s_where_there_is_one():
 
 
 @pytest.mark.parametrize(
-    ("slip", "words"),
+    ("error", "words"),
     [
         (lambda c: replace(c, t=c.t / 1000), "t seems to be in metres, the grid millimetres"),
         (lambda c: replace(c, t=c.t * 1000), "t seems to be in millimetres, the grid metres"),
@@ -179,30 +179,30 @@ def test_ray_miss_is_the_calibration_s_where_there_is_one():
         (lambda c: replace(c, t=c.position), "t seems to be the camera's position"),
     ],
 )
-def test_slips_of_unit_and_convention_are_named(slip, words):
+def test_errors_of_unit_and_convention_are_named(error, words):
     rig = a_ring(pitch_degrees=8.0, start_degrees=7.0)
     assert find_convention_errors(rig, POINTS, 0.5) == ()
-    (all_wrong,) = find_convention_errors(changed(rig, slip), POINTS, 0.5)
+    (all_wrong,) = find_convention_errors(changed(rig, error), POINTS, 0.5)
     assert words in all_wrong.text
     assert all_wrong.cameras == rig.names
-    (one_wrong,) = find_convention_errors(changed(rig, slip, "cam03"), POINTS, 0.5)
+    (one_wrong,) = find_convention_errors(changed(rig, error, "cam03"), POINTS, 0.5)
     assert words in one_wrong.text
     assert one_wrong.cameras == ("cam03",)
-    assert check(changed(rig, slip)).assessment == "not usable"
+    assert check(changed(rig, error)).assessment == "not usable"
 
 
-def test_a_grid_in_another_unit_is_told_without_a_slip_that_explains_it():
+def test_a_grid_in_another_unit_is_reported_without_an_error_that_explains_it():
     tiny = Distortion()
     rig = changed(a_ring(), lambda c: replace(c, distortion=tiny))
-    (slip,) = find_convention_errors(rig, POINTS / 1e5, 0.5e-5)
-    assert "different units" in slip.text
+    (error,) = find_convention_errors(rig, POINTS / 1e5, 0.5e-5)
+    assert "different units" in error.text
 
 
 @pytest.mark.parametrize(
     ("extent", "voxel", "words"),
     [((1, 2), 0.5, "extent"), ((1, 1, 0), 0.5, "extent"), ((1, 1, 1), 0, "voxel")],
 )
-def test_bad_input_is_told(extent, voxel, words):
+def test_bad_input_is_reported(extent, voxel, words):
     with pytest.raises(ValueError, match=words):
         check_rig(a_ring(), POINTS, extent, voxel)
 
@@ -213,10 +213,10 @@ def test_tables_of_rays_are_judged_like_the_cameras_they_stand_for():
     one, other = check(rig), check(tables)
     assert other.assessment == one.assessment
     assert [f.level for f in other.findings] == [f.level for f in one.findings]
-    for wanted, told in zip(one.cameras, other.cameras, strict=True):
-        assert told.sees == wanted.sees
-        assert told.footprint == pytest.approx(wanted.footprint, rel=1e-3)
-        assert told.nearest_view == pytest.approx(wanted.nearest_view, abs=0.01)
+    for wanted, other_figures in zip(one.cameras, other.cameras, strict=True):
+        assert other_figures.sees == wanted.sees
+        assert other_figures.footprint == pytest.approx(wanted.footprint, rel=1e-3)
+        assert other_figures.nearest_view == pytest.approx(wanted.nearest_view, abs=0.01)
     blind = replace(tables, cameras=(*tables.cameras[:4], RayTable.of(turned_away(rig[4]))))
     assert "cam04" in found(check(blind), "nothing of the volume").cameras
 
@@ -245,7 +245,7 @@ def test_points_stand_for_the_parts_of_the_volume_that_they_are_given():
     weights = np.where(POINTS[:, 1] < 0, 3.0, 1.0)
     answer = check_rig(rig, POINTS, EXTENT, 0.5, weights=weights)
     unseen = answer.coverage.views == 0
-    assert answer.share(unseen) == pytest.approx(weights[unseen].sum() / weights.sum())
+    assert answer.fraction(unseen) == pytest.approx(weights[unseen].sum() / weights.sum())
     sees = weights[answer.coverage.seen[1]].sum() / weights.sum()
     assert answer.cameras[1].sees == pytest.approx(sees)
     with pytest.raises(ValueError, match="weights: found shape"):

@@ -93,13 +93,13 @@ def mutated():
 
 
 @pytest.fixture(scope="session")
-def spoiled():
+def damaged():
     """Return a function: a text with a piece of it replaced by junk that hypothesis draws."""
 
-    def spoil(text, data):
+    def damage(text, data):
         cut = data.draw(st.integers(0, len(text)))
         end = cut + data.draw(st.integers(0, 30))
         junk = data.draw(st.text('0179.-+eE[]{}:,"= \n\tx&*!#', max_size=10))
         return text[:cut] + junk + text[end:]
 
-    return spoil
+    return damage

@@ -59,9 +59,9 @@ def test_what_is_wrong_in_toml_is_named(make_rig, tmp_path, old, new, message):
 
 @given(data=st.data())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=35)
-def test_broken_files_are_refused_or_read(make_rig, read_or_refused, spoiled, tmp_path, data):
+def test_broken_files_are_refused_or_read(make_rig, read_or_refused, damaged, tmp_path, data):
     file = tmp_path / "a.toml"
     rig = make_rig("brown", "none", seed=1)
-    file.write_text(spoiled(toml_of(rig, "anipose"), data))
+    file.write_text(damaged(toml_of(rig, "anipose"), data))
     rig = read_or_refused(anipose.load, file)
     assert rig is None or len(rig)

@@ -144,9 +144,9 @@ def test_what_is_wrong_in_kalibrs_files_is_named(
 
 @given(data=st.data())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=35)
-def test_broken_files_are_refused_or_read(make_rig, read_or_refused, spoiled, tmp_path, data):
+def test_broken_files_are_refused_or_read(make_rig, read_or_refused, damaged, tmp_path, data):
     file = tmp_path / "a.yaml"
     rig = make_rig("brown", "none", seed=1)
-    file.write_text(spoiled(yaml.safe_dump(kalibr_data(rig)), data))
+    file.write_text(damaged(yaml.safe_dump(kalibr_data(rig)), data))
     rig = read_or_refused(kalibr.load, file)
     assert rig is None or len(rig)

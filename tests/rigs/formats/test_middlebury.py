@@ -88,9 +88,9 @@ def test_the_real_set(test_data):
 
 @given(data=st.data())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=35)
-def test_broken_files_are_refused_or_read(read_or_refused, spoiled, tmp_path, data):
+def test_broken_files_are_refused_or_read(read_or_refused, damaged, tmp_path, data):
     file = tmp_path / "a_par.txt"
     text = "1\na.png 90 0 32 0 90 24 0 0 1 1 0 0 0 1 0 0 0 1 0.1 0.2 5\n"
-    file.write_text(spoiled(text, data))
+    file.write_text(damaged(text, data))
     rig = read_or_refused(lambda path: middlebury.load(path, (64, 48)), file)
     assert rig is None or len(rig)

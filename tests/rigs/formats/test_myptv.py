@@ -115,8 +115,8 @@ def test_what_is_wrong_in_myptvs_files_is_named(tmp_path, old, new, message):
 
 @given(data=st.data())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=35)
-def test_broken_files_are_refused_or_read(read_or_refused, spoiled, tmp_path, data):
+def test_broken_files_are_refused_or_read(read_or_refused, damaged, tmp_path, data):
     file = tmp_path / "cam"
-    file.write_text(spoiled(myptv_text(MYPTV), data))
+    file.write_text(damaged(myptv_text(MYPTV), data))
     rig = read_or_refused(lambda path: myptv.load(path, (64, 48)), file)
     assert rig is None or len(rig)

@@ -138,8 +138,8 @@ def test_what_is_wrong_in_openptvs_files_is_named(tmp_path):
 
 @given(data=st.data())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=35)
-def test_broken_files_are_refused_or_read(read_or_refused, spoiled, tmp_path, data):
+def test_broken_files_are_refused_or_read(read_or_refused, damaged, tmp_path, data):
     file = write_openptv(tmp_path, OPENPTV) / "cal" / "cam1.tif.ori"
-    file.write_text(spoiled(file.read_text(), data))
+    file.write_text(damaged(file.read_text(), data))
     rig = read_or_refused(openptv.load, file)
     assert rig is None or len(rig)

@@ -136,7 +136,7 @@ def test_rotations_that_passed_through_float32_are_mended(tmp_path):
     np.testing.assert_allclose(camera.position, [1, 2, 3], atol=1e-9)
 
 
-def test_scales_are_told_of(tmp_path, caplog):
+def test_scales_are_reported_of(tmp_path, caplog):
     data = {**INTRINSICS, "scale": 0.33, "aabb_scale": 4, "frames": [entry("a/0.png")]}
     with caplog.at_level(logging.WARNING):
         load_transforms(write(tmp_path, data))

@@ -58,8 +58,8 @@ def test_it_projects_as_the_camera_does(model, seed):
     directions = table.rays(uv)[1]
     assert np.linalg.norm(directions - true.rays(uv)[1], axis=1).max() < 1e-4
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-15)
-    beside = true.position - (points - true.position)
-    assert not table.project(beside)[2].any()  # behind
+    behind = true.position - (points - true.position)
+    assert not table.project(behind)[2].any()
     far_out = points + 1e4 * true.R[0]
     assert not table.project(far_out)[2].any()
     assert not table.project([[np.nan, 0, 0]])[2].any()
@@ -95,7 +95,7 @@ def test_it_is_moved_scaled_and_cropped_as_a_camera_is(model):
         expected, found = change(true), change(table)
         assert found.image_size == expected.image_size
         uv, points = in_view(expected)
-        # where an image was shifted, its border lies beside the table, and is less exact
+        # where an image was shifted, its border lies outside the table and is less exact
         inner = (uv > 3).all(axis=1) & (uv < np.array(expected.image_size) - 4).all(axis=1)
         uv, points = uv[inner], points[inner]
         np.testing.assert_allclose(found.rays(uv)[1], expected.rays(uv)[1], rtol=0, atol=2e-4)
@@ -209,12 +209,12 @@ def test_two_views_in_one_image():
         uv, points = in_view(half, 200)
         kept = uv[:, 0] > 1
         found, _, valid = table.project(points[kept])
-        beside = np.abs(found - (uv[kept] + [at, 0])).max(axis=1) < 0.01
+        is_near = np.abs(found - (uv[kept] + [at, 0])).max(axis=1) < 0.01
         other = right if half is left else left
         twice = other.inside(np.nan_to_num(other.project(points[kept])[0], nan=-9))
         assert valid.all()
-        assert (beside | twice).all()
-        assert beside.mean() > 0.5
+        assert (is_near | twice).all()
+        assert is_near.mean() > 0.5
 
 
 def test_it_is_a_value():

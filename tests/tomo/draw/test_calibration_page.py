@@ -76,7 +76,7 @@ def rows(page, heading):
     ]
 
 
-def test_the_verdict_and_every_finding_stand_on_the_page(page, calibration):
+def test_the_assessment_and_every_finding_stand_on_the_page(page, calibration):
     text = html.unescape(re.sub("<[^>]*>", "", page.split("<h2>")[0]))
     first, *rest = calibration.assessment.split("\n")
     assert first in " ".join(text.split())

@@ -1,4 +1,4 @@
-"""The world a rig is told in: moving it changes no picture."""
+"""The world axes of a rig: changing them changes no image."""
 
 from dataclasses import replace
 

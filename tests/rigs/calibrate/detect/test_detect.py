@@ -190,14 +190,14 @@ def test_other_boards_are_not_taken_for_the_target(photograph):
         assert not len(find_target(image, parse_target(f"circles:{size}:1.0")).point)
 
 
-def test_a_mirrored_board_is_told(photograph):
+def test_a_mirrored_board_is_reported(photograph):
     target = parse_target(BOARDS[1])
     image, _ = photograph(target)
     with pytest.raises(ValueError, match=r"camera cam: frame 1: found the target mirrored"):
         observe({"cam": {"1": np.ascontiguousarray(image[:, ::-1])}}, target)
 
 
-def test_another_dictionary_is_told(photograph):
+def test_another_dictionary_is_reported(photograph):
     image, _ = photograph(parse_target("charuco:5x4:1.0:0.75:DICT_5X5_50"))
     with pytest.raises(ValueError, match=r"found markers of DICT_5X5_\d+, expected charuco:5x4"):
         observe({"cam": {"1": image}}, parse_target("charuco:5x4:1.0:0.75:DICT_6X6_50"))

@@ -107,7 +107,7 @@ def test_another_file_is_not_overwritten_by_the_cache(folder, tmp_path):
     assert path.read_text() == "format: emission-rig"
 
 
-def test_a_damaged_cache_is_told(folder, tmp_path):
+def test_a_damaged_cache_is_reported(folder, tmp_path):
     path = tmp_path / "cache"
     observe(image_set(folder), TARGET, cache=path)
     whole = path.read_bytes()
@@ -183,7 +183,7 @@ def test_colour_of_any_number_becomes_grey(kind):
     np.testing.assert_allclose(read_source(image), image[:, :, 0], atol=1e-3)
 
 
-def test_an_array_that_is_no_image_is_told():
+def test_an_array_that_is_no_image_is_reported():
     for array in (np.ones((8, 8, 3), bool), np.ones((0, 8, 3)), np.ones((8, 8, 2)), np.ones(8)):
         with pytest.raises(ValueError, match="expected an image in grey or colour"):
             read_source(array)

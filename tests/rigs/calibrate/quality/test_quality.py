@@ -196,7 +196,7 @@ def test_coverage_and_depth(case):
         assert quality.image_coverage[camera] == pytest.approx(len(columns) / 64, abs=0.02)
 
 
-# The guilty named
+# The responsible camera named
 
 
 def test_one_image_from_a_camera_that_moved_is_left_out_and_named(case, judged_volume):
@@ -296,7 +296,7 @@ def test_images_taken_the_wrong_way_round_are_left_out(case, judged_volume):
     assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.003
 
 
-def test_a_target_that_covers_little_is_told(case):
+def test_a_target_that_covers_little_is_reported(case):
     _, observations, _ = case
     middle = (np.abs(observations.uv - [320, 240]) < 110).all(axis=1)
     found = calibrate(observations.where(middle), volume=Volume((9, 9, 9), 12, (0, 0, 800)))
