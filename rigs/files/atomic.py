@@ -19,12 +19,12 @@ _PARTIAL = re.compile(r"\..*\.partial-([0-9a-f]{8})-(\d+)-[0-9a-f]{8}(\.[^.]*)?"
 
 @contextmanager
 def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
-    """Yield a temporary name beside ``path``; rename it to ``path`` when the block succeeds.
+    """Yield a temporary name next to ``path``; rename it to ``path`` when the block succeeds.
 
     The temporary name has the suffix of ``path``, because many writers choose the format by it,
     and lies in the same folder, because a rename is atomic only within one file system. Missing
-    folders are made. When the block raises, the temporary file is deleted and what stood at
-    ``path`` before stands there still. A process that is killed leaves the temporary file to
+    folders are made. When the block raises, the temporary file is deleted and an earlier file at
+    ``path`` stays as it was. A process that is killed leaves the temporary file to
     `remove_leftovers`.
 
     Parameters
@@ -51,7 +51,7 @@ def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
     except OSError as error:
         if error.filename not in (None, str(temporary), temporary):
             raise
-        if error.errno is None:  # numpy's own: so many bytes asked for, so many written
+        if error.errno is None:  # NumPy's own error, of a short write
             raise OSError(f"{path}: cannot be written: {error}") from error
         raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
@@ -65,23 +65,23 @@ def whole_folder(
     """Yield an empty folder to write into; move its files to ``folder`` when the block succeeds.
 
     Until then ``folder`` stays as it is, whatever happens to the block. The files are moved one
-    by one, within milliseconds, by one process at a time (where the system has ``flock``): of
-    several that write into one folder, the last one's files stand there, all of them.
+    by one, within milliseconds, by one process at a time (where the system has ``flock``). When
+    several processes write into one folder, it ends with all the files of the last one.
 
     Parameters
     ----------
     folder : path-like
         Made where it is missing.
     last : sequence of str
-        Files that say that the others are complete: removed before the first file is moved,
-        moved after all others, in this order.
+        Files whose presence means that the others are complete: removed before the first file is
+        moved, moved after all others, in this order.
     others : sequence of str
         Files of an earlier result, removed where the block has written none of that name.
 
     Raises
     ------
     OSError, ValueError
-        Of the block, naming files in ``folder`` where they name those in the folder yielded.
+        Raised by the block; they name files in ``folder`` in place of the folder yielded.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -94,22 +94,22 @@ def whole_folder(
         with _alone(folder), ThreadPoolExecutor(1) as mover:
             mover.submit(_move, staging, folder, last, others).result()
     except (OSError, ValueError) as error:
-        _say_instead(error, staging, folder)
+        _rename_in(error, staging, folder)
         raise
     finally:
         shutil.rmtree(staging, ignore_errors=True)
 
 
 def remove_leftovers(folder: str | os.PathLike) -> list[Path]:
-    """Remove what writers of this machine that were killed left half-written in ``folder``.
+    """Remove the half-written files that killed processes of this machine left in ``folder``.
 
-    Files of processes that still run, of other machines and of other names are left alone, and so
-    is what may not be removed.
+    Files of processes that still run, of other machines and of other names stay, and so do those
+    that this user may not remove.
 
     Returns
     -------
     list of Path
-        What was removed.
+        The files and folders removed.
     """
     removed = []
     try:
@@ -133,7 +133,7 @@ def remove_leftovers(folder: str | os.PathLike) -> list[Path]:
 
 def _move(staging: Path, folder: Path, last: Sequence[str], others: Sequence[str]) -> None:
     files = [path.relative_to(staging) for path in staging.rglob("*") if path.is_file()]
-    order = {Path(name): place for place, name in enumerate(last, 1)}
+    order = {Path(name): number for number, name in enumerate(last, 1)}
     for name in last:
         (folder / name).unlink(missing_ok=True)
     for name in {*map(Path, others)}.difference(files):
@@ -170,7 +170,7 @@ def _alone(folder: Path) -> Iterator[None]:
         yield
 
 
-def _say_instead(error: OSError | ValueError, found: Path, wanted: Path) -> None:
+def _rename_in(error: OSError | ValueError, found: Path, wanted: Path) -> None:
     """Name ``wanted`` where an error names ``found``, or no file at all."""
     error.args = tuple(
         part.replace(str(found), str(wanted)) if isinstance(part, str) else part
@@ -182,7 +182,7 @@ def _say_instead(error: OSError | ValueError, found: Path, wanted: Path) -> None
 
 
 def _partial_name(stem: str, suffix: str = "") -> str:
-    """Return a name for what is not yet whole; it tells which process of which machine writes."""
+    """Return a name for an unfinished file or folder, with the machine and process that writes."""
     return f".{stem}.partial-{_machine()}-{os.getpid()}-{secrets.token_hex(4)}{suffix}"
 
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.files import atomic_path
+from rigs.files.size_guard import errors_of_libraries
 from rigs.recordings.pixels import read_pixels
-from rigs.recordings.tiff import tiff_page
+from rigs.recordings.tiff import TIFF_MARKS, tiff_page
 
 TIFF_SUFFIXES = (".tif", ".tiff")
 IMAGE_SUFFIXES = (*TIFF_SUFFIXES, ".png", ".jpg", ".jpeg")
@@ -82,12 +83,19 @@ def read_image(
 
 
 def is_integer_image(path: str | os.PathLike) -> bool:
-    """Return whether a readable image file holds integers, which `read_image` scales to 0..1."""
-    path = Path(path)
-    if path.suffix.lower() not in TIFF_SUFFIXES:
-        return True
-    with tiff_page(path) as page:
-        return page.dtype.kind in "biu"
+    """Return whether an image file holds integers, which `read_image` scales to 0..1.
+
+    Raises
+    ------
+    ValueError
+        If it is a TIFF that cannot be read. Other formats for scans hold nothing but integers.
+    """
+    with open(path, "rb") as file:
+        if file.read(2) not in TIFF_MARKS:
+            return True
+        file.seek(0)
+        with errors_of_libraries(f"{path}: not a readable image"), tiff_page(file) as page:
+            return page.dtype.kind in "biu"
 
 
 def write_image(path: str | os.PathLike, image: ArrayLike) -> None:
@@ -136,8 +144,6 @@ def _to_float(path: Path, stored: NDArray, bit_depth: int | None) -> NDArray[np.
     if stored.dtype.kind == "f":
         with np.errstate(over="ignore"):  # a larger number becomes infinity, which is refused
             return stored.astype(np.float32)
-    if stored.dtype == np.bool_:
-        return stored.astype(np.float32)
     if stored.dtype not in (np.uint8, np.uint16):
         raise ValueError(
             f"{path}: found {stored.dtype} pixels, expected uint8, uint16 or floating point"

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
-from rigs.recordings.tiff import read_tiff, tiff_page
+from rigs.recordings.tiff import TIFF_MARKS, read_tiff, tiff_page
 
 if TYPE_CHECKING:
     from PIL import Image
 
-_TIFF_MARKS = (b"II", b"MM")
 _FORMATS = ("PNG", "JPEG", "BMP", "PPM", "WEBP")
 _MODES = {"1": "L", "L": "L", "I": "I", "F": "F", "RGBA": "RGBA"}
 """Pillow's modes of images that are not PNG, to those that are decoded; all others become RGB."""
@@ -56,7 +55,7 @@ def read_pixels(path: str | os.PathLike) -> NDArray:
     path = Path(path)
     content = path.read_bytes()
     with errors_of_libraries(f"{path}: not a readable image"):
-        return read_tiff(content) if content.startswith(_TIFF_MARKS) else _decode(content)
+        return read_tiff(content) if content.startswith(TIFF_MARKS) else _decode(content)
 
 
 def image_size(path: str | os.PathLike) -> tuple[int, int]:
@@ -72,7 +71,7 @@ def image_size(path: str | os.PathLike) -> tuple[int, int]:
     path = Path(path)
     content = path.read_bytes()
     with errors_of_libraries(f"{path}: not a readable image"):
-        if not content.startswith(_TIFF_MARKS):
+        if not content.startswith(TIFF_MARKS):
             return _header(content).size
         with tiff_page(content) as page:
             return page.imagewidth, page.imagelength

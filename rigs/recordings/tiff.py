@@ -19,6 +19,8 @@ from rigs.files.size_guard import check_claim, errors_of_libraries
 if TYPE_CHECKING:
     import tifffile
 
+TIFF_MARKS = (b"II", b"MM")  # the first bytes of a file: its byte order
+
 _NO_INTENSITIES = {
     "MINISWHITE": "white stored as zero, expected black as zero",
     "PALETTE": "numbers of a palette's colours, expected grey values",
@@ -64,6 +66,8 @@ def read_tiff(content: bytes) -> NDArray:
         with errors_of_libraries("damaged or truncated"):
             pixels = page.asarray()
         is_planar = page.planarconfig == 2 and page.samplesperpixel > 1
+    if pixels.dtype == np.bool_:  # one bit a sample: black and white, as in other formats
+        pixels = pixels * np.uint8(255)
     return np.moveaxis(pixels, 0, -1) if is_planar else pixels
 
 

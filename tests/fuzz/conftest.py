@@ -1,4 +1,4 @@
-"""What every test of readers needs: a reading that is watched, and small valid files."""
+"""A watched reading for every test of readers: time, memory, files written, one line."""
 
 import sys
 import time

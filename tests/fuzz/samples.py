@@ -357,6 +357,9 @@ def _tiffs():
         tiff(whole, byteorder=">", software="x"),
         tiff(whole, compression="zlib", predictor=2),
         tiff(whole, tile=(16, 16)),
+        tiff(whole, tile=(16, 16), compression="zstd"),
+        tiff(whole.astype(np.uint8), compression="jpeg"),
+        tiff(small, compression="lzw", predictor=3),
         tiff(np.stack([whole, whole])),
         *by_opencv,
     )

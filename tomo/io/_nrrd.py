@@ -9,7 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.size_guard import check_claim, decompressed, errors_of_libraries
+from rigs.files.size_guard import (
+    check_claim,
+    decompressed,
+    errors_of_libraries,
+    largest_claim,
+)
 from tomo.grid import VoxelGrid
 
 _HEADER = 1 << 16  # bytes of a header; a longer one takes pynrrd seconds
@@ -95,7 +100,8 @@ def _values(header: dict, content: bytes, count: int) -> NDArray:
     content = content.split(b"\n", lines)[-1]
     method = _METHODS.get(header["encoding"])
     if method:
-        content = decompressed(content, _WIDEST * count + max(skip, 0), method)
+        most = min(_WIDEST * count + max(skip, 0), largest_claim(len(content)))
+        content = decompressed(content, most, method)
         header["encoding"] = "raw"
     found = f"{len(content)} bytes of type {header['type']}, encoding {header['encoding']}"
     with errors_of_libraries(f"found {found}, byte skip {skip}, expected {count} values"):

@@ -1,4 +1,4 @@
-"""What compressed streams claim, against what they hold."""
+"""Compressed streams: their claims, against their content."""
 
 import bz2
 import gzip

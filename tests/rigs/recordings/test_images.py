@@ -5,7 +5,7 @@ import tifffile
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rigs.recordings import read_image, write_image
+from rigs.recordings import is_integer_image, read_image, write_image
 
 RAMP = np.arange(12, dtype=np.uint8).reshape(3, 4)
 
@@ -136,6 +136,17 @@ def test_missing_and_unknown_files_are_named(tmp_path):
         read_image(tmp_path / "none.tif")
     with pytest.raises(ValueError, match=r"a\.txt: found suffix '\.txt'"):
         read_image(tmp_path / "a.txt")
+
+
+def test_integers_are_known_by_the_content_of_a_file(tmp_path):
+    for name, dtype in (("a.tif", np.uint16), ("b.tif", np.float32), ("c.png", np.uint8)):
+        write_image(tmp_path / name, RAMP.astype(dtype))
+        assert is_integer_image(tmp_path / name) == (name != "b.tif")
+    (tmp_path / "c.png").rename(tmp_path / "c.tif")
+    assert is_integer_image(tmp_path / "c.tif")
+    (tmp_path / "d.tif").write_bytes((tmp_path / "a.tif").read_bytes()[:9])
+    with pytest.raises(ValueError, match=r"d\.tif: not a readable image: "):
+        is_integer_image(tmp_path / "d.tif")
 
 
 def test_tiles_may_be_larger_than_the_image(tmp_path):

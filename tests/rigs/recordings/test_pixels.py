@@ -1,4 +1,4 @@
-"""What image files claim, against what is decoded."""
+"""Image files' claims, against the pixels that are decoded."""
 
 import contextlib
 import struct
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from rigs.recordings import image_size, luminance, read_pixels
+from rigs.recordings import image_size, luminance, read_image, read_pixels
 
 RANDOM = np.random.default_rng(0)
 GREY = RANDOM.integers(0, 255, (7, 9), dtype=np.uint8)
@@ -64,6 +64,16 @@ def test_sixteen_bits_stay(reading, suffix):
             found = reading(read_pixels, data)
             np.testing.assert_array_equal(found, wide)
             assert found.dtype == np.uint16
+
+
+def test_one_bit_is_black_and_white_in_every_format(reading, tmp_path):
+    mask = GREY > 100
+    tifffile.imwrite(tmp_path / "a.tif", mask, photometric="minisblack")
+    png_mask = file(".png", mask * np.uint8(255), cv2.IMWRITE_PNG_BILEVEL, 1)
+    for found in (read_pixels(tmp_path / "a.tif"), reading(read_pixels, png_mask)):
+        np.testing.assert_array_equal(found, mask * 255)
+        assert found.dtype == np.uint8
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), mask)
 
 
 @pytest.mark.parametrize("orientation", [3, 4, 6])

@@ -1,6 +1,7 @@
 """VTK files that claim what they do not hold, or point elsewhere, are refused in one line."""
 
 import base64
+import itertools
 import zlib
 
 import numpy as np
@@ -122,11 +123,19 @@ def test_sizes_below_zero_unpack_nothing(refused):
     assert "header_type: found 'Int32'" in said
 
 
+def nested_entities():
+    """Return entities of which the last, x, stands for 40 GB of text."""
+    levels = "abcdefghij" + "x"
+    first = '<!ENTITY a "aaaaaaaaaa">'
+    others = (f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in itertools.pairwise(levels))
+    return "".join((first, *others)).encode()
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b'<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/hostname">]>', "document type"),
-        (b'<!DOCTYPE a [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]>', "document type"),
+        (b'<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/hostname">]>', "undefined entity &x;"),
+        (b"<!DOCTYPE a [%s]>" % nested_entities(), "amplification"),
     ],
 )
 def test_entities(refused, content, words):
