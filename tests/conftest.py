@@ -66,21 +66,25 @@ def on_threads():
 
 @pytest.fixture(scope="session")
 def run_tool():
-    """Return a function that runs ``tools/NAME.py`` in this process.
+    """Return a function that runs ``flametomo VERB`` or ``tools/NAME.py`` in this process.
 
     ``run_tool("simulate", "--rig", path)`` returns exit_code, stdout and stderr; scenes are drawn
     with one ray a pixel, see `one_ray_a_pixel`.
     """
+    from tomo.cli.app import VERBS, app
+
     sys.path.append(str(ROOT / "tools"))
 
     def run(name, *arguments):
-        spec = importlib.util.spec_from_file_location(
-            f"tool_{name}", ROOT / "tools" / f"{name}.py"
-        )
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
         with one_ray_a_pixel():
-            return CliRunner().invoke(module.app, [str(a) for a in arguments])
+            if (verb := name.replace("_", "-")) in VERBS:
+                return CliRunner().invoke(app, [verb, *map(str, arguments)])
+            spec = importlib.util.spec_from_file_location(
+                f"tool_{name}", ROOT / "tools" / f"{name}.py"
+            )
+            module = importlib.util.module_from_spec(spec)
+            spec.loader.exec_module(module)
+            return CliRunner().invoke(module.app(), list(map(str, arguments)))
 
     yield run
     sys.path.remove(str(ROOT / "tools"))

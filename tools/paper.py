@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from tomo.cli.stopping import run
+
+if TYPE_CHECKING:
+    import typer
+
+
+def app() -> typer.Typer:
+    """Return the command line; it imports libraries once signals are handled."""
+    from studies.common.study import command
+    from studies.paper import STUDY
+
+    return command(STUDY)
+
+
 if __name__ == "__main__":
-    from _entry import run
-
-    run(__file__)  # before all other imports: from here on Ctrl-C and SIGTERM end it in one line
-
-from studies.common.study import command
-from studies.paper import STUDY
-
-app = command(STUDY)
+    run(lambda: app()())

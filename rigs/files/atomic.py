@@ -8,11 +8,18 @@ import platform
 import re
 import secrets
 import shutil
+import threading
 import zlib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+
+_moving = threading.Lock()
+"""Held by a thread that moves files which belong together, never by the main thread."""
+
+_unfinished: set[Path] = set()
+"""Temporary files and folders of the writers now at work in this process."""
 
 _PARTIAL = re.compile(r"\..*\.partial-([0-9a-f]{8})-(\d+)-[0-9a-f]{8}(\.[^.]*)?", re.DOTALL)
 
@@ -46,16 +53,15 @@ def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(_partial_name(path.stem[:40], path.suffix))
     try:
-        yield temporary
-        os.replace(temporary, path)
+        with _registered(temporary):
+            yield temporary
+            os.replace(temporary, path)
     except OSError as error:
         if error.filename not in (None, str(temporary), temporary):
             raise
         if error.errno is None:  # NumPy's own error, of a short write
             raise OSError(f"{path}: cannot be written: {error}") from error
         raise OSError(error.errno, error.strerror, str(path)) from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -88,16 +94,15 @@ def whole_folder(
     remove_leftovers(folder)
     staging = folder / _partial_name("files")
     try:
-        staging.mkdir()
-        yield staging
-        # In a thread, which Ctrl-C in the middle waits for: either result is whole, never half
-        with _alone(folder), ThreadPoolExecutor(1) as mover:
-            mover.submit(_move, staging, folder, last, others).result()
+        with _registered(staging):
+            staging.mkdir()
+            yield staging
+            # In a thread, which Ctrl-C waits for: either result is whole, never half
+            with _alone(folder), ThreadPoolExecutor(1) as mover:
+                mover.submit(_move, staging, folder, last, others).result()
     except (OSError, ValueError) as error:
         _rename_in(error, staging, folder)
         raise
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
 
 
 def remove_leftovers(folder: str | os.PathLike) -> list[Path]:
@@ -121,27 +126,53 @@ def remove_leftovers(folder: str | os.PathLike) -> list[Path]:
         if found is None or found[1] != _machine() or _runs(int(found[2])):
             continue
         path = Path(entry.path)
-        if entry.is_dir(follow_symlinks=False):
-            shutil.rmtree(path, ignore_errors=True)
-        else:
-            with suppress(OSError):  # another user's, in a folder that all may write to
-                path.unlink()
+        _remove(path)
         if not os.path.lexists(path):
             removed.append(path)
     return removed
 
 
+def remove_unfinished() -> None:
+    """Remove what this process has half-written, just before a signal ends the process.
+
+    Waits until files that are being moved have arrived; nothing is moved afterwards.
+    """
+    _moving.acquire()
+    for temporary in list(_unfinished):
+        _remove(temporary)
+
+
+@contextmanager
+def _registered(temporary: Path) -> Iterator[None]:
+    """Remove a temporary file or folder after the block, or in it by `remove_unfinished`."""
+    _unfinished.add(temporary)
+    try:
+        yield
+    finally:
+        _remove(temporary)
+        _unfinished.discard(temporary)
+
+
+def _remove(path: Path) -> None:
+    """Remove a file or a folder, unless it is another user's."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            path.unlink()
+
+
 def _move(staging: Path, folder: Path, last: Sequence[str], others: Sequence[str]) -> None:
     files = [path.relative_to(staging) for path in staging.rglob("*") if path.is_file()]
     order = {Path(name): number for number, name in enumerate(last, 1)}
-    for name in last:
-        (folder / name).unlink(missing_ok=True)
-    for name in {*map(Path, others)}.difference(files):
-        (folder / name).unlink(missing_ok=True)
-    for name in sorted(files, key=lambda name: order.get(name, 0)):
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        _replace(staging / name, folder / name)
-    shutil.rmtree(staging, ignore_errors=True)
+    with _moving:
+        for name in last:
+            (folder / name).unlink(missing_ok=True)
+        for name in {*map(Path, others)}.difference(files):
+            (folder / name).unlink(missing_ok=True)
+        for name in sorted(files, key=lambda name: order.get(name, 0)):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            _replace(staging / name, folder / name)
 
 
 def _replace(source: Path, target: Path) -> None:

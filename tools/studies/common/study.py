@@ -10,8 +10,11 @@ from types import ModuleType
 from typing import Annotated, Any
 
 import typer
-from _command import bad_input_in_one_line, check_output_folder, console, print_json, progress_bar
-from _usage import OneLineUsage
+
+from tomo.cli.console import print_json, progress_bar, say
+from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.outputs import check_output_folder
+from tomo.cli.usage import command_line
 
 Progress = Callable[[int, int, str], None]
 """``progress(done, total, what)``."""
@@ -81,9 +84,7 @@ class Study:
 
 def command(study: Study) -> typer.Typer:
     """Return the study's command line."""
-    app = typer.Typer(add_completion=False)
 
-    @app.command(name=study.name, help=study.title, cls=OneLineUsage)
     def run(
         out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write.")],
         size: Annotated[
@@ -123,7 +124,7 @@ def command(study: Study) -> typer.Typer:
         if missed:
             raise typer.Exit(1)
 
-    return app
+    return command_line(run, study.name, help=study.title)
 
 
 def _measure(
@@ -187,8 +188,3 @@ def _check_known(option: str, names: Sequence[str], known: Sequence[str] | Mappi
     for name in names:
         if name not in known:
             raise ValueError(f"{option}: found {name!r}, expected one of {', '.join(known)}")
-
-
-def say(line: str) -> None:
-    """Say a line on stderr."""
-    console.print(line, markup=False, highlight=False, soft_wrap=True)

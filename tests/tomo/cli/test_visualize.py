@@ -13,7 +13,7 @@ import rigs
 from tomo.grid import VoxelGrid
 from tomo.io import write_volume
 
-TOOLS = Path(__file__).parents[2] / "tools"
+TOOLS = Path(__file__).parents[3] / "tools"
 GRID = VoxelGrid((8, 20, 10), (1.0, 2.0, 1.5), (0.0, 1.0, 2.0))
 
 

@@ -14,7 +14,7 @@ from rigs import ring
 from tomo import VoxelGrid
 from tomo.simulation import simulate
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 GRID = VoxelGrid((6, 10, 6), 1.0)
 QUICK = ("--method", "sirt", "--iterations", "2")
 

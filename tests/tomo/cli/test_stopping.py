@@ -1,6 +1,5 @@
 """Ctrl-C and SIGTERM at every moment of a command's life: one line, or a result that is whole."""
 
-import ast
 import os
 import signal
 import subprocess
@@ -12,17 +11,20 @@ import pytest
 
 from rigs import ring, save_rig
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 TOOLS = ROOT / "tools"
-COMMANDS = sorted(path for path in TOOLS.glob("*.py") if "typer.Typer" in path.read_text("utf-8"))
+COMMANDS = sorted(TOOLS.glob("*.py"))
 
-ENTRY = """
-if __name__ == "__main__":
-    from _entry import run
-
-    run(__file__)
+COMMAND = """
 import os, sys, time
+
+from tomo.cli.stopping import run
+
 stop = lambda: os.kill(os.getpid(), {number})
+
+{text}
+
+run(app)
 """
 
 SIGNALS = pytest.mark.parametrize(
@@ -52,7 +54,8 @@ def _python(*arguments, hooks=None, **variables):
         timeout=60,
     )
     lines = [line for line in done.stderr.splitlines() if line.strip()]
-    return done.returncode, [line for line in lines if not line.startswith("simulate ")]
+    lines = [line for line in lines if not line.startswith("simulate ")]
+    return done.returncode, lines, done.stdout
 
 
 @pytest.fixture
@@ -61,30 +64,23 @@ def command(tmp_path):
 
     def run(text, number):
         path = tmp_path / "a_command.py"
-        path.write_text(ENTRY.format(number=int(number)) + textwrap.dedent(text))
-        return _python(path)
+        path.write_text(COMMAND.format(number=int(number), text=textwrap.dedent(text)))
+        return _python(path)[:2]
 
     return run
 
 
 @pytest.mark.parametrize("path", COMMANDS, ids=lambda path: path.stem)
 def test_every_command_listens_before_it_imports(path):
-    docstring, future, entry, *_ = ast.parse(path.read_text("utf-8")).body
-    assert isinstance(docstring, ast.Expr)
-    assert future.module == "__future__"
-    assert ast.unparse(entry) == (
-        "if __name__ == '__main__':\n    from _entry import run\n    run(__file__)"
-    )
+    """What a file in tools/ imports at its top is our own, and loads no library."""
+    code = f"import runpy, sys; runpy.run_path({str(path)!r}); print(*sys.modules)"
+    code_of_process, lines, loaded = _python("-c", code)
+    assert (code_of_process, lines) == (0, [])
+    loaded = {name.split(".")[0] for name in loaded.split()}
+    assert not loaded & {"typer", "rich", "numpy", "rigs", "phantoms"}
 
 
 MOMENTS = {
-    "importing": "stop()\ntime.sleep(30)",
-    "importing, as a library's failure": """
-        try:
-            stop()
-        except BaseException:
-            raise ImportError("a library failed to import") from None
-        """,
     "working": "def app(): stop(), time.sleep(30)",
     "in a callback, which cannot raise": """
         class Finalized:
@@ -105,7 +101,7 @@ MOMENTS = {
         """,
     "where errors are printed, and made others": """
         def app():
-            from _command import bad_input_in_one_line
+            from tomo.cli.errors import bad_input_in_one_line
 
             with bad_input_in_one_line():
                 try:
@@ -137,22 +133,48 @@ def test_a_stop_is_one_line(command, moment, number, code, line):
     assert command(MOMENTS[moment], number) == (code, [line])
 
 
-@SIGNALS
-def test_what_is_half_written_is_removed_however_often_one_stops(
-    command, tmp_path, number, code, line
-):
-    text = f"""
+HALF_WRITTEN = {
+    "a file": """
         def app():
-            try:
-                stop()
-            finally:
-                for _ in range(3):
-                    stop()
-                    time.sleep(0.3)
-                open({str(tmp_path / "removed")!r}, "w").close()
-        """
-    assert command(text, number) == (code, [line])
-    assert (tmp_path / "removed").exists()
+            from rigs.files import atomic_path
+
+            with atomic_path({path!r}) as temporary:
+                temporary.write_text("half")
+                stop(), time.sleep(30)
+        """,
+    "a folder": """
+        def app():
+            from rigs.files import whole_folder
+
+            with whole_folder({path!r}, []) as staging:
+                (staging / "a").write_text("whole")
+                stop(), time.sleep(30)
+        """,
+    "a file of a thread": """
+        def app():
+            from concurrent.futures import ThreadPoolExecutor
+            from rigs.files import atomic_path
+
+            def write():
+                with atomic_path({path!r}) as temporary:
+                    temporary.write_text("half")
+                    time.sleep(30)
+
+            ThreadPoolExecutor(1).submit(write)
+            time.sleep(0.3)
+            stop()
+        """,
+}
+
+
+@SIGNALS
+@pytest.mark.parametrize("what", HALF_WRITTEN)
+def test_what_is_half_written_is_removed(command, tmp_path, what, number, code, line):
+    out = tmp_path / "out"
+    out.mkdir()
+    path = out if what == "a folder" else out / "file.txt"
+    assert command(HALF_WRITTEN[what].format(path=str(path)), number) == (code, [line])
+    assert list(out.iterdir()) == []
 
 
 ENDINGS = {
@@ -199,7 +221,8 @@ count, moment, heard = 0, int(os.environ["MOMENT"]), False
 def call(frame, event, argument):
     global count, heard
     if event == "call":
-        heard = heard or frame.f_code.co_name == "hear"
+        code = frame.f_code
+        heard = heard or (code.co_name == "run" and code.co_filename.endswith("stopping.py"))
         count += heard
         if count == moment:
             os.kill(os.getpid(), int(os.environ["SIGNAL"]))
@@ -219,7 +242,7 @@ def test_a_command_stops_at_any_of_its_calls(tmp_path):
         asked = {"MOMENT": str(moment), "SIGNAL": str(int(number)), "COUNT": f"{tmp_path}/count"}
         return _python(TOOLS / "convert_rig.py", rig, out, hooks=tmp_path, **asked)
 
-    done, _ = run(-1, 0)
+    done, _, _ = run(-1, 0)
     assert done == 0
     whole, calls = out.read_bytes(), int((tmp_path / "count").read_text())
     assert calls > 10_000
@@ -227,7 +250,7 @@ def test_a_command_stops_at_any_of_its_calls(tmp_path):
     for share in (0.0005, 0.03, 0.3, 0.7, 0.95, 0.998):
         out.unlink(missing_ok=True)
         number = signal.SIGTERM if stopped % 2 else signal.SIGINT
-        code, lines = run(max(2, round(share * calls)), number)
+        code, lines, _ = run(max(2, round(share * calls)), number)
         if code:
             assert (code, lines) in [(130, ["interrupted"]), (143, ["terminated"])]
             stopped += 1
@@ -261,7 +284,7 @@ def test_a_stop_while_results_are_moved_leaves_a_whole_one(tmp_path):
 
     def run(seed, moves, number):
         asked = {"MOVES": str(moves), "SIGNAL": str(int(number))}
-        code, lines = _python(
+        code, lines, _ = _python(
             TOOLS / "simulate.py", *options, "--seed", seed, hooks=tmp_path, **asked
         )
         files = [path for path in out.rglob("*") if path.is_file()]

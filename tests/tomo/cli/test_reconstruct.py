@@ -15,7 +15,7 @@ from tomo.io import read_volume, write_volume
 from tomo.pipeline import reconstruct
 from tomo.simulation import simulate
 
-TOOL = Path(__file__).parents[2] / "tools" / "reconstruct.py"
+TOOL = Path(__file__).parents[3] / "tools" / "reconstruct.py"
 GRID = VoxelGrid((8, 14, 8), (1.0, 1.0, 1.2), (10.0, 0.0, -3.0))
 VOLUMES = ("volume.npz", "volume.vti", "volume.nrrd")
 PICTURES = {"rig.png", "slices.png", "views.png", "convergence.png", "difference.png"}

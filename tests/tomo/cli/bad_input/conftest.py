@@ -13,7 +13,7 @@ from rigs import ring
 from tomo import VoxelGrid
 from tomo.simulation import simulate
 
-TOOLS = Path(__file__).parents[3] / "tools"
+TOOLS = Path(__file__).parents[4] / "tools"
 GRID = VoxelGrid((6, 10, 6), 1.0)
 
 

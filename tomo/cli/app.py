@@ -1,0 +1,98 @@
+"""The verbs of ``flametomo``, each a module that is imported when its verb is used."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from textwrap import indent
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from tomo.cli.errors import end
+from tomo.cli.usage import UsageError, command_line
+
+VERBS = {
+    "simulate": "Simulate the images that a rig's cameras take of a phantom.",
+    "reconstruct": "Reconstruct the emission in every voxel from a scan's images.",
+    "visualize-rig": "Draw a rig's cameras and the volume that they look at.",
+    "visualize-volume": "Draw a volume's planes, line integrals and surfaces.",
+    "calibrate-rig": "Calibrate a rig from images of a flat target.",
+    "check-rig": "Check whether a rig is good enough for a volume.",
+    "convert-rig": "Convert a rig from one format into another.",
+}
+"""The first sentence of each verb's help, listed without importing the verb."""
+
+
+class Verbs(TyperGroup):
+    """The group of all verbs."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of the verbs in the order of their use."""
+        return list(VERBS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Import a verb and return its command."""
+        if cmd_name not in VERBS:
+            return None
+        name = cmd_name.replace("-", "_")
+        module = import_module(f"tomo.cli.{name}")
+        function = getattr(module, name)
+        help_text = f"{function.__doc__}\n\n{getattr(module, 'DETAILS', '')}"
+        examples = indent(module.EXAMPLES.strip(), "  ")
+        app = command_line(function, cmd_name, help=help_text, epilog=f"\b\nExamples:\n{examples}")
+        return typer.main.get_command(app)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """List the verbs with one line each."""
+        with formatter.section("Verbs"):
+            formatter.write_dl(list(VERBS.items()))
+
+    def make_context(
+        self, info_name: str | None, args: list[str], *rest: Any, **extra: Any
+    ) -> Any:
+        """Return the context of the arguments before the verb; an error is one line."""
+        try:
+            return super().make_context(info_name, args, *rest, **extra)
+        except UsageError as error:
+            end(f"error: {error.format_message().rstrip('.')}; see flametomo --help", 2)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the verb's command; an unknown verb is one line."""
+        if args[0] not in VERBS:
+            known = ", ".join(VERBS)
+            end(f"error: verb: found {args[0]!r}, expected one of {known}", 2)
+        return super().resolve_command(ctx, args)
+
+
+app = typer.Typer(
+    name="flametomo",
+    cls=Verbs,
+    add_completion=False,
+    rich_markup_mode=None,
+    subcommand_metavar="VERB ...",
+    epilog="flametomo VERB --help explains a verb and its options.",
+)
+
+
+def _print_version(is_asked: bool) -> None:
+    if is_asked:
+        from importlib.metadata import version
+
+        typer.echo(f"flametomo {version('flametomo')}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def flametomo(
+    ctx: typer.Context,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", is_eager=True, callback=_print_version, help="Print the version."
+        ),
+    ] = False,
+) -> None:
+    """Reconstruct the 3-D emission of flames, jets and plumes from calibrated cameras."""
+    if ctx.invoked_subcommand is None:
+        typer.echo(ctx.get_help())

@@ -1,0 +1,275 @@
+"""``flametomo calibrate-rig``: a rig from images of a flat target, and how accurate it is."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tomo.cli.console import JsonFlag, console, print_json, progress_bar, say
+from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.inputs import CenterOption, SpacingOption, load_rig_or_preset, parse_grid
+from tomo.cli.outputs import check_output_file, check_output_folder
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from rigs import Volume
+    from rigs.calibrate import Calibration
+    from rigs.calibrate.detect import Detections
+    from rigs.calibrate.detect.detect import ImageSet
+
+
+PAGE, FIGURES = "calibration.html", "calibration.json"
+_NAMED = 6
+
+EXAMPLES = """
+flametomo calibrate-rig images --target chessboard:9x6:25
+    -o rig.yaml
+flametomo calibrate-rig images -o rig.yaml --grid 30x140x30
+    --spacing 0.5 --target charuco:5x4:54:40.5:DICT_4X4_1000
+"""
+
+
+def calibrate_rig(
+    images: Annotated[
+        Path,
+        typer.Argument(
+            metavar="IMAGES",
+            help="A folder with one folder of images, or one video, for each camera. Images of "
+            "the same name were taken at the same time.",
+        ),
+    ],
+    target: Annotated[
+        str,
+        typer.Option(
+            metavar="TARGET",
+            help="chessboard:9x6:25 (inner corners, square), circles:7x5:20, acircles:4x11:20 "
+            "(spacing) or charuco:5x4:54:40.5:DICT_4X4_1000 (squares, square, marker, "
+            "dictionary).",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE", help="The rig.yaml to write.")
+    ],
+    length_unit: Annotated[
+        str, typer.Option(metavar="UNIT", help="Unit of the target's lengths and of the rig.")
+    ] = "mm",
+    intrinsics: Annotated[
+        str | None,
+        typer.Option(metavar="RIG", help="A rig whose lenses and camera matrices are kept."),
+    ] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="MODEL",
+            help="Distortion model: none, radial, brown4, brown5, rational, thin_prism, tilted, "
+            "fisheye, or auto, which adds terms that lower the error.",
+        ),
+    ] = "auto",
+    world: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Origin and axes: a camera's name, a frame's name (the target in it), or a YAML "
+            "file with the positions of three or more cameras by name. The first camera if "
+            "absent.",
+        ),
+    ] = None,
+    rescale: Annotated[
+        bool, typer.Option("--rescale", help="Take the scale from the positions in --world.")
+    ] = False,
+    grid: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NxNxN",
+            help="Voxels to check the rig in, like 30x140x30; stored in the rig.",
+        ),
+    ] = None,
+    spacing: SpacingOption = None,
+    center: CenterOption = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help=f"Folder for {PAGE} and {FIGURES}; the rig's if absent."
+        ),
+    ] = None,
+    every: Annotated[
+        int, typer.Option(help="Use one picture of a video in this many.", min=1)
+    ] = 1,
+    cache: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A file that stores the detections for the next run."),
+    ] = None,
+    json: JsonFlag = False,
+) -> None:
+    """Calibrate a rig from images of a flat target.
+
+    The target was moved about in front of the cameras. Camera matrices, distortion, camera poses
+    and target poses are adjusted together. A page and a JSON file with every figure are written
+    next to the rig; the page begins with the assessment.
+    """
+    started = time.perf_counter()
+    with bad_input_in_one_line():
+        _check_outputs(out, report, cache)
+        from rigs import save_rig
+        from rigs.calibrate import calibrate
+        from rigs.calibrate.detect import detections, image_set
+        from rigs.calibrate.options import check_options
+        from rigs.calibrate.targets import parse_target
+        from rigs.files.json_file import write_json
+
+        described = parse_target(target)
+        volume = _volume(grid, spacing, center)
+        given = load_rig_or_preset(intrinsics) if intrinsics else None
+        names = _world(world)
+        found = image_set(images, every)
+        check_options(
+            found,
+            {frame for of_camera in found.values() for frame in of_camera},
+            intrinsics=given,
+            world=names,
+            rescale=rescale,
+            length_unit=length_unit,
+            distortion=model,
+            target=described,
+        )
+        with progress_bar("detect") as progress:
+            seen = detections(found, described, cache=cache, progress=progress)
+        with console.status("calibrate") as status:
+            calibration = calibrate(
+                seen.observations,
+                intrinsics=given,
+                world=names,
+                rescale=rescale,
+                length_unit=length_unit,
+                distortion=model,
+                target=described,
+                volume=volume,
+                progress=status.update,
+            )
+        notes = _notes(found, seen)
+        seconds = time.perf_counter() - started
+        out.parent.mkdir(parents=True, exist_ok=True)
+        save_rig(calibration.rig, out)
+        details = {"images": images, "target": described, "time": f"{seconds:.0f} s"}
+        folder = out.parent if report is None else report
+        _write_page(folder / PAGE, calibration, found, notes, details)
+        figures = {
+            "target": str(described),
+            "length_unit": length_unit,
+            "seconds": round(seconds, 3),
+            "notes": notes,
+            **_figures(calibration),
+        }
+        write_json(folder / FIGURES, figures, indent=2)
+    for line in (calibration.assessment, *notes):
+        say(line)
+    if json:
+        print_json({"rig": str(out), "page": str(folder / PAGE), **figures})
+
+
+def _check_outputs(out: Path, report: Path | None, cache: Path | None) -> None:
+    """Raise unless everything can be written: better now than after the work."""
+    if out.suffix.lower() not in (".yaml", ".yml"):
+        raise ValueError(f"{out}: suffix: found {out.suffix!r}, expected .yaml")
+    check_output_file(out)
+    if cache is not None:
+        check_output_file(cache)
+    if report is not None:
+        check_output_folder(report)
+
+
+def _volume(grid: str | None, spacing: str | None, center: str | None) -> Volume | None:
+    """Return the voxels that options describe; None where there are none."""
+    if grid is None and spacing is None and center is None:
+        return None
+    from rigs import Volume
+
+    voxels = parse_grid(grid, spacing, center)
+    return Volume(voxels.shape, voxels.spacing, voxels.center)
+
+
+def _world(text: str | None) -> Any:
+    """Return a name as it is, and the positions in a file."""
+    if text is None or Path(text).suffix.lower() not in (".yaml", ".yml"):
+        return text
+    from rigs.files.text import read_yaml_mapping
+    from rigs.geometry.rotation import numbers
+
+    positions = read_yaml_mapping(text)
+    return {name: numbers(point, (3,), f"{text}: {name}") for name, point in positions.items()}
+
+
+def _notes(found: ImageSet, seen: Detections) -> list[str]:
+    """Return lines on images that are blurred, and on cameras whose images lack the target."""
+    notes = [
+        f"camera {camera}: {found[camera][frame]}: edges are blurred over {blur:.2g} px, twice as "
+        "much as is usual or more"
+        for camera, frame, blur in seen.blurred()
+    ]
+    for camera, frames in found.items():
+        without = [frame for frame in frames if (camera, frame) in seen.reasons]
+        if without:
+            named = ", ".join(without[:_NAMED]) + (", ..." if len(without) > _NAMED else "")
+            notes.append(
+                f"camera {camera}: target not found in {len(without)} of {len(frames)} images: "
+                f"{named}"
+            )
+    return notes
+
+
+def _write_page(
+    path: Path,
+    calibration: Calibration,
+    found: ImageSet,
+    notes: list[str],
+    details: dict[str, Any],
+) -> None:
+    """Write the page, with the images that fit worst."""
+    from rigs.calibrate.detect.image_sets import read_source
+    from tomo.draw.calibration import write_calibration_page
+
+    def image_of(camera: str, frame: str) -> np.ndarray:
+        return read_source(found[camera][frame])
+
+    title = f"Calibration of {Path(details['images']).absolute().name}"
+    write_calibration_page(
+        path, calibration, title=title, image_of=image_of, notes=notes, details=details
+    )
+
+
+def _figures(calibration: Calibration) -> dict[str, Any]:
+    """Return every figure of the calibration as plain data, and what was left out."""
+    import numpy as np
+
+    from rigs.files.json_file import plain
+
+    observations, quality = calibration.observations, calibration.quality
+    left_out = np.flatnonzero(~calibration.used)
+    figures = {
+        **(calibration.rig.calibration or {}),
+        "frames_rms_px": dict(zip(observations.frames, quality.frame_rms, strict=True)),
+        "images_rms_px": {
+            camera: {
+                frame: rms
+                for frame, rms in zip(observations.frames, row, strict=True)
+                if math.isfinite(rms)
+            }
+            for camera, row in zip(observations.cameras, quality.image_rms, strict=True)
+        },
+        "left_out": [
+            {
+                "camera": observations.cameras[observations.camera[k]],
+                "frame": observations.frames[observations.frame[k]],
+                "point": int(observations.point[k]),
+                "uv": list(observations.uv[k]),
+                "residual_px": list(calibration.residuals[k]),
+            }
+            for k in left_out
+        ],
+    }
+    return plain(figures, digits=6)

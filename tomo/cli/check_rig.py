@@ -1,0 +1,272 @@
+"""``flametomo check-rig``: is a rig good enough for a volume, where not, and why."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tomo.cli.console import JsonFlag, finite_or_none, print_json, say
+from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.inputs import (
+    CenterOption,
+    GridOption,
+    LowerOption,
+    RigArgument,
+    SpacingOption,
+    UpperOption,
+    load_rig_and_grid,
+    parse_grid,
+)
+from tomo.cli.outputs import check_output_pictures
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from rigs.check.result import RigCheck
+    from tomo.operators.timing import Effort
+
+EXAMPLES = """
+flametomo check-rig rig.yaml
+flametomo check-rig paper33_pitch --grid 30x140x30 --spacing 0.5
+    -o coverage.html
+"""
+
+
+def check_rig(
+    rig: RigArgument,
+    grid: GridOption = None,
+    spacing: SpacingOption = None,
+    center: CenterOption = None,
+    lower: LowerOption = None,
+    upper: UpperOption = None,
+    pixel_accuracy: Annotated[
+        float,
+        typer.Option(
+            help="RMS error of a line of sight in pixels, for cameras without a calibration."
+        ),
+    ] = 0.2,
+    iterations: Annotated[
+        int, typer.Option(help="Iterations to estimate the time of.", min=0)
+    ] = 100,
+    time: Annotated[bool, typer.Option(help="Estimate time on this machine.")] = True,
+    out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="A .png, .html or .glb file for maps; repeatable."
+        ),
+    ] = None,
+    images: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="A scan or a folder of images to show in the page."),
+    ] = None,
+    json: JsonFlag = False,
+) -> None:
+    """Check whether a rig is good enough for a volume.
+
+    Prints a table of the cameras, what is wrong and which camera is responsible, and the memory
+    and time of a reconstruction. The exit code is 0 however bad the rig is, and 2 for bad input.
+    """
+    with bad_input_in_one_line():
+        out = out or []
+        check_output_pictures(out)
+        if images is not None and not any(path.suffix.lower() == ".html" for path in out):
+            raise ValueError(
+                f"--images: found {images} without a page, expected an .html among --out"
+            )
+        if not (math.isfinite(pixel_accuracy) and pixel_accuracy > 0):
+            raise ValueError(
+                f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
+            )
+        from tomo.draw.rig.rig_page import check_on_grid
+
+        loaded, default = load_rig_and_grid(rig)
+        if not len(loaded):
+            raise ValueError(f"{rig}: cameras: found none, expected at least one")
+        voxels = parse_grid(grid, spacing, center, lower, upper, default=default)
+        check, coarse = check_on_grid(loaded, voxels, pixel_accuracy=pixel_accuracy)
+        need, effort, why = _effort(loaded, voxels, time)
+        heading = Path(rig).stem
+        for path in out:
+            _write_maps(path, loaded, voxels, check, coarse, images, heading)
+    if not json:
+        from rich.console import Console
+
+        stdout = Console()
+        stdout.width = max(stdout.width, 110)  # piped, it would be 80
+        stdout.print(_table(check))
+    for finding in check.findings:
+        _say_finding(finding.level, finding.cameras, finding.text)
+    say(f"{heading}: {check.assessment}. {_costs(need, effort, iterations, why)}", "bold")
+    if json:
+        print_json(_report(check, need, effort, iterations, why, out))
+
+
+def _effort(rig: object, voxels: object, is_timed: bool) -> tuple:
+    """Return the memory needed, the time measured, and why there is none."""
+    from tomo.operators import estimate_memory
+    from tomo.operators.timing import estimate_effort
+
+    need = estimate_memory(tuple(rig), voxels)
+    if not is_timed:
+        return need, None, "not asked for"
+    try:
+        effort = estimate_effort(rig, voxels)
+    except ValueError as error:  # too large, or nothing is seen: the assessment says so
+        return need, None, str(error)
+    return effort.need, effort, ""
+
+
+def _write_maps(
+    path: Path,
+    rig: object,
+    voxels: object,
+    check: RigCheck,
+    coarse: object,
+    images: Path | None,
+    heading: str,
+) -> None:
+    from tomo.draw.rig import rig_scene
+    from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene, write_coverage
+    from tomo.draw.rig.rig_page import check_table
+    from tomo.draw.rig.rig_scene import Target, up_of
+
+    maps = coverage_maps(check.coverage, coarse, check.voxel)
+    unit = rig.length_unit
+    if path.suffix.lower() == ".png":
+        write_coverage(
+            path, maps, coarse, length_unit=unit, title=f"{heading}: {check.assessment}"
+        )
+        return
+    scene = rig_scene(rig, voxels)
+    if path.suffix.lower() == ".glb":
+        from tomo.draw import write_glb
+
+        # the planes of several maps would lie in each other: a file without switches holds one
+        write_glb(path, scene + coverage_scene(maps[:1], coarse, unit))
+        return
+    from tomo.draw import write_html
+    from tomo.draw.rig.camera_view import camera_views
+
+    pictures = {}
+    if images is not None:
+        from tomo.draw.rig.thumbnails import image_scene, load_thumbnails
+
+        pictures = load_thumbnails(rig, images)
+        scene += image_scene(rig, Target.of(rig, voxels), pictures)
+    write_html(
+        path,
+        scene + coverage_scene(maps, coarse, unit),
+        title=heading,
+        up=up_of(rig),
+        grid=voxels,
+        views=camera_views(rig, voxels, pictures),
+        tables=[check_table(check)],
+        shown=["map: angular gap"],
+        close_up=True,
+    )
+
+
+def _table(check: RigCheck) -> Table:
+    """Return a row of figures for each camera; the responsible cameras are coloured."""
+    from rich.table import Table
+
+    from tomo.draw.rig.rig_page import check_table
+
+    content = check_table(check)
+    levels: dict[str, str] = {}
+    for finding in reversed(check.findings):
+        levels.update(dict.fromkeys(finding.cameras, finding.level))
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for column, title in enumerate(content.head):
+        table.add_column(title, justify="right" if column else "left", vertical="bottom")
+    for row in content.rows:
+        table.add_row(
+            *row, style={"fault": "red", "warning": "yellow"}.get(levels.get(row[0]), "")
+        )
+    return table
+
+
+def _say_finding(level: str, cameras: tuple[str, ...], text: str) -> None:
+    from tomo.draw.rig.rig_page import some_names
+
+    who = f"{some_names(cameras)}: " if cameras else ""
+    style = {"fault": "red", "warning": "yellow", "note": ""}[level]
+    say(f"{level}: {who}{text}", style)
+
+
+def _costs(need: object, effort: Effort | None, iterations: int, why: str) -> str:
+    """Return memory and time in words."""
+    from rigs.check.result import short
+
+    text = f"{need.voxels:,} voxels, {need.rays:,} rays, {need.segments:,} segments, "
+    text += f"about {need.nbytes / 1e9:.2g} GB"
+    if effort is None:
+        return text if why == "not asked for" else f"{text}; no time: {why}"
+    trace, solve = effort.trace_seconds, iterations * effort.iteration_seconds
+    return (
+        f"{text} ({effort.form}); roughly {short(trace)} s to trace and {short(solve)} s for "
+        f"{iterations} iterations, before dark voxels are left out"
+    )
+
+
+def _report(
+    check: RigCheck,
+    need: object,
+    effort: Effort | None,
+    iterations: int,
+    why: str,
+    out: list[Path],
+) -> dict:
+    """Return everything as plain data; None where a figure is not known."""
+    found = check.coverage
+    seen = found.views > 0
+    estimate: dict = {"rays": need.rays, "segments": need.segments, "voxels": need.voxels}
+    estimate |= {"bytes": need.nbytes}
+    if effort is not None:
+        estimate |= {
+            "projector": effort.form,
+            "trace_seconds": effort.trace_seconds,
+            "iteration_seconds": effort.iteration_seconds,
+            "seconds": effort.trace_seconds + iterations * effort.iteration_seconds,
+        }
+    else:
+        estimate |= {"seconds": None, "reason": why}
+    return {
+        "assessment": check.assessment,
+        "length_unit": found.rig.length_unit,
+        "voxel": check.voxel,
+        "views": {
+            "least": int(found.views.min()),
+            "median": float(_median(found.views)),
+            "most": int(found.views.max()),
+            "unseen": check.fraction(~seen),
+        },
+        "angular_gap": {
+            "median": finite_or_none(_median(found.gap)),
+            "largest": finite_or_none(float(found.gap.max())),
+        },
+        "pixel_in_voxels": finite_or_none(_median(found.median_footprint[seen]) / check.voxel),
+        "ray_miss": finite_or_none(check.ray_miss),
+        "ray_miss_from": check.ray_miss_from,
+        "findings": [asdict(finding) for finding in check.findings],
+        "cameras": {
+            figures.name: {
+                name: finite_or_none(value)
+                for name, value in asdict(figures).items()
+                if name != "name"
+            }
+            for figures in check.cameras
+        },
+        "estimate": estimate,
+        "files": [str(path) for path in out],
+    }
+
+
+def _median(values: object) -> float:
+    import numpy as np
+
+    return float(np.median(values)) if len(values) else math.nan

@@ -1,0 +1,104 @@
+"""``flametomo convert-rig``: ours, OpenCV, COLMAP, transforms.json and other formats."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tomo.cli.console import JsonFlag, print_json
+from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.outputs import check_output_folder
+
+_TABLE = """
+Formats, r: read, w: written:
+
+\b
+{formats}
+
+Distortion or skew that a format cannot hold is refused, never dropped. Lens data, volume, world
+frame and calibration figures are kept by our format only. The format of IN is recognised by its
+content, that of OUT by its suffix.
+"""
+
+
+def _formats() -> str:
+    from rigs.formats import FORMATS
+
+    return "\n".join(
+        f"  {item.name:<13}{'r' if item.reads else ' '}{'w' if item.writes else ' '}  {item.about}"
+        + (f" ({', '.join('*' + suffix for suffix in item.suffixes)})" if item.suffixes else "")
+        for item in FORMATS.values()
+    )
+
+
+EXAMPLES = """
+flametomo convert-rig transforms.json rig.yaml --length-unit mm
+flametomo convert-rig rig.yaml sparse --to colmap
+"""
+DETAILS = _TABLE.format(formats=_formats())
+
+
+def convert_rig(
+    source: Annotated[
+        Path, typer.Argument(metavar="IN", help="The rig to read: a file, or a folder of files.")
+    ],
+    target: Annotated[
+        Path, typer.Argument(metavar="OUT", help="The rig to write: a file, or a folder.")
+    ],
+    from_format: Annotated[
+        str | None,
+        typer.Option("--from", metavar="FORMAT", help="Format of IN; recognised if absent."),
+    ] = None,
+    to_format: Annotated[
+        str | None,
+        typer.Option("--to", metavar="FORMAT", help="Format of OUT; by its suffix if absent."),
+    ] = None,
+    length_unit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="UNIT",
+            help="Unit of OUT, like mm. Lengths are converted where IN names its unit, and kept "
+            "as they are where it names none.",
+        ),
+    ] = None,
+    image_size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WxH", help="Image size in pixels, like 640x480, for formats without it."
+        ),
+    ] = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Convert a rig from one format into another."""
+    from rigs import formats
+
+    with bad_input_in_one_line():
+        found = from_format or formats.sniff(source)
+        rig = formats.load(
+            source, found, length_unit=length_unit, image_size=_parse_size(image_size)
+        )
+        check_output_folder(target.parent)
+        formats.save(rig, target, to_format)
+    result = {
+        "format": found,
+        "cameras": list(rig.names),
+        "length_unit": rig.length_unit,
+        "file": str(target),
+    }
+    if as_json:
+        print_json(result)
+    else:
+        typer.echo(f"{target}: {len(rig)} cameras in {rig.length_unit}, from {found}", err=True)
+
+
+def _parse_size(text: str | None) -> tuple[int, int] | None:
+    """Return width and height of ``640x480``."""
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d{1,7})x(\d{1,7})", text.strip(), re.ASCII)
+    if match is None:
+        raise ValueError(f"--image-size: found {text!r}, expected pixels like 640x480")
+    return int(match[1]), int(match[2])

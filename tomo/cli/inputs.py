@@ -1,0 +1,140 @@
+"""Inputs that several commands take: voxel grids and rigs."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rigs import Rig
+    from tomo import VoxelGrid
+
+RigArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="RIG", help="A rig.yaml, a preset's name, a scan, or a file of another format."
+    ),
+]
+GridOption = Annotated[
+    str | None,
+    typer.Option(metavar="NxNxN", help="Voxels along x, y and z, like 30x140x30."),
+]
+SpacingOption = Annotated[
+    str | None,
+    typer.Option(metavar="LENGTH", help="Edge lengths of a voxel, like 0.5 or 0.5,0.5,1."),
+]
+CenterOption = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Center of the grid.")]
+LowerOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X,Y,Z", help="Lower corner of the grid, in place of --spacing and --center."
+    ),
+]
+UpperOption = Annotated[
+    str | None,
+    typer.Option(metavar="X,Y,Z", help="Upper corner of the grid, with --lower."),
+]
+
+
+def parse_grid_shape(text: str, option: str = "--grid") -> tuple[int, int, int]:
+    """Return the counts of ``30x140x30``."""
+    match = re.fullmatch(r"(\d{1,9})x(\d{1,9})x(\d{1,9})", text.strip().lower(), re.ASCII)
+    if match is None:
+        raise ValueError(
+            f"{option}: found {text!r}, expected three counts like 30x140x30, below 10^9"
+        )
+    return tuple(int(n) for n in match.groups())
+
+
+def parse_triple(text: str, option: str) -> tuple[float, float, float]:
+    """Return the numbers of ``x,y,z``; they may start with a minus sign."""
+    numbers = _numbers(text)
+    if numbers is None or len(numbers) != 3:
+        raise ValueError(f"{option}: found {text!r}, expected three numbers like -1.5,0,2")
+    return tuple(numbers)
+
+
+def parse_spacing(text: str, option: str = "--spacing") -> tuple[float, float, float]:
+    """Return the edge lengths of ``0.5`` or ``0.5,0.5,1``."""
+    numbers = _numbers(text)
+    if numbers is None or len(numbers) not in (1, 3) or min(numbers) <= 0:
+        raise ValueError(f"{option}: found {text!r}, expected lengths like 0.5 or 0.5,0.5,1")
+    return tuple(numbers * (3 // len(numbers)))
+
+
+def _numbers(text: str) -> list[float] | None:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        return None
+    return numbers if all(math.isfinite(number) for number in numbers) else None
+
+
+def parse_grid(
+    shape: str | None,
+    spacing: str | None = None,
+    center: str | None = None,
+    lower: str | None = None,
+    upper: str | None = None,
+    default: VoxelGrid | None = None,
+) -> VoxelGrid:
+    """Return the grid that the options describe; what they omit is taken from ``default``.
+
+    Either ``lower`` and ``upper`` with a shape, or any of shape, spacing and center.
+    """
+    from tomo import VoxelGrid
+
+    if lower is not None or upper is not None:
+        given = {"--lower": lower, "--upper": upper, "--spacing": spacing, "--center": center}
+        found = [name for name, value in given.items() if value is not None]
+        if found != ["--lower", "--upper"]:
+            raise ValueError(
+                f"--lower and --upper: found {', '.join(found)}, expected both, with --grid's "
+                "counts and neither --spacing nor --center"
+            )
+        shape = parse_grid_shape(shape) if shape else default and default.shape
+        if shape is None:
+            raise ValueError("--grid: found none, expected counts like 30x140x30")
+        bounds = parse_triple(lower, "--lower"), parse_triple(upper, "--upper")
+        return VoxelGrid.from_bounds(shape, *bounds)
+    if default is None and (shape is None or spacing is None):
+        raise ValueError(
+            "--grid and --spacing: expected both, like --grid 30x140x30 --spacing 0.5, "
+            "as neither scan nor rig says where the volume is"
+        )
+    return VoxelGrid(
+        parse_grid_shape(shape) if shape else default.shape,
+        parse_spacing(spacing) if spacing else default.spacing,
+        parse_triple(center, "--center") if center else default.center if default else (0, 0, 0),
+    )
+
+
+def load_rig_or_preset(text: str) -> Rig:
+    """Return the rig of a preset, a scan, or a file or folder of any known format."""
+    return load_rig_and_grid(text)[0]
+
+
+def load_rig_and_grid(text: str) -> tuple[Rig, VoxelGrid | None]:
+    """Return such a rig, and the grid that the scan or the rig itself names, or None."""
+    from rigs import formats, preset, preset_names
+    from tomo.grid import grid_of_rig
+
+    path, grid = Path(text), None
+    files = [path / name for name in ("transforms.json", "rig.yaml") if (path / name).is_file()]
+    if text in preset_names():
+        rig = preset(text)
+    elif (path.is_file() and path.name == "scan.yaml") or (path / "scan.yaml").is_file():
+        from tomo import Scan
+
+        scan = Scan.load(path)
+        rig, grid = scan.rig, scan.grid
+    elif path.exists():
+        rig = formats.load(files[0] if files else path)
+    else:
+        known = ", ".join(preset_names())
+        raise FileNotFoundError(f"{text}: no such rig file, and no preset; presets are {known}")
+    return rig, grid or grid_of_rig(rig)

@@ -1,0 +1,158 @@
+"""``flametomo simulate``: images that a rig's cameras take of a known emission."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tomo.cli.console import JsonFlag, print_json, progress_bar
+from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.inputs import CenterOption, GridOption, SpacingOption, load_rig_and_grid, parse_grid
+from tomo.cli.outputs import check_output_volume
+
+_VOLUME_FILES = (".npz", ".vti", ".nrrd")
+
+EXAMPLES = """
+flametomo simulate --rig paper33_pitch --phantom turbulent -o scan
+flametomo simulate --rig rig.yaml --phantom jet --grid 30x140x30
+    --spacing 0.5 --photons 2000 --seed 3 -o scan
+"""
+
+
+def simulate(
+    rig: Annotated[
+        str,
+        typer.Option(
+            metavar="RIG",
+            help="A rig.yaml, a preset's name, a scan, or a file of another format.",
+        ),
+    ],
+    phantom: Annotated[
+        str, typer.Option(metavar="NAME", help="A phantom's name, or a volume file.")
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="The scan to write.")],
+    grid: GridOption = None,
+    spacing: SpacingOption = None,
+    center: CenterOption = None,
+    supersample: Annotated[
+        int, typer.Option(help="Rays along each side of a pixel.", min=1, max=64)
+    ] = 1,
+    refine: Annotated[
+        int,
+        typer.Option(help="Divide each voxel's edge by this for the projection.", min=1, max=64),
+    ] = 1,
+    noise: Annotated[float, typer.Option(help="White noise, as a fraction of the maximum.")] = 0.0,
+    photons: Annotated[
+        float | None, typer.Option(help="Photons in the brightest pixel, for photon noise.")
+    ] = None,
+    read_noise: Annotated[
+        float, typer.Option(help="Read noise in electrons, with --photons.")
+    ] = 0.0,
+    bits: Annotated[int | None, typer.Option(help="Quantise to 8, 12 or 16 bits.")] = None,
+    gain_spread: Annotated[
+        float, typer.Option(help="Relative standard deviation of the cameras' gains.")
+    ] = 0.0,
+    absorption: Annotated[
+        float, typer.Option(help="Absorption of the gas in the whole box, per length unit.")
+    ] = 0.0,
+    self_absorption: Annotated[
+        float, typer.Option(help="Absorption per length unit and unit of emission.")
+    ] = 0.0,
+    vignetting: Annotated[
+        float, typer.Option(help="Fraction of the light lost in the images' corners.")
+    ] = 0.0,
+    aperture: Annotated[float, typer.Option(help="Diameter of the lenses; 0 for pinholes.")] = 0.0,
+    focus_distance: Annotated[
+        float | None, typer.Option(help="Distance in focus, with --aperture; the rig's if absent.")
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the phantom, the gains and the noise.", min=0)
+    ] = 0,
+    tracer: Annotated[str, typer.Option(help="march, raycast or reference.")] = "march",
+    json: JsonFlag = False,
+) -> None:
+    """Simulate the images that a rig's cameras take of a phantom.
+
+    Writes a scan folder: scan.yaml, rig.yaml, the images, and the phantom as the truth.
+    """
+    started = time.perf_counter()
+    with bad_input_in_one_line():
+        from tomo.simulation import simulate as simulate_scan
+        from tomo.simulation.effects import Effects
+
+        effects = Effects(
+            gain_spread=gain_spread,
+            absorption=absorption,
+            self_absorption=self_absorption,
+            vignetting=vignetting,
+            aperture=aperture,
+            focus_distance=focus_distance,
+        )
+
+        loaded, default = load_rig_and_grid(rig)
+        check_output_volume(out, loaded, rig)
+        volume = _read_volume(phantom, loaded.length_unit)
+        voxels = parse_grid(grid, spacing, center, default=volume[1] if volume else default)
+        field = _field(phantom, volume, voxels, seed)
+        with progress_bar("simulate") as progress:
+            scan = simulate_scan(
+                loaded,
+                field,
+                voxels,
+                supersample=supersample,
+                refine=refine,
+                effects=effects,
+                noise=noise,
+                photons=photons,
+                read_noise=read_noise,
+                bits=bits,
+                seed=seed,
+                tracer=tracer,
+                progress=progress,
+            )
+        written = scan.save(out)
+    if json:
+        print_json(
+            {
+                "scan": str(written),
+                "cameras": list(scan.images),
+                "grid": {
+                    "shape": list(voxels.shape),
+                    "spacing": list(voxels.spacing),
+                    "center": list(voxels.center),
+                },
+                "maximum": max(float(image.max()) for image in scan.images.values()),
+                "settings": dict(scan.settings),
+                "seconds": time.perf_counter() - started,
+            }
+        )
+
+
+def _read_volume(phantom: str, length_unit: str) -> tuple | None:
+    """Return data and grid when ``phantom`` is a volume file, None when it is a name."""
+    from phantoms import names
+    from tomo.io import read_volume
+
+    if phantom in names():
+        return None
+    if Path(phantom).suffix.lower() not in _VOLUME_FILES:
+        known = ", ".join(names())
+        raise ValueError(f"--phantom: found {phantom!r}, expected a volume file or one of {known}")
+    data, grid, unit = read_volume(phantom)
+    if unit != length_unit:
+        raise ValueError(
+            f"{phantom}: length_unit: found {unit!r}, expected {length_unit!r}, the rig's"
+        )
+    return data, grid
+
+
+def _field(phantom: str, volume: tuple | None, voxels: object, seed: int) -> object:
+    """Return the field; a named phantom is made for the box of the grid."""
+    from phantoms import SampledField, create
+
+    if volume is not None:
+        return SampledField(*volume)
+    return create(phantom, seed, voxels.extent, voxels.center)

@@ -1,0 +1,262 @@
+"""``flametomo visualize-rig``: PNG for papers, HTML to turn around, GLB for 3-D viewers."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tomo.cli.console import JsonFlag, finite_or_none, print_json, say
+from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.inputs import (
+    CenterOption,
+    GridOption,
+    RigArgument,
+    SpacingOption,
+    load_rig_and_grid,
+    parse_grid,
+)
+from tomo.cli.outputs import check_output_pictures
+
+if TYPE_CHECKING:
+    from rigs import Rig
+    from rigs.check.compare import RigDifference
+    from tomo.draw import Scene
+    from tomo.grid import VoxelGrid
+
+EXAMPLES = """
+flametomo visualize-rig rig.yaml -o rig.html -o rig.png
+flametomo visualize-rig scan --volume out/volume.npz --images scan
+    -o rig.html
+flametomo visualize-rig rig.yaml --compare other.yaml -o both.html
+"""
+
+
+def visualize_rig(
+    rig: RigArgument,
+    out: Annotated[
+        list[Path],
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="A .png, .html or .glb file to write; repeatable."
+        ),
+    ],
+    volume: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A volume file to show in its place.")
+    ] = None,
+    grid: GridOption = None,
+    spacing: SpacingOption = None,
+    center: CenterOption = None,
+    images: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="A scan or a folder CAMERA/FRAME.*, whose images .html and .glb show.",
+        ),
+    ] = None,
+    frame: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Frame of the images; the first if absent.")
+    ] = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(metavar="RIG", help="Another rig of the same cameras, to compare with."),
+    ] = None,
+    align: Annotated[
+        bool, typer.Option(help="Align the other rig with the first by the best rigid motion.")
+    ] = True,
+    coverage: Annotated[
+        bool, typer.Option(help="Show maps of views, angular gap and pixel size in .html.")
+    ] = True,
+    title: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="Title of the picture.")
+    ] = None,
+    json: JsonFlag = False,
+) -> None:
+    """Draw a rig's cameras and the volume that they look at.
+
+    PNG suits papers, HTML can be turned around with parts switched on and off, GLB opens in 3-D
+    viewers.
+    """
+    with bad_input_in_one_line():
+        check_output_pictures(out)
+        loaded, own = _load(rig)
+        data, voxels = _volume(loaded, own, volume, grid, spacing, center)
+        heading = title if title is not None else Path(rig).stem
+        difference = _difference(loaded, compare, voxels, align)
+        beside = _beside(loaded, voxels, difference)
+        pictures = _pictures(loaded, images, frame)
+        for path in out:
+            suffix = path.suffix.lower()
+            if suffix == ".png":
+                from tomo.draw.rig import write_rig
+
+                shown = beside.without("other names")  # beside the first rig's own
+                write_rig(path, loaded, grid=voxels, volume=data, title=heading, beside=shown)
+                continue
+            scene = _scene(loaded, voxels, data, pictures) + beside
+            if suffix == ".glb":
+                from tomo.draw import write_glb
+
+                write_glb(path, scene)
+                continue
+            tables = []
+            if difference is not None:
+                from tomo.draw.rig.rig_page import difference_table
+
+                names = Path(rig).stem, Path(compare).stem
+                tables.append(difference_table(difference, loaded.length_unit, *names))
+            _write_page(path, loaded, voxels, data, scene, pictures, tables, coverage, heading)
+    if difference is not None:
+        from tomo.draw.rig.rig_page import number
+
+        unit = loaded.length_unit
+        say(
+            f"ray-miss between both rigs: {number(difference.ray_miss)} {unit}; turned by "
+            f"{number(difference.turn)} degrees, moved by {number(difference.shift)} {unit} "
+            "to lie over each other"
+        )
+    if json:
+        told = {"files": [str(path) for path in out], "cameras": list(loaded.names)}
+        if difference is not None:
+            told["difference"] = _plain(difference)
+        print_json(told)
+
+
+def _load(text: str) -> tuple[Rig, VoxelGrid | None]:
+    """Return a rig with at least one camera, and the voxels that it or its scan names."""
+    loaded, voxels = load_rig_and_grid(text)
+    if not len(loaded):
+        raise ValueError(f"{text}: cameras: found none, expected at least one to draw")
+    return loaded, voxels
+
+
+def _volume(
+    rig: Rig,
+    default: VoxelGrid | None,
+    volume: Path | None,
+    grid: str | None,
+    spacing: str | None,
+    center: str | None,
+) -> tuple:
+    """Return a volume's data, None without one, and the grid to draw, None without one."""
+    if volume is None:
+        asked = grid or spacing or center
+        return None, parse_grid(grid, spacing, center, default=default) if asked else default
+    if grid or spacing or center:
+        raise ValueError("--volume: has a grid of its own, expected no --grid beside it")
+    from tomo.io import read_volume
+
+    data, voxels, unit = read_volume(volume)
+    if unit != rig.length_unit:
+        raise ValueError(
+            f"{volume}: length_unit: found {unit!r}, expected {rig.length_unit!r}, the rig's"
+        )
+    return data, voxels
+
+
+def _difference(
+    rig: Rig, compare: str | None, voxels: VoxelGrid | None, align: bool
+) -> RigDifference | None:
+    """Return how the other rig differs; None where there is none."""
+    if compare is None:
+        return None
+    from rigs import compare_rigs
+    from tomo.draw.rig.coverage_maps import coverage_grid
+    from tomo.draw.rig.rig_scene import Target
+
+    if voxels is not None:
+        points = coverage_grid(voxels, 500).centers().reshape(-1, 3)
+    else:
+        points = Target.of(rig, None).center[None]
+    try:
+        return compare_rigs(rig, _load(compare)[0], points, align=align)
+    except ValueError as error:
+        raise ValueError(f"--compare {compare}: {error}") from None
+
+
+def _beside(rig: Rig, voxels: VoxelGrid | None, difference: RigDifference | None) -> Scene:
+    """Return what is drawn beside the cameras: targets as they were held, the other rig."""
+    from tomo.draw.rig.rig_page import other_rig_scene, target_scene
+
+    scene = target_scene(rig)
+    return scene if difference is None else scene + other_rig_scene(rig, difference, voxels)
+
+
+def _pictures(rig: Rig, images: Path | None, frame: str | None) -> dict:
+    """Return thumbnails by camera; none without images."""
+    if images is None:
+        if frame is not None:
+            raise ValueError("--frame: expected --images beside it")
+        return {}
+    from tomo.draw.rig.thumbnails import load_thumbnails
+
+    return load_thumbnails(rig, images, frame)
+
+
+def _scene(rig: Rig, voxels: VoxelGrid | None, data: object, pictures: dict) -> Scene:
+    """Return the rig's scene with what its cameras saw."""
+    from tomo.draw.rig import rig_scene
+    from tomo.draw.rig.rig_scene import Target
+    from tomo.draw.rig.thumbnails import image_scene
+
+    scene = rig_scene(rig, voxels, data)
+    return scene + image_scene(rig, Target.of(rig, voxels), pictures)
+
+
+def _write_page(
+    path: Path,
+    rig: Rig,
+    voxels: VoxelGrid | None,
+    data: object,
+    scene: Scene,
+    pictures: dict,
+    tables: list,
+    coverage: bool,
+    heading: str,
+) -> None:
+    from tomo.draw import write_html
+    from tomo.draw.rig.camera_view import camera_views
+    from tomo.draw.rig.rig_scene import up_of
+
+    if coverage and voxels is not None:
+        from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene
+        from tomo.draw.rig.rig_page import check_on_grid, check_table
+
+        check, coarse = check_on_grid(rig, voxels)
+        maps = coverage_maps(check.coverage, coarse, check.voxel)
+        scene += coverage_scene(maps, coarse, rig.length_unit)
+        tables = [*tables, check_table(check)]
+    write_html(
+        path,
+        scene,
+        title=heading,
+        up=up_of(rig),
+        grid=voxels,
+        volume=data,
+        views=camera_views(rig, voxels, pictures),
+        tables=tables,
+        shown=["images"] if pictures else [],
+    )
+
+
+def _plain(difference: RigDifference) -> dict:
+    """Return a difference as plain data; None where a figure is not known."""
+    return {
+        "R": difference.R.tolist(),
+        "t": difference.t.tolist(),
+        "turn_degrees": difference.turn,
+        "shift": difference.shift,
+        "scale": finite_or_none(difference.scale),
+        "ray_miss": finite_or_none(difference.ray_miss),
+        "only_first": list(difference.only_first),
+        "only_second": list(difference.only_second),
+        "cameras": {
+            camera.name: {
+                name: finite_or_none(value)
+                for name, value in asdict(camera).items()
+                if name != "name"
+            }
+            for camera in difference.cameras
+        },
+    }

@@ -1,0 +1,74 @@
+"""``flametomo visualize-volume``: PNG for papers, HTML to turn around, GLB for viewers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tomo.cli.console import JsonFlag, print_json
+from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.outputs import check_output_pictures
+
+EXAMPLES = """
+flametomo visualize-volume out/volume.npz -o flame.html
+flametomo visualize-volume out/volume.vti -o flame.png -o flame.glb
+"""
+
+
+def visualize_volume(
+    volume: Annotated[
+        Path, typer.Argument(metavar="VOLUME", help="A volume file: .npz, .vti or .nrrd.")
+    ],
+    out: Annotated[
+        list[Path],
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="A .png, .html or .glb file to write; repeatable."
+        ),
+    ],
+    title: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="Title of the picture.")
+    ] = None,
+    json: JsonFlag = False,
+) -> None:
+    """Draw a volume's planes, line integrals and surfaces.
+
+    PNG suits papers, HTML can be turned around with parts switched on and off, GLB opens in 3-D
+    viewers.
+    """
+    with bad_input_in_one_line():
+        check_output_pictures(out)
+        from tomo.draw.rig.rig_scene import volume_scene
+        from tomo.draw.volume import isosurface_scene
+        from tomo.io import read_volume
+
+        data, grid, unit = read_volume(volume, allow_nan=True)
+        heading = title if title is not None else volume.stem
+        scene = None
+        for path in out:
+            if path.suffix.lower() == ".png":
+                from tomo.draw.volume import write_volume_picture
+
+                write_volume_picture(path, data, grid, length_unit=unit, title=heading)
+                continue
+            scene = scene or volume_scene(grid, unit) + isosurface_scene(data, grid, unit)
+            if path.suffix.lower() == ".html":
+                from tomo.draw import write_html
+
+                write_html(path, scene, title=heading, volume=data, grid=grid)
+            else:
+                from tomo.draw import write_glb
+
+                write_glb(path, scene)
+    if json:
+        print_json(
+            {
+                "files": [str(path) for path in out],
+                "grid": {
+                    "shape": list(grid.shape),
+                    "spacing": list(grid.spacing),
+                    "center": list(grid.center),
+                },
+            }
+        )
