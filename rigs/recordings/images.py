@@ -14,7 +14,7 @@ from rigs.recordings.pixels import read_pixels
 from rigs.recordings.tiff import TIFF_MARKS, tiff_page
 
 TIFF_SUFFIXES = (".tif", ".tiff")
-IMAGE_SUFFIXES = (*TIFF_SUFFIXES, ".png", ".jpg", ".jpeg")
+SCAN_SUFFIXES = (*TIFF_SUFFIXES, ".png", ".jpg", ".jpeg")
 
 
 def read_image(
@@ -54,8 +54,8 @@ def read_image(
     formats for measurements.
     """
     path = Path(path)
-    if path.suffix.lower() not in IMAGE_SUFFIXES:
-        expected = ", ".join(IMAGE_SUFFIXES)
+    if path.suffix.lower() not in SCAN_SUFFIXES:
+        expected = ", ".join(SCAN_SUFFIXES)
         raise ValueError(f"{path}: found suffix {path.suffix!r}, expected one of {expected}")
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such image file")

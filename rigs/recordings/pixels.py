@@ -20,6 +20,9 @@ from rigs.recordings.tiff import TIFF_MARKS, read_tiff, tiff_page
 if TYPE_CHECKING:
     from PIL import Image
 
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp")
+"""Usual suffixes of the formats that `read_pixels` reads."""
+
 _FORMATS = ("PNG", "JPEG", "BMP", "PPM", "WEBP")
 _MODES = {"1": "L", "L": "L", "I": "I", "F": "F", "RGBA": "RGBA"}
 """Pillow's modes of images that are not PNG, to those that are decoded; all others become RGB."""

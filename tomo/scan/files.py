@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from rigs import Rig, formats, load_rig, save_rig
 from rigs.files import whole_folder
 from rigs.files.text import breaks_a_line
-from rigs.recordings import write_image
-from rigs.recordings.images import IMAGE_SUFFIXES
+from rigs.recordings import SCAN_SUFFIXES, write_image
 from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.io import write_volume
 from tomo.io.volumes import check_length_unit
@@ -153,7 +152,7 @@ def scan_of_images(rig: Rig | str | PathLike, images: str | PathLike, **settings
                 f"every camera of the rig; it has {others or 'no folders'}"
             )
         for image in sorted((folder / camera).iterdir()):
-            if image.suffix.lower() not in IMAGE_SUFFIXES or image.name.startswith("."):
+            if image.suffix.lower() not in SCAN_SUFFIXES or image.name.startswith("."):
                 continue
             of_frame = frames.setdefault(image.stem, {})
             if camera in of_frame:
@@ -165,7 +164,7 @@ def scan_of_images(rig: Rig | str | PathLike, images: str | PathLike, **settings
         if not any(camera in of_frame for of_frame in frames.values()):
             raise ValueError(
                 f"{folder / camera}: camera {camera}: found no image, expected files that end in "
-                f"{', '.join(IMAGE_SUFFIXES)}"
+                f"{', '.join(SCAN_SUFFIXES)}"
             )
     settings.setdefault("grid", grid_of_rig(rig))
     ordered = tuple(Frame(name, frames[name]) for name in sorted(frames))

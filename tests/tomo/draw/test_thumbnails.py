@@ -47,7 +47,7 @@ def test_pixels_that_are_no_number_are_dark_and_leave_the_others_their_scale(tmp
     assert (found[1:] == 255).all()
 
 
-def test_bad_sources_are_told(tmp_path):
+def test_a_source_without_usable_images_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="nowhere: no such folder"):
         load_thumbnails(RIG, tmp_path / "nowhere")
     with pytest.raises(ValueError, match="found no image of any camera"):

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Camera, Rig
-from rigs.recordings import luminance, read_pixels
+from rigs.recordings import IMAGE_SUFFIXES, luminance, read_pixels
 from tomo.draw.rig.rig_scene import Target, on_symbol, symbol_length
 from tomo.draw.scene import ColourScale, Mesh, Scene
 from tomo.draw.volume.maps import lattice_triangles
 
 _LONGEST = 480  # pixels of a thumbnail's longer side
 _LONGEST_IN_SPACE = 48  # and of the one that hangs in the camera's symbol
-_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 
 
 def load_thumbnails(
@@ -117,7 +116,7 @@ def _file_of(folder: Path, camera: str, frame: str | None) -> Path | None:
         if not place.is_dir():
             continue
         for path in sorted(place.iterdir()):
-            if path.suffix.lower() in _SUFFIXES and stem in (None, path.stem):
+            if path.suffix.lower() in IMAGE_SUFFIXES and stem in (None, path.stem):
                 return path
     return None
 
