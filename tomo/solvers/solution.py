@@ -67,7 +67,11 @@ class Solution:
     peak_memory : int
         The process's largest resident memory so far, in bytes; 0 when not measured.
     weights : LearnedWeights, optional
-        What was learnt in place of the chord lengths, see `tomo.wernet`; None: chords.
+        Ray weights learned in place of the segment lengths, see `tomo.wernet`; None where the
+        segment lengths were used.
+    encoder : torch.nn.Module, optional
+        Trained encoder of WERNet, which `tomo.wernet.save_encoder` writes; None where none was
+        trained or its weights were not kept.
     """
 
     volume: NDArray[np.float32]
@@ -79,6 +83,7 @@ class Solution:
     seconds: Mapping[str, float] = field(default_factory=dict)
     peak_memory: int = 0
     weights: LearnedWeights | None = None
+    encoder: Any = None
 
     def __post_init__(self) -> None:
         """Check that the volume lives on the grid."""

@@ -20,7 +20,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "default.summary": ["LearnedWeights", "Profile"],
         "default.wernet": ["wernet"],
         "device": ["usable_device"],
-        "encoder_file": ["load_encoder", "save_encoder", "shipped_encoders"],
+        "encoder_file": ["load_encoder", "save_encoder"],
         "packing": ["Packing"],
         "paper.encoder": ["VARIANTS", "WeightEncoder"],
         "paper.model": ["WERNet"],

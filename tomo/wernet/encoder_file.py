@@ -27,14 +27,7 @@ _TENSOR_PARTS = (
 )
 """What a file of tensors of ours names: their numbers, and the state of a generator."""
 
-SHIPPED = Path(__file__).parent / "encoders"
-
 Encoder = WeightEncoder | CorrectionEncoder
-
-
-def shipped_encoders() -> tuple[str, ...]:
-    """Return the names of the encoders that come with the package."""
-    return tuple(sorted(path.stem for path in SHIPPED.glob("*.pt")))
 
 
 def save_encoder(encoder: Encoder, path: str | Path) -> None:
@@ -57,7 +50,6 @@ def load_encoder(path: str | Path, kind: type[Encoder] | None = None) -> Encoder
     Parameters
     ----------
     path : path or str
-        A file, or the name of one of `shipped_encoders`.
     kind : type, optional
         Refuse encoders of other kinds.
 
@@ -68,13 +60,10 @@ def load_encoder(path: str | Path, kind: type[Encoder] | None = None) -> Encoder
     ValueError
         If the file is not an encoder, is one of another version, or of another kind.
     """
-    if str(path) in shipped_encoders():
-        path = SHIPPED / f"{path}.pt"
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(
-            f"{path}: no such file, expected an encoder, or one of the names "
-            f"{', '.join(shipped_encoders()) or '(none)'}"
+            f"{path}: no such file, expected an encoder that save_encoder wrote"
         )
     content = load_tensors(path, "an encoder written by save_encoder")
     if not isinstance(content, dict) or content.get("format") != _FORMAT:

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import torch
 
 import rigs
 from phantoms import create
@@ -14,6 +15,8 @@ from tomo.pipeline import reconstruct
 from tomo.selection.rules import STRENGTHS
 from tomo.simulation import simulate
 from tomo.simulation.effects import Effects
+from tomo.wernet import save_encoder
+from tomo.wernet.default import CorrectionEncoder
 
 GRID = VoxelGrid((14, 36, 14), 1.0)
 
@@ -176,8 +179,13 @@ def test_splines_of_clean_images_are_tamed_and_iterated_on(by_splines, by_boxes)
     assert settings["strength"] in strengths[-2:]
 
 
-def test_weights_that_are_given_are_judged_on_what_predicts_better(fine):
-    settings = {"method": "wernet", "encoder": "finite-pixels", "uncertainty": 0}
+def test_weights_that_are_given_are_judged_on_what_predicts_better(fine, tmp_path):
+    encoder, path = CorrectionEncoder(seed=2), tmp_path / "encoder.pt"
+    torch.nn.init.normal_(
+        encoder.last.weight, 0.0, 0.01, generator=torch.Generator().manual_seed(2)
+    )
+    save_encoder(encoder, path)
+    settings = {"method": "wernet", "encoder": path, "uncertainty": 0}
     frozen = reconstruct(fine, freeze_encoder=True, **settings)
     assert frozen.settings["basis"]["share"] < 1
     assert np.isfinite(frozen.reconstruction.settings["held_out_residual"]["learned"])

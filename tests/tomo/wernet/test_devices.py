@@ -108,9 +108,8 @@ def test_a_run_is_gone_on_with_there_and_here(scene, tmp_path):
 
 def test_encoders_are_written_and_read_from_there(scene, tmp_path):
     one = scene()
-    encoder = WeightEncoder("batch-norm", seed=0)
     path = tmp_path / "encoder.pt"
-    wernet_paper(one.projector, one.measured, iterations=1, encoder=encoder, device="cuda")
+    encoder = wernet_paper(one.projector, one.measured, iterations=1, device="cuda").encoder
     save_encoder(encoder, path)
     again = load_encoder(path, WeightEncoder)
     for written, read in zip(
@@ -125,9 +124,11 @@ def test_encoders_are_written_and_read_from_there(scene, tmp_path):
         assert np.isfinite(found.volume).all()
 
 
-def test_a_shipped_encoder_is_used_there(scene):
+def test_a_frozen_encoder_is_used_there(scene):
     one = scene(effects=OWN_LIGHT)
-    frozen = {"encoder": "finite-pixels", "freeze_encoder": True}
+    encoder = CorrectionEncoder(seed=1)
+    torch.nn.init.normal_(encoder.last.weight, 0.0, 0.01)
+    frozen = {"encoder": encoder, "freeze_encoder": True}
     here, there = (
         wernet(one.projector, one.measured, device=device, **frozen) for device in ("cpu", "cuda")
     )

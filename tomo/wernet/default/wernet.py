@@ -91,9 +91,9 @@ def wernet(
         ``callback(index, volume, relative_residual)`` for the classic solve, index 0, for the
         first guess, 1, where there is one, and after every round; returning True stops. Called
         once more at the end where what is returned is not the last of these.
-    encoder : path, name or CorrectionEncoder, optional
-        Start from this one: a file of `save_encoder`, one of `shipped_encoders`, or one in
-        memory, which is copied. A new one when None.
+    encoder : path or CorrectionEncoder, optional
+        Start from this encoder: a file that `save_encoder` wrote, or one in memory, which is
+        copied. A new one when None.
     freeze_encoder : bool
         Use the encoder as it is.
     blocks, channels : int
@@ -110,7 +110,8 @@ def wernet(
     Returns
     -------
     Solution
-        ``weights`` holds what was learnt; None where the chord lengths stay.
+        ``weights`` holds what was learnt; None where the chord lengths stay. ``encoder`` is that
+        of the weights, which `tomo.wernet.save_encoder` writes; None where they need none.
         ``settings["held_out_residual"]`` are the left-out views' relative residuals, of the chord
         lengths and of what was learnt; NaN where nothing was.
 
@@ -256,5 +257,6 @@ def wernet(
             rounds.ended or f"all {last} rounds done", result, tuple(judged.values())
         ),
         weights=result.weights if result else None,
+        encoder=result.weights.encoder if result and not result.weights.encoder.is_zero else None,
         seconds={"solve": time.perf_counter() - began},
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -96,8 +97,8 @@ def wernet_paper(
         How a batch's rays lie in memory: one behind another, or each padded to the longest, as in
         the paper, for comparison. The result is the same but for rounding.
     encoder : path or WeightEncoder, optional
-        Start from this encoder: a file of `save_encoder`, or one in memory, which is then trained
-        in place (and moved to ``device``), so that it can be saved afterwards.
+        Start from this encoder: a file that `save_encoder` wrote, or one in memory, which is
+        copied. A new one when None.
     freeze_encoder : bool
         Train the voxels alone with the encoder given, batch normalisation included at its running
         statistics.
@@ -111,7 +112,8 @@ def wernet_paper(
     Solution
         One history entry an epoch. Its ``relative_residual`` is ``||p - m|| / ||m||`` over all
         rays that cross the grid, of the network's own predictions, each made just before the step
-        that used it.
+        that used it. ``encoder`` is the trained encoder, which `tomo.wernet.save_encoder` writes;
+        None where training diverged.
 
     Raises
     ------
@@ -120,8 +122,7 @@ def wernet_paper(
         unknown device or variant.
     TrainingDivergedError
         When the loss is not finite in the first epoch. In a later one training stops, and the
-        result is the volume of the epoch before, as ``stop_reason`` says; an ``encoder`` in
-        memory is then not worth keeping.
+        result is the volume of the epoch before, as ``stop_reason`` says.
 
     Notes
     -----
@@ -185,7 +186,9 @@ def wernet_paper(
     generator = torch.Generator().manual_seed(seed)
     if encoder is None:
         encoder = WeightEncoder(variant, blocks=blocks, seed=seed)
-    elif not isinstance(encoder, WeightEncoder):
+    elif isinstance(encoder, WeightEncoder):
+        encoder = copy.deepcopy(encoder)
+    else:
         encoder = load_encoder(encoder, WeightEncoder)
     settings |= {"variant": encoder.variant, "blocks": encoder.blocks}
     # Voxel values count per voxel's edge rather than per length unit: mm and m are one problem.
@@ -212,6 +215,7 @@ def wernet_paper(
             )
             if not np.isfinite(residual):
                 stop_reason = f"diverged in epoch {epoch}; the volume is that of the one before"
+                encoder = None
                 break
             schedule.step()
             volume = _in_measured_units(model.voxels, projector, measured)
@@ -230,6 +234,7 @@ def wernet_paper(
         history=tuple(history),
         settings=settings,
         stop_reason=stop_reason,
+        encoder=encoder,
         seconds={"solve": time.perf_counter() - began},
     )
 

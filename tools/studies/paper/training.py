@@ -122,7 +122,7 @@ def row_and_encoder(
 
     started, worked = time.perf_counter(), time.process_time()
     try:
-        end = wernet_paper(
+        found = wernet_paper(
             seen.system.projector,
             seen.measured,
             iterations=epochs,
@@ -131,7 +131,8 @@ def row_and_encoder(
             freeze_encoder=freeze,
             seed=SEED,
             **reading.options(),
-        ).stop_reason
+        )
+        end, encoder = found.stop_reason, found.encoder or encoder
     except TrainingDivergedError as error:
         end = str(error)
     seconds, work = time.perf_counter() - started, time.process_time() - worked

@@ -1,9 +1,12 @@
 """The default's encoder: given, frozen, trained on, handed back."""
 
+import sys
+
 import numpy as np
 import pytest
 import torch
 
+from tomo.metrics import cosine_distance
 from tomo.selection import choose_by_held_out_views
 from tomo.selection.choose import solve_as_chosen
 from tomo.simulation.effects import Effects
@@ -16,9 +19,10 @@ OWN_LIGHT = Effects(self_absorption=0.2)
 
 def test_a_learned_encoder_is_used_again_frozen(scene, tmp_path):
     one = scene(effects=OWN_LIGHT)
-    learned = wernet(one.projector, one.measured, iterations=8).weights
-    path = tmp_path / "encoder.pt"
-    save_encoder(learned.encoder, path)
+    trained = wernet(one.projector, one.measured, iterations=8)
+    learned, path = trained.weights, tmp_path / "encoder.pt"
+    assert trained.encoder is learned.encoder
+    save_encoder(trained.encoder, path)
     content = path.read_bytes()
     seen = []
     found = wernet(
@@ -72,6 +76,48 @@ def test_what_is_returned_does_not_change_with_later_runs(scene):
     wernet(one.projector, one.measured, iterations=2, encoder=found.weights.encoder)
     after = found.weights.encoder.state_dict()
     assert all(torch.equal(before[name], after[name]) for name in before)
+
+
+def test_an_encoder_trained_on_one_flame_does_another_no_harm(scene):
+    one, other = scene(effects=OWN_LIGHT), scene(effects=OWN_LIGHT, views=14, finer=2)
+    encoder = wernet(one.projector, one.measured, iterations=8).encoder
+    lengths = wernet(other.projector, other.measured, iterations=0)
+    found = wernet(other.projector, other.measured, encoder=encoder, freeze_encoder=True)
+    assert found.settings["freeze_encoder"] is True
+    residual = found.settings["held_out_residual"]
+    assert residual["learned"] != residual["chords"]
+    assert residual["learned"] < 1.1 * residual["chords"]
+    assert cosine_distance(found.volume, other.truth) < 1.02 * cosine_distance(
+        lengths.volume, other.truth
+    )
+
+
+def test_a_frozen_encoder_is_evaluated_and_solved_as_segment_lengths_were(scene, monkeypatch):
+    """Choosing anew took longer than all else."""
+    one, made = scene(effects=OWN_LIGHT), []
+    encoder = CorrectionEncoder(seed=1)
+    torch.nn.init.normal_(
+        encoder.last.weight, 0.0, 0.01, generator=torch.Generator().manual_seed(1)
+    )
+
+    def noted(*arguments, **how):
+        made.append(choose_by_held_out_views(*arguments, **how))
+        return made[-1]
+
+    for name in ("wernet", "outer_iterations"):
+        module = sys.modules[f"tomo.wernet.default.{name}"]
+        monkeypatch.setattr(module, "choose_by_held_out_views", noted)
+    found = wernet(one.projector, one.measured, encoder=encoder, freeze_encoder=True)
+    assert len(made) == 1
+    assert found.settings["held_out_residual"]["chords"] == made[0].held_out_residual
+    assert found.settings["solved_by"]["iterations"] == made[0].iterations
+
+
+def test_where_only_parametric_terms_are_kept_there_is_no_encoder(scene):
+    one = scene(effects=GAINS)
+    found = wernet(one.projector, one.measured, iterations=1)
+    assert found.weights.encoder.is_zero
+    assert found.encoder is None
 
 
 @pytest.mark.parametrize("value", [1e4, 1e10, np.nan])

@@ -1,3 +1,5 @@
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -168,15 +170,14 @@ def test_the_seed_decides_every_bit_and_leaves_the_global_state(projector, measu
 
 
 def test_a_frozen_encoder_is_left_as_it_is_and_helps(projector, measured, truth, tmp_path):
-    trained = WeightEncoder("batch-norm", blocks=2)
-    wernet_paper(projector, measured, iterations=6, encoder=trained, **SMALL_STEPS)
+    trained = wernet_paper(projector, measured, iterations=6, blocks=2, **SMALL_STEPS).encoder
     path = tmp_path / "encoder.pt"
     save_encoder(trained, path)
     before = {name: value.clone() for name, value in trained.state_dict().items()}
     arguments = {"iterations": 3, "freeze_encoder": True, **SMALL_STEPS}
     frozen = wernet_paper(projector, measured, encoder=trained, **arguments)
-    after = trained.state_dict()
-    assert all(torch.equal(before[name], after[name]) for name in before)
+    for after in (trained.state_dict(), frozen.encoder.state_dict()):
+        assert all(torch.equal(before[name], after[name]) for name in before)
     # From a file it is the same encoder, and the file stays as it is.
     from_file = wernet_paper(projector, measured, encoder=path, **arguments)
     np.testing.assert_array_equal(from_file.volume, frozen.volume)
@@ -186,11 +187,12 @@ def test_a_frozen_encoder_is_left_as_it_is_and_helps(projector, measured, truth,
     assert frozen.settings["blocks"] == 2
 
 
-def test_an_encoder_in_memory_is_trained_in_place(projector, measured):
+def test_an_encoder_in_memory_is_copied_and_the_trained_one_returned(projector, measured):
     encoder = WeightEncoder(blocks=1)
     before = encoder.last.weight.clone()
-    wernet_paper(projector, measured, iterations=1, encoder=encoder, **SMALL_STEPS)
-    assert not torch.equal(encoder.last.weight, before)
+    found = wernet_paper(projector, measured, iterations=1, encoder=encoder, **SMALL_STEPS)
+    assert torch.equal(encoder.last.weight, before)
+    assert not torch.equal(found.encoder.last.weight, before)
 
 
 def test_learning_rates_are_halved(projector, measured):
@@ -231,18 +233,26 @@ def test_a_loss_that_is_not_finite_stops_with_a_clear_error(projector, measured)
         wernet_paper(projector, measured, voxel_learning_rate=1e30, iterations=2, **SMALL_STEPS)
 
 
-def test_divergence_after_an_epoch_keeps_the_volume_of_the_epoch_before(projector, measured):
-    volumes = []
-    encoder = WeightEncoder(blocks=1)
+def test_divergence_after_an_epoch_keeps_the_volume_of_the_epoch_before(
+    projector, measured, monkeypatch
+):
+    module, volumes = sys.modules["tomo.wernet.paper.wernet_paper"], []
+    train_epoch = module.train_epoch
 
-    def callback(index, volume, residual):
-        volumes.append(volume)
-        if index == 2:
-            encoder.last.bias.data.fill_(np.nan)
+    def spoil_the_third(model, *arguments):
+        if len(volumes) == 2:
+            model.encoder.last.bias.data.fill_(np.nan)
+        return train_epoch(model, *arguments)
 
+    monkeypatch.setattr(module, "train_epoch", spoil_the_third)
     result = wernet_paper(
-        projector, measured, encoder=encoder, iterations=5, callback=callback, **SMALL_STEPS
+        projector,
+        measured,
+        iterations=5,
+        callback=lambda index, volume, residual: volumes.append(volume),
+        **SMALL_STEPS,
     )
+    assert result.encoder is None
     assert len(result.history) == 2
     assert result.stop_reason.startswith("diverged in epoch 3")
     np.testing.assert_array_equal(result.volume.ravel(), volumes[1])
