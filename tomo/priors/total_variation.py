@@ -1,8 +1,9 @@
-"""The proximal map of total variation, with or without a bound at zero."""
+"""The prior of total variation: few, sharp edges; and its proximal map, with a bound or not."""
 
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numba
 import numpy as np
@@ -13,7 +14,7 @@ from tomo._compute.threads import threads_worth
 from tomo.grid import ActiveVoxels
 from tomo.priors.differences import Gradient
 
-NANOSECONDS_A_STEP = 3.0  # and voxel of the box, on one thread
+NANOSECONDS_A_STEP = 3.0  # a voxel of the box, on one thread
 
 
 @compiled(inline=True)
@@ -100,8 +101,51 @@ def _lower_primal(center, inverse, stretch, factors, lowest, field, volume):
                 volume[i, j, k] = max(center[i, j, k] - moved, lowest)
 
 
+class ProximalMap(Protocol):
+    """The proximal map of a prior in one metric; it may keep its state between calls."""
+
+    def __call__(
+        self, center: NDArray[np.float32], weight: float, steps: int, stretch: float = 1.0
+    ) -> NDArray[np.float32]:
+        """Return nearly the minimum of ``½ (x - c)^T C^-1 (x - c) / stretch + weight R(x)``."""
+
+
+class ProximalPrior(Protocol):
+    """A convex prior ``R(x)`` that is known by its proximal map."""
+
+    def proximal_map(self, inverse: NDArray[np.float32], nonnegative: bool) -> ProximalMap:
+        """Return the map in the metric ``C^-1`` of the diagonal ``C`` (unknowns,)."""
+
+
 class TotalVariation:
-    """Isotropic total variation on a grid: the sum over voxels of ``|D x|``.
+    """Isotropic total variation: the sum over voxels of ``|D x|``.
+
+    Parameters
+    ----------
+    active : ActiveVoxels
+
+    Notes
+    -----
+    ``TV(x) = sum_v sqrt(sum_a (D x)_va²)`` with the differences ``D`` of `Gradient`.
+    """
+
+    def __init__(self, active: ActiveVoxels) -> None:
+        self._active = active
+
+    def value(self, values: NDArray[np.float32]) -> float:
+        """Return ``TV(x)`` of the unknowns ``x`` (unknowns,)."""
+        field = Gradient(self._active).forward(values)
+        return float(np.sqrt(np.square(field, dtype=np.float64).sum(axis=0)).sum())
+
+    def proximal_map(
+        self, inverse: NDArray[np.float32], nonnegative: bool
+    ) -> TotalVariationProximal:
+        """Return the proximal map in the metric ``C^-1``, with a bound at zero or not."""
+        return TotalVariationProximal(self._active, inverse, nonnegative)
+
+
+class TotalVariationProximal:
+    """The proximal map of total variation by fast gradient projection on the dual.
 
     Parameters
     ----------
@@ -114,6 +158,11 @@ class TotalVariation:
     -----
     The dual field is kept from one call to the next, which then needs few steps. Fields cover the
     box around the active voxels, one layer of zeros included where the grid goes on.
+
+    References
+    ----------
+    Beck and Teboulle, "Fast gradient-based algorithms for constrained total variation image
+    denoising and deblurring problems", IEEE Transactions on Image Processing 18 (2009).
     """
 
     def __init__(
@@ -129,18 +178,17 @@ class TotalVariation:
         """Return the unknowns in the box, zero where none is: ``(bx, by, bz)``, a copy."""
         return self._box.expand(values.astype(np.float32)).reshape(self._box.grid.shape)
 
-    def proximal(
+    def __call__(
         self, center: NDArray[np.float32], weight: float, steps: int, stretch: float = 1.0
     ) -> NDArray[np.float32]:
         """Return nearly the minimum of ``½ (x - c)^T C^-1 (x - c) / stretch + weight TV(x)``.
-
-        Beck and Teboulle's fast gradient projection on the dual, ``steps`` steps.
 
         Parameters
         ----------
         center : (unknowns,) float32
         weight : float
         steps : int
+            Steps on the dual.
         stretch : float
         """
         center = self._place(center)
@@ -157,9 +205,3 @@ class TotalVariation:
                 _raise_dual(volume, *metric, np.float32(weight), momentum, self._dual, ahead)
             _lower_primal(center, *metric, self._lowest, self._dual, volume)
         return self._box.compress(volume)
-
-
-def total_variation(gradient: Gradient, values: NDArray[np.float32]) -> float:
-    """Return the sum over voxels of ``|D x|`` of the unknowns ``x``."""
-    squares = np.square(gradient.forward(values), dtype=np.float64).sum(axis=0)
-    return float(np.sqrt(squares).sum())

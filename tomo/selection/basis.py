@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tomo.operators import LINEAR, VOXEL, ProjectionOperator
+from tomo.operators.vectors import check_measured
 from tomo.selection.candidates import Candidates
-from tomo.solvers.iterate import check_measured
 
 BASES = (VOXEL, LINEAR)
 """The bases that can be asked for by name."""

@@ -22,7 +22,7 @@ from tomo.selection.cross_validation import (
     weighed,
 )
 from tomo.solvers.curvature import FIRST
-from tomo.solvers.mlem import interleaved
+from tomo.solvers.subsets import interleaved
 
 ITERATIONS = {"mlem": 17, "nnls": 40, "tikhonov": 40, "curvature": 40}
 """Iterations at most: Poisson likelihood, least squares without and with a penalty."""

@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from tomo import solvers
 from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
+from tomo.operators.vectors import check_measured
 from tomo.selection.candidates import Candidate, Candidates, Progress, further_settings
 from tomo.selection.cross_validation import FEW_VIEWS, MULTIPLICATIVE
 from tomo.selection.rules import WIDTHS, of_few_views, of_many_views
 from tomo.solvers import Solution
 from tomo.solvers.initial_volume import common_start
-from tomo.solvers.iterate import check_measured
 from tomo.solvers.solution import Callback
 
 FALLBACK = ("mlem", 1.0, 10)

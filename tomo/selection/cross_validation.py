@@ -17,7 +17,7 @@ from tomo._compute.reductions import norm
 from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
 from tomo.solvers.initial_volume import common_start
-from tomo.solvers.mlem import interleaved
+from tomo.solvers.subsets import interleaved
 
 FEW_VIEWS = 8
 """Views up to which only one is left out; more views leave out every eighth."""

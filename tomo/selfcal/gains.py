@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
+from tomo.operators.vectors import check_measured
 from tomo.operators.view_gains import Gains, geometric_mean
 from tomo.solvers import Solution, cgls, mlem
 from tomo.solvers.initial_volume import common_start
-from tomo.solvers.iterate import check_measured
-from tomo.solvers.mlem import interleaved
+from tomo.solvers.subsets import interleaved
 
 DARK = 0.03
 """Pixels are dark whose predicted light is below this share of the view's brightest."""

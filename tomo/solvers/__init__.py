@@ -1,18 +1,23 @@
-"""Classic solvers, one signature: ``solve(projector, measured, *, iterations, ...)``.
+"""Solvers, one signature: ``solve(A, images, *, iterations, start, nonnegative, callback, ...)``.
 
-| name      | what it is                                                       |
-|-----------|------------------------------------------------------------------|
-| art       | Kaczmarz: one ray at a time                                      |
-| sirt      | all rays, or ordered subsets of them, at once: least squares     |
-| sart      | one view at a time                                               |
-| mart      | one ray at a time, multiplicative                                |
-| smart     | all rays at once, multiplicative, cross entropy                  |
-| mlem      | all rays at once, multiplicative, Poisson likelihood             |
-| cgls      | conjugate gradients on the normal equations                      |
-| nnls      | non-negative least squares by projected conjugate gradients      |
-| tikhonov  | the same with a penalty on differences of neighbours             |
-| curvature | the same with a penalty on curvature, the more the darker        |
-| tv        | least squares with a penalty on total variation                  |
+| name      | loss, prior and update                                            |
+|-----------|-------------------------------------------------------------------|
+| art       | one ray at a time: Kaczmarz                                       |
+| sart      | one view at a time                                                |
+| sirt      | all rays, or ordered subsets of them, at once: least squares      |
+| mart      | one ray at a time, multiplicative                                 |
+| smart     | all rays at once, multiplicative: cross entropy                   |
+| mlem      | all rays at once, multiplicative: Poisson likelihood              |
+| cgls      | conjugate gradients: least squares                                |
+| nnls      | projected conjugate gradients: non-negative least squares         |
+| tikhonov  | the same with a prior on differences of neighbours                |
+| curvature | the same with a prior on curvature, larger where it is dark       |
+| tv        | proximal gradients: least squares with total variation            |
+
+The last four are combinations of a loss (`tomo.losses`), a prior (`tomo.priors`) and one of two
+solvers for any prior: `projected_cg` for linear ones, `proximal_gradient` for proximal ones. Every
+solver returns a `Solution` with its history. The parameters that they share are documented once,
+in `tomo.solvers._parameters`, and ``help(solver)`` shows all.
 """
 
 import lazy_loader
@@ -30,6 +35,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "mart": ["mart"],
         "mlem": ["mlem"],
         "nnls": ["nnls"],
+        "projected_cg": ["projected_cg"],
+        "proximal_gradient": ["proximal_gradient"],
         "sart": ["sart"],
         "sirt": ["sirt"],
         "smart": ["smart"],

@@ -1,9 +1,9 @@
 """A volume brought to agree with one block of pixels after another: views, or ordered subsets.
 
 The update of a block is ``x <- x + r C A^T W R (b - A x)`` over its pixels alone, where ``R`` are
-the reciprocals of the row sums of A, damped as `tomo.solvers._damping` says, and ``C`` those of
-its column sums, weighted by ``W``. A voxel that of a block's rays only one grazes would have all
-of that one's noise.
+the reciprocals of the row sums of A, damped as `tomo.operators.vectors.damped` says, and ``C``
+those of its column sums, weighted by ``W``. A voxel that of a block's rays only one grazes would
+have all of that one's noise.
 
 With a stored matrix a row is projected and, as soon as its residual is known, spread back, while
 its entries are at hand: a block reads them once. Blocks are cut into parts as products are
@@ -32,7 +32,7 @@ from tomo.operators.spmv import (
     projected,
     spread,
 )
-from tomo.solvers._damping import damped
+from tomo.operators.vectors import damped
 
 Sweep = Callable[[NDArray[np.float32], float, bool, NDArray[np.int64]], NDArray[np.float32]]
 """``sweep(x, relaxation, nonnegative, order)``: ``x`` after the updates of blocks ``order``."""

@@ -7,10 +7,11 @@ from numpy.typing import ArrayLike
 
 from tomo._compute.jit import compiled
 from tomo._compute.reductions import norm
-from tomo.operators import Projector
-from tomo.solvers._damping import damped
+from tomo.operators.operator import ProjectionOperator
+from tomo.operators.vectors import additive_start, check_measured, damped
+from tomo.solvers._parameters import shared_parameters
 from tomo.solvers._rows import merged_rows
-from tomo.solvers.iterate import States, additive_start, check_measured, check_relaxation, drive
+from tomo.solvers.iterate import States, check_relaxation, drive
 from tomo.solvers.solution import Callback, Solution
 
 
@@ -35,8 +36,9 @@ def _sweep(ptr, voxel, length, measured, order, steps, nonnegative, volume):
             volume[voxel[slot]] = max(moved, 0.0) if nonnegative else moved
 
 
+@shared_parameters
 def art(
-    projector: Projector,
+    projector: ProjectionOperator,
     measured: ArrayLike,
     *,
     iterations: int = 10,
@@ -46,31 +48,29 @@ def art(
     seed: int = 0,
     callback: Callback | None = None,
 ) -> Solution:
-    """Solve by ART: ``x <- x + r (b_p - a_p . x) a_p / ||a_p||^2`` for one pixel ``p`` at a time.
+    """Reconstruct by Kaczmarz's method: one pixel's equation at a time.
 
     One iteration is one sweep over all pixels, in an order drawn once from ``seed``: rays that
-    follow each other are then nearly independent, which is what makes the method fast. Several
-    rays of one pixel form one equation.
-
-    The step of a ray that barely crosses voxels is divided by a tenth of the median row's
-    ``||a||^2`` instead: the noise of its pixel would throw them far off.
+    follow each other are then nearly independent, which makes the method fast. Several rays of
+    one pixel form one equation.
 
     Parameters
     ----------
-    projector : Projector
-    measured : (pixels,)
-        The images, flat.
-    iterations : int
-    start : (voxels,), optional
-        Zeros when None.
-    nonnegative : bool
-        Whether the start and every voxel touched are set to ``max(x, 0)``.
-    relaxation : float
-        ``r``; below 1 damps noise.
-    seed : int
-        Of the order of the pixels.
-    callback : callable, optional
-        ``callback(index, volume, relative_residual)``; returns True to stop.
+    {stored_projector}
+    {measured}
+    {iterations}
+    {start}
+    {nonnegative}
+    {relaxation}
+        Below 1 it damps noise.
+    {seed}
+    {callback}
+
+    Notes
+    -----
+    ``x <- x + r (b_p - a_p . x) a_p / ||a_p||^2`` for one pixel ``p`` at a time. The step of a ray
+    that barely meets voxels is divided by a tenth of the median row's ``||a||^2`` instead
+    (`tomo.operators.vectors.damped`).
 
     References
     ----------

@@ -7,17 +7,16 @@ from numpy.typing import ArrayLike
 
 from tomo._compute.jit import compiled
 from tomo._compute.reductions import norm
-from tomo.operators import Projector
-from tomo.solvers._damping import damped
+from tomo.operators.operator import ProjectionOperator
+from tomo.operators.vectors import check_measured, damped, multiplicative_start
+from tomo.solvers._parameters import shared_parameters
 from tomo.solvers._rows import merged_rows
 from tomo.solvers.iterate import (
     States,
-    check_measured,
+    check_nonnegative,
     check_relaxation,
     drive,
-    multiplicative_start,
 )
-from tomo.solvers.mlem import check_nonnegative
 from tomo.solvers.solution import Callback, Solution
 
 
@@ -35,8 +34,9 @@ def _sweep(ptr, voxel, length, measured, order, powers, volume):
             volume[voxel[slot]] *= quotient ** (powers[pixel] * length[slot])
 
 
+@shared_parameters
 def mart(
-    projector: Projector,
+    projector: ProjectionOperator,
     measured: ArrayLike,
     *,
     iterations: int = 10,
@@ -46,30 +46,29 @@ def mart(
     seed: int = 0,
     callback: Callback | None = None,
 ) -> Solution:
-    """Solve by MART: ``x_v <- x_v (b_p / a_p . x)^(r a_pv / max a_p)`` pixel by pixel.
+    """Reconstruct by multiplicative updates, one pixel at a time.
 
-    Of all volumes that reproduce the images it tends to that of largest entropy. One iteration is
-    one sweep over all pixels in an order drawn once from ``seed``. A pixel that is zero (or
-    negative, which counts as zero) empties every voxel that it sees, for good. Where a ray barely
-    crosses voxels ``max a_p`` is a tenth of the median row's instead: the noise of its pixel would
-    throw them far off.
+    One iteration is one sweep over all pixels in an order drawn once from ``seed``. A pixel that
+    is zero (or negative, which counts as zero) empties every voxel that it sees, for good.
 
     Parameters
     ----------
-    projector : Projector
-    measured : (pixels,)
-        The images, flat.
-    iterations : int
-    start : (voxels,), optional
-        Must not be negative; a constant when None.
-    nonnegative : bool
-        Must be True: the method has no other form.
-    relaxation : float
-        ``r``, at most 1 in practice.
-    seed : int
-        Of the order of the pixels.
-    callback : callable, optional
-        ``callback(index, volume, relative_residual)``; returns True to stop.
+    {stored_projector}
+    {measured}
+    {iterations}
+    {positive_start}
+    {always_nonnegative}
+    {relaxation}
+        At most 1 in practice.
+    {seed}
+    {callback}
+
+    Notes
+    -----
+    ``x_v <- x_v (b_p / a_p . x)^(r a_pv / max a_p)`` for one pixel ``p`` at a time. Among all
+    volumes that reproduce the images it tends to the one of largest entropy. Where a ray barely
+    meets voxels, ``max a_p`` is a tenth of the median row's instead
+    (`tomo.operators.vectors.damped`).
 
     References
     ----------

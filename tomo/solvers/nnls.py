@@ -5,12 +5,12 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from tomo.operators.operator import ProjectionOperator
-from tomo.solvers._projected_cg import projected_conjugate_gradients
-from tomo.solvers.iterate import drive
-from tomo.solvers.least_squares import LeastSquares
+from tomo.solvers._parameters import shared_parameters
+from tomo.solvers.projected_cg import projected_cg
 from tomo.solvers.solution import Callback, Solution
 
 
+@shared_parameters
 def nnls(
     projector: ProjectionOperator,
     measured: ArrayLike,
@@ -21,39 +21,33 @@ def nnls(
     weights: ArrayLike | None = None,
     callback: Callback | None = None,
 ) -> Solution:
-    """Minimise ``||W^½ (b - A x)||`` over ``x >= 0`` by projected conjugate gradients.
+    """Find the volume of least squares that is not negative.
 
     As fast as CGLS, but the volume is the best of the non-negative ones instead of the best of
-    all, clipped; the residual falls at every update. On noisy images it must be stopped early.
+    all, clipped. On noisy images it must be stopped early.
 
     Parameters
     ----------
-    projector : ProjectionOperator
-    measured : (pixels,)
-        The images, flat.
-    iterations : int
-        Updates; each takes one adjoint and one or two projections.
-    start : (voxels,), optional
-        Zeros when None.
-    nonnegative : bool
+    {projector}
+    {measured}
+    {iterations}
+        Each takes one adjoint and one or two projections.
+    {start}
+    {nonnegative}
         Without, it is CGLS.
-    weights : (pixels,), optional
-        The diagonal of ``W``, such as the inverse variances of the pixels; ones when None. With
-        weights the history holds ``||W^½ (b - A x)|| / ||W^½ b||``.
-    callback : callable, optional
-        ``callback(index, volume, relative_residual)``; returns True to stop.
+    {weights}
+    {callback}
+
+    Notes
+    -----
+    Minimises ``||W^½ (b - A x)||²`` over ``x >= 0`` by `tomo.solvers.projected_cg`, without a
+    prior.
 
     References
     ----------
-    See `tomo.solvers._projected_cg`; for the problem, Lawson and Hanson, "Solving Least Squares
-    Problems" (1974), chapter 23.
+    Lawson and Hanson, "Solving Least Squares Problems" (1974), chapter 23.
     """
-    problem = LeastSquares(projector, measured, weights)
-    return drive(
-        projected_conjugate_gradients(problem, start, nonnegative),
-        projector,
-        problem.measured,
-        iterations=iterations,
-        callback=callback,
-        settings={"method": "nnls", "nonnegative": nonnegative, "weighted": weights is not None},
-    )
+    return projected_cg(
+        projector, measured, iterations=iterations, start=start, nonnegative=nonnegative,
+        weights=weights, callback=callback, method="nnls",
+    )  # fmt: skip

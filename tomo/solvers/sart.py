@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._compute.grouping import golden_section
 from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
+from tomo.operators.vectors import additive_start, check_measured
 from tomo.solvers._block_sweep import sweep_of
+from tomo.solvers._parameters import shared_parameters
 from tomo.solvers.iterate import (
     States,
-    additive_start,
-    check_measured,
     check_relaxation,
     drive,
     residual_of,
@@ -25,8 +25,8 @@ from tomo.solvers.solution import Callback, Solution
 def view_orders(count: int) -> Iterator[NDArray[np.int64]]:
     """Yield the order in which each pass takes views ``0 .. count - 1``, without end.
 
-    The first without any pattern. All others so that neighbours in the order are far apart on the
-    ring, by steps of the golden section: after any number of views, those used are spread evenly.
+    The first has no pattern. In all others neighbours in the order are far apart on the ring, by
+    the golden-ratio sequence: after any number of views, those used are spread evenly.
     """
     yield np.random.default_rng(0).permutation(count)
     spread = np.argsort(np.argsort(golden_section(count)))
@@ -34,6 +34,7 @@ def view_orders(count: int) -> Iterator[NDArray[np.int64]]:
         yield spread
 
 
+@shared_parameters
 def sart(
     projector: ProjectionOperator,
     measured: ArrayLike,
@@ -44,18 +45,28 @@ def sart(
     relaxation: float = 1.0,
     callback: Callback | None = None,
 ) -> Solution:
-    """Solve by SART: SIRT's update from one view's rays at a time, views in a spread-out order.
+    """Reconstruct by SIRT's update from one view at a time, views in a spread-out order.
 
-    ``x <- x + r C_v A_v^T R_v (b_v - A_v x)`` for each view ``v``; one iteration is one pass over
-    all views. Parameters are those of `tomo.solvers.sirt`.
+    One iteration is one pass over all views.
+
+    Parameters
+    ----------
+    {projector}
+    {measured}
+    {iterations}
+    {start}
+    {nonnegative}
+    {relaxation}
+    {callback}
 
     Notes
     -----
-    A pass from zeros takes the views in an order without any pattern. After one in even steps
-    round the ring, 33 views of a jet on exact data left the volume twice as far from the truth,
-    and it stayed so in the passes to come (12 random orders: 1.2 to 2.6 times as far after the
-    first pass). How far it gets on images with errors is up to the passes that follow, and a run
-    that goes on from a ``start`` has only such.
+    ``x <- x + r C_v A_v^T R_v (b_v - A_v x)`` for each view ``v``, with ``C`` and ``R`` as in
+    `tomo.solvers.sirt`.
+
+    A pass from zeros takes the views in an order without any pattern: after one in even steps
+    round the ring, the volume stays further from the truth in all passes to come. A run from a
+    ``start`` has even orders only.
 
     References
     ----------

@@ -7,20 +7,20 @@ from numpy.typing import ArrayLike
 
 from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
+from tomo.operators.vectors import additive_start, check_measured, check_weights
 from tomo.solvers._block_sweep import Block, sweep_of
+from tomo.solvers._parameters import shared_parameters
 from tomo.solvers.iterate import (
     States,
-    additive_start,
-    check_measured,
     check_relaxation,
     drive,
     residual_of,
 )
-from tomo.solvers.least_squares import check_weights
-from tomo.solvers.mlem import interleaved
 from tomo.solvers.solution import Callback, Solution
+from tomo.solvers.subsets import interleaved
 
 
+@shared_parameters
 def sirt(
     projector: ProjectionOperator,
     measured: ArrayLike,
@@ -33,36 +33,31 @@ def sirt(
     subsets: int = 1,
     callback: Callback | None = None,
 ) -> Solution:
-    """Solve by SIRT: ``x <- x + r C A^T W R (b - A x)``.
-
-    ``R`` are the reciprocals of the row sums of A, or of a tenth of the median one where a ray
-    barely crosses voxels, whose noise would throw them far off; ``C`` those of ``A^T W 1``. It
-    descends the weighted least squares ``(b - A x)^T W R (b - A x)`` and converges for
-    ``0 < r < 2``.
+    """Reconstruct by simultaneous updates from all rays, or from subsets of them.
 
     Parameters
     ----------
-    projector : ProjectionOperator
-    measured : (pixels,)
-        The images, flat.
-    iterations : int
-    start : (voxels,), optional
-        Zeros when None.
-    nonnegative : bool
-        Whether the start and each update become ``max(x, 0)``.
-    weights : (pixels,), optional
-        The diagonal of ``W``, such as the inverse variances of the pixels; ones when None. With
-        weights the history holds ``||W^½ (b - A x)|| / ||W^½ b||``.
-    relaxation : float
-        ``r``.
+    {projector}
+    {measured}
+    {iterations}
+    {start}
+    {nonnegative}
+    {weights}
+    {relaxation}
     subsets : int
-        Above 1, each iteration updates once from each of as many interleaved parts of the pixels
-        (every part sees all views), which makes one iteration nearly worth ``subsets``; it then
-        ends in a cycle around the solution, as small as the images are consistent. Of a voxel that
-        a part hardly sees the column sum counts as the even share of all parts. Whole views as
-        parts: `tomo.solvers.sart`.
-    callback : callable, optional
-        ``callback(index, volume, relative_residual)``; returns True to stop.
+        Above 1, each iteration updates once from each of so many interleaved subsets of the pixels
+        (every one sees all views), which makes one iteration nearly worth ``subsets``; it then
+        ends in a cycle around the solution, the smaller the more consistent the images are. The
+        column sum of a voxel that a subset hardly sees counts as the mean of all subsets. With
+        whole views as subsets: `tomo.solvers.sart`.
+    {callback}
+
+    Notes
+    -----
+    ``x <- x + r C A^T W R (b - A x)``: ``R`` are the reciprocals of the row sums of ``A``, or of a
+    tenth of the median one where a ray barely meets voxels (`tomo.operators.vectors.damped`);
+    ``C`` are those of ``A^T W 1``. It minimises ``(b - A x)^T W R (b - A x)`` and converges for
+    ``0 < r < 2``.
 
     References
     ----------

@@ -6,21 +6,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo._compute.reductions import norm
+from tomo.losses import ratio, sensitivity
 from tomo.operators.operator import ProjectionOperator
+from tomo.operators.vectors import check_measured, multiplicative_start
+from tomo.solvers._parameters import shared_parameters
 from tomo.solvers.iterate import (
     States,
-    check_measured,
+    check_nonnegative,
     check_relaxation,
     drive,
-    multiplicative_start,
 )
-from tomo.solvers.mlem import check_nonnegative, ratio, sensitivity
 from tomo.solvers.solution import Callback, Solution
 
 FAINTEST = 1e-3
-"""Share of what is projected that a pixel counts as at least: the logarithm of zero is not."""
+"""Fraction of its projection that a pixel counts as at least. At zero, a dark pixel would empty
+all voxels that it sees; at one, it would empty none."""
 
 
+@shared_parameters
 def smart(
     projector: ProjectionOperator,
     measured: ArrayLike,
@@ -31,29 +34,29 @@ def smart(
     relaxation: float = 1.0,
     callback: Callback | None = None,
 ) -> Solution:
-    """Solve by SMART: ``x <- x exp(r / (A^T 1) * A^T log(b / A x))``.
+    """Reconstruct by simultaneous multiplicative updates: MART with all rays at once.
 
-    It descends the cross entropy ``KL(A x, b)``, where MLEM descends ``KL(b, A x)``: of all
-    volumes that reproduce the images it tends to that nearest to the start, in entropy. Every
-    voxel moves by the weighted geometric mean of its rays' ratios, MLEM's by the arithmetic one:
-    it is slower to fill what one ray wants filled, and faster to empty. Pixels at or below zero
-    count as a thousandth of what is projected, so that one of them does not empty all that it
-    sees, as in MART.
+    Every voxel moves by the weighted geometric mean of its rays' ratios, MLEM's by the arithmetic
+    one: it is slower to fill voxels that one ray wants filled, and faster to empty them. Pixels at
+    or below zero count as a thousandth of their projection, so that one of them does not empty all
+    voxels that it sees, as in MART.
 
     Parameters
     ----------
-    projector : ProjectionOperator
-    measured : (pixels,)
-        The images, flat.
-    iterations : int
-    start : (voxels,), optional
-        Must not be negative; a constant when None.
-    nonnegative : bool
-        Must be True: the method has no other form.
-    relaxation : float
-        ``r``, below 2; converges at 1.
-    callback : callable, optional
-        ``callback(index, volume, relative_residual)``; returns True to stop.
+    {projector}
+    {measured}
+    {iterations}
+    {positive_start}
+    {always_nonnegative}
+    {relaxation}
+        It converges at 1.
+    {callback}
+
+    Notes
+    -----
+    ``x <- x exp(r / (A^T 1) * A^T log(b / A x))`` minimises the cross entropy ``KL(A x, b)``,
+    where MLEM minimises ``KL(b, A x)``. Among all volumes that reproduce the images it tends to
+    the one nearest to the start, in entropy.
 
     References
     ----------

@@ -5,7 +5,7 @@ import pytest
 
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.priors.differences import Gradient
-from tomo.priors.total_variation import TotalVariation, total_variation
+from tomo.priors.total_variation import TotalVariation
 
 
 def _with_a_hole(shape, seed=0):
@@ -52,7 +52,7 @@ def test_differences_are_those_of_the_whole_grid(active):
     # What lies outside the lines around the active voxels is zero, so sums and norms agree
     assert np.abs(found).sum() == pytest.approx(np.abs(twin).sum(), rel=1e-5)
     expected = np.sqrt((twin**2).sum(axis=-1)).sum()
-    assert total_variation(Gradient(active), values) == pytest.approx(expected, rel=1e-6)
+    assert TotalVariation(active).value(values) == pytest.approx(expected, rel=1e-6)
     if active.all:
         twin = np.moveaxis(twin, -1, 0).reshape(3, -1)
         np.testing.assert_allclose(found, twin, rtol=1e-5, atol=1e-6)
@@ -75,8 +75,8 @@ def test_the_adjoint_is_the_exact_transpose(active):
 
 def test_a_constant_is_smooth_on_the_whole_grid_and_has_a_surface_inside_it():
     grid = VoxelGrid((8, 9, 10), 1.0)
-    everywhere = Gradient(ActiveVoxels(grid))
-    assert total_variation(everywhere, np.full(grid.size, 2.5, np.float32)) == 0
+    everywhere = TotalVariation(ActiveVoxels(grid))
+    assert everywhere.value(np.full(grid.size, 2.5, np.float32)) == 0
     mask = np.zeros(grid.shape, bool)
     a, b, c = 3, 4, 5
     mask[2 : 2 + a, 2 : 2 + b, 2 : 2 + c] = True
@@ -85,18 +85,18 @@ def test_a_constant_is_smooth_on_the_whole_grid_and_has_a_surface_inside_it():
     faces = 2 * (a * b + b * c + c * a)
     edges, corner = (a - 1) + (b - 1) + (c - 1), 1
     expected = 2.5 * (faces - 2 * edges - 3 * corner + np.sqrt(2) * edges + np.sqrt(3) * corner)
-    active = Gradient(ActiveVoxels.from_mask(grid, mask))
-    assert total_variation(active, patch) == pytest.approx(expected, rel=1e-6)
+    patched = TotalVariation(ActiveVoxels.from_mask(grid, mask))
+    assert patched.value(patch) == pytest.approx(expected, rel=1e-6)
     whole = mask.astype(np.float32).ravel() * np.float32(2.5)
-    assert total_variation(everywhere, whole) == pytest.approx(expected, rel=1e-6)
+    assert everywhere.value(whole) == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_hole_in_the_active_voxels_is_a_surface():
     grid = VoxelGrid((7, 7, 7), 1.0)
     mask = np.ones(grid.shape, bool)
     mask[3, 3, 3] = False
-    gradient = Gradient(ActiveVoxels.from_mask(grid, mask))
-    found = total_variation(gradient, np.ones(grid.size - 1, np.float32))
+    variation = TotalVariation(ActiveVoxels.from_mask(grid, mask))
+    found = variation.value(np.ones(grid.size - 1, np.float32))
     assert found == pytest.approx(3 + np.sqrt(3), rel=1e-6)
 
 
@@ -105,13 +105,13 @@ def test_the_proximal_map_of_a_step_moves_its_two_sides_together(axis):
     shape = [1, 1, 1]
     shape[axis] = 10
     active = ActiveVoxels(VoxelGrid(tuple(shape), 1.0))
-    variation = TotalVariation(active, np.ones(10, np.float32), nonnegative=True)
+    variation = TotalVariation(active).proximal_map(np.ones(10, np.float32), nonnegative=True)
     step = np.repeat(np.float32([1, 3]), (4, 6))
     # In one dimension each side moves by weight / length
-    found = variation.proximal(step, 0.6, 400)
+    found = variation(step, 0.6, 400)
     np.testing.assert_allclose(found, np.repeat([1.15, 2.9], (4, 6)), atol=1e-4)
-    strong = TotalVariation(active, np.ones(10, np.float32), nonnegative=True)
-    np.testing.assert_allclose(strong.proximal(step, 100.0, 2000), np.full(10, 2.2), atol=1e-3)
+    strong = TotalVariation(active).proximal_map(np.ones(10, np.float32), nonnegative=True)
+    np.testing.assert_allclose(strong(step, 100.0, 2000), np.full(10, 2.2), atol=1e-3)
 
 
 def proximal_twin(active, center, inverse, weight, lowest, steps=20000):
@@ -134,9 +134,9 @@ def test_the_proximal_map_is_that_of_the_dense_twin(active, nonnegative):
     random = np.random.default_rng(3)
     center = random.normal(0.5, 1, active.size)
     inverse = random.uniform(0.1, 2, active.size)
-    variation = TotalVariation(active, inverse.astype(np.float32), nonnegative)
-    found = variation.proximal(center.astype(np.float32), 0.3, 2000)
+    variation = TotalVariation(active).proximal_map(inverse.astype(np.float32), nonnegative)
+    found = variation(center.astype(np.float32), 0.3, 2000)
     expected = proximal_twin(active, center, inverse, 0.3, 0 if nonnegative else -np.inf, 5000)
     np.testing.assert_allclose(found, expected, atol=2e-4)
-    again = variation.proximal(center.astype(np.float32), 0.3, 1)  # the dual field was kept
+    again = variation(center.astype(np.float32), 0.3, 1)  # the dual field was kept
     np.testing.assert_allclose(again, found, atol=1e-4)

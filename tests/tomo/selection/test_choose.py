@@ -21,7 +21,7 @@ from tomo.selection import (
 from tomo.selection.candidates import DEFAULT_STRENGTH
 from tomo.selection.choose import solve_as_chosen
 from tomo.simulation import camera_noise, simulate
-from tomo.solvers.mlem import interleaved
+from tomo.solvers.subsets import interleaved
 from tomo.trace import trace
 
 SEED = 11

@@ -11,9 +11,10 @@ import rigs
 from tomo import metrics, solvers
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import LinearSystem, voxel_means
+from tomo.priors.curvature import AROUND, DARKEST, RelativeCurvature
 from tomo.priors.differences import Gradient
 from tomo.simulation import camera_noise, simulate
-from tomo.solvers.curvature import AROUND, DARKEST, FIRST, RelativeCurvature
+from tomo.solvers.curvature import FIRST
 
 LIVE = ActiveVoxels(VoxelGrid((5, 6, 4), (1.0, 0.8, 1.3)))
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from tomo._compute.reductions import norm
-from tomo.solvers.iterate import drive, unit_of
+from tomo.operators.vectors import unit_of
+from tomo.solvers.iterate import drive
 
 MEASURED = np.array([3.0, 4.0], np.float32)
 

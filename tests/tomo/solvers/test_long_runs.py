@@ -12,8 +12,8 @@ import phantoms
 import rigs
 from tomo import LinearSystem, VoxelGrid, solvers
 from tomo._compute.reductions import norm
+from tomo.losses import sensitivity
 from tomo.simulation import simulate
-from tomo.solvers.mlem import sensitivity
 from tomo.solvers.sart import view_orders
 
 LONG = 100

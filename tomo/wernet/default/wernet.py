@@ -13,11 +13,10 @@ import torch
 from numpy.typing import ArrayLike
 
 from tomo.operators import VOXEL, ProjectionOperator
+from tomo.operators.vectors import additive_start, check_measured, check_weights
 from tomo.selection import choose_by_held_out_views
 from tomo.selection.choose import FEW_VIEWS, solve_as_chosen
 from tomo.solvers import Iteration, Solution
-from tomo.solvers.iterate import additive_start, check_measured
-from tomo.solvers.least_squares import check_weights
 from tomo.solvers.solution import Callback
 from tomo.wernet.default.alternation import Alternation
 from tomo.wernet.default.checkpoint import Checkpoint

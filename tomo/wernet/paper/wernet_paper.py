@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
+from tomo.operators.vectors import additive_start
 from tomo.solvers import Iteration, Solution
-from tomo.solvers.iterate import additive_start
 from tomo.solvers.solution import Callback
 from tomo.wernet.device import adam, usable_device
 from tomo.wernet.encoder_file import load_encoder

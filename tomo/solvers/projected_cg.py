@@ -1,4 +1,4 @@
-"""Conjugate gradients that stay at or above zero: the engine of nnls and tikhonov."""
+"""Projected conjugate gradients: least squares with any linear prior over ``x >= 0``."""
 
 from __future__ import annotations
 
@@ -6,22 +6,57 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo._compute.reductions import dot, norm
-from tomo.solvers.iterate import States
-from tomo.solvers.least_squares import LeastSquares
+from tomo.losses import LeastSquares, LinearPrior
+from tomo.operators.operator import ProjectionOperator
+from tomo.solvers._parameters import shared_parameters
+from tomo.solvers.iterate import States, drive
+from tomo.solvers.solution import Callback, Solution
 
 SINGLE_PRECISION = float(np.finfo(np.float32).eps)
 
 
-def projected_conjugate_gradients(
-    problem: LeastSquares, start: ArrayLike | None, nonnegative: bool
-) -> States:
-    """Descend ``½ ||rows (target - x)||²`` over ``x >= 0``; the objective falls at every update.
+@shared_parameters
+def projected_cg(
+    projector: ProjectionOperator,
+    measured: ArrayLike,
+    *,
+    prior: LinearPrior | None = None,
+    strength: float = 0.0,
+    iterations: int = 20,
+    start: ArrayLike | None = None,
+    nonnegative: bool = True,
+    weights: ArrayLike | None = None,
+    callback: Callback | None = None,
+    method: str = "projected_cg",
+) -> Solution:
+    """Minimise least squares with a linear prior by projected conjugate gradients.
 
-    Conjugate gradients (Polak and Ribière's, never below zero) in the variables that are free:
-    those above zero, and those at zero that the gradient would raise. A step that leads below
-    zero is clipped, and the step to the clipped volume is shortened to the lowest objective along
-    it, which takes one more projection. When the free variables no longer change, it is the
-    conjugate gradient method on them. Without bounds it is CGLS.
+    Parameters
+    ----------
+    {projector}
+    {measured}
+    prior : LinearPrior, optional
+        ``D``, see `tomo.priors`.
+    strength : float
+        ``s``, >= 0, without a unit.
+    {iterations}
+        Each takes one adjoint and one or two projections.
+    {start}
+    {nonnegative}
+    {weights}
+    {callback}
+    method : str
+        The name in the settings of the solution.
+
+    Notes
+    -----
+    Minimises ``||W^½ (b - A x)||² + s m ||D x||²`` over ``x >= 0`` (`tomo.losses.LeastSquares`).
+    Conjugate gradients (Polak and Ribière's, with a factor that is never negative) run in the
+    variables that are free: those above zero, and those at zero that the gradient would raise. A
+    step that leads below zero is clipped, and the step to the clipped volume is shortened to the
+    lowest objective along it, which takes one more projection; the objective falls at every
+    update. When the free variables no longer change, it is the conjugate gradient method on them.
+    Without the bound it is CGLS.
 
     References
     ----------
@@ -29,6 +64,20 @@ def projected_conjugate_gradients(
     and Mathematical Physics 9 (1969); the projected search along a clipped direction: Nocedal and
     Wright, "Numerical Optimization" (2006), section 16.7.
     """
+    problem = LeastSquares(projector, measured, weights, prior, strength)
+    settings = {"method": method} | ({} if prior is None else {"strength": strength})
+    return drive(
+        descend(problem, start, nonnegative),
+        projector,
+        problem.measured,
+        iterations=iterations,
+        callback=callback,
+        settings=settings | {"nonnegative": nonnegative, "weighted": weights is not None},
+    )
+
+
+def descend(problem: LeastSquares, start: ArrayLike | None, nonnegative: bool) -> States:
+    """Yield the volumes of projected conjugate gradients on ``problem``, see `projected_cg`."""
     x = problem.start(start, nonnegative)
     residual = problem.residual(x)
     downhill = problem.adjoint(residual)

@@ -1,0 +1,21 @@
+"""What solvers minimise: the misfit between measured and projected images.
+
+| loss           | formula                               | solvers                             |
+|----------------|---------------------------------------|-------------------------------------|
+| `LeastSquares` | ``||W^½ (b - A x)||² + s m ||D x||²`` | cgls, nnls, tikhonov, curvature, tv |
+| `Poisson`      | ``sum_p (A x)_p - b_p log (A x)_p``   | mlem                                |
+
+Least squares take any `LinearPrior` ``D`` as added rows, see `tomo.priors`. SIRT, SART and ART
+descend least squares weighted by the reciprocal row sums of ``A``, SMART and MART the cross
+entropy: those need no more than their update.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "least_squares": ["LeastSquares", "LinearPrior", "check_strength"],
+        "poisson": ["Poisson", "ratio", "sensitivity"],
+    },
+)

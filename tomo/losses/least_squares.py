@@ -1,0 +1,144 @@
+"""Weighted least squares with the rows of a prior: pixel weights and units are known here only."""
+
+from __future__ import annotations
+
+import copy
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo._compute.reductions import norm
+from tomo.operators.operator import ProjectionOperator
+from tomo.operators.vectors import additive_start, check_measured, check_weights, unit_of
+
+
+class LinearPrior(Protocol):
+    """A prior ``||D x||²``: a linear map ``D`` of the unknowns whose squares count as misfit."""
+
+    def forward(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return ``D x`` of the unknowns ``x (unknowns,)``, in any shape."""
+
+    def adjoint(self, field: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return ``D^T p (unknowns,)`` of a flat ``p``."""
+
+
+class LeastSquares:
+    """The loss ``||W^½ (b - A x)||² + s m ||D x||²``, as rows stacked below each other.
+
+    Parameters
+    ----------
+    projector : ProjectionOperator
+        ``A``.
+    measured : (pixels,)
+        ``b``.
+    weights : (pixels,), optional
+        The diagonal of ``W``; None is one everywhere.
+    prior : LinearPrior, optional
+        ``D``, see `tomo.priors`.
+    strength : float
+        ``s``; at zero the prior is left out.
+
+    Raises
+    ------
+    ValueError
+        If pixels or weights are too few or too many or not finite, or weights or the strength are
+        negative.
+
+    Notes
+    -----
+    ``m`` is the largest element of ``A^T W A 1``, which bounds the largest eigenvalue of
+    ``A^T W A``: the strength ``s`` has no unit, and depends neither on the unit of the images, the
+    weights or the length nor on the number of rays. Images and weights are divided by powers of
+    two, so that squares and sums stay inside the range of single precision; unknowns are in units
+    of ``unit``.
+    """
+
+    def __init__(
+        self,
+        projector: ProjectionOperator,
+        measured: ArrayLike,
+        weights: ArrayLike | None = None,
+        prior: LinearPrior | None = None,
+        strength: float = 0.0,
+    ) -> None:
+        self.projector = projector
+        measured = check_measured(projector, measured)
+        weights = check_weights(projector, weights)
+        self.root = None if weights is None else np.sqrt(weights)
+        self.unit = unit_of(measured)
+        self.measured = self._weighted(measured / self.unit)  # (pixels,)
+        self._add(prior, strength)
+
+    def with_prior(self, prior: LinearPrior, strength: float) -> LeastSquares:
+        """Return the same images, weights and `curvature` with another prior."""
+        other = copy.copy(self)
+        other._add(prior, strength)
+        return other
+
+    def _add(self, prior: LinearPrior | None, strength: float) -> None:
+        self.prior, self._factor = None, np.float32(0)
+        if check_strength(strength) > 0 and prior is not None:
+            largest = float(self.curvature.max(initial=0.0))
+            self.prior, self._factor = prior, np.float32(np.sqrt(strength * largest))
+
+    @cached_property
+    def curvature(self) -> NDArray[np.float32]:
+        """``A^T W A 1``, ``(unknowns,)``: a diagonal matrix above ``A^T W A``.
+
+        Entries of A are not negative, so the difference is diagonally dominant.
+        """
+        ones = np.ones(self.projector.shape[1], np.float32)
+        return self.projector.T @ self._weighted(self._weighted(self.projector @ ones))
+
+    @property
+    def target(self) -> NDArray[np.float32]:
+        """The right-hand side: the weighted images, and zeros for the rows of the prior."""
+        if self.prior is None:
+            return self.measured
+        rows = self.prior.forward(np.zeros(self.projector.shape[1], np.float32)).size
+        return np.concatenate([self.measured, np.zeros(rows, np.float32)])
+
+    def start(self, start: ArrayLike | None, nonnegative: bool) -> NDArray[np.float32]:
+        """Return the unknowns to start from, in units of ``unit``."""
+        return additive_start(self.projector, start, nonnegative) / self.unit
+
+    def residual(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the right-hand side less all rows times ``x``; zeros are not projected."""
+        return self.target - self.forward(x) if x.any() else self.target
+
+    def forward(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return all rows times ``x``."""
+        image = self._weighted(self.projector @ x)
+        if self.prior is None:
+            return image
+        return np.concatenate([image, self._factor * self.prior.forward(x).ravel()])
+
+    def adjoint(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the transpose times one value a row."""
+        pixels = self.projector.shape[0]
+        volume = self.projector.T @ self._weighted(rows[:pixels])
+        if self.prior is None:
+            return volume
+        return volume + self._factor * self.prior.adjoint(rows[pixels:])
+
+    def misfit(self, residual: NDArray[np.float32]) -> float:
+        """Return the norm of the weighted residual of the images alone."""
+        return norm(residual[: self.projector.shape[0]])
+
+    def _weighted(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
+        return image if self.root is None else self.root * image
+
+
+def check_strength(strength: float) -> float:
+    """Return the strength of a prior.
+
+    Raises
+    ------
+    ValueError
+        If it is negative or not finite.
+    """
+    if not 0 <= strength < np.inf:
+        raise ValueError(f"strength: found {strength}, expected a finite number >= 0")
+    return float(strength)
