@@ -1,6 +1,6 @@
-"""Cameras and rigs: where each pixel of each camera looks, and nothing about what it sees.
+"""Cameras and rigs: projection of points, rays of pixels, calibration, file formats.
 
-Names are loaded on first use, so that ``import rigs`` costs nothing that is not needed.
+Names are loaded on first use, so that ``import rigs`` is fast.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""One calibrated camera: where a point appears, and where a pixel looks."""
+"""One camera by a lens model: projection of points, rays of pixels."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Camera:
     Parameters
     ----------
     name : str
-        Names files and folders too: printable, without slashes.
+        Also names files and folders: printable, without slashes.
     image_size : (int, int)
         Width and height in pixels.
     camera_matrix : (3, 3) array_like
@@ -45,14 +45,14 @@ class Camera:
     t : (3,) array_like
         Translation, in the rig's length unit.
     optics : Optics, optional
-        What else is known of the lens.
+        Focal length, f-number, focus distance and pixel pitch, where known.
     status : {"calibrated", "nominal", "virtual"}
         How the parameters are known.
 
     Raises
     ------
     ValueError
-        Naming the camera and the field, if a value is none of the above.
+        Naming the camera and the field, if a value is out of range.
 
     Examples
     --------
@@ -99,7 +99,7 @@ class Camera:
         )
 
     def _values(self) -> tuple:
-        """Return everything that makes the camera what it is, comparable and hashable."""
+        """Return all values of the camera, comparable and hashable."""
         arrays = (self.camera_matrix, self.R, self.t)
         numbers = tuple(value for array in arrays for value in array.ravel().tolist())
         return (
@@ -133,7 +133,7 @@ class Camera:
         return -self.R.T @ self.t
 
     def project(self, points: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
-        """Return where world points appear.
+        """Return the pixel coordinates of world points.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class Camera:
             Distance along the optical axis; negative behind the camera.
         valid : (N,) bool
             True where the point is in front of the camera and inside the domain of its lens
-            (see `Distortion`). A fisheye also sees what lies beside and behind it.
+            (see `Distortion`). A fisheye also sees points beside and behind it.
         """
         points = rows_of(points, 3, "points to project")
         with np.errstate(invalid="ignore", over="ignore"):  # NaN and infinity are not valid
@@ -168,7 +168,7 @@ class Camera:
         Returns
         -------
         origins : (N, 3) float64
-            The camera's position, once a ray.
+            The camera's position, repeated for each ray.
         directions : (N, 3) float64
             Unit vectors in the world; NaN where the lens maps no direction to the pixel.
         """
@@ -180,17 +180,14 @@ class Camera:
         return np.repeat(self.position[None], len(uv), axis=0), directions
 
     def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
-        """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels.
-
-        NaN, which `project` returns of what is not to be seen, does not.
-        """
+        """Return whether each of ``uv`` ``(N, 2)`` lies on the area of a pixel; NaN does not."""
         return on_image(uv, self.image_size)
 
     def scaled(self, scale: float) -> Camera:
         """Return the camera of the image resized by ``scale``, pixels as areas: 0.5 halves it.
 
-        A pixel's area keeps its place: ``u' = scale (u + 1/2) - 1/2``. The new size is rounded
-        down: what is left of a pixel at the right and bottom edge is dropped.
+        Pixel edges map to pixel edges: ``u' = scale (u + 1/2) - 1/2``. The new size is rounded
+        down: fractions of pixels at the right and bottom edges are dropped.
         """
         width, height = scaled_size(self.image_size, scale, f"camera {self.name}")
         shift = (scale - 1) / 2
@@ -246,7 +243,7 @@ def look_at(
 ) -> tuple[NDArray, NDArray]:
     """Return ``R`` and ``t`` of a camera at ``position`` that sees ``target`` in its middle.
 
-    ``up`` points to the top of the image, as far as the line of sight allows.
+    ``up`` points to the top of the image, projected across the line of sight.
     """
     position = numbers(position, (3,), "position")
     forward = numbers(target, (3,), "look_at") - position

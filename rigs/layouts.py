@@ -1,4 +1,4 @@
-"""Virtual rigs: cameras on circles round a scene, all looking at its middle.
+"""Virtual rigs: cameras on circles around a scene, all looking at its middle.
 
 The world's +y points up. Angle 0 is on the +z axis, and angles grow towards +x.
 """
@@ -29,36 +29,36 @@ def ring(
     length_unit: str = "mm",
     volume: Volume | None = None,
 ) -> Rig:
-    """Return ``count`` cameras every ``step_degrees`` round the axis +y through ``center``.
+    """Return ``count`` cameras every ``step_degrees`` around the axis +y through ``center``.
 
     Parameters
     ----------
     count : int
         Cameras; they are called cam00, cam01 and so on.
     step_degrees : float, optional
-        From one camera to the next; a full circle divided by ``count`` when None.
+        Angle between neighbours; a full circle divided by ``count`` when None.
     distance : float or sequence of float
-        From ``center``; one for all, or one for each camera.
+        Distance from ``center``; one for all, or one for each camera.
     image_size : (int, int)
         Width and height in pixels.
     focal_length, pixel_pitch : float
-        Of the lens and the sensor, in one unit.
+        Figures of the lens and the sensor, in one unit.
     footprint : float
-        Instead of both: a pixel's size at ``center``, for every camera.
+        Instead of both, a pixel's size at ``center``, the same for every camera.
     pitch_degrees : float or sequence of float
-        How far a camera stands above the level of ``center``; negative is below. One for all,
-        or one for each camera.
+        Elevation of a camera above the level of ``center``; negative is below. One for all, or
+        one for each camera.
     start_degrees : float
-        Where the first camera stands.
+        Angle of the first camera.
     center : (3,) array_like
-        What all cameras look at.
+        The point that all cameras look at.
     length_unit, volume
         As in `Rig`.
 
     Raises
     ------
     ValueError
-        If a sequence is not as long as ``count``, or the lens is not given in one way.
+        If a sequence is not as long as ``count``, or the lens is given in both ways or in none.
     """
     step = 360.0 / max(count, 1) if step_degrees is None else step_degrees
     center = np.asarray(center, np.float64)
@@ -76,7 +76,7 @@ def ring(
 
 
 def arc(count: int, span_degrees: float, distance: ArrayLike = 1000.0, **options: object) -> Rig:
-    """Return ``count`` cameras evenly over ``span_degrees``, the middle of it at angle 0.
+    """Return ``count`` cameras evenly spaced over ``span_degrees``, centred at angle 0.
 
     The first and the last camera stand at the ends. ``options`` are those of `ring`.
     """
@@ -92,7 +92,7 @@ def _circle_positions(
     pitch_degrees: ArrayLike,
     start_degrees: float,
 ) -> NDArray[np.float64]:
-    """Return where the cameras of `ring` stand, relative to its middle, ``(count, 3)``."""
+    """Return the positions of the cameras of `ring` relative to its middle, ``(count, 3)``."""
     if count < 1 or count != int(count):
         raise ValueError(f"ring count: found {count}, expected a whole number >= 1")
     count = int(count)

@@ -1,4 +1,4 @@
-"""What is known of a lens beyond where its pixels look: for depth of field and for the record."""
+"""Figures of a lens beyond its projection, for depth of field and for the record."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ class Optics:
     Parameters
     ----------
     focal_length : float, optional
-        Of the lens itself; the camera matrix holds the effective one, in pixels.
+        The lens's nominal one; the camera matrix holds the effective one, in pixels.
     f_number : float, optional
         Focal length over the diameter of the entrance pupil.
     focus_distance : float, optional
-        From the camera's centre of projection to the plane in focus.
+        Distance from the centre of projection to the plane in focus.
     pixel_pitch : float, optional
         Distance of neighbouring pixels on the sensor.
 

@@ -1,4 +1,4 @@
-"""An ordered set of cameras round one scene."""
+"""An ordered set of cameras around one scene."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from rigs.geometry.rotation import numbers, rotation
 
 @dataclass(frozen=True)
 class Volume:
-    """The box of voxels a rig was made for: a suggestion that travels with it.
+    """The box of voxels that a rig was made for; the default grid of commands.
 
     Parameters
     ----------
     shape : (int, int, int)
         Number of voxels along x, y, z.
     spacing : (float, float, float)
-        Edge lengths of a voxel; one length stands for three.
+        Edge lengths of a voxel; a single length applies to all three.
     center : (float, float, float)
         The middle of the box.
     """
@@ -56,7 +56,7 @@ class Volume:
         return self.center + box_points(-half, half, 2)
 
     def transformed(self, R: NDArray, t: NDArray) -> Volume | None:
-        """Return the box after a rigid motion; None where it would stand askew to the axes."""
+        """Return the box after a rigid motion; None if its faces leave the axes' directions."""
         turn = np.rint(R)
         if np.abs(R - turn).max() > 1e-9:
             return None
@@ -79,20 +79,20 @@ class Rig(Sequence[CameraLike]):
     Parameters
     ----------
     cameras : sequence of Camera or RayTable
-        No two of the same name. A rig may be empty.
+        No two have the same name. A rig may be empty.
     length_unit : str
-        Of every length in the rig.
+        Unit of every length in the rig.
     world_frame : str
-        In words: where the origin is and how the axes point.
+        Origin and axes of the world in words.
     volume : Volume, optional
         The voxels the rig was made for.
     calibration : dict, optional
-        Quality figures and provenance, plain data, kept as they are.
+        Quality figures and provenance as plain data, kept unchanged.
 
     Raises
     ------
     ValueError
-        If a name stands twice, or a field is of the wrong kind.
+        If two cameras have one name, or a field has the wrong type.
     """
 
     cameras: tuple[CameraLike, ...]
@@ -102,7 +102,7 @@ class Rig(Sequence[CameraLike]):
     calibration: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
-        """Check the fields and take copies of what could change."""
+        """Check the fields and copy mutable ones."""
         cameras = tuple(self.cameras)
         names = set()
         for index, camera in enumerate(cameras):
@@ -132,7 +132,7 @@ class Rig(Sequence[CameraLike]):
         return iter(self.cameras)
 
     def __contains__(self, item: object) -> bool:
-        """Say whether ``item``, a camera or a name, is in the rig."""
+        """Return whether ``item``, a camera or a name, is in the rig."""
         return item in self.names if isinstance(item, str) else item in self.cameras
 
     @overload
@@ -163,7 +163,7 @@ class Rig(Sequence[CameraLike]):
     def transformed(self, R: ArrayLike, t: ArrayLike) -> Rig:
         """Return the rig after the rigid motion ``x_new = R @ x_old + t`` of the world.
 
-        The volume moves along while its faces stay parallel to the axes, else it is dropped.
+        The volume moves along if its faces stay parallel to the axes; otherwise it is dropped.
         """
         R, t = rotation(R, "motion R"), numbers(t, (3,), "motion t")
         return replace(
@@ -173,9 +173,9 @@ class Rig(Sequence[CameraLike]):
         )
 
     def footprint(self, point: ArrayLike = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
-        """Return each camera's pixel size at ``point``, ``(cameras,)``, lenses taken as pinholes.
+        """Return each camera's pixel size at ``point``, ``(cameras,)``, distortion ignored.
 
-        Depth over focal length, the geometric mean of both axes; NaN behind the camera.
+        Depth over focal length (geometric mean of both axes); NaN behind the camera.
         """
         point = numbers(point, (3,), "point")
         sizes = []
@@ -186,7 +186,7 @@ class Rig(Sequence[CameraLike]):
         return np.array(sizes, np.float64)
 
     def _index(self, name: str) -> int:
-        """Return the place of the camera called ``name``."""
+        """Return the index of the camera called ``name``."""
         try:
             return self.names.index(name)
         except ValueError:

@@ -1,4 +1,4 @@
-"""Figures in JSON files: NumPy's numbers as JSON's own, NaN and infinity as null."""
+"""JSON files: NumPy's numbers become plain ones, NaN and infinity null."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from rigs.files.atomic import atomic_path
 
 
 def plain(value: Any, digits: int | None = None) -> Any:
-    """Return data as JSON holds them: text as keys, lists, null for what is not finite.
+    """Return data as JSON holds it: text keys, lists, null for NaN and infinity.
 
     Parameters
     ----------
     value : mapping, list, tuple, str, bool, number or None
         Numbers of NumPy's kinds too.
     digits : int, optional
-        Significant ones that numbers keep; all when None.
+        Significant digits to keep; all when None.
     """
     if isinstance(value, Mapping):
         return {str(key): plain(inner, digits) for key, inner in value.items()}
@@ -35,6 +35,6 @@ def plain(value: Any, digits: int | None = None) -> Any:
 
 
 def write_json(path: Path, value: Any, indent: int | None = None) -> None:
-    """Write plain data as a file that appears whole or not at all."""
+    """Write plain data to a file atomically."""
     with atomic_path(path) as temporary:
         temporary.write_text(json.dumps(value, indent=indent) + "\n", "utf-8")

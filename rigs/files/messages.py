@@ -1,4 +1,4 @@
-"""What is wrong with the content of a file, in the file's words: one line for every schema."""
+"""One-line messages for what a schema refuses, in the file's own names of fields."""
 
 from __future__ import annotations
 
@@ -13,26 +13,28 @@ import pydantic
 from rigs.files.text import shortened
 
 _PLAIN = {float: "number", int: "whole number", str: "text"}
-_TOLD_FIRST = {"literal_error": 0, "extra_forbidden": 1}
-_FEW = 6  # fields that are named
+_REPORTED_FIRST = {"literal_error": 0, "extra_forbidden": 1}
+_FEW = 6  # fields of a mapping that a message names; more make the line too long
 
 
 def first_problem(
     error: pydantic.ValidationError, model: type[pydantic.BaseModel], data: Mapping[str, Any]
 ) -> tuple[list[str | int], str]:
-    """Return where in ``data`` the first problem is, and what was found and expected there.
+    """Return the path in ``data`` of the first problem, and what was found and expected there.
 
-    Of several problems the most specific one is told: another format or version before unknown
+    The most specific of several problems is reported: another format or version before unknown
     fields before missing ones.
     """
     problems = error.errors(include_url=False)
-    problem = min(problems, key=lambda found: _TOLD_FIRST.get(found["type"], len(_TOLD_FIRST)))
+    problem = min(
+        problems, key=lambda found: _REPORTED_FIRST.get(found["type"], len(_REPORTED_FIRST))
+    )
     path = _path(problem["loc"], data, is_missing=problem["type"] == "missing")
-    return path, _said(problem, path, model)
+    return path, _message(problem, path, model)
 
 
 def dotted(path: Sequence[str | int]) -> str:
-    """Return ``distortion.coefficients[3]`` of its steps."""
+    """Return the dotted form of a path, like ``distortion.coefficients[3]``."""
     text = ""
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
@@ -40,7 +42,7 @@ def dotted(path: Sequence[str | int]) -> str:
 
 
 def _path(loc: Sequence[str | int], data: Any, is_missing: bool) -> list[str | int]:
-    """Return the steps of pydantic's path that the data has, without the types it tried."""
+    """Return the steps of pydantic's path that the data has, without pydantic's names of types."""
     path: list[str | int] = []
     for step, part in enumerate(loc):
         is_item = isinstance(data, list) and isinstance(part, int) and part < len(data)
@@ -52,7 +54,7 @@ def _path(loc: Sequence[str | int], data: Any, is_missing: bool) -> list[str | i
     return path
 
 
-def _said(problem: Mapping[str, Any], path: list[str | int], model: type) -> str:
+def _message(problem: Mapping[str, Any], path: list[str | int], model: type) -> str:
     if problem["type"] == "extra_forbidden":
         known = list(_annotation_at(model, path[:-1]).model_fields)
         near = difflib.get_close_matches(str(path[-1]), known, n=1)
@@ -67,7 +69,7 @@ def _said(problem: Mapping[str, Any], path: list[str | int], model: type) -> str
     annotation = _annotation_at(model, path)
     if problem["type"] == "value_error" and len(_choices(annotation)) == 1:
         expected = str(problem["ctx"]["error"])
-        if ": found " in f": {expected}":  # all of it is told there
+        if ": found " in f": {expected}":  # a complete message
             return expected
     else:
         expected = _in_words(annotation)
@@ -75,7 +77,7 @@ def _said(problem: Mapping[str, Any], path: list[str | int], model: type) -> str
 
 
 def _annotation_at(model: Any, path: Sequence[str | int]) -> Any:
-    """Return the type that a schema has at a place."""
+    """Return the type annotation of a schema at a path."""
     here = model
     for part in path:
         for choice in _choices(here):
@@ -91,7 +93,7 @@ def _annotation_at(model: Any, path: Sequence[str | int]) -> Any:
 
 
 def _choices(annotation: Any) -> list[Any]:
-    """Return the types that may stand for one, without None."""
+    """Return the alternatives of a type annotation, without None."""
     origin = typing.get_origin(annotation)
     if origin is Annotated:
         return _choices(typing.get_args(annotation)[0])
@@ -106,7 +108,7 @@ def _choices(annotation: Any) -> list[Any]:
 
 
 def _in_words(annotation: Any) -> str:
-    """Return ``a number or a list of 3 numbers``."""
+    """Return a type annotation in words, like ``a number or a list of 3 numbers``."""
     return " or ".join(_one_in_words(choice) for choice in _choices(annotation))
 
 

@@ -1,4 +1,4 @@
-"""rig.yaml: rigs in and out of files that people, OpenCV and other programs can read."""
+"""Reading and writing rig.yaml."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def load_rig(path: str | os.PathLike) -> Rig:
     A camera's pose is ``R`` and ``t``, or ``position``, ``look_at`` and ``up``; its intrinsics
     are ``camera_matrix``, or ``focal_length`` and ``pixel_pitch`` in one unit (with
     ``principal_point`` in pixels, by default the image's middle). Instead of both it may name a
-    ``ray_table``, an ``.npz`` beside the file (`rigs.RayTable`).
+    ``ray_table``, an ``.npz`` in the file's folder (`rigs.RayTable`).
 
     Raises
     ------
@@ -60,7 +60,7 @@ def save_rig(rig: Rig, path: str | os.PathLike) -> None:
 
     Poses are written as ``R`` and ``t``, intrinsics as ``camera_matrix``. ``cv2.FileStorage``
     reads the file too, as long as the keys in ``rig.calibration`` are plain words. Tables of rays
-    are written beside it, into ``<stem>_rays_<camera>.npz``.
+    are written into the same folder, as ``<stem>_rays_<camera>.npz``.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def _ray_table(entry: CameraEntry, folder: Path) -> RayTable:
     kept = {"name", "ray_table", "image_size", "optics", "status"}
     try:
         for field in sorted(entry.model_fields_set - kept):
-            raise ValueError(f"{field}: found beside ray_table, expected one of the two")
+            raise ValueError(f"{field}: found together with ray_table, expected one of the two")
         optics = entry.optics and Optics(**entry.optics.model_dump())
     except ValueError as error:
         raise ValueError(f"camera {entry.name}: {error}") from None
@@ -161,7 +161,7 @@ def _ray_table(entry: CameraEntry, folder: Path) -> RayTable:
 
 
 def _table_name(camera: RayTable, stem: str) -> str:
-    """Return the name of the file of a camera's rays, beside a rig of that stem."""
+    """Return the name of the file of a camera's rays, for a rig of that stem."""
     return f"{stem}_rays_{camera.name}.npz"
 
 
@@ -171,7 +171,9 @@ def _intrinsics(entry: CameraEntry) -> Any:
     given = [name for name in short if getattr(entry, name) is not None]
     if entry.camera_matrix is not None:
         if given:
-            raise ValueError(f"{given[0]}: found beside camera_matrix, expected one of the two")
+            raise ValueError(
+                f"{given[0]}: found together with camera_matrix, expected one of the two"
+            )
         return entry.camera_matrix
     for name in short[:2]:
         if name not in given:
@@ -196,11 +198,13 @@ def _intrinsics(entry: CameraEntry) -> Any:
 
 
 def _pose(entry: CameraEntry) -> tuple[Any, Any]:
-    """Return ``R`` and ``t``, as given or from where the camera stands and looks."""
+    """Return ``R`` and ``t``, as given or from position, look_at and up."""
     groups = (("R", "t"), ("position", "look_at", "up"))
     given = [[name for name in names if getattr(entry, name) is not None] for names in groups]
     if given[0] and given[1]:
-        raise ValueError(f"{given[1][0]}: found beside {given[0][0]}, expected one of the two")
+        raise ValueError(
+            f"{given[1][0]}: found together with {given[0][0]}, expected one of the two"
+        )
     names = groups[1] if given[1] else groups[0]
     for name in names:
         if getattr(entry, name) is None:
@@ -238,7 +242,7 @@ def _last_data(camera: CameraLike) -> dict[str, Any]:
 
 
 def _check_plain(value: object, what: str) -> None:
-    """Raise unless ``value`` is made of what YAML and JSON both hold."""
+    """Raise unless ``value`` consists of types that YAML and JSON both hold."""
     if isinstance(value, dict):
         for key, item in value.items():
             if not isinstance(key, str):
@@ -254,7 +258,7 @@ def _check_plain(value: object, what: str) -> None:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Rows of numbers on one line each; lists indented, without which OpenCV does not read."""
+    """Writes rows of numbers on one line each, and indents lists as OpenCV's reader needs."""
 
     def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:
         return super().increase_indent(flow, False)

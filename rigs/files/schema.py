@@ -1,4 +1,4 @@
-"""What may stand in a rig.yaml: types and names only; geometry is checked by Camera and Rig."""
+"""Schema of rig.yaml: names and types of fields; geometry is checked by Camera and Rig."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigs.files.messages import dotted, first_problem
 
 
 def _number(value: object) -> float:
-    """Return a finite float; text like ``1e-5``, which YAML 1.1 takes for text, counts too."""
+    """Return a finite float; text like ``1e-5``, which YAML 1.1 reads as text, is accepted."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise ValueError("a number")
     try:
@@ -34,7 +34,7 @@ def _whole(value: object) -> int:
 
 
 def _text(value: object) -> str:
-    """Return text; a bare number is an error, because ``01`` and ``1`` would be the same."""
+    """Return text; a bare number is an error, because ``01`` and ``1`` are the same number."""
     if not isinstance(value, str):
         raise ValueError("text (put it in quotes)")
     return value
@@ -68,7 +68,7 @@ class OpticsEntry(_Entry):
 
 
 class CameraEntry(_Entry):
-    """One of ``cameras:``, with all ways to give the intrinsics and the pose."""
+    """One of ``cameras:``, with all alternatives for intrinsics and pose."""
 
     name: Text
     ray_table: Text | None = None
@@ -119,12 +119,12 @@ def parse_rig(data: Mapping[str, Any]) -> RigEntry:
     try:
         return RigEntry.model_validate(data)
     except pydantic.ValidationError as error:
-        path, said = first_problem(error, RigEntry, data)
-        raise ValueError(f"{_where(path, data)}: {said}") from None
+        path, message = first_problem(error, RigEntry, data)
+        raise ValueError(f"{_where(path, data)}: {message}") from None
 
 
 def _where(path: list[str | int], data: Mapping[str, Any]) -> str:
-    """Return the camera by name, where it has one, and the field."""
+    """Return the camera, by name where it has one, and the field."""
     if path[0] == "cameras" and len(path) > 2:
         entry = data["cameras"][path[1]]
         if isinstance(entry.get("name"), str):

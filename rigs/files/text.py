@@ -1,4 +1,4 @@
-"""Text files in and out: errors that name the file, and nothing half-written."""
+"""Reading and writing text files, YAML and JSON; errors name the file, writes are atomic."""
 
 from __future__ import annotations
 
@@ -65,21 +65,21 @@ def write_bytes(path: str | os.PathLike, data: bytes) -> None:
 
 
 def shortened(value: object) -> str:
-    """Return what was found, not longer than a line can bear."""
+    """Return what was found in at most 60 characters, for a message."""
     text = "nothing" if value is None else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def breaks_a_line(text: str) -> bool:
-    """Say whether a text holds what ends a line, be it its last character."""
+    """Return whether a text holds a line break, also as its last character."""
     return text.splitlines() not in ([], [text])
 
 
 def read_yaml_mapping(path: str | os.PathLike) -> dict[str, Any]:
     """Return the plain data of a YAML file whose top level is a mapping.
 
-    Aliases are refused (a few lines of them stand for any amount of data), so are keys that
-    stand twice. Dates become text.
+    Aliases are refused, because a few lines of them may expand to any amount of data; so are
+    repeated keys. Dates become text.
     """
     return yaml_mapping(read_text(path), path)
 
@@ -141,7 +141,7 @@ def _kind(data: object) -> str:
 
 
 def _check_events(text: str, path: str | os.PathLike) -> None:
-    """Refuse aliases, deep nesting and too many values before anything is built from them.
+    """Refuse aliases, deep nesting and too many values before values are built.
 
     Nodes are built by recursion in C, which overflows the stack at some ten thousand levels.
     """
@@ -166,10 +166,7 @@ def _check_events(text: str, path: str | os.PathLike) -> None:
 
 
 def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
-    """Refuse repeated keys; keys become text as they are written.
-
-    Cameras and frames are called 01 or 000012.
-    """
+    """Refuse repeated keys; keys become text as written: cameras and frames are called 01."""
     waiting = [root]
     while waiting:
         node = waiting.pop()
@@ -180,7 +177,9 @@ def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
             keys = set()
             for key, value in node.value:
                 if not isinstance(key, yaml.ScalarNode):
-                    raise ValueError(f"{path}: broken YAML at line {line}: a key is no plain text")
+                    raise ValueError(
+                        f"{path}: broken YAML at line {line}: a key is not plain text"
+                    )
                 if key.value in keys:
                     name = " ".join(key.value.split())[:60]
                     raise ValueError(

@@ -8,7 +8,7 @@ from typing import Any
 
 from rigs.rig import Rig
 
-#: In metres.
+#: Length units in metres.
 _METRES = {
     "m": 1.0,
     "dm": 1e-1,
@@ -19,8 +19,8 @@ _METRES = {
     "in": 0.0254,
     "ft": 0.3048,
 }
-UNKNOWN = "unit"  #: of formats that do not say what their lengths are in
-#: Figures of ``rig.calibration`` that are lengths, wherever they stand in it.
+UNKNOWN = "unit"  #: length unit of rigs from formats that name none
+#: Figures of ``rig.calibration`` that are lengths, at any depth.
 _LENGTHS = {
     "ray_miss",
     "ray_miss_predicted",
@@ -34,9 +34,9 @@ _LENGTHS = {
 
 
 def in_unit(rig: Rig, unit: str) -> Rig:
-    """Return ``rig`` with its lengths in ``unit``; lengths of unknown unit are taken to be.
+    """Return ``rig`` with its lengths in ``unit``; lengths of unknown unit are taken as they are.
 
-    Its calibration's figures follow; sentences in it name the unit that they were written in.
+    The calibration's figures are converted too; its sentences keep the unit they were written in.
     """
     calibration = rig.calibration and _calibration_in(rig.calibration, rig.length_unit, unit)
     if rig.length_unit == UNKNOWN or rig.length_unit == unit:
@@ -57,7 +57,7 @@ def in_unit(rig: Rig, unit: str) -> Rig:
 def _calibration_in(summary: dict[str, Any], rig_unit: str, unit: str) -> dict[str, Any]:
     """Return a calibration's figures with its lengths in ``unit``.
 
-    As they are where they are in a unit of their own that cannot be told into another.
+    They are unchanged if their own unit cannot be converted.
     """
     own = summary.get("length_unit", rig_unit)
     if own == UNKNOWN:

@@ -1,4 +1,4 @@
-"""Foreign formats, one module each; their conventions end here."""
+"""File formats of rigs, one module each; foreign conventions end here."""
 
 import lazy_loader
 

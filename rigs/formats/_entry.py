@@ -34,7 +34,7 @@ _SLOTS = {
 
 
 def entry_camera(entry: Mapping[str, Any], shared: Mapping[str, Any]) -> Camera:
-    """Return the camera of one entry, under a name that stands for any."""
+    """Return the camera of one entry, under a placeholder name."""
     values = {**{k: v for k, v in shared.items() if k != "frames"}, **entry}
     if "transform_matrix" not in entry:
         raise ValueError("transform_matrix: missing, expected a 4 x 4 camera-to-world matrix")
@@ -110,14 +110,14 @@ def _distortion(values: Mapping[str, Any]) -> Distortion:
 def _focal_lengths(
     entry: Mapping[str, Any], shared: Mapping[str, Any], width: float, height: float, model: str
 ) -> tuple[float, float]:
-    """Return the focal lengths in pixels; the entry's own keys win over the file's."""
+    """Return the focal lengths in pixels; the entry's own keys precede the file's."""
     for values in (entry, shared):
         if "fl_x" in values:
             fx = _positive(values, "fl_x")
             return fx, _positive(values, "fl_y") if "fl_y" in values else fx
         if "camera_angle_x" in values:
             if model == "fisheye":
-                raise ValueError("fl_x: missing, expected it beside a fisheye's camera_angle_x")
+                raise ValueError("fl_x: missing, expected it with a fisheye, not camera_angle_x")
             fx = _from_angle(values, "camera_angle_x", width)
             has_y = "camera_angle_y" in values
             return fx, _from_angle(values, "camera_angle_y", height) if has_y else fx

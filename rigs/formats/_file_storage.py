@@ -1,4 +1,4 @@
-"""Values out of ``cv2.FileStorage`` files, under the names that different programs give them."""
+"""Values from ``cv2.FileStorage`` files, under the names that different programs use."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def read_storage(path: Path) -> dict[str, Any]:
     if path.suffix == ".json":
         return read_json_mapping(path)
     text = read_text(path)
-    # OpenCV's directive has a colon too many for YAML, and its tags say what the keys say too.
+    # OpenCV's directive has a colon too many for YAML, and its tags repeat what the keys say.
     text = re.sub(r"\A%YAML:?\s*\d+\.\d+[^\n]*", "", text)
     return yaml_mapping(re.sub(r"(:\s|-\s|^)\s*!!opencv-[a-z-]+", r"\1", text), path)
 
@@ -43,7 +43,7 @@ def first(entry: Mapping[str, Any], keys: tuple[str, ...]) -> str | None:
 
 
 def _plain(found: object, what: str) -> object:
-    """Return the rows of a matrix, be it OpenCV's or plain lists."""
+    """Return the rows of a matrix in OpenCV's form or as plain lists."""
     if not isinstance(found, dict):
         return found
     rows, columns = (as_count(found.get(key), f"{what}.{key}") for key in ("rows", "cols"))
@@ -94,7 +94,7 @@ def size_of(entry: Mapping[str, Any]) -> tuple[int, int] | None:
 
 
 def is_fisheye(entry: Mapping[str, Any]) -> bool:
-    """Say whether an entry's lens is a fisheye."""
+    """Return whether an entry's lens is a fisheye."""
     if entry.get("distortion_model") is not None:
         model = entry["distortion_model"]
         if not isinstance(model, str) or model not in _LENS_NAMES:

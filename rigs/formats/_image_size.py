@@ -7,7 +7,7 @@ from pathlib import Path
 from rigs.recordings import image_size
 
 MOST_RAYS = 2**24
-"""Of a table of rays that is made from a formula: about 4 GB while it is made."""
+"""Largest table of rays made from a formula: about 4 GB while it is made."""
 
 
 def size_of_image(path: Path) -> tuple[int, int] | None:
@@ -23,10 +23,10 @@ def size_of_image(path: Path) -> tuple[int, int] | None:
 def required_size(
     given: tuple[int, int] | None, format_name: str, image: Path | None = None
 ) -> tuple[int, int]:
-    """Return the size given, else that of ``image``, or say that it is needed."""
+    """Return the size given, else that of ``image``; raise if neither is there."""
     size = given or (image and size_of_image(image))
     if not size:
-        beside = f", or the image {image} beside the file" if image else ""
+        beside = f", or the image {image} in the file's folder" if image else ""
         raise ValueError(
             f"image_size: missing, as {format_name} files hold none, "
             f"expected --image-size WIDTHxHEIGHT{beside}"
@@ -35,12 +35,12 @@ def required_size(
 
 
 def check_table_size(size: tuple[int, int]) -> None:
-    """Raise if a table of an image's rays, one a pixel, would be far larger than any sensor's.
+    """Raise if a table of one ray per pixel would be far larger than any sensor's.
 
     Raises
     ------
     ValueError
-        Naming the size: a few digits of a text file decide how much memory the table takes.
+        Naming the size. A few digits of a text file would decide how much memory it takes.
     """
     if size[0] * size[1] > MOST_RAYS:
         raise ValueError(

@@ -32,7 +32,7 @@ def from_vector(coefficients: Sequence[float], fisheye: bool, what: str) -> Dist
 
 
 def refuse_tables(rig: Rig, format_name: str) -> None:
-    """Raise if a camera is a table of rays, which foreign formats cannot say."""
+    """Raise if a camera is a table of rays, which foreign formats cannot hold."""
     for camera in rig:
         if not camera.has_lens_model:
             raise ValueError(
@@ -42,7 +42,7 @@ def refuse_tables(rig: Rig, format_name: str) -> None:
 
 
 def refuse_skew(camera: Camera, format_name: str) -> None:
-    """Raise if the axes of the pixels are askew, which many formats cannot say."""
+    """Raise if the pixels' axes are skewed, which many formats cannot hold."""
     skew = float(camera.camera_matrix[0, 1])
     if skew != 0:
         raise ValueError(

@@ -1,9 +1,9 @@
-"""Kalibr's models of very wide lenses: which way each point of the image plane looks.
+"""Kalibr's models of very wide lenses: the direction of each point of the image plane.
 
-No lens of ours is one of them; their cameras become tables of rays. Mei and Rives, "Single view
-point omnidirectional camera calibration from planar grids" (2007), for omni; Usenko, Demmel and
-Cremers, "The double sphere camera model" (2018), for ds (their equations 46 to 51) and eucm (34 to
-36).
+They have no counterpart in `rigs.lens`; their cameras become tables of rays. Sources:
+Mei and Rives, "Single view point omnidirectional camera calibration from planar grids" (2007), for
+omni; Usenko, Demmel and Cremers, "The double sphere camera model" (2018), for ds (their equations
+46 to 51) and eucm (34 to 36).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-#: How many parameters stand before the focal lengths and the principal point.
+#: Parameters before the focal lengths and the principal point.
 PARAMETERS = {"omni": ("xi",), "ds": ("xi", "alpha"), "eucm": ("alpha", "beta")}
 
 

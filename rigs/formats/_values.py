@@ -1,4 +1,4 @@
-"""Values out of foreign files: what is missing or of the wrong kind is said in one line."""
+"""Values from foreign files, checked; errors are one line."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rigs.files.text import shortened
 from rigs.geometry.rotation import rotation
 
 _HEAD = 65536  # bytes
-_RIGID = 1e-4  # largest deviation from orthonormal of a rotation that passed through float32
+_RIGID = 1e-4  # deviation from orthonormal of rotations stored with few digits
 
 
 def read_head(path: Path) -> str:
-    """Return a file's first characters, by which its format is told."""
+    """Return a file's first characters, by which its format is recognised."""
     with path.open("rb") as file:
         return file.read(_HEAD).decode("utf-8-sig", "replace").replace("\r\n", "\n")
 
@@ -46,7 +46,7 @@ def errors_of_file(path: str | PathLike) -> Iterator[None]:
 
 
 def as_number(found: object, what: str) -> float:
-    """Return ``found`` as a finite number; text like ``1e-5``, YAML 1.1's text, counts too."""
+    """Return ``found`` as a finite number; YAML 1.1's text ``1e-5`` is accepted too."""
     try:
         number = math.nan if isinstance(found, bool) else float(found)
     except (TypeError, ValueError, OverflowError):
@@ -78,7 +78,7 @@ def as_mapping(found: object, what: str) -> dict[str, Any]:
 
 
 def required(values: Mapping[str, Any], key: str, expected: str = "it in the file") -> Any:
-    """Return what stands under ``key``."""
+    """Return the value of ``key``, which must be there."""
     if key not in values or values[key] is None:
         raise ValueError(f"{key}: missing, expected {expected}")
     return values[key]
@@ -111,7 +111,7 @@ def flat(found: object, what: str) -> NDArray[np.float64]:
 
 
 def as_rotation(found: object, what: str) -> NDArray[np.float64]:
-    """Return ``found`` as a rotation ``(3, 3)``; it may have passed through few digits."""
+    """Return ``found`` as a rotation ``(3, 3)``; it may have few digits."""
     return rotation(as_array(found, (3, 3), what), what, _RIGID)
 
 

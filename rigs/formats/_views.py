@@ -1,4 +1,4 @@
-"""Images with poses, as structure from motion has them, made into cameras and frames."""
+"""Images with poses, as structure from motion gives them, sorted into cameras and frames."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def named(
     """Return each image's camera name and frame name.
 
     An image's camera is the one given, else its folder, else the image itself, named by its
-    stem; the frame is the image's stem. The folder of *all* images names no camera if their
-    cameras differ: then each image is a camera, and all are of one frame, ``file_stem``.
+    stem; the frame is the image's stem. A folder of *all* images names no camera if their
+    cameras differ: each image is then a camera, and all belong to one frame, ``file_stem``.
     """
     unnamed = [i for i, name in enumerate(given) if name is None]
     folders = {images[i].parent for i in unnamed}
@@ -55,8 +55,8 @@ def grouped(
 ) -> tuple[list[Camera], Frames]:
     """Return the different cameras and the images by frame and camera.
 
-    ``fields`` has the file's words for the fields of a camera, for the error that says in which
-    of them two images of one camera differ.
+    ``fields`` gives the file's names of a camera's fields, for the error about two images of one
+    camera that differ.
     """
     by_name: dict[str, tuple[Camera, PurePosixPath]] = {}
     frames: dict[str, dict[str, Path]] = {}

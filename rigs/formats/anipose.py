@@ -38,7 +38,7 @@ _DEEP_KEY = r"(?<![^\s.,=\[\]{}])(?:[^\s.,=\[\]{}]++[ \t]*+\.[ \t]*+){32}"
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Say whether a file is TOML of cameras with ``distortions``."""
+    """Return whether a file is TOML of cameras with ``distortions``."""
     return path.suffix == ".toml" and bool(
         re.search(r"^[ \t]*+distortions\s*=", head, re.MULTILINE)
     )

@@ -1,16 +1,16 @@
-"""ASTRA's ``cone_vec`` projection geometry: source, detector centre and pixel steps a view.
+"""ASTRA's ``cone_vec`` projection geometry: source, detector centre and pixel steps of each view.
 
 Written only, as JSON that holds the dictionary of ``astra.create_proj_geom("cone_vec", rows,
-columns, vectors)``: ``type, DetectorRowCount, DetectorColCount, Vectors``, beside ``cameras``
-and ``length_unit``. A row of ``Vectors`` is (source, d, u, v), three numbers each: ``d`` the
+columns, vectors)``: ``type, DetectorRowCount, DetectorColCount, Vectors``; ``cameras`` and
+``length_unit`` are added. A row of ``Vectors`` is (source, d, u, v), three numbers each: ``d`` the
 detector's centre, ``u`` the step from pixel (row 0, column 0) to (0, 1), ``v`` to (1, 0). The line
 of sight of pixel (column, row) runs from the source through::
 
     d + (column - (columns - 1) / 2) u + (row - (rows - 1) / 2) v
 
-World axes and units are the rig's, which ASTRA takes for those of the volume's window. The
-detector is put where the volume's centre (else the origin) is, at the same depth.
-ASTRA has no distortion: other cameras than pinholes are refused; resample their images first.
+World axes and units are the rig's; ASTRA uses them for the volume's window too. The detector is
+put at the depth of the volume's centre (else of the origin). ASTRA has no distortion: cameras
+other than pinholes are refused; resample their images first.
 https://astra-toolbox.com/docs/geom3d.html
 """
 
@@ -45,7 +45,7 @@ def save(rig: Rig, path: Path) -> None:
         if camera.image_size != (columns, rows):
             raise ValueError(
                 f"camera {camera.name}: image_size: found {camera.image_size}, expected "
-                f"{(columns, rows)} as of camera {rig[0].name}: ASTRA has one detector for all"
+                f"{(columns, rows)} as for camera {rig[0].name}: ASTRA has one detector size"
             )
         vectors.append(vector(camera, center))
     data = {
@@ -60,13 +60,13 @@ def save(rig: Rig, path: Path) -> None:
 
 
 def vector(camera: Camera, center: np.ndarray) -> list[float]:
-    """Return the twelve numbers of a pinhole; the detector stands as far away as ``center``."""
+    """Return the twelve numbers of a pinhole; the detector is at the depth of ``center``."""
     if any(camera.distortion.coefficients):
         refuse_lens(camera, "ASTRA")
     depth = float(camera.R[2] @ center + camera.t[2])
     depth = depth if depth > 0 else 1.0
     columns, rows = camera.image_size
-    # columns of the inverse: where the steps and the middle of the image are at depth one
+    # columns of the inverse: the pixel steps and the image's middle, at that depth
     inverse = camera.R.T @ np.linalg.inv(camera.camera_matrix) * depth
     middle = inverse @ [(columns - 1) / 2, (rows - 1) / 2, 1.0]
     source = camera.position

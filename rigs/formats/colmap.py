@@ -28,7 +28,7 @@ from rigs.geometry.rotation import matrix_of_quaternion, quaternion_of_matrix
 from rigs.lens import Distortion
 from rigs.rig import Rig
 
-#: What each model's parameters are, in the order of the file, and our model.
+#: The model here of each of COLMAP's, and its parameters in the order of the file.
 _MODELS: dict[str, tuple[str, str]] = {
     "SIMPLE_PINHOLE": ("none", "f cx cy"),
     "PINHOLE": ("none", "fx fy cx cy"),
@@ -55,12 +55,12 @@ _FILES = ("cameras.txt", "images.txt", "rigs.txt", "frames.txt")
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Say whether a folder, or the folder of a file, is a text model."""
+    """Return whether a folder, or the folder of a file, is a text model."""
     if path.is_file() and path.name not in _FILES:
         return False
     folder = _folder(path)
     if path.is_dir() and (folder / "cameras.bin").is_file():
-        return True  # to say what it is
+        return True  # load() explains that it is binary
     return (folder / "cameras.txt").is_file() and any(
         (folder / name).is_file() for name in ("images.txt", "rigs.txt")
     )
@@ -123,9 +123,11 @@ def save(rig: Rig, path: Path) -> None:
     }
     for camera in rig:
         if any(c.isspace() for c in camera.name):
-            raise ValueError(f"camera {camera.name}: name: found a blank, which COLMAP lacks")
+            raise ValueError(
+                f"camera {camera.name}: name: found a space, which COLMAP's files cannot hold"
+            )
     folder.mkdir(parents=True, exist_ok=True)
-    # Files of two models would be read as one without a word: until all are there, none is read.
+    # Files of two models would be read as one. Without cameras.txt none is read until all exist.
     (folder / "cameras.txt").unlink(missing_ok=True)
     for name in sorted(texts, key="cameras.txt".__eq__):
         write_text(folder / name, texts[name])
@@ -186,7 +188,7 @@ def _sensor(number: str, words: list[str]) -> Camera:
 
 
 def _read_images(text: str, sensors: dict[int, Camera]) -> list[tuple[PurePosixPath, Camera, int]]:
-    """Return the images' names, cameras in their places, and cameras' numbers."""
+    """Return the images' names, their posed cameras, and the cameras' numbers."""
     views = []
     lines = _lines(text)
     while lines and not lines[0].strip():
@@ -209,13 +211,13 @@ def _read_images(text: str, sensors: dict[int, Camera]) -> list[tuple[PurePosixP
             if number not in sensors:
                 raise ValueError(f"CAMERA_ID: found {number}, expected one of cameras.txt")
             R = matrix_of_quaternion(pose[:4], "QW, QX, QY, QZ")
-            camera = _placed(sensors[number], str(number), R, np.array(pose[4:]))
+            camera = _posed(sensors[number], str(number), R, np.array(pose[4:]))
         views.append((image, camera, number))
     return views
 
 
-def _placed(camera: Camera, name: str, R: np.ndarray, t: np.ndarray) -> Camera:
-    """Return a camera under another name in another place."""
+def _posed(camera: Camera, name: str, R: np.ndarray, t: np.ndarray) -> Camera:
+    """Return a camera under another name at another pose."""
     return Camera(
         name,
         camera.image_size,
@@ -228,7 +230,7 @@ def _placed(camera: Camera, name: str, R: np.ndarray, t: np.ndarray) -> Camera:
 
 
 def _is_moving(names: list[str], cameras: list[Camera]) -> bool:
-    """Say whether images of one camera were taken from different places."""
+    """Return whether images of one camera were taken from different places."""
     first = dict(zip(reversed(names), reversed(cameras), strict=True))
     return any(
         difference(camera, first[name]) in ("R", "t")
@@ -245,7 +247,7 @@ def _rig_of_sensors(folder: Path, sensors: dict[int, Camera], names: dict[int, s
             if number not in sensors:
                 raise ValueError(f"SENSOR_ID: found {number}, expected one of cameras.txt")
             name = names.get(number, f"camera{number}")
-            cameras.append(_placed(sensors[number], name, R, t))
+            cameras.append(_posed(sensors[number], name, R, t))
         return Rig(tuple(cameras), UNKNOWN, "the reference sensor's axes")
 
 

@@ -1,4 +1,4 @@
-"""Our own ``rig.yaml``, so that commands that read and write any format know it too."""
+"""The project's own ``rig.yaml`` as one of the formats."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigs.rig import Rig
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Say whether a file says that it is a rig of ours, or has a list of cameras as ours have."""
+    """Return whether a file has the format's name, or a list of cameras like it."""
     says = re.search(r"^format\s*:\s*['\"]?emission.?rig", head, re.MULTILINE | re.IGNORECASE)
     lists = re.search(r"^cameras\s*:\s*(#.*)?\n\s*-\s", head, re.MULTILINE)
     return bool(says or (lists and not head.startswith("%YAML")))

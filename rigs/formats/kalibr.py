@@ -5,7 +5,7 @@ resolution, T_cn_cnm1}`` with ``x_cam = T_cn_cnm1 @ x_camera_before``; the world
 camera's axes, lengths are in metres, pixel centres at integers. Known are the camera model
 pinhole (``fu fv pu pv``) with the distortion models radtan (OpenCV's k1 k2 p1 p2), equidistant
 (OpenCV's fisheye) and none; and omni (``xi``, with radtan or none), ds (``xi alpha``) and eucm
-(``alpha beta``), which no lens of ours is: these cameras become tables of rays. The distortion
+(``alpha beta``), which `rigs.lens` lacks: these cameras become tables of rays. The distortion
 model fov is refused.
 https://github.com/ethz-asl/kalibr/wiki/yaml-formats
 """
@@ -48,7 +48,7 @@ _LENSES = {
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Say whether a file holds ``cam0`` with Kalibr's ``camera_model`` and ``intrinsics``."""
+    """Return whether a file holds ``cam0`` with Kalibr's ``camera_model`` and ``intrinsics``."""
     return bool(
         re.search(r"^cam\d+\s*:", head, re.MULTILINE)
         and re.search(r"^[ \t]++camera_model\s*:", head, re.MULTILINE)
@@ -76,7 +76,9 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         for index, name in enumerate(names):
             with errors_of(f"camera {name}"):
                 if int(name[3:]) != index:
-                    raise ValueError(f"found no cam{index} before it, expected an unbroken chain")
+                    raise ValueError(
+                        f"found no cam{index} before it, expected consecutive numbers"
+                    )
                 entry = as_mapping(data[name], "entry")
                 if index:
                     pose = _link(required(entry, "T_cn_cnm1")) @ pose
@@ -121,7 +123,7 @@ def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> CameraLike:
     camera = Camera(name, size, K, distortion, R, t, status="calibrated")
     if model == "pinhole":
         return camera
-    behind_lens = camera.rays()[1] @ R.T  # where the model's own image plane is, at one
+    behind_lens = camera.rays()[1] @ R.T  # the model's own image plane, at depth one
     plane = behind_lens[:, :2] / behind_lens[:, 2:]
     seen = directions(model, intrinsics[:count], plane) @ R
     return RayTable(name, camera.position, seen.reshape(*size[::-1], 3), status="calibrated")

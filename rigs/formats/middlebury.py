@@ -1,10 +1,10 @@
-"""Middlebury multi-view stereo: ``*_par.txt``, one line an image.
+"""Middlebury multi-view stereo: ``*_par.txt``, one line per image.
 
 Read only. First the number of images, then for each its name, the camera matrix K, R and t row by
 row: ``imgname.png k11 ... k33 r11 ... r33 t1 t2 t3``. The image of a point is ``K (R x + t)`` in
 OpenCV's axes, world to camera, with the origin at the top left; pixel centres are taken at
-integers. There is no distortion; the sets are in metres. Image sizes come from the images beside
-the file. Source: README of the sets at https://vision.middlebury.edu/mview/data/.
+integers. There is no distortion; the sets are in metres. Image sizes come from the images in the
+file's folder. Source: README of the sets at https://vision.middlebury.edu/mview/data/.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ LENGTH_UNIT = "m"
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Say whether ``head``, the file's first characters, is a count and a line of 22 words."""
+    """Return whether ``head``, the file's first characters, is a count and a line of 22 words."""
     first = r"\s*+\d++[^\S\n]*+\n\s*+\S+\.\w++"
     return bool(re.match(first + r"(\s++[-+.\deE]++){21}[^\S\n]*+(\n|$)", head))
 
@@ -39,7 +39,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     ----------
     path : Path
     image_size : (int, int), optional
-        Width and height of all images; by default those of the images beside the file.
+        Width and height of all images; by default those of the images in the file's folder.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         if count != len(lines) - 1 or count < 1:
             raise ValueError(
                 f"number of images: found {shortened(lines[0].strip())} and {len(lines) - 1} "
-                "lines, expected one line an image"
+                "lines, expected one line per image"
             )
         cameras = [_camera(line, path.parent, image_size) for line in lines[1:]]
         return Rig(tuple(cameras), LENGTH_UNIT, f"as in {path.name}")

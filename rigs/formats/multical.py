@@ -33,7 +33,7 @@ _MODELS = ("standard", "rational", "thin_prism", "tilted")
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Say whether a file holds cameras with ``K`` and ``dist`` and poses beside them."""
+    """Return whether a file holds cameras with ``K`` and ``dist``, and poses."""
     return path.suffix == ".json" and '"camera_poses"' in head and '"dist"' in head
 
 

@@ -8,8 +8,8 @@ ray of pixel (eta, zeta), column and row with centres at integers, is::
 
 E is 3 x 5 or 3 x 9. Without the correction (E = 0) that is a pinhole, ``x_cam = M (X - O)``; with
 it the camera becomes a table of rays. Lengths are in mm. Newer files have a line ``Tsai model
-camera`` before the name and the image size w, h after it; older ones hold no image size. None
-says which of eta and zeta counts columns: one calibrated with the two in the other order comes out
+camera`` before the name and the image size w, h after it; older ones hold no image size. The
+files do not say which of eta and zeta counts columns: a camera calibrated in the other order is
 mirrored, and looks away from its scene. MyPTV's other model, extendedZolof, is refused.
 Source: ``myptv/imaging_mod.py`` and ``myptv/TsaiModel/camera.py`` at
 https://github.com/ronshnapp/MyPTV.
@@ -45,12 +45,12 @@ _TAG, _OTHER_MODEL = "Tsai model camera", "extendedZolof"  # how newer files beg
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Say whether a file, or one in a folder, has the lines of a camera."""
+    """Return whether a file, or one in a folder, has the lines of a camera."""
     if path.is_dir():
         return bool(_files_of(path))
     lines = head.strip("\n").split("\n")
     if lines[0].startswith(_OTHER_MODEL):
-        return True  # to say what it is
+        return True  # load() explains the other model
     lines, _ = _untagged(lines)
     if len(lines) != 8 or not lines[0].strip():
         return False
@@ -87,14 +87,14 @@ def _files_of(folder: Path) -> list[Path]:
 
 
 def _untagged(lines: list[str]) -> tuple[list[str], str | None]:
-    """Return the lines that older files have too, and that of the image size, if there is one."""
+    """Return the lines common to old and new files, and the line of the image size or None."""
     if lines[0].strip() != _TAG or len(lines) < 3:
         return lines, None
     return [lines[1], *lines[3:]], lines[2]
 
 
 def _count_of_numbers(line: str) -> int:
-    """Return how many numbers a line is made of, or -1."""
+    """Return the count of numbers in a line, or -1 if another word is in it."""
     try:
         return len([float(word) for word in line.split()])
     except ValueError:
@@ -136,7 +136,7 @@ def _camera(text: str, image_size: tuple[int, int] | None) -> CameraLike:
             directions = np.sign(focal) * seen.T @ _turn(*angles)
             directions = directions.reshape(height, width, 3)
             return RayTable(name, position, directions, status="calibrated")
-        # f < 0 turns the image half round; what is in front has a positive third coordinate
+        # f < 0 turns the image by 180 degrees; points in front have a positive third coordinate
         sign = np.sign(focal)
         R = np.diag([sign, sign, 1.0]) @ _turn(*angles)
         K = [

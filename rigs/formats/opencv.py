@@ -1,10 +1,10 @@
 """OpenCV's ``cv2.FileStorage`` files, YAML and JSON, as its calibration programs write them.
 
-Conventions are ours: ``x_cam = R @ x_world + T``, pixel centres at integers. Known are
+Conventions are this package's: ``x_cam = R @ x_world + T``, pixel centres at integers. Known are
 
 - one camera a file, as ``samples/cpp/tutorial_code/calib3d/camera_calibration`` writes it:
   ``image_width, image_height, camera_matrix, distortion_coefficients, fisheye_model``, here with
-  its pose ``R, T`` beside them (ROS writes the same keys, without poses);
+  its pose ``R, T`` (ROS writes the same keys, without poses);
 - several in one: a list ``cameras`` of such entries with a ``name`` each, or a mapping of names;
 - a folder of one-camera files, named by the files;
 - ``intrinsics.yml`` (``M1, D1, M2, D2``) and ``extrinsics.yml`` (``R, T``: second camera from
@@ -12,8 +12,9 @@ Conventions are ours: ``x_cam = R @ x_world + T``, pixel centres at integers. Kn
   ``left`` and ``right`` and the world is the left one's axes. They hold no image size.
 
 Cameras of a file without any pose all stand at the origin, ``nominal``: intrinsics alone.
-OpenCV's files name no unit; ours hold ``length_unit``. Written are lists of ``cameras`` for rigs,
-single entries for rigs of one, or folders. https://docs.opencv.org/5.x/d4/da4/tutorial_file_input_output.html
+OpenCV's files name no unit; those written here hold ``length_unit``. Written are lists of
+``cameras`` for rigs, single entries for rigs of one, or folders.
+https://docs.opencv.org/5.x/d4/da4/tutorial_file_input_output.html
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ _STEREO_LENS = (("D1", "D2"), ("distCoeffs1", "distCoeffs2"))
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Say whether a file, or one in a folder, holds the keys of OpenCV's programs."""
+    """Return whether a file, or one in a folder, holds the keys of OpenCV's programs."""
     if path.is_dir():
         return any(looks_like(file, read_head(file)) for file in _files_of(path))
     keys = "|".join(key for keys in (*_STEREO, MATRIX[:2]) for key in keys)
@@ -118,7 +119,7 @@ def save(rig: Rig, path: Path) -> None:
     Raises
     ------
     ValueError
-        Naming a camera with skew, which OpenCV's functions pass over.
+        Naming a camera with skew, which OpenCV's functions ignore.
     """
     refuse_tables(rig, "OpenCV")
     for camera in rig:
@@ -198,16 +199,16 @@ def _camera(name: str, entry: Mapping[str, Any], image_size: tuple[int, int] | N
 
 
 def _stereo(path: Path, data: dict[str, Any], image_size: tuple[int, int] | None) -> Rig:
-    """Return the pair of stereo_calib's two files, of which ``path`` is one."""
+    """Return the pair of cameras in stereo_calib's two files; ``path`` is one of them."""
     merged = dict(data)
     if not {"R", "T"} <= data.keys() or not any(pair[0] in data for pair in _STEREO):
         other = "intrinsics" if "R" in data else "extrinsics"
-        beside = path.with_name(re.sub("(?i)in?trinsics?|extrinsics?", other, path.stem, count=1))
-        beside = beside.with_suffix(path.suffix)
-        if beside == path or not beside.is_file():
+        partner = path.with_name(re.sub("(?i)in?trinsics?|extrinsics?", other, path.stem, count=1))
+        partner = partner.with_suffix(path.suffix)
+        if partner == path or not partner.is_file():
             field = "M1" if other == "intrinsics" else "R"
             raise ValueError(f"{field}: missing, expected it here or in {other}{path.suffix}")
-        merged = {**read_storage(beside), **data}
+        merged = {**read_storage(partner), **data}
     size = size_of(merged) or required_size(image_size, "stereo_calib's")
     unit = merged.get("length_unit", UNKNOWN)
     pair = next(keys for keys in _STEREO if keys[0] in merged)

@@ -1,4 +1,4 @@
-"""OpenPTV's calibrations: ``.ori`` and ``.addpar`` beside each calibration image, and ``ptv.par``.
+"""OpenPTV's calibrations: ``.ori`` and ``.addpar`` of each calibration image, and ``ptv.par``.
 
 Read only, given the project's folder, its ``parameters/ptv.par``, or one ``.ori`` inside it. With
 ``D`` the rotation of the angles omega, phi, kappa (``D = Rx Ry Rz``; the matrix in the file is a
@@ -47,7 +47,7 @@ _SENSOR = ("imx", "imy", "pix_x", "pix_y", "chfield", "n1", "n2", "n3", "d")
 
 @dataclass(frozen=True)
 class _Project:
-    """What ``ptv.par`` says: the images of the cameras and the sensor they share."""
+    """Contents of ``ptv.par``: the cameras' images and their common sensor."""
 
     images: tuple[str, ...]
     size: tuple[int, int]
@@ -55,7 +55,7 @@ class _Project:
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Say whether a path is a project, its ``ptv.par`` or a camera of it."""
+    """Return whether a path is a project, its ``ptv.par`` or a camera of it."""
     if path.is_dir():
         return (path / "parameters" / "ptv.par").is_file() or (path / "ptv.par").is_file()
     return path.suffix == ".ori" or path.name == "ptv.par"
@@ -92,12 +92,12 @@ def _parameters(path: Path) -> Path:
             if file.is_file():
                 return file
     raise FileNotFoundError(
-        f"{path}: found no parameters/ptv.par beside it, which holds the sensor's size"
+        f"{path}: found no parameters/ptv.par with it, which holds the sensor's size"
     )
 
 
 def _read_project(file: Path) -> _Project:
-    """Return what a ``ptv.par`` says."""
+    """Return the contents of a ``ptv.par``."""
     with errors_of_file(file):
         words = [line.strip() for line in read_text(file).splitlines() if line.strip()]
         count = as_count(words[0] if words else None, "number of cameras")
@@ -120,14 +120,14 @@ def _read_project(file: Path) -> _Project:
         if any(values[key] != 1 for key in ("n1", "n2", "n3")):
             indices = [values[key] for key in ("n1", "n2", "n3")]
             raise ValueError(
-                f"n1, n2, n3: found refraction indices {indices}, expected 1: cameras that look "
-                "through glass or water see along bent rays, which no camera model here has"
+                f"n1, n2, n3: found refraction indices {indices}, expected 1: rays "
+                "through glass or water are bent, which no camera model here describes"
             )
     return _Project(tuple(images), size, (values["pix_x"], values["pix_y"]))
 
 
 def _read_camera(file: Path, project: _Project) -> CameraLike:
-    """Return the camera of an ``.ori`` and, where there is one, the ``.addpar`` beside it."""
+    """Return the camera of an ``.ori`` and of its ``.addpar``, if there is one."""
     names = (*_EXTERIOR, *_TURN, *_INTERIOR, *_GLASS)
     with errors_of_file(file):
         words = read_text(file).split()
@@ -158,7 +158,7 @@ def _camera(
     position = np.array([values[key] for key in _EXTERIOR[:3]])
     (pix_x, pix_y), (width, height) = project.pitch, project.size
     scale, sin, cos = lens["scx"], math.sin(lens["she"]), math.cos(lens["she"])
-    K = np.array(  # of the sensor's middle; y is up there
+    K = np.array(  # relative to the sensor's middle; y points up there
         [
             [scale * cc / pix_x, sin * cc / pix_x, width / 2 - 0.5],
             [0.0, cos * cc / pix_y, height / 2 - 0.5],
@@ -167,7 +167,7 @@ def _camera(
     )
     shift = np.array([values["xh"], -values["yh"]]) / cc
     k1, k2, k3, p1, p2 = (lens[key] for key in ("k1", "k2", "k3", "p1", "p2"))
-    # theirs are of mm on the sensor, ours of tangents; with y down the second tangential one turns
+    # OpenPTV's are in mm on the sensor, OpenCV's in tangents; y down changes p2's sign
     brown = (k1 * cc**2, k2 * cc**4, -p2 * cc, p1 * cc, k3 * cc**6)
     distortion = Distortion("brown", brown) if any(brown) else Distortion()
     if any(brown) and shift.any():

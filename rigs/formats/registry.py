@@ -1,4 +1,4 @@
-"""Every format under one roof: told apart by content, read into a Rig, written from one."""
+"""All formats: recognised by content, read into a Rig, written from one."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from rigs.rig import Rig
 
 @dataclass(frozen=True)
 class Format:
-    """What a module of this package is for.
+    """A file format and its module in this package.
 
     Parameters
     ----------
     name : str
         The module's name.
     about : str
-        In a few words.
+        A short description.
     suffixes : tuple of str
-        By which a file to be *written* is of this format, unless its name says otherwise.
+        Endings of paths that are written in this format by default.
     reads, writes : bool
         Whether the module has ``load``, and ``save``.
     """
@@ -88,7 +88,7 @@ def sniff(path: str | os.PathLike) -> str:
         if FORMATS[name].module.looks_like(path, head):
             return name
     if path.suffix in _OURS:
-        return "emission_rig"  # whose error says what a rig.yaml lacks
+        return "emission_rig"  # its error names what a rig.yaml lacks
     raise ValueError(f"{path}: found none of the rig formats, expected {', '.join(names())}")
 
 
@@ -105,10 +105,10 @@ def load(
     ----------
     path : path
     format : str, optional
-        One of `names`; by default it is told from the content.
+        One of `names`; by default it is recognised by the content.
     length_unit : str, optional
-        Of the rig returned: lengths are converted into it where the format says what they are
-        in, else they are taken to be in it.
+        Unit of the rig returned. Lengths are converted where the format names their unit, else
+        they are taken to be in it.
     image_size : (int, int), optional
         Width and height in pixels, for formats that hold none.
 
@@ -141,7 +141,7 @@ def save(rig: Rig, path: str | os.PathLike, format: str | None = None) -> None:
     path : path
         A file, or a folder for formats of several files.
     format : str, optional
-        One of ``names(writable=True)``; by default it is told from the ending of ``path``.
+        One of ``names(writable=True)``; by default it follows from the ending of ``path``.
 
     Raises
     ------
@@ -175,6 +175,6 @@ def _by_name(path: Path) -> Format:
     if fitting:
         return max(fitting, key=lambda pair: pair[0])[1]
     raise ValueError(
-        f"{path}: its ending names no format, expected one of {', '.join(names(writable=True))} "
-        "told by --to"
+        f"{path}: its ending names no format, expected --to with one of "
+        f"{', '.join(names(writable=True))}"
     )

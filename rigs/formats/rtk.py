@@ -1,4 +1,4 @@
-"""RTK's ``RTKThreeDCircularGeometry`` XML: nine parameters and a matrix a projection.
+"""RTK's ``RTKThreeDCircularGeometry`` XML: nine parameters and a matrix for each projection.
 
 Written only. RTK projects onto a flat detector, square in its length unit, whose axes are x right
 and y *up*, seen from the source at the positive side of ``n = x cross y``::
@@ -11,8 +11,8 @@ Here the projections' pixels are ``spacing = (1, fx / fy)`` apart in the rig's l
 origin (0, 0) is the centre of the *bottom*-left pixel, and images are to be stored bottom row
 first: ``u = column``, ``v = (rows - 1 - row) fx / fy``. RTK has one stack of projections, so
 cameras must be of one image size and one ratio fx / fy; a path that ends in ``.xml`` is one stack,
-any other is a folder of one stack a camera. The spacing stands in a comment. Lenses and skew are
-refused: RTK has pinholes alone. The isocentre is the origin of the rig's world.
+any other is a folder of one stack per camera. The spacing is written as a comment. Lenses
+and skew are refused: RTK has pinholes alone. The isocentre is the origin of the rig's world.
 Source: ``src/rtkThreeDCircularProjectionGeometry.cxx`` at https://github.com/RTKConsortium/RTK and
 its documentation, http://www.openrtk.org/Doxygen/DocGeo3D.html.
 """
@@ -32,7 +32,7 @@ from rigs.files.text import write_text
 from rigs.formats._lens import refuse_lens, refuse_skew, refuse_tables
 from rigs.rig import Rig
 
-_SAME_RATIO = 1e-9
+_SAME_RATIO = 1e-9  # relative difference of fx / fy up to which cameras share a stack
 
 
 def save(rig: Rig, path: Path) -> None:
@@ -103,7 +103,7 @@ def _angles(axes: NDArray[np.float64]) -> tuple[float, float, float]:
     if abs(sin) < 1 - 1e-12:
         about_y = math.atan2(-axes[2, 0], axes[2, 2])
         about_z = math.atan2(-axes[0, 1], axes[1, 1])
-    else:  # straight up or down only the sum of the two is known
+    else:  # straight up or down only the sum of the two is determined
         about_y, about_z = math.atan2(axes[0, 2], axes[0, 0]), 0.0
     return tuple(-math.degrees(angle) for angle in (about_y, math.asin(sin), about_z))
 
@@ -121,7 +121,7 @@ def _text(rig: Rig) -> str:
         if field == "image_size" or abs(ratio - spacing) > _SAME_RATIO * spacing:
             raise ValueError(
                 f"camera {camera.name}: {field}: found {found}, expected {expected} as of camera "
-                f"{first.name}: one RTK stack has one pixel; write into a folder, one XML a camera"
+                f"{first.name}: RTK has one pixel shape per stack; write a folder of one XML each"
             )
     projections = "".join(_projection(camera) for camera in rig)
     return (

@@ -44,9 +44,9 @@ def load_transforms(
     Parameters
     ----------
     path : path
-        Intrinsics may stand once for all or in each entry, which wins.
+        Intrinsics are given once for all or in each entry, which takes precedence.
     image_size : (int, int), optional
-        Width and height in pixels where the file holds none, as those of rendered scenes.
+        Width and height in pixels where the file holds none, as for rendered scenes.
 
     Returns
     -------
@@ -66,8 +66,8 @@ def load_transforms(
     Notes
     -----
     An entry's camera is its ``camera``, else its image's folder, else the entry itself, named
-    by its image's stem; the frame is the image's stem. The folder of *all* images names no
-    camera if their cameras differ: then each entry is a camera, and all are of one frame,
+    by its image's stem; the frame is the image's stem. A folder of *all* images names no
+    camera if their cameras differ: each entry is then a camera, and all belong to one frame,
     which is named like the file.
     """
     path = Path(path)
@@ -111,8 +111,8 @@ def save_transforms(rig: Rig, path: str | os.PathLike, frames: Frames | None = N
     rig : Rig
     path : path
     frames : list of (str, {camera name: Path}), optional
-        As `load_transforms` returns them: one entry an image, its path relative to the file's
-        folder. By default one entry a camera, ``images/<camera>.png``.
+        As `load_transforms` returns them: one entry per image, its path relative to the file's
+        folder. By default one entry per camera, ``images/<camera>.png``.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def save_transforms(rig: Rig, path: str | os.PathLike, frames: Frames | None = N
 
     Notes
     -----
-    instant-ngp knows only k1, k2, p1, p2 of a lens, and fisheyes; of others it reads those four.
+    instant-ngp reads k1, k2, p1, p2 of a lens, and fisheyes; other coefficients it ignores.
     A rational lens is FULL_OPENCV here, as in COLMAP; nerfstudio refuses it.
     """
     path = Path(path)
@@ -143,13 +143,13 @@ def save_transforms(rig: Rig, path: str | os.PathLike, frames: Frames | None = N
         ],
     }
     models = {entry["camera_model"] for entry in entries.values()}
-    if len(models) == 1:  # nerfstudio looks for the model beside the frames
+    if len(models) == 1:  # nerfstudio expects the model at the top level
         data = {"camera_model": models.pop(), **data}
     write_text(path, json.dumps(data, indent=2, ensure_ascii=False) + "\n")
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Say whether a file holds frames with camera-to-world matrices."""
+    """Return whether a file holds frames with camera-to-world matrices."""
     keys = '"frames"' in head and '"transform_matrix"' in head
     return path.name == "transforms.json" or (path.suffix == ".json" and keys)
 
@@ -197,7 +197,7 @@ def _image_path(entry: Mapping[str, Any], folder: Path) -> PurePosixPath:
 
 
 def _is_neutral(value: object) -> bool:
-    """Say whether a scale or transform changes nothing."""
+    """Return whether a scale or transform changes nothing."""
     try:
         array = np.array(value, np.float64)
     except (TypeError, ValueError, OverflowError):

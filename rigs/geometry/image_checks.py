@@ -1,4 +1,4 @@
-"""What every kind of camera has: a name, a status, an image of so many pixels."""
+"""Checks of name, status and image size, common to every kind of camera."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def image_size(size: object, what: str) -> tuple[int, int]:
 
 
 def check_status(status: object, what: str) -> None:
-    """Raise unless ``status`` says how a camera's parameters are known."""
+    """Raise unless ``status`` is one of `STATUSES`."""
     if status not in STATUSES:
         raise ValueError(
             f"{what}: status: found {status!r}, expected one of {', '.join(STATUSES)}"
@@ -59,10 +59,7 @@ def pixel_centres(size: tuple[int, int]) -> NDArray[np.float64]:
 
 
 def on_image(uv: ArrayLike, size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels.
-
-    NaN does not: what is not to be seen is not on the image.
-    """
+    """Return whether each of ``uv`` ``(N, 2)`` is on the area of a pixel, ``(N,)``; NaN is not."""
     u, v = rows_of(uv, 2, "pixel coordinates").T
     width, height = size
     return (u >= -0.5) & (u < width - 0.5) & (v >= -0.5) & (v < height - 0.5)

@@ -1,4 +1,4 @@
-"""Points all over a box, and how their images move as they do."""
+"""Points in a box, and the motion of points' images."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rigs.camera_protocol import CameraLike
 
 
 def box_points(lower: ArrayLike, upper: ArrayLike, count: int) -> NDArray[np.float64]:
-    """Return points evenly over a box, its faces included; of two a side, its corners.
+    """Return points evenly spread over a box, faces included; ``count=2`` gives its corners.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def box_points(lower: ArrayLike, upper: ArrayLike, count: int) -> NDArray[np.flo
     Returns
     -------
     (count ** 3, 3) float64
-        Along z first, then y, then x.
+        z varies fastest, then y, then x.
     """
     axes = [np.linspace(low, high, count) for low, high in zip(lower, upper, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -35,17 +35,17 @@ def evenly_spread(total: int, count: int) -> NDArray[np.int64]:
 def image_motion(
     camera: CameraLike, points: NDArray[np.float64], moves: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return how far the images of points move as the points do, in pixels: ``(N, 2)``.
+    """Return the motion of points' images for small motions of the points, in pixels, ``(N, 2)``.
 
-    ``(u(x + m) - u(x - m)) / 2``, the derivative along ``m`` to second order; NaN where the camera
-    projects to NaN.
+    ``(u(x + m) - u(x - m)) / 2``, the derivative along ``m`` to second order; NaN where a
+    projection is NaN.
 
     Parameters
     ----------
     camera : CameraLike
     points : (N, 3)
     moves : (N, 3) or (3,)
-        Small against the distance from the camera.
+        Small compared to the distance from the camera.
     """
     ahead, behind = (camera.project(points + sign * moves)[0] for sign in (1, -1))
     return (ahead - behind) / 2

@@ -5,11 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-_EXACT = 1e-14  # closer than this a rotation is kept bit by bit
+_EXACT = 1e-14  # deviation from orthonormal up to which a rotation is kept bit by bit
 
 
 def numbers(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
-    """Return ``value`` as a read-only float64 array of ``shape``, or say what it is instead."""
+    """Return ``value`` as a read-only float64 array of ``shape``.
+
+    Raises
+    ------
+    ValueError
+        Naming ``what``, if the shape differs or a number is not finite.
+    """
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -26,7 +32,7 @@ def rotation(value: ArrayLike, what: str, tolerance: float = 1e-6) -> NDArray[np
     """Return ``value`` as a read-only rotation matrix ``(3, 3)``.
 
     Within ``tolerance`` of orthonormal (largest entry of ``R R^T - 1``) it is replaced by the
-    nearest rotation, so that rays and projections agree to the last digits; what is already
+    nearest rotation, so that rays and projections agree to the last digits. A matrix that is
     orthonormal to 1e-14 is kept bit by bit.
 
     Raises

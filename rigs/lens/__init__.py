@@ -1,4 +1,4 @@
-"""How a lens bends the pinhole's image: OpenCV's distortion models."""
+"""OpenCV's models of lens distortion."""
 
 import lazy_loader
 

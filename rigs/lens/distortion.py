@@ -1,4 +1,4 @@
-"""How a lens bends the pinhole's image: OpenCV's models behind one pair of maps."""
+"""Lens distortion: OpenCV's models behind one pair of maps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rigs.lens import fisheye, perspective
 
-#: How many coefficients each model takes, in OpenCV's order.
+#: Permitted numbers of coefficients of each model.
 COEFFICIENT_COUNTS: dict[str, tuple[int, ...]] = {
     "none": (0,),
     "brown": (4, 5),
@@ -29,7 +29,7 @@ class Distortion:
     Parameters
     ----------
     model : {"none", "brown", "rational", "thin_prism", "tilted", "fisheye"}
-        OpenCV's models. All but ``fisheye`` see only what is in front of the camera.
+        OpenCV's models. All but ``fisheye`` see only points in front of the camera.
     coefficients : sequence of float
         In OpenCV's order. ``brown``: k1 k2 p1 p2 [k3]; ``rational`` adds k4 k5 k6,
         ``thin_prism`` adds s1 s2 s3 s4, ``tilted`` adds the sensor's tilts tau_x tau_y in
@@ -42,10 +42,10 @@ class Distortion:
 
     Notes
     -----
-    Distortion polynomials fold: beyond some angle the image runs back, and two directions share
-    a pixel. The *domain* of a lens is what lies between the axis and the first fold, direction
-    by direction: on the whole straight way there from the axis the symmetric part of the
-    Jacobian is positive definite. Both maps stay inside it, so they are each other's inverse.
+    Distortion polynomials fold: beyond some angle the image moves back, and two directions share
+    a pixel. The *domain* of a lens extends from the axis to the first fold in each direction: on
+    the straight line from the axis the symmetric part of the Jacobian is positive definite. Both
+    maps are restricted to it, so each is the other's inverse.
 
     Examples
     --------
@@ -78,7 +78,7 @@ class Distortion:
         object.__setattr__(self, "coefficients", coefficients)
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
-        """Return where ``points`` appear on the image plane, and whether they can.
+        """Return the image plane coordinates of ``points``, and their validity.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class Distortion:
         plane : (N, 2) float64
             Image coordinates in focal lengths; NaN where not valid.
         valid : (N,) bool
-            Inside the lens's domain (and in front of the camera, but for a fisheye).
+            Inside the lens's domain (and in front of the camera, except for a fisheye).
         """
         if self.model == "fisheye":
             return fisheye.project(self.coefficients, points)

@@ -12,8 +12,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-_TABLE_SIZE = 4096
-_TOLERANCE = 4e-14
+_TABLE_SIZE = 4096  # angles from which Newton's method starts
+_TOLERANCE = 4e-14  # of a solved radius, relative to 1 + the radius
 
 
 def project(coefficients: tuple[float, ...], points: NDArray) -> tuple[NDArray, NDArray]:

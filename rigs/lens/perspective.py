@@ -13,13 +13,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-_WIDEST = math.radians(89.9)  # how far off the axis a fold is looked for
-_NEAREST = 1e-8  # as near to the axis as one is looked for
-_RADIAL_STEPS = 1024
-_DIRECTIONS = 256
+_WIDEST = math.radians(89.9)  # largest angle off the axis at which a fold is looked for
+_NEAREST = 1e-8  # smallest such angle above zero, radians
+_RADIAL_STEPS = 1024  # angles of the search for a fold
+_DIRECTIONS = 256  # of that search, around the axis of a lens that is not symmetric
 _TOLERANCE = 4e-14  # of a solved image coordinate, relative to 1 + its radius
-_BLOCK = 16384  # points solved at a time: what they need fits the processor's cache
-_CLOSE = 2e-15  # where Newton's method stops
+_BLOCK = 16384  # points solved at a time; more leave the processor's cache
+_CLOSE = 2e-15  # relative error at which Newton's method stops
 
 
 def project(coefficients: tuple[float, ...], points: NDArray) -> tuple[NDArray, NDArray]:
@@ -45,7 +45,7 @@ def unproject(coefficients: tuple[float, ...], plane: NDArray) -> NDArray[np.flo
         for start in range(0, len(pinhole), _BLOCK):
             block = slice(start, start + _BLOCK)
             pinhole[block] = _undistorted(full, pinhole[block])
-    directions = np.ones((3, len(pinhole)))  # by coordinates: loops over three numbers are slow
+    directions = np.ones((3, len(pinhole)))  # coordinates first: loops over three numbers are slow
     directions[:2] = pinhole.T
     x, y, z = directions
     return (directions / np.sqrt(x * x + z * z + y * y)).T
@@ -74,7 +74,7 @@ def lens(full: tuple[float, ...], pinhole: NDArray) -> tuple[NDArray, NDArray, N
     Parameters
     ----------
     full : 14 floats
-        OpenCV's coefficients; the two tilts are not looked at.
+        OpenCV's coefficients; the two tilts are ignored.
     pinhole : (..., 2) float64
         Points x/z, y/z.
 
@@ -123,18 +123,18 @@ def _lens_in_domain(full: tuple[float, ...], pinhole: NDArray) -> tuple[NDArray,
     return image, inside
 
 
-def _is_round(full: tuple[float, ...]) -> bool:
-    """Say whether the untilted lens is the same all round its axis."""
+def _is_symmetric(full: tuple[float, ...]) -> bool:
+    """Return whether the untilted lens is symmetric about its axis."""
     return not any(full[2:4] + full[8:12])
 
 
 def _moves_along(jacobian: NDArray) -> NDArray[np.bool_]:
-    """Say of each ``(..., 2, 2)`` whether the image of a step goes along it, whichever step.
+    """Return whether the symmetric part of each ``(..., 2, 2)`` is positive definite, ``(...)``.
 
-    That is, whether the symmetric part is positive definite. Where it is in a convex region, no
-    two points have one image: ``(f(p) - f(q)) . (p - q) > 0``. A positive determinant does not
-    say so: beyond a turn by 180 degrees it is positive again, and around a strong prism's fold
-    the plane is covered several times without one that is not.
+    In a convex region where it is, no two points have one image, because
+    ``(f(p) - f(q)) . (p - q) > 0``. A positive determinant is not enough: beyond a turn by 180
+    degrees it is positive again, and around a strong prism's fold the plane is covered several
+    times with a positive determinant throughout.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         across = (jacobian[..., 0, 1] + jacobian[..., 1, 0]) / 2
@@ -143,7 +143,7 @@ def _moves_along(jacobian: NDArray) -> NDArray[np.bool_]:
 
 
 def _before_fold(full: tuple[float, ...], pinhole: NDArray) -> NDArray[np.bool_]:
-    """Say of each of ``pinhole`` ``(N, 2)`` whether the way there from the axis has no fold."""
+    """Return whether the line from the axis to each of ``pinhole`` ``(N, 2)`` has no fold."""
     limits = fold_angles(full[:12])
     with np.errstate(over="ignore"):
         angle = np.arctan(np.hypot(pinhole[:, 0], pinhole[:, 1]))
@@ -155,16 +155,16 @@ def _before_fold(full: tuple[float, ...], pinhole: NDArray) -> NDArray[np.bool_]
 
 @lru_cache(maxsize=1024)
 def fold_angles(coefficients: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the angle off the axis of the first fold, in equally spaced directions round it.
+    """Return the angle off the axis of the first fold, in equally spaced directions around it.
 
-    One angle where the lens is round, else one for each of 256 directions from +x to +y; pi/2
+    One angle where the lens is symmetric, else one for each of 256 directions from +x to +y; pi/2
     where there is no fold within 89.9 degrees. A fold is where the Jacobian's symmetric part or
-    the radial denominator stops being positive: looked for on a fine ladder of angles, finer
-    towards the axis, then bisected to the last bit.
+    the radial denominator stops being positive. It is bracketed on a list of angles, dense near
+    the axis, then bisected to the last bit.
     """
-    is_round = _is_round(coefficients)
-    steps = _RADIAL_STEPS * (16 if is_round else 1)
-    turns = np.arange(1 if is_round else _DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
+    is_symmetric = _is_symmetric(coefficients)
+    steps = _RADIAL_STEPS * (16 if is_symmetric else 1)
+    turns = np.arange(1 if is_symmetric else _DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
     towards = np.stack([np.cos(turns), np.sin(turns)], axis=-1)  # (directions, 2)
 
     def good(angles: NDArray) -> NDArray[np.bool_]:  # (directions, n) -> (directions, n)
@@ -172,10 +172,10 @@ def fold_angles(coefficients: tuple[float, ...]) -> tuple[float, ...]:
         return pole_free & _moves_along(jacobian)
 
     even = np.linspace(0.0, _WIDEST, steps + 1)
-    ladder = np.concatenate([even[:1], np.geomspace(_NEAREST, even[1], steps // 4), even[2:]])
-    bad = ~good(np.broadcast_to(ladder, (len(turns), len(ladder))))
-    first = np.where(bad.any(axis=1), bad.argmax(axis=1), len(ladder) - 1)
-    low, high = ladder[np.maximum(first - 1, 0)], ladder[first]
+    angles = np.concatenate([even[:1], np.geomspace(_NEAREST, even[1], steps // 4), even[2:]])
+    bad = ~good(np.broadcast_to(angles, (len(turns), len(angles))))
+    first = np.where(bad.any(axis=1), bad.argmax(axis=1), len(angles) - 1)
+    low, high = angles[np.maximum(first - 1, 0)], angles[first]
     for _ in range(60):
         middle = (low + high) / 2
         is_good = good(middle[:, None])[:, 0]
@@ -186,13 +186,13 @@ def fold_angles(coefficients: tuple[float, ...]) -> tuple[float, ...]:
 def _undistorted(full: tuple[float, ...], image: NDArray) -> NDArray[np.float64]:
     """Return the points ``(N, 2)`` inside the domain that the lens maps to ``image``, or NaN.
 
-    Newton's method from the inverse of the radial part; where that fails and the lens is not
-    round, once more from the nearest of a fan of points that covers the domain.
+    Newton's method from the inverse of the radial part. Where that fails and the lens is not
+    symmetric, it starts once more from the nearest of a set of points that covers the domain.
     """
     solved = np.full_like(image, np.nan)
     todo = np.flatnonzero(np.isfinite(image).all(axis=1))
     solved[todo] = _newton(full, image[todo], _radial_start(full, image[todo]))
-    if not _is_round(full):
+    if not _is_symmetric(full):
         todo = todo[np.isnan(solved[todo, 0])]
         if len(todo):
             solved[todo] = _newton(full, image[todo], _nearest_start(full, image[todo]))
@@ -202,8 +202,8 @@ def _undistorted(full: tuple[float, ...], image: NDArray) -> NDArray[np.float64]
 def _newton(full: tuple[float, ...], target: NDArray, start: NDArray) -> NDArray[np.float64]:
     """Return the points ``(N, 2)`` mapped to ``target``, by Newton's method; NaN on failure.
 
-    A step is halved until it stays inside the domain and comes closer. OpenCV's own fixed-point
-    iteration leaves a third of a pixel in the corners of a wide lens and does not notice folds.
+    A step is halved until it stays inside the domain and reduces the error. OpenCV's fixed-point
+    iteration leaves a third of a pixel in the corners of a wide lens and ignores folds.
     """
     point = start.copy()
     error = np.linalg.norm(lens(full, point)[0] - target, axis=1)
@@ -227,7 +227,7 @@ def _newton(full: tuple[float, ...], target: NDArray, start: NDArray) -> NDArray
             point[rows[better]] = trial[better]
             error[rows[better]] = trial_error[better]
             moved[waiting[better]] = True
-            # What is within rounding already and does not improve will not.
+            # Points within rounding that do not improve are done.
             moved[waiting[error[rows] <= _TOLERANCE * scale[rows]]] = True
             reach /= 2
             if moved.all():
@@ -256,7 +256,7 @@ def _radial_start(full: tuple[float, ...], image: NDArray) -> NDArray[np.float64
 
 
 def _nearest_start(full: tuple[float, ...], image: NDArray) -> NDArray[np.float64]:
-    """Return the point of a fan over the domain whose image is nearest to each of ``image``."""
+    """Return the point of a set over the domain whose image is nearest to each of ``image``."""
     from scipy.spatial import cKDTree
 
     limits = np.array(fold_angles(full[:12]))[:, None]

@@ -1,4 +1,4 @@
-"""A camera that is a table of rays: mirrors, fibre bundles, windows, any optics at all."""
+"""Cameras by stored rays: mirrors, fibre bundles, windows, any optics."""
 
 import lazy_loader
 

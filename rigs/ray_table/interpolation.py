@@ -1,4 +1,4 @@
-"""Rays between the pixel centres of a table, and the pixel whose ray passes through a point."""
+"""Interpolation of a table of rays, and its inverse: the pixel whose ray passes a point."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-REACH = 8.0  # table pixels beyond the outermost centres up to which rays are extrapolated
-_NODES = 32  # along each side of the image, of the rays from which solutions start
-_DEPTHS = 16  # points along each of them
-_STARTS = 8  # tried for a point, where the table has holes or jumps
-_STEPS = 40
-_CLOSE = 1e-9  # pixels
-_GOOD = 1e-4  # pixels: where a kink between two cells keeps Newton's method from coming closer
+REACH = 8.0  # table pixels of extrapolation beyond the outermost centres
+_NODES = 32  # start rays along each side of the image; fewer may miss a basin
+_DEPTHS = 16  # start points along each of them
+_STARTS = 8  # start points tried where the table has holes or jumps
+_STEPS = 40  # of Newton's method; it takes some five
+_CLOSE = 1e-9  # pixels, where Newton's method stops
+_GOOD = 1e-4  # pixels; a kink between two cells may keep Newton's method that far off
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
-    """Rays at some places, before normalising, and how they change from there: ``(N, 3)`` each."""
+class LocalRays:
+    """Rays before normalising, with derivatives by table column and row: ``(N, 3)`` each."""
 
     origin: NDArray[np.float64]
     direction: NDArray[np.float64]
@@ -28,31 +28,31 @@ class Linear:
     direction_y: NDArray[np.float64]
 
 
-def between(
+def interpolated_rays(
     origins: NDArray[np.float64], directions: NDArray[np.float64], xy: NDArray[np.float64]
-) -> Linear:
-    """Return the rays at places ``xy`` ``(N, 2)`` of a table, bilinear between its pixels.
+) -> LocalRays:
+    """Return the rays at fractional pixels of a table, bilinear between its pixels.
 
     Parameters
     ----------
     origins, directions : (h, w, 3) float64
-        NaN where a pixel sees nothing.
+        NaN where a pixel has no ray.
     xy : (N, 2) float64
-        Column and row.
+        Column and row in the table.
 
     Notes
     -----
-    Beside a pixel that sees nothing, and beyond the border, a ray is that of the nearest pixel and
-    its slopes to the neighbours there are. Where the nearest pixel sees nothing it is NaN.
+    Next to a pixel without a ray, and beyond the border, a ray is extrapolated from the nearest
+    pixel by its slopes to existing neighbours. It is NaN where the nearest pixel has no ray.
     """
     height, width = directions.shape[:2]
     size = np.array([width, height])
     known = np.isfinite(xy).all(axis=1)
     known &= ((xy >= -REACH) & (xy <= size - 1 + REACH)).all(axis=1)
-    place = np.where(known[:, None], xy, 0.0)
-    low = np.clip(np.floor(place), 0, np.maximum(size - 2, 0)).astype(np.int64)
+    pixel = np.where(known[:, None], xy, 0.0)
+    low = np.clip(np.floor(pixel), 0, np.maximum(size - 2, 0)).astype(np.int64)
     high = np.minimum(low + 1, size - 1)
-    share = place - low  # beyond 0 to 1 outside the image
+    fraction = pixel - low  # beyond 0 to 1 outside the image
     corners = (
         (low[:, 1], low[:, 0]),
         (low[:, 1], high[:, 0]),
@@ -60,24 +60,24 @@ def between(
         (high[:, 1], high[:, 0]),
     )
     values = np.zeros((3, 2, len(xy), 3))  # value and slopes, of origins and directions
-    values[:, 1] = _bilinear(*(directions[at] for at in corners), share)
-    if origins.strides[:2] == (0, 0):  # one for all
+    values[:, 1] = _bilinear(*(directions[at] for at in corners), fraction)
+    if origins.strides[:2] == (0, 0):  # all rays share one
         values[0, 0] = origins[0, 0]
     else:
-        values[:, 0] = _bilinear(*(origins[at] for at in corners), share)
+        values[:, 0] = _bilinear(*(origins[at] for at in corners), fraction)
     broken = np.flatnonzero(known & np.isnan(values[0]).any(axis=(0, 2)))
     if len(broken):
-        values[:, :, broken] = _one_sided(origins, directions, place[broken])
+        values[:, :, broken] = _one_sided(origins, directions, pixel[broken])
     values[:, :, ~known] = np.nan
     (origin, direction), (origin_x, direction_x), (origin_y, direction_y) = values
-    return Linear(origin, direction, origin_x, origin_y, direction_x, direction_y)
+    return LocalRays(origin, direction, origin_x, origin_y, direction_x, direction_y)
 
 
 def _bilinear(
-    a: NDArray, b: NDArray, c: NDArray, d: NDArray, share: NDArray[np.float64]
+    a: NDArray, b: NDArray, c: NDArray, d: NDArray, fraction: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return value and slopes ``(3, N, 3)`` between the corners of cells, a b above c d."""
-    x, y = share[:, :1], share[:, 1:]
+    x, y = fraction[:, :1], fraction[:, 1:]
     above, below = b - a, d - c
     return np.stack(
         [
@@ -101,12 +101,12 @@ def _one_sided(
     for axis in (0, 1):
         towards = np.where(away[:, axis] < 0, -1, 1)
         slope = np.zeros_like(here)
-        for sign in (-towards, towards):  # the neighbour on the side looked at comes last and wins
-            there = nearest.copy()
-            there[:, axis] += sign
-            inside = (there[:, axis] >= 0) & (there[:, axis] < size[axis])
-            there = np.clip(there, 0, size - 1)
-            step = (tables[:, there[:, 1], there[:, 0]] - here) * sign[:, None]
+        for sign in (-towards, towards):  # the neighbour on the nearer side comes last and wins
+            neighbour = nearest.copy()
+            neighbour[:, axis] += sign
+            inside = (neighbour[:, axis] >= 0) & (neighbour[:, axis] < size[axis])
+            neighbour = np.clip(neighbour, 0, size - 1)
+            step = (tables[:, neighbour[:, 1], neighbour[:, 0]] - here) * sign[:, None]
             usable = inside & np.isfinite(step).all(axis=(0, 2))
             slope[:, usable] = step[:, usable]
         slopes.append(slope)
@@ -114,17 +114,17 @@ def _one_sided(
     return np.stack([value, *slopes])
 
 
-def pixels_of(
+def project_to_table(
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
     points: NDArray[np.float64],
     is_whole: bool,
 ) -> NDArray[np.float64]:
-    """Return the places ``(N, 2)`` of a table whose rays pass through points; NaN where none does.
+    """Return the table pixels ``(N, 2)`` whose rays pass through points; NaN where none does.
 
-    Newton's method for the place and the length of the ray, ``o(x, y) + s d(x, y) = p``, from the
-    nearest of a set of points on the rays of the table. ``is_whole`` says that the table has
-    neither holes nor jumps: then one start is enough.
+    Newton's method solves ``o(x, y) + s d(x, y) = p`` for column, row and distance ``s``. It
+    starts from the nearest of a set of points on the table's rays. A table without holes and
+    jumps (``is_whole``) needs one start.
     """
     from scipy.spatial import cKDTree
 
@@ -132,7 +132,7 @@ def pixels_of(
     waiting = np.flatnonzero(np.isfinite(points).all(axis=1))
     if not len(waiting):
         return found
-    nodes, places, lengths = _nodes(origins, directions, points[waiting])
+    nodes, pixels, lengths = _nodes(origins, directions, points[waiting])
     if not len(nodes):
         return found
     starts = min(1 if is_whole else _STARTS, len(nodes))
@@ -141,7 +141,7 @@ def pixels_of(
         if not len(waiting):
             break
         start = nearest[:, attempt]
-        xy = _newton(origins, directions, points[waiting], places[start], lengths[start])
+        xy = _newton(origins, directions, points[waiting], pixels[start], lengths[start])
         found[waiting] = xy
         failed = np.isnan(xy[:, 0])
         waiting, nearest = waiting[failed], nearest[failed]
@@ -151,16 +151,16 @@ def pixels_of(
 def _nodes(
     origins: NDArray[np.float64], directions: NDArray[np.float64], points: NDArray[np.float64]
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Return points on rays all over the table, the rays' places and the lengths up to them."""
+    """Return points on rays all over the table, the rays' pixels and the lengths up to them."""
     height, width = directions.shape[:2]
     rows = np.unique(np.linspace(0, height - 1, min(height, _NODES)).astype(int))
     columns = np.unique(np.linspace(0, width - 1, min(width, _NODES)).astype(int))
     y, x = (a.ravel() for a in np.meshgrid(rows, columns, indexing="ij"))
     o, d = origins[y, x], directions[y, x]
     seen = np.isfinite(d).all(axis=1)
-    places, o, d = np.stack([x, y], axis=1)[seen].astype(np.float64), o[seen], d[seen]
+    pixels, o, d = np.stack([x, y], axis=1)[seen].astype(np.float64), o[seen], d[seen]
     if not len(o):
-        return o, places, np.zeros(0)
+        return o, pixels, np.zeros(0)
     away = np.linalg.norm(points - o.mean(axis=0), axis=1)
     spread = float(np.linalg.norm(o - o.mean(axis=0), axis=1).max())
     low, high = max(float(away.min()) - spread, 1e-3 * float(away.max())), float(away.max())
@@ -168,8 +168,8 @@ def _nodes(
     nodes = o[:, None] + steps[:, None] * d[:, None]  # (rays, depths, 3)
     return (
         nodes.reshape(-1, 3),
-        np.repeat(places, _DEPTHS, axis=0),
-        np.tile(steps, len(places)),
+        np.repeat(pixels, _DEPTHS, axis=0),
+        np.tile(steps, len(pixels)),
     )
 
 
@@ -177,17 +177,17 @@ def _newton(
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
     points: NDArray[np.float64],
-    places: NDArray[np.float64],
+    start: NDArray[np.float64],
     lengths: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return the places ``(N, 2)`` of rays through ``points``, started at ``places``, or NaN."""
+    """Return the table pixels ``(N, 2)`` of rays through ``points``, from ``start``, or NaN."""
     height, width = directions.shape[:2]
     size = np.array([width, height], np.float64)
-    state = np.column_stack([places, lengths])  # (N, 3): x, y, s
+    state = np.column_stack([start, lengths])  # (N, 3): x, y, s
     last = np.full(len(points), np.inf)
     active = np.arange(len(points))
     for _ in range(_STEPS):
-        rays = between(origins, directions, state[active, :2])
+        rays = interpolated_rays(origins, directions, state[active, :2])
         s = state[active, 2:]
         residual = points[active] - rays.origin - s * rays.direction
         jacobian = np.stack(
@@ -205,7 +205,7 @@ def _newton(
         state[active, :2] = np.clip(state[active, :2], -REACH, size - 1 + REACH)
         moved = np.abs(step[:, :2]).max(axis=1)
         moved[~np.isfinite(moved)] = np.inf
-        # at the border of what is known, Newton's method wants further: no ray is that far out
+        # at the table's border Newton's method steps outwards: no ray passes the point
         stuck = np.abs(state[active, :2] - before).max(axis=1) < _GOOD
         stuck &= moved > 1
         last[active] = np.where(stuck, np.inf, moved)
@@ -217,7 +217,7 @@ def _newton(
 
 
 def _solve(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the solutions ``(N, 3)`` of ``(N, 3, 3)`` systems by Cramer's rule; NaN of none."""
+    """Return the solutions ``(N, 3)`` of ``(N, 3, 3)`` systems by Cramer's rule, or NaN."""
     a, b, c = np.moveaxis(matrix, -1, 0)
     bc = np.cross(b, c)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

@@ -1,4 +1,4 @@
-"""The pinhole nearest to a bundle of rays: where such a camera stands and looks, roughly."""
+"""The pinhole nearest to a bundle of rays: approximate position, orientation and intrinsics."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from rigs.geometry.rays import nearest_point
 
 _SAMPLES = 64  # rays along each side of an image
-_PARALLEL = 1e-9  # certainty a ray of the point nearest to all, below which rays are parallel
-_FAR = 1e3  # spreads of the origins that the eye of parallel rays is put behind them
-_WIDEST = 0.5  # cosine of the angle off the middle up to which rays count
+_PARALLEL = 1e-9  # certainty per ray of the nearest point; below it rays are parallel
+_FAR = 1e3  # distance of the centre behind parallel rays, in spreads of their origins
+_WIDEST = 0.5  # cosine of the largest angle from the mean ray; wider ones distort the fit
 
 
 def samples(image_size: tuple[int, int], part: float) -> NDArray[np.float64]:
-    """Return pixels ``(N, 2)`` all over the middle part of an image."""
+    """Return pixels ``(N, 2)`` spread over the middle ``part`` (0 to 1) of an image."""
     axes = []
     for side in image_size:
         margin = (1 - part) / 2 * (side - 1)
@@ -37,11 +37,10 @@ def nearest_pinhole(
 
     Notes
     -----
-    The position is the point nearest to all rays; for parallel rays it is put far behind their
-    origins. Matrix and rotation are those of the homography from directions to pixels of least
-    squares (Hartley and Zisserman, "Multiple View Geometry", algorithms 4.1 and A4.1.1). Rays seen
-    in a mirror have a mirrored image: its left and right are then exchanged, as no rotation does
-    that.
+    The position is the point nearest to all rays; for parallel rays it is far behind their
+    origins. Matrix and rotation follow from the least-squares homography from directions to
+    pixels (Hartley and Zisserman, "Multiple View Geometry", algorithms 4.1 and A4.1.1). Rays by a
+    mirror have a mirrored image, which no rotation gives: its left and right are exchanged.
     """
     axis = _unit(directions.mean(axis=0))
     position, certainty = nearest_point(origins, directions)
@@ -66,7 +65,7 @@ def nearest_pinhole(
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a vector of length one; forward where there is none."""
+    """Return the vector at length one; (0, 0, 1) for the zero vector."""
     length = np.linalg.norm(vector)
     return vector / length if length > 0 else np.array([0.0, 0.0, 1.0])
 

@@ -7,14 +7,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.geometry.rotation import numbers
 
-_JUMP = 8.0  # times the usual step from pixel to pixel: rays that belong to different views
-_EXACT = 4e-16  # closer to length one than this a direction is kept bit by bit
+_JUMP = 8.0  # times the median step between pixels; larger ones separate two views
+_EXACT = 4e-16  # directions closer to length one are kept bit by bit
 
 
 def unit_or_nan(
     directions: NDArray[np.float64], origins: NDArray[np.float64], what: str
 ) -> NDArray[np.float64]:
-    """Return ``directions`` ``(h, w, 3)`` as unit vectors, NaN where a ray is not known whole."""
+    """Return ``directions`` ``(h, w, 3)`` as unit vectors, NaN where a ray is incomplete."""
     with np.errstate(invalid="ignore", over="ignore"):
         length = np.linalg.norm(directions, axis=2, keepdims=True)
     if (length == 0).any():
@@ -46,7 +46,7 @@ def origins_for(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[
         return np.broadcast_to(numbers(value, (3,), what), shape)
     array = np.asarray(value)
     if array.shape == shape and array.dtype == np.float64 and not array.flags.writeable:
-        return array  # one that was checked before, and may be shared
+        return array  # checked before; it may be shared
     array = vectors(value, what)
     if array.shape != shape:
         raise ValueError(f"{what}: found shape {array.shape}, expected {shape} or (3,)")
@@ -54,11 +54,11 @@ def origins_for(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[
     return array
 
 
-def pieces(directions: NDArray[np.float64]) -> NDArray[np.integer]:
-    """Return the number from 1 of the part each pixel ``(h, w)`` is in; 0 of holes and jumps.
+def view_labels(directions: NDArray[np.float64]) -> NDArray[np.integer]:
+    """Return the label from 1 of the connected view of each pixel ``(h, w)``; 0 between views.
 
-    They cut a table's pixels ``(h, w, 3)`` into parts. A jump is a step between neighbours that is
-    far larger than usual.
+    Views are separated by pixels without a ray and by jumps: steps between neighbouring directions
+    ``(h, w, 3)`` far larger than the median.
     """
     from scipy.ndimage import label
 
@@ -73,13 +73,13 @@ def pieces(directions: NDArray[np.float64]) -> NDArray[np.integer]:
     return label(joined)[0]
 
 
-def in_largest(pieces: NDArray[np.integer], xy: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Say of places ``(N, 2)`` of a table whether they are in the largest of its `pieces`."""
-    height, width = pieces.shape
+def in_largest_view(labels: NDArray[np.integer], xy: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether table pixels ``(N, 2)`` are in the largest of its views, ``(N,)``."""
+    height, width = labels.shape
     x, y = np.clip(np.rint(xy).astype(int), 0, [width - 1, height - 1]).T
-    return pieces[y, x] == 1 + np.bincount(pieces.ravel())[1:].argmax()
+    return labels[y, x] == 1 + np.bincount(labels.ravel())[1:].argmax()
 
 
 def finite_or_zero(origins: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return origins with zeros where there is none."""
+    """Return origins with zeros where one is not finite."""
     return np.where(np.isfinite(origins).all(axis=1, keepdims=True), origins, 0.0)

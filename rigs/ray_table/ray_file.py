@@ -28,13 +28,13 @@ def load_ray_table(
     Parameters
     ----------
     name : str
-        Of the camera.
+        The camera's name.
     file : str
         Relative to ``folder``, which it may not leave.
     folder : path
     optics : Optics, optional
     status : str
-        See `rigs.RayTable`, as are the optional arrays ``image_size, scale, offset``.
+        See `rigs.RayTable`, also for the optional arrays ``image_size, scale, offset``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A camera that is a table of rays: through mirrors, fibre bundles, windows, any optics at all."""
+"""A camera by stored rays: for mirrors, fibre bundles, windows, any optics."""
 
 from __future__ import annotations
 
@@ -22,35 +22,35 @@ from rigs.geometry.image_checks import (
 )
 from rigs.geometry.rotation import numbers, rotation
 from rigs.optics import Optics
-from rigs.ray_table.interpolation import between, pixels_of
+from rigs.ray_table.interpolation import interpolated_rays, project_to_table
 from rigs.ray_table.nearest_pinhole import nearest_pinhole, samples
 from rigs.ray_table.ray_arrays import (
     finite_or_zero,
-    in_largest,
+    in_largest_view,
     origins_for,
-    pieces,
     unit_or_nan,
     vectors,
+    view_labels,
 )
 
-_ENOUGH = 16  # rays that tell the nearest pinhole
+_ENOUGH = 16  # rays that determine the nearest pinhole; fewer need a larger part of the image
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RayTable:
     """A camera whose every pixel has a ray of its own; it serves wherever a `Camera` does.
 
-    Between pixel centres rays are interpolated, so neighbours are taken to belong together; where
-    two views meet in one image (the edge of a mirror), let a line of pixels see nothing.
+    Rays are interpolated between pixel centres, so neighbours should belong to one view. Where
+    two views meet in one image (the edge of a mirror), set a line of pixels to NaN.
 
     Parameters
     ----------
     name : str
-        Names files and folders too: printable, without slashes.
+        Also names files and folders: printable, without slashes.
     origins : (h, w, 3) or (3,) array_like
-        A point on each pixel's ray, from which it runs on; one for all of a central camera.
+        The start of each pixel's ray; one point for all rays of a central camera.
     directions : (h, w, 3) array_like
-        Of any length but zero. A pixel with NaN in it sees nothing.
+        Any length but zero. NaN for a pixel without a ray.
     image_size : (int, int), optional
         Width and height in pixels; by default the table's.
     scale : float
@@ -65,15 +65,15 @@ class RayTable:
     Raises
     ------
     ValueError
-        Naming the camera and the field, if a value is none of the above.
+        Naming the camera and the field, if a value is out of range.
 
     Notes
     -----
     `position`, `R`, `t` and `camera_matrix` are those of the pinhole nearest to the rays
-    (`rigs.ray_table.nearest_pinhole`), of the largest view where there are several in the image:
-    good for pictures, footprints and first guesses, and never what `rays` and `project` go by. Of
-    a point that is seen several times over, `project` gives one pixel. Rays are extrapolated up to
-    8 table pixels beyond the outermost centres.
+    (`rigs.ray_table.nearest_pinhole`), to the largest view where there are several in the image.
+    They serve drawings, footprints and start values; `rays` and `project` do not use them. For a
+    point with several images `project` gives one. Rays are extrapolated up to 8 table pixels
+    beyond the outermost centres.
 
     Examples
     --------
@@ -130,7 +130,7 @@ class RayTable:
         )
 
     def __repr__(self) -> str:
-        """Name the sizes: the arrays themselves are too long to print."""
+        """Name the sizes; the arrays are too long to print."""
         height, width = self.directions.shape[:2]
         return (
             f"<RayTable {self.name}: {self.image_size[0]} x {self.image_size[1]} pixels, "
@@ -139,7 +139,7 @@ class RayTable:
 
     @cached_property
     def _values(self) -> tuple:
-        """Everything that makes the camera what it is, comparable and hashable."""
+        """All values of the camera, comparable and hashable."""
         digest = hashlib.sha256()
         for array in (self.origins, self.directions):
             digest.update(np.ascontiguousarray(array).tobytes())
@@ -165,7 +165,7 @@ class RayTable:
             origins, directions = self.rays(uv)
             seen = np.isfinite(directions).all(axis=1)
             if not self.sees_once:
-                seen &= in_largest(self._pieces, self._places(uv))
+                seen &= in_largest_view(self._view_labels, self._table_pixels(uv))
             if seen.sum() >= _ENOUGH:
                 break
         if not seen.any():
@@ -177,7 +177,7 @@ class RayTable:
 
     @property
     def camera_matrix(self) -> NDArray[np.float64]:
-        """Of the nearest pinhole, ``(3, 3)``; see the notes."""
+        """Intrinsics of the nearest pinhole, ``(3, 3)``; see the notes."""
         return self._pinhole[0]
 
     @property
@@ -197,13 +197,13 @@ class RayTable:
 
     @cached_property
     def sees_once(self) -> bool:
-        """Whether the pixels that see hang together: else a point may have several images."""
-        return bool(self._pieces.max() <= 1)
+        """Whether pixels with rays form one connected view: else a point may have two images."""
+        return bool(self._view_labels.max() <= 1)
 
     @cached_property
-    def _pieces(self) -> NDArray[np.integer]:
-        """The view that each pixel of the table belongs to, ``(h, w)``."""
-        return pieces(self.directions)
+    def _view_labels(self) -> NDArray[np.integer]:
+        """Label of the connected view of each pixel of the table, ``(h, w)``."""
+        return view_labels(self.directions)
 
     @cached_property
     def _is_whole(self) -> bool:
@@ -211,7 +211,7 @@ class RayTable:
         return self.sees_once and not np.isnan(self.directions).any()
 
     def project(self, points: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
-        """Return where world points appear.
+        """Return the pixel coordinates of world points.
 
         Parameters
         ----------
@@ -220,15 +220,15 @@ class RayTable:
         Returns
         -------
         uv : (N, 2) float64
-            Pixel coordinates (column, row), inside the image or a little beside it; NaN where
-            not valid.
+            Pixel coordinates (column, row), inside the image or up to 8 table pixels outside; NaN
+            where not valid.
         depth : (N,) float64
             Distance along the optical axis of the nearest pinhole.
         valid : (N,) bool
-            True where a ray of the table, on from its origin, passes through the point.
+            True where a ray of the table passes through the point, beyond its origin.
         """
         points = rows_of(points, 3, "points to project")
-        xy = pixels_of(self.origins, self.directions, points, self._is_whole)
+        xy = project_to_table(self.origins, self.directions, points, self._is_whole)
         uv = (xy + 0.5 - self.offset) / self.scale - 0.5
         with np.errstate(invalid="ignore", over="ignore"):
             depth = (points - self.position) @ self.R[2]
@@ -245,9 +245,9 @@ class RayTable:
         Returns
         -------
         origins : (N, 3) float64
-            Finite always.
+            Always finite.
         directions : (N, 3) float64
-            Unit vectors in the world; NaN where nothing is seen.
+            Unit vectors in the world; NaN where the pixel has no ray.
         """
         if uv is None:
             height, width = self.directions.shape[:2]
@@ -258,20 +258,17 @@ class RayTable:
                 ).copy()
             uv = pixel_centres(self.image_size)
         uv = rows_of(uv, 2, "pixel coordinates")
-        rays = between(self.origins, self.directions, self._places(uv))
+        rays = interpolated_rays(self.origins, self.directions, self._table_pixels(uv))
         with np.errstate(invalid="ignore", divide="ignore"):
             directions = rays.direction / np.linalg.norm(rays.direction, axis=1, keepdims=True)
         return finite_or_zero(rays.origin), directions
 
-    def _places(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the places of pixel coordinates in the table, column and row ``(N, 2)``."""
+    def _table_pixels(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return column and row in the table of pixel coordinates, ``(N, 2)``."""
         return (uv + 0.5) * self.scale - 0.5 + self.offset
 
     def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
-        """Say of each of ``uv`` ``(N, 2)`` whether it lies on the area of one of the pixels.
-
-        NaN, which `project` returns of what is not to be seen, does not.
-        """
+        """Return whether each of ``uv`` ``(N, 2)`` lies on the area of a pixel; NaN does not."""
         return on_image(uv, self.image_size)
 
     def scaled(self, scale: float) -> RayTable:
@@ -308,6 +305,6 @@ class RayTable:
 
     @property
     def own_origins(self) -> NDArray[np.float64]:
-        """The origins unrepeated: ``(3,)`` where one serves all rays, else ``(h, w, 3)``."""
+        """The origins, not repeated: ``(3,)`` where all rays share one, else ``(h, w, 3)``."""
         central = self.origins.strides[:2] == (0, 0)
         return self.origins[0, 0] if central else self.origins

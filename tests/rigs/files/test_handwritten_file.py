@@ -143,7 +143,7 @@ def test_errors_name_file_camera_and_field(old, new, message, tmp_path):
         (b"a: " + b"[" * 500 + b"]" * 500, "nested too deeply"),
         (b"a: !!python/object:os.system x", "broken YAML"),
         (b"a: " + b"9" * 9999, "broken YAML"),
-        (b"? [1, 2]\n: 3\n", "a key is no plain text"),
+        (b"? [1, 2]\n: 3\n", "a key is not plain text"),
         (b"format: emission-rig\nversion: 1\n", "cameras: missing"),
         (b"format: emission-rig\nversion: 1\ncameras: []\n", "cameras: found none"),
         (
