@@ -80,7 +80,7 @@ def test_the_help_names_every_format(run_tool):
     ("arguments", "message"),
     [
         (("rig.yaml", "x.astra.json"), "x.astra.json: camera left: distortion: found model brown"),
-        (("rig.yaml", "x.foo"), "x.foo: its ending names no format, expected one of"),
+        (("rig.yaml", "x.foo"), "x.foo: its ending names no format, expected --to with one of"),
         (
             ("rig.yaml", "x", "--to", "kalibr"),
             "format: found 'kalibr', expected one that can be w",
