@@ -1,4 +1,4 @@
-"""How much of a segment's light reaches the camera through gas that absorbs."""
+"""The fraction of each segment's light that reaches the camera through absorbing gas."""
 
 from __future__ import annotations
 
@@ -21,17 +21,12 @@ def transmission(
     self_absorption: float,
     emission: NDArray[np.floating] | None,
 ) -> NDArray[np.floating]:
-    """Return the share of the light of every segment that leaves the grid's box: ``(S,)``.
-
-    ``exp(-k d - q (sum_n E_n l_n + E l / 2))``: ``d`` from the segment's midpoint to where the
-    ray enters the box on the camera's side, the sum over the segments between, and half of the
-    segment's own optical depth, so that the integral along a ray is of second order in the
-    voxels' size.
+    """Return the fraction of the light of every segment that leaves the grid: ``(segments,)``.
 
     Parameters
     ----------
     segments : Segments
-        What a tracer made of ``rays``, with midpoints.
+        The segments of ``rays``, with midpoints.
     rays : Rays
         One ray a row, from the camera on; none of weight zero.
     grid : VoxelGrid
@@ -39,6 +34,13 @@ def transmission(
         ``k`` in 1 / length and ``q`` in 1 / (emission * length).
     emission : (voxels,), optional
         ``E`` of every voxel number of the segments; needed where ``q`` is not zero.
+
+    Notes
+    -----
+    ``exp(-k d - q (sum_n E_n l_n + E l / 2))``: ``d`` is the distance from the segment's midpoint
+    to the point where the ray enters the grid on the camera's side; the sum is over the segments
+    between, and half of the segment's own optical depth makes the integral along a ray accurate
+    to second order in the voxel size.
     """
     entry = enter_box(rays, grid).position * grid.spacing - grid.extent / 2  # (rays, 3)
     near = np.einsum("ij,ij->i", entry, rays.directions)
@@ -56,7 +58,7 @@ def _transmit(
     ptr, voxel, length, midpoint, directions, weights, near, emission,
     absorption, self_absorption, through,
 ):  # fmt: skip
-    """Walk every ray from the camera on and add up what its light has to pass."""
+    """Walk every ray from the camera on and add up the optical depth before each segment."""
     for ray in numba.prange(len(near)):
         dx, dy, dz = directions[ray]
         strength = self_absorption / weights[ray]  # lengths hold the weight already

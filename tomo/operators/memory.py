@@ -1,4 +1,4 @@
-"""The memory that a reconstruction takes, and the form of projector that fits in it."""
+"""The memory that a reconstruction takes, and whether a stored matrix fits in it."""
 
 from __future__ import annotations
 
@@ -17,13 +17,15 @@ from tomo.rays import Rays
 from tomo.rays.ray_box import enter_box
 
 STORED, ON_THE_FLY = "stored", "on-the-fly"
-"""The forms of a projector: `tomo.operators.stored` and `tomo.operators.on_the_fly.projector`."""
+"""Forms of a projector: the matrix in memory (`tomo.operators.stored`), or segment lengths
+computed at every product (`tomo.operators.on_the_fly`)."""
 
-BYTES_PER_SEGMENT = 20  # an entry, its copy while views are joined, and what folds take
-BYTES_PER_MIDPOINT = 24  # and its copy while views are joined
-BYTES_PER_RAY = 32  # on the fly: its pixel's number, what the lens does, and the images
+BYTES_PER_SEGMENT = 20  # an entry, its copy while views are joined, and cross-validation
+BYTES_PER_MIDPOINT = 24  # a midpoint, and its copy while views are joined
+BYTES_PER_RAY = 32  # on the fly: the pixel's number, the lens distortion, and the images
 BYTES_PER_VOXEL = 64  # the volume, its updates and sums, and the column pointers
-SAMPLED_RAYS = 2_000  # a camera: enough for a few per cent
+SAMPLED_RAYS = 2_000
+"""Rays of each camera that segments are counted on: fewer err by more than a few per cent."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +35,9 @@ class MemoryNeed:
     Attributes
     ----------
     rays : int
-        Lines of sight that meet the grid.
+        Rays that meet the grid.
     segments : int
-        Crossings of rays with voxels.
+        Segments of rays in voxels.
     voxels : int
     nbytes : int
     """
@@ -56,17 +58,17 @@ def estimate_memory(
 ) -> MemoryNeed:
     """Estimate the memory of reconstructing from all pixels of some cameras.
 
-    Rays and crossings are counted on a sample of the rays; ``form`` is that of the projector.
+    Rays and segments are counted on a sample of the rays; ``form`` is that of the projector.
     """
     rays = segments = 0.0
     for camera in cameras:
-        sample, share = _sampled_pixels(math.prod(camera.image_size))
+        sample, stands_for = _sampled_pixels(math.prod(camera.image_size))
         box = enter_box(Rays.from_camera(camera, sample), grid)
-        share *= supersample**2
+        stands_for *= supersample**2
         inside = box.length > 0
-        crossings = box.planes_between(grid.shape)[inside] + 1
-        rays += share * inside.sum()
-        segments += share * crossings.sum()
+        counts = box.planes_between(grid.shape)[inside] + 1
+        rays += stands_for * inside.sum()
+        segments += stands_for * counts.sum()
     per_segment = BYTES_PER_SEGMENT + (BYTES_PER_MIDPOINT if midpoints else 0)
     matrix = per_segment * segments if form == STORED else BYTES_PER_RAY * rays
     nbytes = matrix + BYTES_PER_VOXEL * grid.size
@@ -76,13 +78,13 @@ def estimate_memory(
 def _sampled_pixels(count: int) -> tuple[NDArray[np.int64], float]:
     """Return some of ``count`` pixels spread over the image, and how many each stands for.
 
-    Even steps would fall into step with the image's width and see a few columns only.
+    Even steps would coincide with the image's width and see a few columns only.
     """
     if count <= SAMPLED_RAYS:
         return np.arange(count), 1.0
-    places = (np.arange(SAMPLED_RAYS) + 0.5) / SAMPLED_RAYS * count  # one in each stretch
+    positions = (np.arange(SAMPLED_RAYS) + 0.5) / SAMPLED_RAYS * count  # one in each interval
     jitter = (golden_section(SAMPLED_RAYS) - 0.5) * count / SAMPLED_RAYS
-    return np.clip(places + jitter, 0, count - 1).astype(np.int64), count / SAMPLED_RAYS
+    return np.clip(positions + jitter, 0, count - 1).astype(np.int64), count / SAMPLED_RAYS
 
 
 def check_memory(
@@ -104,7 +106,7 @@ def check_memory(
     Raises
     ------
     ValueError
-        Saying how much the grid would take, how much there is, and what grid would fit.
+        If the grid would take more than is available; the message names a grid that fits.
     """
     need = estimate_memory(cameras, grid, form=form, supersample=supersample, midpoints=midpoints)
     available = available_memory() if available is None else available
@@ -122,7 +124,7 @@ def _refuse_too_large(need: MemoryNeed, grid: VoxelGrid, form: str, available: i
         advice = f"{_by(coarser.shape)} voxels of {spacing} would fit"
     raise ValueError(
         f"grid {_by(grid.shape)}: would take about {_gigabytes(need.nbytes)} "
-        f"({need.rays:,} rays, {need.segments:,} crossings), found {_gigabytes(available)} free; "
+        f"({need.rays:,} rays, {need.segments:,} segments), found {_gigabytes(available)} free; "
         f"{advice}"
     )
 
@@ -137,16 +139,16 @@ def choose_form(
     midpoints: bool = False,
     available: int | None = None,
 ) -> tuple[str, str]:
-    """Return the form of projector that fits in memory, and why it.
+    """Return the form of projector that fits in memory, and the reason.
 
-    A stored matrix is the fastest; where it does not fit, chord lengths are computed anew at
-    every product.
+    A stored matrix is the fastest; where it does not fit, segment lengths are computed at every
+    product.
 
     Parameters
     ----------
     wanted : {"auto", "stored", "on-the-fly"}
     needs_matrix : bool
-        Whether the method goes through the matrix's entries, so that only a stored one will do.
+        Whether the method goes through the matrix entries: the form is then stored.
     available : int, optional
         Bytes that may be used; what the system has free when None.
 
@@ -160,7 +162,7 @@ def choose_form(
         raise ValueError(f"projector: found {wanted!r}, expected one of {', '.join(forms)}")
     if wanted == ON_THE_FLY and needs_matrix:
         raise ValueError(
-            "projector: found on-the-fly, expected stored: the method needs the matrix's entries"
+            "projector: found on-the-fly, expected stored: the method needs the matrix entries"
         )
     available = available_memory() if available is None else available
     if wanted != ON_THE_FLY:
@@ -179,7 +181,7 @@ def choose_form(
 def _most_stored(
     cameras: Sequence[CameraLike], grid: VoxelGrid, supersample: int, midpoints: bool
 ) -> int:
-    """Return what a stored matrix takes at most: no ray crosses more than the planes between."""
+    """Return an upper bound of a stored matrix: a ray has a segment between any two planes."""
     rays = supersample**2 * sum(math.prod(camera.image_size) for camera in cameras)
     per_segment = BYTES_PER_SEGMENT + (BYTES_PER_MIDPOINT if midpoints else 0)
     return per_segment * rays * (sum(grid.shape) - 2) + BYTES_PER_VOXEL * grid.size
@@ -188,13 +190,13 @@ def _most_stored(
 def _coarser_grid_that_fits(
     need: MemoryNeed, grid: VoxelGrid, form: str, available: int
 ) -> VoxelGrid | None:
-    """Return the grid of the same box, voxels enlarged alike, that takes 80 % of the memory.
+    """Return the grid of the same box with larger voxels that takes 80 % of the memory.
 
     None if even a single layer of voxels takes more.
     """
     per_voxels = BYTES_PER_VOXEL * need.voxels
     rest = max(need.nbytes - per_voxels, 0)
-    growth = 1 if form == STORED else 0  # crossings go with the resolution, rays do not
+    growth = 1 if form == STORED else 0  # segments grow with the resolution, rays do not
     low, high = 0.0, 1.0
     for _ in range(60):  # bisection
         middle = (low + high) / 2

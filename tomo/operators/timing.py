@@ -1,4 +1,4 @@
-"""How long a reconstruction takes on this machine, from a sample of its rays."""
+"""The time that a reconstruction takes on this machine, from a sample of its rays."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from tomo.grid import VoxelGrid
 from tomo.operators.memory import MemoryNeed, choose_form, estimate_memory
 from tomo.operators.system import LinearSystem, VolumeNotSeenError
 
-_CROSSINGS = 4_000_000  # of the larger sample: a second
-_PRODUCTS = 3
+_SEGMENTS = 4_000_000  # in the larger sample: more take over a second, fewer time the overhead
+_PRODUCTS = 3  # the fastest counts
 
 
 @dataclass(frozen=True)
 class Effort:
-    """What a reconstruction from all pixels takes, before anything dark is left out.
+    """The memory and time of a reconstruction from all pixels, dark ones included.
 
     Attributes
     ----------
     need : MemoryNeed
-        Rays, crossings and bytes.
+        Rays, segments and bytes.
     form : str
-        Of the projector: ``stored`` or ``on-the-fly``.
+        The form of the projector: ``stored`` or ``on-the-fly``.
     trace_seconds : float
-        Setting up the projector, once for a rig and a grid.
+        Time to set up the projector, once for a rig and a grid.
     iteration_seconds : float
-        One product with the projector and one with its transpose.
+        Time of one product with the projector and one with its transpose.
     """
 
     need: MemoryNeed
@@ -39,7 +39,7 @@ class Effort:
 
 
 def estimate_effort(rig: Rig, grid: VoxelGrid, *, available: int | None = None) -> Effort:
-    """Time two random samples of the rays and go on along the line through both.
+    """Time two random samples of the rays and extrapolate along the line through both.
 
     Parameters
     ----------
@@ -55,20 +55,20 @@ def estimate_effort(rig: Rig, grid: VoxelGrid, *, available: int | None = None) 
     """
     form, _ = choose_form(tuple(rig), grid, available=available)
     need = estimate_memory(tuple(rig), grid, form=form)
-    share = min(1.0, _CROSSINGS / max(need.segments, 1))
-    _timed(rig, grid, form, 0.01 * share)  # compiles, and warms caches
-    few = _timed(rig, grid, form, 0.2 * share)
-    many = _timed(rig, grid, form, share)
+    fraction = min(1.0, _SEGMENTS / max(need.segments, 1))
+    _timed(rig, grid, form, 0.01 * fraction)  # compiles and fills caches
+    few = _timed(rig, grid, form, 0.2 * fraction)
+    many = _timed(rig, grid, form, fraction)
     trace, iteration = (
         _at(need.segments, few[0], many[0], few[number], many[number]) for number in (1, 2)
     )
     return Effort(need, form, trace, iteration)
 
 
-def _timed(rig: Rig, grid: VoxelGrid, form: str, share: float) -> tuple[int, float, float]:
-    """Return a sample's crossings, the seconds to set it up and those of two products."""
+def _timed(rig: Rig, grid: VoxelGrid, form: str, fraction: float) -> tuple[int, float, float]:
+    """Return the segments of a sample, and the seconds to set it up and of two products."""
     start = time.perf_counter()
-    projector = _sampled(rig, grid, form, share).projector
+    projector = _sampled(rig, grid, form, fraction).projector
     traced = time.perf_counter() - start
     volume = np.ones(projector.shape[1], np.float32)
     taken = []
@@ -79,24 +79,24 @@ def _timed(rig: Rig, grid: VoxelGrid, form: str, share: float) -> tuple[int, flo
     return projector.n_segments, traced, min(taken)
 
 
-def _at(crossings: int, few: int, many: int, short: float, long: float) -> float:
-    """Return the time of all crossings on the line through two samples: voxels cost some too."""
+def _at(segments: int, few: int, many: int, short: float, long: float) -> float:
+    """Return the time of all segments on the line through two samples: voxels take time too."""
     slope = max(long - short, 0.0) / max(many - few, 1)
-    return max(long + slope * (crossings - many), long)
+    return max(long + slope * (segments - many), long)
 
 
-def _sampled(rig: Rig, grid: VoxelGrid, form: str, share: float) -> LinearSystem:
-    """Return the equations of a random share of the pixels; of more where none sees the grid."""
+def _sampled(rig: Rig, grid: VoxelGrid, form: str, fraction: float) -> LinearSystem:
+    """Return the equations of a random fraction of the pixels, of more if none sees the grid."""
     rng = np.random.default_rng(0)
     masks = []
     for camera in rig:
         width, height = camera.image_size
-        mask = rng.random((height, width)) < share
+        mask = rng.random((height, width)) < fraction
         mask[height // 2, width // 2] = True  # at least one
         masks.append(mask)
     try:
         return LinearSystem.from_rig(rig, grid, masks=masks, form=form)
     except VolumeNotSeenError:
-        if share >= 1:
+        if fraction >= 1:
             raise
-    return _sampled(rig, grid, form, min(10 * share, 1.0))
+    return _sampled(rig, grid, form, min(10 * fraction, 1.0))

@@ -1,4 +1,4 @@
-"""Sensitivity and background of every view, as they were fitted or are known."""
+"""Gain and background of every view: the affine model ``b = g (A x) + o``."""
 
 from __future__ import annotations
 
@@ -13,26 +13,33 @@ from tomo._compute.by_camera import by_name
 from tomo.operators.operator import ProjectionOperator
 
 SIGNIFICANT = 3.0
-"""Standard errors by which the gains' scatter must exceed what chance explains."""
+"""Standard errors above which scatter counts as real: fewer correct noise, more keep true
+gains."""
 
 NOTEWORTHY = 0.005
-"""Relative scatter below which gains are not worth correcting, however significant."""
+"""Relative scatter below which gains are not corrected: it is below the error of most cameras."""
 
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Sensitivity and background of every view.
+    """Gain ``g`` and background ``o`` of every view.
 
     Attributes
     ----------
     gain : (views,) float64
-        Geometric mean 1 over the views that were fitted; 1 where nothing could be.
+        ``g``: geometric mean 1 over the views that were fitted; 1 where nothing could be.
     offset : (views,) float64
-        In the images' unit; 0 where nothing could be fitted.
+        ``o``, in the images' unit; 0 where nothing could be fitted.
     gain_error, offset_error : (views,) float64
         Standard errors; infinite where nothing could be fitted.
     scale : float
-        The brightest pixel that was fitted, against which offsets are small or large.
+        The brightest pixel that was fitted, which offsets are compared with.
+
+    Notes
+    -----
+    A pixel of view ``v`` shows ``b = g_v (A x) + o_v``. `apply` takes projections to images,
+    `correct` takes images back, ``(b - o_v) / g_v``, so that solvers see the linear model ``A x``;
+    pixels of weight ``w`` are then worth ``w g_v²``.
     """
 
     gain: NDArray[np.float64]
@@ -53,24 +60,24 @@ class Gains:
         return f"<Gains: {len(self.gain)} views, {low:.3f} to {high:.3f}>"
 
     def apply(self, projector: ProjectionOperator, projected: ArrayLike) -> NDArray[np.float32]:
-        """Return the pixels that the cameras would show: ``g_v y + o_v``, ``(pixels,)``."""
+        """Return the pixels that the cameras show: ``g_v (A x) + o_v``, ``(pixels,)``."""
         gain, offset = self._of_pixels(projector)
         return (gain * np.asarray(projected) + offset).astype(np.float32)
 
     def correct(self, projector: ProjectionOperator, measured: ArrayLike) -> NDArray[np.float32]:
-        """Return the pixels that like cameras would have shown: ``(b - o_v) / g_v``."""
+        """Return the pixels of cameras of gain 1 without background: ``(b - o_v) / g_v``."""
         gain, offset = self._of_pixels(projector)
         return ((np.asarray(measured) - offset) / gain).astype(np.float32)
 
     def correct_weights(
         self, projector: ProjectionOperator, weights: NDArray[np.float32]
     ) -> NDArray[np.float32]:
-        """Return what pixels are worth once they are corrected: ``w g_v²``."""
+        """Return the weights of corrected pixels: ``w g_v²``."""
         gain, _ = self._of_pixels(projector)
         return (gain**2 * weights).astype(np.float32)
 
     def then(self, further: Gains) -> Gains:
-        """Return the gains of images that, corrected by these, still have ``further`` ones."""
+        """Return the gains of images that, corrected by these, have the gains ``further``."""
         known = np.isfinite(further.gain_error)
         gain = self.gain * further.gain
         return Gains(
@@ -89,7 +96,7 @@ class Gains:
 
     @property
     def views_disagree(self) -> bool:
-        """Whether gains scatter, or offsets are, far above error and worth correcting."""
+        """Whether gains or offsets are far above their errors and worth correcting."""
         known = np.isfinite(self.gain_error) & (self.gain_error > 0)
         if np.count_nonzero(known) > 1 and self.disagreement > NOTEWORTHY:
             score = np.log(self.gain[known]) * self.gain[known] / self.gain_error[known]
@@ -101,7 +108,7 @@ class Gains:
         return bool((far & large).any())
 
     def report(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return what a report says of the gains: plain numbers; ``names`` are the cameras'."""
+        """Return the gains by camera ``names``, as plain numbers for a report."""
         return {
             "gain": by_name(names, self.gain),
             "offset": by_name(names, self.offset),
@@ -119,5 +126,5 @@ class Gains:
 
 
 def geometric_mean(gain: NDArray[np.float64]) -> float:
-    """Return the geometric mean; 1 of nothing."""
+    """Return the geometric mean; 1 for no gains."""
     return float(np.exp(np.mean(np.log(gain)))) if len(gain) else 1.0

@@ -16,7 +16,7 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.scan.downsample import Coarser, coarsening
-from tomo.solvers.initial_volume import log_smears
+from tomo.solvers.initial_volume import log_back_projections
 from tomo.solvers.quick_volume import quick_volume
 
 SEGMENTS = 250_000
@@ -137,11 +137,15 @@ def _predicted(
     system: LinearSystem, measured: NDArray[np.float32], subsets: Sequence[Sequence[int]]
 ) -> tuple[tuple[NDArray[np.float32], ...], ...]:
     """Return the projection of each subset's volume into every view."""
-    smears = log_smears(system.projector, measured)
+    back_projections = log_back_projections(system.projector, measured)
     predicted = []
     for subset in subsets:
         volume = quick_volume(
-            system.projector, measured, subset, iterations=ITERATIONS, smears=smears
+            system.projector,
+            measured,
+            subset,
+            iterations=ITERATIONS,
+            back_projections=back_projections,
         )
         seen = system.images(system.projector @ volume)
         predicted.append(tuple(gaussian_filter(image, BLUR) for image in seen))

@@ -21,7 +21,7 @@ from tomo.selection.candidates import Candidate, Candidates, Progress, further_s
 from tomo.selection.cross_validation import FEW_VIEWS, MULTIPLICATIVE
 from tomo.selection.rules import WIDTHS, of_few_views, of_many_views
 from tomo.solvers import Solution
-from tomo.solvers.initial_volume import common_start
+from tomo.solvers.initial_volume import mlos_start
 from tomo.solvers.solution import Callback
 
 FALLBACK = ("mlem", 1.0, 10)
@@ -169,7 +169,7 @@ def solve_as_chosen(
 
     start = None
     if choice.method in MULTIPLICATIVE:
-        start = common_start(projector, check_measured(projector, measured))
+        start = mlos_start(projector, check_measured(projector, measured))
     found = run(
         basis or projector,
         measured,

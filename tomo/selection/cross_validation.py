@@ -16,7 +16,7 @@ from tomo import solvers
 from tomo._compute.reductions import norm
 from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
-from tomo.solvers.initial_volume import common_start
+from tomo.solvers.initial_volume import mlos_start
 from tomo.solvers.subsets import interleaved
 
 FEW_VIEWS = 8
@@ -132,7 +132,7 @@ class Fold:
     @cached_property
     def start(self) -> NDArray[np.float32]:
         """The start of multiplicative methods, see `tomo.solvers.initial_volume`."""
-        return common_start(self.training, self.training_pixels)
+        return mlos_start(self.training, self.training_pixels)
 
     def squared_error(self, volume: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the squared errors ``(2,)`` of left-out views and of scattered pixels.

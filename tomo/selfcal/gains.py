@@ -22,7 +22,7 @@ from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured
 from tomo.operators.view_gains import Gains, geometric_mean
 from tomo.solvers import Solution, cgls, mlem
-from tomo.solvers.initial_volume import common_start
+from tomo.solvers.initial_volume import mlos_start
 from tomo.solvers.subsets import interleaved
 
 DARK = 0.03
@@ -143,9 +143,7 @@ def estimate_gains(
     def quick(pixels: NDArray[np.float32]) -> Solution:
         pixels = pixels[some]
         if darkness < NEGATIVE:
-            return mlem(
-                thinned, pixels, iterations=ITERATIONS, start=common_start(thinned, pixels)
-            )
+            return mlem(thinned, pixels, iterations=ITERATIONS, start=mlos_start(thinned, pixels))
         basis = GaussianBasis(thinned, WIDTH)
         found = cgls(basis, pixels, iterations=ITERATIONS, nonnegative=False)
         return replace(found, volume=basis.volume(found.volume))

@@ -30,7 +30,7 @@ from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.downsample import Coarser, coarsening
 from tomo.selfcal.registration import register, ways_to_shift
 from tomo.selfcal.residual_shift import Displacement
-from tomo.solvers.initial_volume import log_smears
+from tomo.solvers.initial_volume import log_back_projections
 from tomo.solvers.quick_volume import quick_volume
 
 CROSSINGS = 2_000_000
@@ -196,13 +196,17 @@ class _Round:
         views = range(len(images))
         count = len(views) if len(views) <= 6 else GROUPS
         further, predicted = np.zeros((len(views), 2)), {}
-        smears = log_smears(system.projector, measured)
+        back_projections = log_back_projections(system.projector, measured)
         raw = registered = light = 0.0
         for group in range(count):
             left_out = list(views[group::count])
             kept = [view for view in views if view not in left_out]
             volume = quick_volume(
-                system.projector, measured, kept, iterations=ITERATIONS, smears=smears
+                system.projector,
+                measured,
+                kept,
+                iterations=ITERATIONS,
+                back_projections=back_projections,
             )
             seen = system.images(system.projector @ volume)
             for view in left_out:

@@ -1,4 +1,4 @@
-"""The matrix's rows, each voxel once: what methods that go pixel by pixel need."""
+"""The rows of a stored matrix, each voxel once, for methods that go pixel by pixel."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def merged_rows(
 ) -> tuple[NDArray[np.int64], NDArray[np.integer], NDArray[np.floating]]:
     """Return ``ptr, voxel, length`` of the rows with each voxel at most once in each.
 
-    Several rays of one pixel cross the same voxel and leave an entry each. Their sum is the
-    matrix's entry ``a_pv``; a method that takes ``||a_p||^2`` or ``max a_p`` of the parts instead
-    steps as many times too far as there are rays. Without repeats nothing is copied.
+    Several rays of one pixel meet the same voxel and leave an entry each. Their sum is the matrix
+    entry ``a_pv``; a method that takes ``||a_p||^2`` or ``max a_p`` of the parts instead steps too
+    far, by a factor of the number of rays. Without repeats nothing is copied.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A start for multiplicative solvers: bright where all views agree that there may be light."""
+"""The multiplicative line-of-sight start: bright where all views allow light."""
 
 from __future__ import annotations
 
@@ -10,26 +10,27 @@ from numpy.typing import NDArray
 from tomo.operators.operator import ProjectionOperator
 
 DIMMEST = 1e-4
-"""Share of the brightest voxel's start that every voxel in common view has at least: a multiplied
-zero would stay zero, however loudly the images ask for light."""
+"""Fraction of the brightest voxel that every voxel in common view starts with at least. At zero a
+voxel stays dark whatever the images show; a larger one leaves ghosts where few rays pass."""
 
 UNEXPLAINED = 0.01
-"""The largest share of a view's light that may meet no voxel in view of all."""
+"""Largest fraction of a view's light that may meet no voxel in common view. A smaller one takes
+stray light for emission outside, a larger one cuts off emission that some views do not see."""
 
 
-def common_start(
+def mlos_start(
     projector: ProjectionOperator,
     measured: NDArray[np.floating],
     views: Sequence[int] | None = None,
-    smears: NDArray[np.float64] | None = None,
+    back_projections: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float32]:
-    """Return the geometric mean of the views' back-projections, ``(unknowns,)``, never negative.
+    """Return the multiplicative line-of-sight (MLOS) volume, ``(unknowns,)``, never negative.
 
-    Each view smears its pixels back along its rays, ``A_v^T b_v / A_v^T 1``. The geometric mean
-    over the views is dim wherever one of them is dark: already most of the way to the volume when
-    the views are few, where an even start leaves ghosts in the corners that few rays cross. A
-    voxel that some view cannot see starts at zero, unless the images show that there is light in
-    such voxels: then its mean is over those views that see it. The sum of the images is met.
+    The geometric mean of the views' back-projections is dim wherever one of them is dark: with few
+    views it is most of the way to the volume, where a constant start leaves ghosts in corners that
+    few rays meet. A voxel that some view cannot see starts at zero, unless the images show light
+    in such voxels: then its mean is over the views that see it. The volume reproduces the sum of
+    the images.
 
     Parameters
     ----------
@@ -37,9 +38,13 @@ def common_start(
     measured : (pixels,)
         Pixels below zero count as zero.
     views : sequence of int, optional
-        Those that take part; all that have pixels when None.
-    smears : (views, unknowns), optional
-        What `log_smears` returned for all views, where it is needed more than once.
+        The views that take part; all that have pixels when None.
+    back_projections : (views, unknowns), optional
+        The result of `log_back_projections` for all views, where it is needed more than once.
+
+    Notes
+    -----
+    ``x = exp(mean_v log(A_v^T b_v / A_v^T 1))``, scaled to the sum of the images.
 
     References
     ----------
@@ -47,14 +52,15 @@ def common_start(
     particle image velocimetry", Experiments in Fluids 47 (2009): the multiplicative first guess.
     """
     measured = np.maximum(measured, 0).astype(np.float32)
-    smears = log_smears(projector, measured) if smears is None else smears
+    if back_projections is None:
+        back_projections = log_back_projections(projector, measured)
     views = range(projector.n_views) if views is None else views
     views = [v for v in views if projector.view_ptr[v + 1] > projector.view_ptr[v]]
     log_sum = np.zeros(projector.shape[1])
     seen_by = np.zeros(projector.shape[1], np.int64)
     for view in views:
-        seen = ~np.isnan(smears[view])
-        log_sum[seen] += smears[view][seen]
+        seen = ~np.isnan(back_projections[view])
+        log_sum[seen] += back_projections[view][seen]
         seen_by += seen
     x = np.exp(log_sum / np.maximum(seen_by, 1))
     x = np.where(seen_by > 0, np.maximum(x, DIMMEST * x[seen_by > 0].max(initial=0.0)), 0)
@@ -67,27 +73,27 @@ def common_start(
     return (x * (light / total if total > 0 else 0.0)).astype(np.float32)
 
 
-def log_smears(
+def log_back_projections(
     projector: ProjectionOperator, measured: NDArray[np.floating]
 ) -> NDArray[np.float64]:
-    """Return the logarithms of every view's back-projection, NaN where it sees nothing.
+    """Return the logarithm of every view's back-projection, NaN where it sees nothing.
 
     In units of the brightest pixel: ``(views, unknowns)``; minus infinity is dark.
     """
     unit = max(float(np.max(measured, initial=0.0)), np.finfo(np.float32).tiny)
-    smears = np.full((projector.n_views, projector.shape[1]), np.nan)
+    back_projections = np.full((projector.n_views, projector.shape[1]), np.nan)
     for view in range(projector.n_views):
         block = projector.view(view)
         pixels = np.maximum(_of_view(projector, view, measured), 0).astype(np.float64) / unit
         lengths = block.column_sums
         seen = lengths > 0
         with np.errstate(divide="ignore"):
-            smears[view][seen] = np.log((block.T @ pixels)[seen] / lengths[seen])
-    return smears
+            back_projections[view][seen] = np.log((block.T @ pixels)[seen] / lengths[seen])
+    return back_projections
 
 
 def _explained(projector, measured, views, common) -> bool:
-    """Return whether next to all light of every view meets a voxel that all views see."""
+    """Return whether nearly all light of every view meets a voxel that all views see."""
     meets = projector @ common.astype(np.float64) > 0
     for view in views:
         pixels = _of_view(projector, view, measured).astype(np.float64)

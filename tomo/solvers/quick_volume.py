@@ -1,4 +1,4 @@
-"""A volume from some of the views, good enough to predict what the other views show."""
+"""A volume from some of the views, good enough to predict the other views."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.operators.operator import ProjectionOperator
-from tomo.solvers.initial_volume import common_start
+from tomo.solvers.initial_volume import mlos_start
 from tomo.solvers.mlem import mlem
 
 
@@ -18,26 +18,26 @@ def quick_volume(
     views: Sequence[int],
     *,
     iterations: int,
-    smears: NDArray[np.float64] | None = None,
+    back_projections: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float32]:
     """Return a few iterations of MLEM from some of the views: the active voxels, ``(unknowns,)``.
 
     Parameters
     ----------
     projector : ProjectionOperator
-        Of all views.
+        The operator of all views.
     measured : (pixels,)
-        Of all views.
+        The pixels of all views.
     views : sequence of int
-        Those that take part.
+        The views that take part.
     iterations : int
-    smears : (views, unknowns), optional
-        See `tomo.solvers.initial_volume.common_start`.
+    back_projections : (views, unknowns), optional
+        The result of `tomo.solvers.initial_volume.log_back_projections`.
     """
     found = mlem(
         projector.subset(views),
         measured[projector.pixels_of(views)],
         iterations=iterations,
-        start=common_start(projector, measured, views, smears),
+        start=mlos_start(projector, measured, views, back_projections),
     )
     return projector.active.compress(found.volume)

@@ -1,4 +1,4 @@
-"""What a solver gives back: the volume, how it got there, and what it cost."""
+"""The result of a solver: the volume, its history, and its cost."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Iteration:
     Attributes
     ----------
     index : int
-        How many updates the volume has had; 0 is the start.
+        Number of updates of the volume; 0 is the start.
     relative_residual : float
         ``||measured - A @ volume|| / ||measured||`` of that volume.
     seconds : float
@@ -51,15 +51,15 @@ class Solution:
     Attributes
     ----------
     volume : (nx, ny, nz) float32
-        Emission per unit length: a ray's pixel is the sum of ``volume x chord``.
+        Emission per unit length: a pixel is the sum of ``volume x segment length``.
     grid : VoxelGrid
-        Where the voxels are.
+        The grid of the volume.
     history : tuple of Iteration
         One entry an iteration, the start included.
     settings : mapping
-        The method and every argument that it ran with.
+        The method and all its arguments.
     stop_reason : str
-        Why it ended, in words.
+        Why the solver stopped, in words.
     quality : mapping
         Figures against a truth or held-out views, where there are any.
     seconds : mapping
@@ -94,7 +94,7 @@ class Solution:
             )
 
     def __repr__(self) -> str:
-        """Say what was done and how well it fits."""
+        """Name the method, the size and the relative residual."""
         method = self.settings.get("method", "?")
         residual = self.relative_residual
         return f"<Solution: {method}, {self.grid.shape}, relative residual {residual:.3g}>"

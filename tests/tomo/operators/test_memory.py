@@ -92,7 +92,7 @@ def test_what_is_asked_for_is_given_or_refused():
     cameras, enough = tuple(RIG), 10**12
     assert choose_form(cameras, GRID, wanted="on-the-fly", available=enough)[0] == "on-the-fly"
     assert choose_form(cameras, GRID, wanted="stored", available=enough)[0] == "stored"
-    with pytest.raises(ValueError, match="needs the matrix's entries"):
+    with pytest.raises(ValueError, match="needs the matrix entries"):
         choose_form(cameras, GRID, wanted="on-the-fly", needs_matrix=True, available=enough)
     with pytest.raises(ValueError, match="projector: found 'fast', expected one of auto, stored"):
         choose_form(cameras, GRID, wanted="fast", available=enough)

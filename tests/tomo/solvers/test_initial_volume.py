@@ -3,12 +3,12 @@ import pytest
 
 from tomo import solvers
 from tomo.metrics import cosine_distance
-from tomo.solvers.initial_volume import common_start, log_smears
+from tomo.solvers.initial_volume import log_back_projections, mlos_start
 from tomo.solvers.subsets import interleaved
 
 
 def test_it_is_far_nearer_to_the_volume_than_an_even_start(ring_system):
-    found = common_start(ring_system.projector, ring_system.measured)
+    found = mlos_start(ring_system.projector, ring_system.measured)
     even = np.ones_like(found)
     truth = ring_system.truth.ravel()
     assert cosine_distance(found, truth) < 0.3 * cosine_distance(even, truth)
@@ -18,7 +18,7 @@ def test_it_is_far_nearer_to_the_volume_than_an_even_start(ring_system):
 
 def test_fewer_iterations_are_needed_from_there(ring_system):
     projector, measured = ring_system.projector, ring_system.measured
-    start = common_start(projector, measured)
+    start = mlos_start(projector, measured)
     residuals = [
         solvers.mlem(projector, measured, iterations=4, start=at).relative_residual
         for at in (None, start)
@@ -31,7 +31,7 @@ def test_it_is_dim_wherever_one_view_is_dark(ring_system):
     measured[projector.pixels_of([3])[:160]] = 0  # the upper half of one image
     seen = projector.view(3).rows(0, 160).column_sums > 0
     dark = seen & (projector.view(3).rows(160, 320).column_sums == 0)
-    found = common_start(projector, measured)
+    found = mlos_start(projector, measured)
     assert dark.sum() > 100
     assert 0 < found[dark].max() < 1e-3 * found.max()
 
@@ -39,25 +39,27 @@ def test_it_is_dim_wherever_one_view_is_dark(ring_system):
 def test_voxels_out_of_some_view_are_dark_if_the_images_allow(ring_system, projector_of):
     matrix = np.array([[1.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 1]])
     projector = projector_of(matrix, [0, 2, 4])  # the last two voxels are each seen by one view
-    found = common_start(projector, np.array([2.0, 0, 1, 1]))
+    found = mlos_start(projector, np.array([2.0, 0, 1, 1]))
     assert found[2:].tolist() == [0, 0]
     assert (found[:2] > 0).all()
-    lit = common_start(projector, np.array([2.0, 1, 1, 1]))  # only the third voxel explains it
+    lit = mlos_start(projector, np.array([2.0, 1, 1, 1]))  # only the third voxel explains it
     assert lit[2] > 0
 
 
-def test_a_subset_of_views_from_shared_smears_is_that_of_their_own_projector(ring_system):
+def test_a_subset_of_views_from_shared_back_projections_is_that_of_their_own_projector(
+    ring_system,
+):
     projector, measured = ring_system.projector, ring_system.measured
     views = [0, 2, 5, 7]
-    shared = common_start(projector, measured, views, log_smears(projector, measured))
-    own = common_start(projector.subset(views), measured[projector.pixels_of(views)])
+    shared = mlos_start(projector, measured, views, log_back_projections(projector, measured))
+    own = mlos_start(projector.subset(views), measured[projector.pixels_of(views)])
     np.testing.assert_allclose(shared, own, rtol=1e-4, atol=1e-6 * own.max())
 
 
 def test_dark_images_start_dark_and_negative_pixels_count_as_zero(ring_system):
     projector, measured = ring_system.projector, ring_system.measured
-    assert not common_start(projector, np.zeros_like(measured)).any()
+    assert not mlos_start(projector, np.zeros_like(measured)).any()
     below = measured.copy()
     below[interleaved(len(below), 5)[0]] = -3
     clipped = np.maximum(below, 0)
-    np.testing.assert_array_equal(common_start(projector, below), common_start(projector, clipped))
+    np.testing.assert_array_equal(mlos_start(projector, below), mlos_start(projector, clipped))

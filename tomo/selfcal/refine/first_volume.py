@@ -11,7 +11,7 @@ from tomo import solvers
 from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
 from tomo.selection.choose import FEW_VIEWS
-from tomo.solvers.initial_volume import common_start
+from tomo.solvers.initial_volume import mlos_start
 
 WIDTH = 0.8
 """Of the blobs, in voxels: the gradient of the volume has to be one of the flame."""
@@ -48,6 +48,6 @@ def first_volume(projector: ProjectionOperator, measured: NDArray[np.float32]) -
     basis = GaussianBasis(projector, WIDTH)
     views = int(np.count_nonzero(np.diff(projector.view_ptr)))
     name = "mlem" if views <= FEW_VIEWS else "nnls"
-    start = common_start(projector, measured) if name == "mlem" else None
+    start = mlos_start(projector, measured) if name == "mlem" else None
     found = getattr(solvers, name)(basis, measured, iterations=ITERATIONS[name], start=start)
     return FirstVolume(basis, projector.active.compress(found.volume))
