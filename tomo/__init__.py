@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "grid": ["ActiveVoxels", "VoxelGrid"],
         "operators": ["LinearSystem", "Projector", "GaussianBasis", "dot_test"],
-        "pipeline": ["Reconstruction", "reconstruct"],
+        "pipeline": ["Options", "Reconstruction", "reconstruct"],
         "rays": ["Rays"],
         "scan": ["Corrections", "Frame", "Scan", "save_scan"],
         "simulation": ["simulate"],

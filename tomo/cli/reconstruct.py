@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -19,9 +18,6 @@ from tomo.cli.inputs import (
     parse_grid,
 )
 from tomo.cli.outputs import check_output_volume
-
-if TYPE_CHECKING:
-    from rigs import Rig
 
 EXAMPLES = """
 flametomo reconstruct scan -o out
@@ -67,24 +63,11 @@ def reconstruct(
         str, typer.Option(help="auto, stored (fastest) or on-the-fly (little memory).")
     ] = "auto",
     skip: Annotated[bool, typer.Option(help="Leave out what cannot matter.")] = True,
-    margin: Annotated[
-        str,
-        typer.Option(
-            help="Pixels around an empty voxel that must be dark, auto, or inf: none is."
-        ),
+    carving: Annotated[
+        str, typer.Option(help="Margin in pixels around an empty voxel, auto, or off.")
     ] = "auto",
-    dark_level: Annotated[
-        str, typer.Option(help="Intensity up to which a pixel is dark, or auto.")
-    ] = "auto",
-    votes: Annotated[
-        str, typer.Option(help="Views that must find a voxel dark, or auto.")
-    ] = "auto",
-    suspects: Annotated[
-        bool,
-        typer.Option(
-            "--suspects/--keep-suspects",
-            help="Exclude outlier pixels, and views that the others contradict.",
-        ),
+    screen: Annotated[
+        bool, typer.Option(help="Exclude outlier pixels, and views that the others contradict.")
     ] = True,
     align: Annotated[
         bool, typer.Option(help="Shift images that clearly lie beside where the rig says.")
@@ -107,22 +90,22 @@ def reconstruct(
             help="Fit each camera's gain and offset; by default when the views disagree.",
         ),
     ] = None,
-    weigh: Annotated[
+    pixel_weights: Annotated[
         bool,
         typer.Option(help="Weigh pixels by their noise, where it differs, in auto and wernet."),
     ] = True,
     blur: Annotated[
-        str,
+        float,
         typer.Option(
             help="Diameter at the grid's centre of the discs that lenses out of focus make of "
-            "points, in the rig's length unit; 0: in focus; auto: found in the images."
+            "points, in the rig's length unit; 0: in focus."
         ),
-    ] = "0",
+    ] = 0.0,
     basis: Annotated[
         str,
         typer.Option(
-            help="What is solved for: boxes of even emission, splines that run straight between "
-            "the voxels' centres, or auto: what predicts left-out views better."
+            help="What is solved for: voxel (constant emission), linear (between the voxels' "
+            "centres), or auto: what predicts left-out views better."
         ),
     ] = "auto",
     unseen: Annotated[
@@ -135,6 +118,9 @@ def reconstruct(
     freeze_encoder: Annotated[
         bool, typer.Option("--freeze-encoder", help="Use the encoder as it is.")
     ] = False,
+    save_encoder: Annotated[
+        str | None, typer.Option(help="For WERNet: write the trained encoder.")
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with WERNet where OUT/checkpoint.pt stopped.")
     ] = False,
@@ -156,51 +142,48 @@ def reconstruct(
     Writes the volume (.npz, .vti, .nrrd), report.html, report.json and pictures.
     """
     with bad_input_in_one_line():
+        from tomo.pipeline import Options
         from tomo.pipeline import reconstruct as run
         from tomo.report.outcome_files import write_outcome
 
-        comparisons = [_comparison(text) for text in compare or ()]
         loaded = _load(scan, rig, images).scaled(scale)
         check_output_volume(out, loaded.rig, loaded.source)
+        options = Options(
+            method=method,
+            frame=frame,
+            hold_out=tuple(hold_out or ()),
+            iterations=iterations,
+            compare=tuple(compare or ()),
+            tracer=tracer,
+            projector=projector,
+            skip=skip,
+            carving=carving,
+            screen=screen,
+            align=align,
+            refine_cameras=refine_cameras,
+            refine_prior=refine_prior,
+            fit_gain=fit_gain,
+            pixel_weights=pixel_weights,
+            blur=blur,
+            basis=basis,
+            unseen=unseen,
+            supersample=supersample,
+            device=device,
+            encoder=encoder,
+            freeze_encoder=freeze_encoder,
+            save_encoder=save_encoder,
+            checkpoint=str(out / "checkpoint.pt") if method == "wernet" else None,
+            resume=resume,
+            seed=seed,
+            time_limit=time_limit,
+            uncertainty=uncertainty,
+        )
         asked = any(option is not None for option in (grid, spacing, center, lower, upper))
         voxels = (
             parse_grid(grid, spacing, center, lower, upper, default=loaded.grid) if asked else None
         )
         with progress_bar("reconstruct") as progress:
-            outcome = run(
-                loaded,
-                voxels,
-                method=method,
-                frame=frame,
-                hold_out=tuple(hold_out or ()),
-                iterations=iterations,
-                compare=comparisons,
-                tracer=tracer,
-                projector=projector,
-                skip=skip,
-                margin=_number_or_auto("--margin", margin, float),
-                dark_level=_number_or_auto("--dark-level", dark_level, float),
-                votes=_number_or_auto("--votes", votes, int),
-                suspects=suspects,
-                align=align,
-                refine_cameras=_cameras(refine_cameras, loaded.rig),
-                refine_prior=refine_prior,
-                fit_gain=fit_gain,
-                weigh=weigh,
-                blur=_number_or_auto("--blur", blur, float),
-                basis=basis,
-                unseen=unseen,
-                supersample=supersample,
-                device=device,
-                encoder=encoder,
-                freeze_encoder=freeze_encoder,
-                checkpoint=_checkpoint(out, method, resume),
-                resume=resume,
-                seed=seed,
-                time_limit=time_limit,
-                uncertainty=_number_or_auto("--uncertainty", uncertainty, int),
-                progress=progress,
-            )
+            outcome = run(loaded, voxels, options, progress=progress)
         report = write_outcome(out, outcome)
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")
@@ -217,46 +200,6 @@ def _load(scan: Path | None, rig: Path | None, images: Path | None) -> object:
     if scan is None and rig is not None and images is not None:
         return Scan.from_images(rig, images)
     raise ValueError("SCAN: expected either a scan, or --rig and --images together")
-
-
-def _checkpoint(out: Path, method: str, resume: bool) -> Path | None:
-    """Return where WERNet keeps the state of its training; None for other methods."""
-    if method == "wernet":
-        return out / "checkpoint.pt"
-    if resume:
-        raise ValueError(f"--resume: found it with method {method}, expected wernet")
-    return None
-
-
-def _cameras(text: str | None, rig: Rig) -> list[str] | None:
-    """Return the names of the cameras to refine; None where that is not asked for."""
-    if text is None:
-        return None
-    if text == "all" and text not in rig.names:
-        return list(rig.names)
-    if text == "nominal" and text not in rig.names:
-        names = [camera.name for camera in rig if camera.status == "nominal"]
-        if not names:
-            raise ValueError("--refine-cameras: found no nominal camera in the rig, expected some")
-        return names
-    return [name.strip() for name in text.split(",")]
-
-
-def _number_or_auto(option: str, text: str, kind: type) -> float | str:
-    """Return the number of an option, or auto."""
-    try:
-        return text if text == "auto" else kind(text)
-    except ValueError:
-        what = "a whole number" if kind is int else "a number"
-        raise ValueError(f"{option}: found {text!r}, expected auto or {what}") from None
-
-
-def _comparison(text: str) -> tuple[str, int | None]:
-    """Return method and iterations of ``METHOD[:ITERATIONS]``."""
-    match = re.fullmatch(r"([\w-]+)(?::(\d{1,6}))?", text, re.ASCII)
-    if match is None:
-        raise ValueError(f"--compare: found {text!r}, expected METHOD or METHOD:ITERATIONS")
-    return match[1], int(match[2]) if match[2] else None
 
 
 def _summary(report: dict, out: Path) -> str:

@@ -8,7 +8,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "background": ["background"],
         "bad_pixels": ["usable_pixels"],
         "below_zero": ["below_zero"],
-        "focus": ["blur_of_images"],
         "noise_model": ["NoiseModel", "estimate_noise"],
         "outlier_pixels": ["find_outlier_pixels"],
         "pixel_weights": ["PixelWeights", "weigh_pixels"],

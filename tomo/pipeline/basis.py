@@ -1,4 +1,4 @@
-"""What the unknowns of a reconstruction are: boxes of even emission, or splines."""
+"""The unknowns of a reconstruction: the voxel basis or the linear basis, and why."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tomo.operators import LINEAR, STORED, VOXEL, LinearSystem
 from tomo.pipeline.methods import AUTO, Method
-from tomo.pipeline.request import Request
+from tomo.pipeline.options import Options
 from tomo.selection.basis import error_ratio
 from tomo.selection.choose import FEW_VIEWS
 
@@ -49,27 +49,27 @@ class Basis:
 
 
 def of_basis(
-    system: LinearSystem, measured: NDArray[np.float32], request: Request, method: Method
+    system: LinearSystem, measured: NDArray[np.float32], options: Options, method: Method
 ) -> tuple[LinearSystem, Basis]:
-    """Return the system of the unknowns that a request asks for, or that the images ask for.
+    """Return the system of the unknowns that options ask for, or that the images ask for.
 
     Parameters
     ----------
     system : LinearSystem
         Of boxes.
     measured : (pixels,) float32
-    request : Request
+    options : Options
     method : Method
         That it is to be solved by.
     """
-    if request.basis != AUTO:
-        given = Basis(request.basis, "as asked for")
-        splines = request.basis == LINEAR
-        return (system.with_linear_basis(request.supersample) if splines else system), given
-    against = _reason_against(system, request, method)
+    if options.basis != AUTO:
+        given = Basis(options.basis, "as asked for")
+        splines = options.basis == LINEAR
+        return (system.with_linear_basis(options.supersample) if splines else system), given
+    against = _reason_against(system, options, method)
     if against:
         return system, Basis(VOXEL, against)
-    return better_of(system, measured, request.supersample)
+    return better_of(system, measured, options.supersample)
 
 
 def better_of(
@@ -101,12 +101,12 @@ def better_of(
     return system, Basis(VOXEL, left, share)
 
 
-def _reason_against(system: LinearSystem, request: Request, method: Method) -> str:
+def _reason_against(system: LinearSystem, options: Options, method: Method) -> str:
     """Return why what is asked for rules splines out; empty where it does not."""
     if not method.through_lenses:
         return f"{method.name} goes line by line"
-    if method.needs_midpoints and not request.freeze_encoder:
-        if request.encoder is not None:
+    if method.needs_midpoints and not options.freeze_encoder:
+        if options.encoder is not None:
             return "encoders were trained on boxes"
         if system.projector.n_views > FEW_VIEWS:
             return "of many views the weights of boxes are learned"

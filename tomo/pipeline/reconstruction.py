@@ -15,14 +15,12 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo import metrics
 from tomo._compute.reductions import dot, norm
+from tomo.pipeline.options import NOT_A_NUMBER, Options
 from tomo.solvers import Solution
 
 if TYPE_CHECKING:
     from tomo.uncertainty import Assessment
     from tomo.wernet.default import LearnedWeights
-
-UNSEEN = (ZERO, NOT_A_NUMBER) = ("zero", "nan")
-"""What may stand in voxels that no ray crosses."""
 
 _REPORTED_PACKAGES = ("flametomo", "numpy", "scipy", "numba", "torch", "open3d", "open3d-cpu")
 
@@ -123,9 +121,9 @@ class Reconstruction:
         What other methods made of the same images.
     counts : mapping
         ``rays, segments, voxels, active_voxels``.
-    skipping : mapping
-        What was left out and why, see `tomo.hull.Carving.report`.
-    suspects : mapping, optional
+    carving : mapping
+        Pixels and voxels left out of the system, see `tomo.hull.Carving.report`.
+    screening : mapping, optional
         See `tomo.screening.Screening.report`; None where they were not looked for.
     alignment, refinement, gains : mapping, optional
         See `tomo.selfcal.shifts.Alignment.report`, `tomo.selfcal.refine.Refinement.report` and
@@ -143,15 +141,19 @@ class Reconstruction:
         True where no usable ray of any camera crosses the voxel.
     warnings : tuple of str
         What the user should know before trusting the volume.
-    settings : mapping
+    options : Options
         What was asked for.
+    scan : mapping
+        ``frame, scale, grid``: the frame's name, by how much images were shrunk, the voxels.
+    projector, basis, pixel_weights : mapping
+        The form of the projector, the unknowns and the pixels' weights that were used, and why.
     cosine_distances : tuple of tuple of float
         Of the reconstruction and then of each comparison: the distance from the truth at each
         entry of its history; empty without a truth.
     learned : LearnedWeights, optional
         What was learned in place of chord lengths; None: chords.
-    condition : Assessment, optional
-        How far the volume is to be trusted, see `tomo.condition`.
+    uncertainty : Assessment, optional
+        How far the volume is to be trusted, see `tomo.uncertainty`.
     """
 
     reconstruction: Solution
@@ -161,8 +163,8 @@ class Reconstruction:
     truth: NDArray[np.float32] | None = None
     comparisons: tuple[Solution, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
-    skipping: Mapping[str, Any] = field(default_factory=dict)
-    suspects: Mapping[str, Any] | None = None
+    carving: Mapping[str, Any] = field(default_factory=dict)
+    screening: Mapping[str, Any] | None = None
     alignment: Mapping[str, Any] | None = None
     refinement: Mapping[str, Any] | None = None
     refined_rig: Rig | None = None
@@ -171,16 +173,20 @@ class Reconstruction:
     first_use_seconds: float = 0.0
     unseen: NDArray[np.bool_] | None = None
     warnings: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    options: Options = Options()
+    scan: Mapping[str, Any] = field(default_factory=dict)
+    projector: Mapping[str, Any] = field(default_factory=dict)
+    basis: Mapping[str, Any] = field(default_factory=dict)
+    pixel_weights: Mapping[str, Any] = field(default_factory=dict)
     cosine_distances: tuple[tuple[float, ...], ...] = ()
     learned: LearnedWeights | None = None
-    condition: Assessment | None = None
+    uncertainty: Assessment | None = None
 
     @property
     def volume(self) -> NDArray[np.float32]:
         """The volume; where no ray says anything, NaN if that was asked for."""
         volume = self.reconstruction.volume
-        if self.unseen is None or self.settings.get("unseen") != NOT_A_NUMBER:
+        if self.unseen is None or self.options.unseen != NOT_A_NUMBER:
             return volume
         return np.where(self.unseen, np.float32(np.nan), volume)
 
@@ -193,13 +199,17 @@ class Reconstruction:
             "first_use_seconds": self.first_use_seconds,
             "peak_memory_mb": found.peak_memory / 1e6,
             **self.counts,
-            "skipping": dict(self.skipping),
-            "suspects": self.suspects,
+            "scan": dict(self.scan),
+            "projector": dict(self.projector),
+            "basis": dict(self.basis),
+            "pixel_weights": dict(self.pixel_weights),
+            "carving": dict(self.carving),
+            "screening": self.screening,
             "alignment": self.alignment,
             "refinement": self.refinement,
             "gains": self.gains,
             "learned": self.learned.report() if self.learned else None,
-            "condition": self.condition.report() if self.condition else None,
+            "uncertainty": self.uncertainty.report() if self.uncertainty else None,
             "relative_residual": found.relative_residual,
             "stop_reason": found.stop_reason,
             "quality": dict(found.quality),
@@ -228,8 +238,9 @@ class Reconstruction:
             ],
             "warnings": list(self.warnings),
             "versions": versions(),
-            "seed": self.settings.get("seed"),
-            "settings": {**self.settings, **found.settings},
+            "seed": self.options.seed,
+            "settings": self.options.to_mapping(),
+            "solver": dict(found.settings),
         }
         return _plain(report)
 

@@ -9,13 +9,13 @@ from tomo.operators import LINEAR, VOXEL, LinearSystem
 from tomo.pipeline.basis import Basis, better_of
 from tomo.pipeline.evaluate import as_learned
 from tomo.pipeline.methods import AUTO, method_named
-from tomo.pipeline.request import Request
+from tomo.pipeline.options import Options
 from tomo.pipeline.run import Run
 from tomo.solvers import Iteration, Solution
 
 
 def solved_once_more(
-    system: LinearSystem, basis: Basis, run: Run, found: Solution, request: Request
+    system: LinearSystem, basis: Basis, run: Run, found: Solution, options: Options
 ) -> tuple[LinearSystem, Basis, Run, Solution]:
     """Return all four of splines where those predict left-out views better by what was learned.
 
@@ -32,13 +32,13 @@ def solved_once_more(
     run : Run
         That solved for ``found``, and nothing since.
     found : Solution
-    request : Request
+    options : Options
     """
-    settled = request.basis != AUTO or not math.isnan(basis.share)
+    settled = options.basis != AUTO or not math.isnan(basis.share)
     if settled or basis.name != VOXEL or "learned" not in found.settings:
         return system, basis, run, found
     learned = as_learned(system, found, same_views=True)
-    better, basis = better_of(learned, run.measured, request.supersample)
+    better, basis = better_of(learned, run.measured, options.supersample)
     if basis.name != LINEAR:
         return system, basis, run, found
     last_run = run.through(better.projector)

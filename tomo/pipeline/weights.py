@@ -13,14 +13,15 @@ from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, PixelWeights, weigh_pixels
 from tomo.operators import LinearSystem
 from tomo.operators.view_gains import Gains
+from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.methods import AUTO
-from tomo.pipeline.request import Request
+from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.scan.scan import Images, Masks
 
 
 def weights_of(
-    system: LinearSystem, screened: ScreenedScan, gains: Gains | None, request: Request
+    system: LinearSystem, screened: ScreenedScan, gains: Gains | None, options: Options
 ) -> tuple[NDArray[np.float32] | None, dict[str, Any]]:
     """Return the weights of the pixels that take part, ``(pixels,)``, and what a report says.
 
@@ -32,11 +33,11 @@ def weights_of(
     screened : ScreenedScan
     gains : Gains, optional
         By which the pixels were corrected.
-    request : Request
+    options : Options
     """
-    if not request.weigh:
+    if not options.pixel_weights:
         return None, {"used": False, "reason": "not asked for"}
-    if not any(one.name == AUTO or one.starts_from_default for one in request.methods):
+    if not any(one.name == AUTO or one.starts_from_default for one in methods_of(options)):
         return None, {"used": False, "reason": "for the default method, and what starts from it"}
     rig, grid = screened.training.rig, system.projector.grid
     found = weigh_images(rig, grid, screened.images, screened.masks, screened.noise)

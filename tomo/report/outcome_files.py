@@ -63,7 +63,7 @@ def write_outcome(folder: str | os.PathLike, outcome: Reconstruction) -> dict[st
 
 def results_of(outcome: Reconstruction) -> Results:
     """Return what the figures show of a whole reconstruction."""
-    found, condition = outcome.reconstruction, outcome.condition
+    found, condition = outcome.reconstruction, outcome.uncertainty
     return Results(
         rig=outcome.rig,
         grid=found.grid,

@@ -66,7 +66,7 @@ def write_report(
         pictures=shown,
         views=_view_rows(report, results),
         comparisons=_comparison_rows(results),
-        condition=condition_section(report.get("condition"), results.rig.length_unit),
+        condition=condition_section(report.get("uncertainty"), results.rig.length_unit),
         refinement=_refinement(report, results.rig.length_unit),
         details=_details(report),
     )
@@ -173,12 +173,17 @@ def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
     for key, title in (
         ("seconds", "Time (s)"),
         ("quality", "Against the truth"),
-        ("suspects", "Outlier pixels and inconsistent views"),
-        ("skipping", "What takes no part"),
+        ("screening", "Outlier pixels and inconsistent views"),
+        ("carving", "Pixels and voxels left out"),
         ("alignment", "Where the cameras look"),
         ("gains", "Gains and backgrounds"),
         ("learned", "Learned weights"),
-        ("settings", "Settings"),
+        ("projector", "Projector"),
+        ("basis", "Basis"),
+        ("pixel_weights", "Weights of pixels"),
+        ("solver", "Solver"),
+        ("scan", "Scan"),
+        ("settings", "Options"),
         ("versions", "Versions"),
     ):
         values = report.get(key)

@@ -7,12 +7,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tomo.operators import LINEAR, VOXEL, ProjectionOperator
+from tomo.operators import ProjectionOperator
 from tomo.operators.vectors import check_measured
 from tomo.selection.candidates import Candidates
-
-BASES = (VOXEL, LINEAR)
-"""The bases that can be asked for by name."""
 
 
 def error_ratio(

@@ -12,7 +12,7 @@ from phantoms import create
 from rigs import ring
 from tomo import Scan, VoxelGrid
 from tomo.io import read_volume, write_volume
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate
 
 TOOL = Path(__file__).parents[3] / "tools" / "reconstruct.py"
@@ -131,7 +131,16 @@ def test_a_picture_of_an_earlier_run_does_not_stay(run_tool, scan, tmp_path):
 
 def test_options_reach_the_run(run_tool, scan, tmp_path):
     options = ("--grid", "4x7x4", "--spacing", "2,2,2.4", "--center", "10,0,-3")
-    options += ("--method", "mart", "--iterations", "3", "--seed", "7", "--no-skip", "--no-weigh")
+    options += (
+        "--method",
+        "mart",
+        "--iterations",
+        "3",
+        "--seed",
+        "7",
+        "--no-skip",
+        "--no-pixel-weights",
+    )
     options += ("--scale", "2", "--supersample", "2", "--tracer", "reference")
     options += ("--hold-out", "cam00", "--hold-out", "cam04", "--frame", "frame_000")
     done = run_tool("reconstruct", scan, *options, "--json", "-o", tmp_path)
@@ -142,12 +151,15 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
         "iterations": 3,
         "seed": 7,
         "skip": False,
-        "weigh": False,
-        "scale": 2,
+        "pixel_weights": False,
         "supersample": 2,
         "tracer": "reference",
         "hold_out": ["cam00", "cam04"],
         "frame": "frame_000",
+    }
+    assert report["scan"] == {
+        "frame": "frame_000",
+        "scale": 2,
         "grid": {"shape": [4, 7, 4], "spacing": [2.0, 2.0, 2.4], "center": [10.0, 0.0, -3.0]},
     }
     assert {key: report["settings"][key] for key in expected} == expected
@@ -164,7 +176,9 @@ def test_a_rig_and_a_folder_of_images(run_tool, scan, tmp_path):
     done = run_tool("reconstruct", *given, *box, *options, "-o", tmp_path)
     assert done.exit_code == 0, done.stderr
     data, grid, _ = read_volume(tmp_path / "volume.npz")
-    expected = reconstruct(Scan.load(scan), method="sirt", iterations=3).reconstruction.volume
+    expected = reconstruct(
+        Scan.load(scan), options=Options(method="sirt", iterations=3)
+    ).reconstruction.volume
     np.testing.assert_array_equal(data, expected)
     np.testing.assert_allclose(grid.lower, GRID.lower)
 
@@ -205,12 +219,12 @@ def test_wernet_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, monkey
     assert [path.name for path in out.iterdir()] == ["checkpoint.pt"]
     resumed = run_tool("reconstruct", scan, *WERNET, "--resume", "--json", "-o", out)
     assert resumed.exit_code == 0, resumed.stderr
-    whole = reconstruct(Scan.load(scan), method="wernet", seed=3, iterations=2)
+    whole = reconstruct(Scan.load(scan), options=Options(method="wernet", seed=3, iterations=2))
     volume = read_volume(out / "volume.npz")[0]
     np.testing.assert_array_equal(volume, whole.reconstruction.volume)
     report = json.loads(resumed.stdout)
     assert report["method"] == "wernet"
-    assert report["settings"] == json.loads(json.dumps(whole.report()["settings"]))
+    assert report["solver"] == json.loads(json.dumps(whole.report()["solver"]))
     # of other settings it is refused, and what is there stays
     other = run_tool("reconstruct", scan, *WERNET, "--scale", "2", "--resume", "-o", out)
     assert other.exit_code == 2
@@ -231,11 +245,13 @@ def test_an_encoder_is_used_as_it_is(run_tool, scan, tmp_path):
     report = json.loads(done.stdout)
     assert report["settings"]["encoder"] == str(path)
     assert report["settings"]["freeze_encoder"] is True
-    assert report["settings"]["channels"] == 4
+    assert report["solver"]["channels"] == 4
     assert report["held_out"]["cam02"]["psnr"] > 25
     assert path.read_bytes() == content
     # one that corrects nothing gives the classic solve
-    classic = reconstruct(Scan.load(scan), hold_out=["cam02"]).reconstruction.volume
+    classic = reconstruct(
+        Scan.load(scan), options=Options(hold_out=["cam02"])
+    ).reconstruction.volume
     np.testing.assert_array_equal(read_volume(tmp_path / "out" / "volume.npz")[0], classic)
 
 
@@ -276,5 +292,5 @@ def test_the_real_plume(run_tool, test_data, tmp_path):
     assert figures["data_range"] == 1
     assert figures["psnr"] > 29.0
     assert figures["ssim"] > 0.90
-    assert report["settings"]["chosen_by"] == "auto"
+    assert report["solver"]["chosen_by"] == "auto"
     assert report["seconds"]["total"] < 60

@@ -9,7 +9,7 @@ import pytest
 from phantoms import create
 from rigs import box_points, load_rig, ray_miss, ring
 from tomo import Scan, VoxelGrid
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.selfcal.refine.parameters import COUNT, moved_rig
 from tomo.selfcal.refine.prior import units
 from tomo.simulation import simulate
@@ -82,11 +82,13 @@ def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
     loaded = Scan.load(scan)
     outcome = reconstruct(
         loaded.scaled(2),
-        method="sirt",
-        iterations=2,
-        align=False,
-        refine_cameras=["cam02", "cam03"],
-        refine_prior=3.0,
+        options=Options(
+            method="sirt",
+            iterations=2,
+            align=False,
+            refine_cameras=["cam02", "cam03"],
+            refine_prior=3.0,
+        ),
     )
     report = outcome.report()["refinement"]
     assert report["cameras"]["cam02"]["prior_pixels"] == 3
@@ -102,7 +104,7 @@ def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
 
 
 def test_no_rig_is_given_back_where_nothing_is_asked(scan):
-    outcome = reconstruct(Scan.load(scan), method="sirt", iterations=2)
+    outcome = reconstruct(Scan.load(scan), options=Options(method="sirt", iterations=2))
     assert outcome.refined_rig is None
     assert outcome.report()["refinement"] is None
 
@@ -111,11 +113,11 @@ def test_no_rig_is_given_back_where_nothing_is_asked(scan):
     ("options", "words"),
     [
         (("--refine-cameras", "camX"), "refine_cameras: found camera 'camX', expected one of"),
-        (("--refine-cameras", "nominal"), "--refine-cameras: found no nominal camera in the rig"),
+        (("--refine-cameras", "nominal"), "refine_cameras: found no nominal camera in the rig"),
         (("--refine-prior", "2"), "refine_prior: found 2, expected none without cameras"),
         (
             ("--refine-cameras", "all", "--refine-prior", "0"),
-            "refine_prior: found 0, expected pixels above 0",
+            "refine_prior: found 0.0, expected a number above 0",
         ),
         (
             ("--refine-cameras", "cam01", "--hold-out", "cam01"),
@@ -158,14 +160,16 @@ def test_refined_on_one_moment_the_plume_is_predicted_better_at_another(test_dat
     cameras = (replace(c, status="nominal") if c.name in nominal else c for c in whole.rig)
     whole = replace(whole, rig=replace(whole.rig, cameras=tuple(cameras)))
     other = reconstruct(
-        whole.scaled(12), grid, frame="frame_060", method="sirt", refine_cameras=nominal
+        whole.scaled(12), grid, Options(frame="frame_060", method="sirt", refine_cameras=nominal)
     )
     assert other.refinement["accepted"]
 
     def predicted(scan):
         figures = []
         for camera in scan.rig.names:
-            outcome = reconstruct(scan.scaled(12), grid, frame="frame_090", hold_out=[camera])
+            outcome = reconstruct(
+                scan.scaled(12), grid, Options(frame="frame_090", hold_out=[camera])
+            )
             figures.append(outcome.report()["held_out"][camera]["psnr"])
         return np.mean(figures)
 

@@ -9,7 +9,7 @@ import phantoms
 import rigs
 from tomo import Scan, VoxelGrid
 from tomo.measurement import background, estimate_noise
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.screening import screen_images
 from tomo.simulation import camera_noise, simulate
 
@@ -92,7 +92,9 @@ def test_what_to_do_about_it_stands_first(tmp_path, grid):
     top = max(image.max() for image in made.images.values())
     lit = {name: image + np.float32(0.3 * top) for name, image in made.images.items()}
     folder = replace(made, images=lit).save(tmp_path / "scan")
-    found = reconstruct(Scan.load(folder), grid, method="mlem", iterations=3, uncertainty=0)
+    found = reconstruct(
+        Scan.load(folder), grid, Options(method="mlem", iterations=3, uncertainty=0)
+    )
     reported = [line for line in found.warnings if "background, " in line or "calibrate" in line]
     assert "Subtract it as a dark frame" in reported[0]
     for line in reported[1:]:

@@ -9,7 +9,7 @@ import tifffile
 from phantoms import create
 from rigs import ring
 from tomo import Scan, VoxelGrid
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate
 
 
@@ -53,7 +53,7 @@ def volume_of():
 
     def run(scan, *arguments, **settings):
         scan = scan if isinstance(scan, Scan) else Scan.load(scan)
-        return reconstruct(scan, *arguments, **settings).reconstruction.volume
+        return reconstruct(scan, *arguments, options=Options(**settings)).reconstruction.volume
 
     return run
 

@@ -11,7 +11,7 @@ from phantoms import create
 from tomo import Scan, VoxelGrid
 from tomo.io import read_volume
 from tomo.metrics import cosine_distance
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.selection.rules import STRENGTHS
 from tomo.simulation import simulate
 from tomo.simulation.effects import Effects
@@ -49,7 +49,7 @@ def fine(take):
 
 
 def basis(outcome):
-    return outcome.report()["settings"]["basis"]["name"]
+    return outcome.report()["basis"]["name"]
 
 
 def distance(outcome):
@@ -58,13 +58,13 @@ def distance(outcome):
 
 @pytest.fixture(scope="session")
 def by_splines(fine):
-    return reconstruct(fine, hold_out=["cam03"], compare=[("art", 3), ("sirt", 20)])
+    return reconstruct(fine, options=Options(hold_out=["cam03"], compare=["art:3", "sirt:20"]))
 
 
 @pytest.fixture(scope="session")
 def by_boxes(fine):
-    settings = {"hold_out": ["cam03"], "compare": [("art", 3), ("sirt", 20)]}
-    return reconstruct(fine, basis="voxel", **settings)
+    settings = {"hold_out": ["cam03"], "compare": ["art:3", "sirt:20"]}
+    return reconstruct(fine, options=Options(basis="voxel", **settings))
 
 
 def residual_of_used(outcome):
@@ -79,7 +79,7 @@ def psnr(outcome, name):
 
 def test_a_flame_in_fine_pixels_is_nearer_to_the_truth_by_splines(by_splines, by_boxes):
     assert (basis(by_splines), basis(by_boxes)) == ("linear", "voxel")
-    assert by_splines.settings["basis"]["share"] < 1
+    assert by_splines.basis["share"] < 1
     assert distance(by_splines) < 0.8 * distance(by_boxes)
     assert psnr(by_splines, "cam03") > psnr(by_boxes, "cam03") + 1
     json.dumps(by_splines.report(), allow_nan=False)
@@ -109,52 +109,58 @@ def test_what_goes_line_by_line_is_compared_by_boxes(by_splines, by_boxes):
 
 @pytest.mark.parametrize("method", ["art", "mart", "wernet-paper"])
 def test_what_goes_line_by_line_takes_boxes(fine, method):
-    assert basis(reconstruct(fine.scaled(2), method=method, iterations=1)) == "voxel"
+    assert (
+        basis(reconstruct(fine.scaled(2), options=Options(method=method, iterations=1))) == "voxel"
+    )
 
 
 def test_pixels_as_large_as_voxels_take_boxes_unless_lines_share_them(take):
     scan = take(footprint=1.0)
-    assert basis(reconstruct(scan, method="cgls", iterations=2)) == "voxel"
-    shared = reconstruct(scan, method="cgls", iterations=2, supersample=2)
-    assert shared.settings["basis"]["share"] > 0  # both were tried
+    assert basis(reconstruct(scan, options=Options(method="cgls", iterations=2))) == "voxel"
+    shared = reconstruct(scan, options=Options(method="cgls", iterations=2, supersample=2))
+    assert shared.basis["share"] > 0  # both were tried
 
 
 def test_pixels_too_fine_for_their_worth_take_boxes(take):
     scan = take(views=3, footprint=0.08, refine=1)
-    found = reconstruct(scan, method="cgls", iterations=2)
-    assert "times the work of boxes" in found.settings["basis"]["reason"]
+    found = reconstruct(scan, options=Options(method="cgls", iterations=2))
+    assert "times the work of boxes" in found.basis["reason"]
 
 
 def test_light_as_rough_as_boxes_takes_boxes(take):
     scan = take(name="homogeneous", refine=1)
-    assert basis(reconstruct(scan, method="nnls", iterations=3)) == "voxel"
+    assert basis(reconstruct(scan, options=Options(method="nnls", iterations=3))) == "voxel"
 
 
 def test_on_the_fly_takes_boxes_and_splines_when_asked(fine):
     settings = {"method": "sirt", "iterations": 5, "projector": "on-the-fly", "align": False}
-    assert basis(reconstruct(fine, **settings)) == "voxel"
+    assert basis(reconstruct(fine, options=Options(**settings))) == "voxel"
     found = [
-        reconstruct(fine, **{**settings, "projector": form}, basis="linear").reconstruction.volume
+        reconstruct(
+            fine, options=Options(**{**settings, "projector": form}, basis="linear")
+        ).reconstruction.volume
         for form in ("stored", "on-the-fly")
     ]
     assert cosine_distance(*found) < 1e-4
 
 
 def test_many_views_learn_of_boxes_and_leave_images_without_more_to_splines(fine):
-    found = reconstruct(fine, method="wernet", uncertainty=0)
+    found = reconstruct(fine, options=Options(method="wernet", uncertainty=0))
     assert basis(found) == "linear"
     assert found.reconstruction.settings["method"] == "wernet"
     assert found.reconstruction.settings["learned"] is False
     assert "by splines" in found.reconstruction.stop_reason
-    classic = reconstruct(fine, uncertainty=0)
+    classic = reconstruct(fine, options=Options(uncertainty=0))
     np.testing.assert_array_equal(found.reconstruction.volume, classic.reconstruction.volume)
 
 
 def test_what_many_views_taught_of_boxes_is_solved_for_by_splines(take):
     scan = take(effects=Effects(gain_spread=0.1), seed=3)
     settings = {"method": "wernet", "fit_gain": False, "hold_out": ["cam03"]}
-    settings["compare"] = [("sirt", 20)]
-    found, boxes = (reconstruct(scan, basis=one, **settings) for one in ("auto", "voxel"))
+    settings["compare"] = ["sirt:20"]
+    found, boxes = (
+        reconstruct(scan, options=Options(basis=one, **settings)) for one in ("auto", "voxel")
+    )
     learned, of_boxes = (one.reconstruction for one in (found, boxes))
     assert basis(found) == "linear"
     assert learned.settings["learned"] is of_boxes.settings["learned"] is True
@@ -166,7 +172,9 @@ def test_what_many_views_taught_of_boxes_is_solved_for_by_splines(take):
     assert found.cosine_distances[0][:-1] == boxes.cosine_distances[0]
     assert residual_of_used(found) == pytest.approx(learned.relative_residual, rel=0.05)
     # what is compared with knows the chords alone
-    classic = reconstruct(scan, method="sirt", iterations=20, hold_out=["cam03"], fit_gain=False)
+    classic = reconstruct(
+        scan, options=Options(method="sirt", iterations=20, hold_out=["cam03"], fit_gain=False)
+    )
     np.testing.assert_array_equal(found.comparisons[0].volume, classic.reconstruction.volume)
 
 
@@ -186,25 +194,25 @@ def test_weights_that_are_given_are_judged_on_what_predicts_better(fine, tmp_pat
     )
     save_encoder(encoder, path)
     settings = {"method": "wernet", "encoder": path, "uncertainty": 0}
-    frozen = reconstruct(fine, freeze_encoder=True, **settings)
-    assert frozen.settings["basis"]["share"] < 1
+    frozen = reconstruct(fine, options=Options(freeze_encoder=True, **settings))
+    assert frozen.basis["share"] < 1
     assert np.isfinite(frozen.reconstruction.settings["held_out_residual"]["learned"])
-    classic = reconstruct(fine, uncertainty=0)
+    classic = reconstruct(fine, options=Options(uncertainty=0))
     np.testing.assert_array_equal(frozen.reconstruction.volume, classic.reconstruction.volume)
 
 
 def test_few_views_learn_of_splines(take):
     scan = take(views=6)
-    found = reconstruct(scan, method="wernet")
+    found = reconstruct(scan, options=Options(method="wernet"))
     assert basis(found) == "linear"
-    boxes = reconstruct(scan, method="wernet", basis="voxel")
+    boxes = reconstruct(scan, options=Options(method="wernet", basis="voxel"))
     assert distance(found) < distance(boxes)
 
 
 def test_few_views_that_teach_nothing_are_judged_by_the_splines_they_were_solved_by(take):
     scan, settings = take(views=6), {"hold_out": ["cam02"], "uncertainty": 0}
-    found = reconstruct(scan, method="wernet", iterations=0, **settings)
-    classic = reconstruct(scan, **settings)
+    found = reconstruct(scan, options=Options(method="wernet", iterations=0, **settings))
+    classic = reconstruct(scan, options=Options(**settings))
     assert found.reconstruction.settings["learned"] is False
     assert basis(found) == basis(classic) == "linear"
     np.testing.assert_array_equal(found.reconstruction.volume, classic.reconstruction.volume)
@@ -221,4 +229,4 @@ def test_few_views_that_teach_nothing_are_judged_by_the_splines_they_were_solved
 )
 def test_what_cannot_be_is_refused(fine, settings, words):
     with pytest.raises(ValueError, match=words):
-        reconstruct(fine, **settings)
+        reconstruct(fine, options=Options(**settings))

@@ -12,7 +12,7 @@ from rigs import Camera, Distortion, look_at
 from rigs.recordings import write_image
 from tomo import Scan, VoxelGrid
 from tomo.metrics import nrmse
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.scan import Corrections
 from tomo.simulation import simulate
 
@@ -51,7 +51,7 @@ def scan_of(seen, tmp_path):
 
 
 def volume_of(scan, **settings):
-    return reconstruct(scan, uncertainty=0, **settings).reconstruction.volume
+    return reconstruct(scan, options=Options(uncertainty=0, **settings)).reconstruction.volume
 
 
 def unchanged(image, _random):
@@ -136,7 +136,9 @@ def test_saturated_pixels_that_are_told_cost_little(scan_of, seen, clean_error):
 def test_a_core_that_is_saturated_in_every_view_is_warned_of(scan_of, seen):
     limit = np.float32(0.5 * brightest(seen))
     told = Corrections(saturation=0.999 * limit)
-    outcome = reconstruct(scan_of(lambda image, _: np.minimum(image, limit), told), uncertainty=0)
+    outcome = reconstruct(
+        scan_of(lambda image, _: np.minimum(image, limit), told), options=Options(uncertainty=0)
+    )
     assert any("seen by no camera" in warning for warning in outcome.warnings)
 
 

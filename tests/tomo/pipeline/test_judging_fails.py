@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tomo import Scan, wernet
-from tomo.pipeline import reconstruct, steps
+from tomo.pipeline import Options, reconstruct, steps
 from tomo.report import result_figures
 from tomo.report.outcome_files import write_outcome
 from tomo.selfcal import shifts
@@ -45,9 +45,9 @@ def broken(monkeypatch):
     ],
 )
 def test_a_step_that_judges_may_fail(scan, broken, tmp_path, where, name, error, said):
-    whole = reconstruct(scan, method="mlem", iterations=3)
+    whole = reconstruct(scan, options=Options(method="mlem", iterations=3))
     broken(where, name, error)
-    found = reconstruct(scan, method="mlem", iterations=3)
+    found = reconstruct(scan, options=Options(method="mlem", iterations=3))
     np.testing.assert_array_equal(found.volume, whole.volume)
     (warning,) = [line for line in found.warnings if line.startswith(said)]
     assert "\n" not in warning
@@ -61,14 +61,14 @@ def test_a_step_that_judges_may_fail(scan, broken, tmp_path, where, name, error,
 def test_a_comparison_that_diverges_costs_nothing_but_itself(scan, broken):
     broken(wernet, "wernet_paper", wernet.TrainingDivergedError("loss: found NaN"))
     found = reconstruct(
-        scan, method="mlem", iterations=3, compare=[("wernet-paper", 1), ("mlem", 2)]
+        scan, options=Options(method="mlem", iterations=3, compare=["wernet-paper:1", "mlem:2"])
     )
     assert len(found.comparisons) == 1
     assert any("comparison wernet-paper" in line and "NaN" in line for line in found.warnings)
 
 
 def test_a_picture_that_cannot_be_drawn_is_told_of(scan, broken, tmp_path):
-    found = reconstruct(scan, method="mlem", iterations=3)
+    found = reconstruct(scan, options=Options(method="mlem", iterations=3))
     broken(result_figures, "draw_views", ImportError("libGL.so.1: cannot open"))
     write_outcome(tmp_path / "out", found)
     assert (tmp_path / "out" / "volume.npz").exists()

@@ -10,10 +10,12 @@ import tifffile
 from phantoms import GaussianBlobs, create
 from rigs import ring
 from tomo import Scan, VoxelGrid
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate
 from tomo.simulation.camera_noise import gaussian
 from tomo.simulation.effects import Effects
+from tomo.wernet import load_encoder
+from tomo.wernet.paper import WeightEncoder
 
 SIRT = {"method": "sirt", "iterations": 5}
 
@@ -32,12 +34,12 @@ def unequal(tmp_path_factory, grid):
 
 def test_wernet_learns_what_chords_do_not_know_and_judges_the_held_out_view(unequal):
     settings = {"hold_out": ["cam02"], "fit_gain": False}
-    learned = reconstruct(unequal, method="wernet", **settings)
-    classic = reconstruct(unequal, **settings)
+    learned = reconstruct(unequal, options=Options(method="wernet", **settings))
+    classic = reconstruct(unequal, options=Options(**settings))
     report = json.loads(json.dumps(learned.report(), allow_nan=False))
     assert report["method"] == "wernet"
-    assert report["settings"]["learned"] is True
-    assert set(report["settings"]["held_out_residual"]) == {"chords", "learned"}
+    assert report["solver"]["learned"] is True
+    assert set(report["solver"]["held_out_residual"]) == {"chords", "learned"}
     assert list(report["held_out"]) == ["cam02"]
     # views are seen by the learned weights, which hold the cameras' gains
     gains = [
@@ -51,7 +53,7 @@ def test_wernet_learns_what_chords_do_not_know_and_judges_the_held_out_view(uneq
     own = learned.cosine_distances[0]
     assert own[-1] == pytest.approx(distances[0], rel=1e-3)
     assert len(own) == len(learned.reconstruction.history)
-    again = reconstruct(unequal, method="wernet", **settings)
+    again = reconstruct(unequal, options=Options(method="wernet", **settings))
     np.testing.assert_array_equal(again.reconstruction.volume, learned.reconstruction.volume)
 
 
@@ -71,7 +73,9 @@ def test_few_views_teach_what_another_sees_and_not_what_is_their_own(tmp_path, e
     scan = Scan.load(made.save(tmp_path / "scan"))
     settings = {"fit_gain": False, "hold_out": ["cam02"], "uncertainty": 0}
     learned, classic = (
-        reconstruct(scan, method=method, **settings).report()["held_out"]["cam02"]["psnr"]
+        reconstruct(scan, options=Options(method=method, **settings)).report()["held_out"][
+            "cam02"
+        ]["psnr"]
         for method in ("wernet", "auto")
     )
     assert learned > classic + better
@@ -80,7 +84,7 @@ def test_few_views_teach_what_another_sees_and_not_what_is_their_own(tmp_path, e
 def test_wernet_of_dark_images_is_empty(copy):
     for path in copy.glob("images/*/*.tif"):
         tifffile.imwrite(path, np.zeros((60, 40), np.float32))
-    found = reconstruct(Scan.load(copy), method="wernet", hold_out=["cam02"])
+    found = reconstruct(Scan.load(copy), options=Options(method="wernet", hold_out=["cam02"]))
     assert not found.reconstruction.volume.any()
     assert any("the volume is empty" in warning for warning in found.warnings)
     json.dumps(found.report(), allow_nan=False)
@@ -97,4 +101,18 @@ def test_wernet_of_dark_images_is_empty(copy):
 )
 def test_what_only_wernet_takes_is_refused_elsewhere(folder, settings, words):
     with pytest.raises(ValueError, match=words):
-        reconstruct(Scan.load(folder), **SIRT, **settings)
+        reconstruct(Scan.load(folder), options=Options(**SIRT, **settings))
+
+
+def test_the_trained_encoder_is_saved_on_request(folder, tmp_path):
+    path = tmp_path / "encoder.pt"
+    scan = Scan.load(folder).scaled(2)
+    settings = {"method": "wernet-paper", "iterations": 1}
+    reconstruct(scan, options=Options(**settings, save_encoder=path))
+    assert load_encoder(path, WeightEncoder).variant == "batch-norm"
+    untrained = tmp_path / "none.pt"
+    found = reconstruct(
+        scan, options=Options(method="wernet", iterations=0, save_encoder=untrained)
+    )
+    assert not untrained.exists()
+    assert any("no encoder was trained" in warning for warning in found.warnings)

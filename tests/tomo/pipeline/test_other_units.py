@@ -14,7 +14,7 @@ import phantoms
 import rigs
 from tomo import LinearSystem, Scan, VoxelGrid, solvers
 from tomo.hull import carve
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.selfcal.gains import fit_gains, solve_with_gains
 from tomo.selfcal.shifts import align_views
 from tomo.simulation import simulate
@@ -136,7 +136,9 @@ def test_wernet_learns_the_same_of_absorption(tmp_path, scale):
     few = replace(few, settings={})  # what absorbed the light is known in one unit of length alone
     other = in_units(few, *SCALES[scale])
     expected, found = (
-        reconstruct(Scan.load(scan.save(tmp_path / name)), method="wernet", iterations=1)
+        reconstruct(
+            Scan.load(scan.save(tmp_path / name)), options=Options(method="wernet", iterations=1)
+        )
         for name, scan in (("plain", few), ("scaled", other.scan))
     )
     assert (found.learned is None) == (expected.learned is None)

@@ -6,7 +6,7 @@ import pytest
 import phantoms
 import rigs
 from tomo import Scan, VoxelGrid
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.scan import save_scan
 from tomo.simulation import simulate
 
@@ -25,7 +25,7 @@ def run(made, tmp_path):
     def reconstructed(images, **settings):
         save_scan(tmp_path / "s", made.rig, {"f": images}, grid=GRID, truth=made.truth)
         scan = Scan.load(tmp_path / "s")
-        return reconstruct(scan, uncertainty=0, **settings)
+        return reconstruct(scan, options=Options(uncertainty=0, **settings))
 
     return reconstructed
 
@@ -35,8 +35,8 @@ def test_a_wrong_view_is_named_and_costs_no_more_than_its_absence(made, run):
     images["cam03"] = np.ascontiguousarray(images["cam03"][::-1])
     outcome = run(images)
     report = outcome.report()
-    assert report["suspects"]["excluded"] == ["cam03"]
-    assert report["suspects"]["views"]["cam03"]["looks"] == "looks upside down"
+    assert report["screening"]["excluded"] == ["cam03"]
+    assert report["screening"]["views"]["cam03"]["looks"] == "looks upside down"
     assert report["views"]["cam03"]["left_out"]
     assert not report["views"]["cam03"]["held_out"]
     assert not report["views"]["cam04"]["left_out"]
@@ -48,8 +48,8 @@ def test_a_wrong_view_is_named_and_costs_no_more_than_its_absence(made, run):
 def test_suspects_can_be_kept(made, run):
     images = dict(made.images)
     images["cam03"] = np.ascontiguousarray(images["cam03"][::-1])
-    kept = run(images, suspects=False)
-    assert kept.report()["suspects"] is None
+    kept = run(images, screen=False)
+    assert kept.report()["screening"] is None
     assert not any(view.left_out for view in kept.views)
 
 
@@ -57,8 +57,8 @@ def test_a_wrong_view_held_out_stays_held_out(made, run):
     images = dict(made.images)
     images["cam03"] = np.ascontiguousarray(images["cam03"][::-1])
     report = run(images, hold_out=["cam03"]).report()
-    assert report["suspects"]["excluded"] == []
-    assert report["suspects"]["views"]["cam03"]["inconsistent"]
+    assert report["screening"]["excluded"] == []
+    assert report["screening"]["views"]["cam03"]["inconsistent"]
     assert list(report["held_out"]) == ["cam03"]
     assert any(w.startswith("camera cam03: ") for w in report["warnings"])
 
@@ -73,7 +73,7 @@ def test_outlier_pixels_are_excluded_and_reported(made, run):
     clean = run(dict(made.images)).reconstruction.quality["nrmse"]
     outcome = run(images)
     assert outcome.reconstruction.quality["nrmse"] < 1.2 * clean
-    assert sum(outcome.suspects["outlier_pixels"].values()) > 0.008 * 12 * 48 * 60
+    assert sum(outcome.screening["outlier_pixels"].values()) > 0.008 * 12 * 48 * 60
     assert any("of the pixels are outliers" in warning for warning in outcome.warnings)
 
 
@@ -100,10 +100,10 @@ def test_a_view_left_out_does_not_set_the_range_that_others_are_judged_by(made, 
 
 def test_nothing_is_suspected_of_honest_images(made, run):
     outcome = run(dict(made.images))
-    assert outcome.suspects["excluded"] == []
-    assert not any(outcome.suspects["outlier_pixels"].values())
+    assert outcome.screening["excluded"] == []
+    assert not any(outcome.screening["outlier_pixels"].values())
     assert not any("agrees" in warning for warning in outcome.warnings)
-    again = run(dict(made.images), suspects=False)
+    again = run(dict(made.images), screen=False)
     assert np.array_equal(outcome.volume, again.volume)
 
 
@@ -115,6 +115,6 @@ def test_the_command_keeps_suspects_on_request(made, run_tool, tmp_path):
     found = run_tool(*arguments, "--iterations", 2)
     assert found.exit_code == 0
     assert "camera cam03: its image contradicts" in found.stderr
-    kept = run_tool(*arguments, "--iterations", 2, "--keep-suspects")
+    kept = run_tool(*arguments, "--iterations", 2, "--no-screen")
     assert kept.exit_code == 0
     assert "cam03: its image" not in kept.stderr

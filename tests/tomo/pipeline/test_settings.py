@@ -10,7 +10,7 @@ import yaml
 
 from rigs import load_rig
 from tomo import Scan
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 
 SIRT = {"method": "sirt", "iterations": 5}
 
@@ -33,10 +33,12 @@ def test_another_seed_is_another_start(folder, volume_of, far):
 
 
 def test_the_time_limit_stops_the_solver_but_not_before_it_began(folder, outcome):
-    found = reconstruct(Scan.load(folder), method="sirt", iterations=10**6, time_limit=0.3)
+    found = reconstruct(
+        Scan.load(folder), options=Options(method="sirt", iterations=10**6, time_limit=0.3)
+    )
     assert 0.2 < found.reconstruction.history[-1].seconds < 5
     assert "stopped" in found.reconstruction.stop_reason
-    chosen = reconstruct(Scan.load(folder), time_limit=1e-6)
+    chosen = reconstruct(Scan.load(folder), options=Options(time_limit=1e-6))
     # choosing takes longer, yet is not what the limit is for
     assert chosen.reconstruction.history[-1].index == 1
     assert chosen.reconstruction.quality["cosine_distance"] < outcome.cosine_distances[0][0] / 2

@@ -7,7 +7,7 @@ from phantoms import GaussianBlobs
 from rigs import ring
 from tomo import Scan, VoxelGrid
 from tomo.io import write_volume
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate
 
 SIRT = {"method": "sirt", "iterations": 5}
@@ -50,20 +50,22 @@ def test_a_truth_that_is_a_voxel_s_part_off_is_not_compared(copy, grid):
         distant = VoxelGrid(grid.shape, grid.spacing, (1e5, 0.0, 0.0))
         rig = scan.rig.transformed(np.eye(3), np.array([1e5, 0, 0]) - grid.center)
         scan = Scan(rig, scan.frames, truth=scan.truth, source=copy)
-        assert (reconstruct(scan, distant, **SIRT).truth is not None) == alike
+        assert (reconstruct(scan, distant, Options(**SIRT)).truth is not None) == alike
 
 
 def test_shrunk_images_say_the_same(folder, outcome):
     found = reconstruct(Scan.load(folder).scaled(2))
     assert found.counts["rays"] < 0.4 * outcome.counts["rays"]
-    assert found.settings["scale"] == 2
+    assert found.scan["scale"] == 2
     assert found.reconstruction.quality["cosine_distance"] < 0.025
     assert found.reconstruction.quality["total_ratio"] == pytest.approx(1, abs=0.05)
 
 
 def test_more_rays_a_pixel(folder):
-    found = reconstruct(Scan.load(folder), supersample=2, method="mlem", iterations=10)
-    assert found.settings["supersample"] == 2
+    found = reconstruct(
+        Scan.load(folder), options=Options(supersample=2, method="mlem", iterations=10)
+    )
+    assert found.options.supersample == 2
     assert found.reconstruction.quality["total_ratio"] == pytest.approx(1, abs=0.02)
 
 

@@ -6,7 +6,7 @@ import pytest
 import rigs
 from phantoms import create
 from tomo import Scan, VoxelGrid
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate
 
 GRID = VoxelGrid((20, 52, 20), 0.7)
@@ -40,7 +40,10 @@ def photons(take):
 
 def both(scan, **how):
     """Return what comes of it unweighted and weighted."""
-    return [reconstruct(scan, uncertainty=0, weigh=weigh, **how) for weigh in (False, True)]
+    return [
+        reconstruct(scan, options=Options(uncertainty=0, pixel_weights=weigh, **how))
+        for weigh in (False, True)
+    ]
 
 
 def distance(outcome):
@@ -50,22 +53,22 @@ def distance(outcome):
 @pytest.mark.parametrize("basis", ["voxel", "linear"])
 def test_photons_are_weighed_and_the_volume_comes_nearer_to_the_truth(photons, basis):
     plain, weighed = both(photons, basis=basis)
-    assert weighed.settings["weights"]["used"]
+    assert weighed.pixel_weights["used"]
     assert weighed.reconstruction.settings["weighted"]
-    assert not plain.settings["weights"]["used"]
+    assert not plain.pixel_weights["used"]
     assert not plain.reconstruction.settings["weighted"]
     assert distance(weighed) < 0.9 * distance(plain)
 
 
 def test_even_noise_is_left_as_it_is_to_the_bit(take):
     plain, weighed = both(take(noise=0.05))
-    assert "about as noisy" in weighed.settings["weights"]["reason"]
+    assert "about as noisy" in weighed.pixel_weights["reason"]
     np.testing.assert_array_equal(weighed.reconstruction.volume, plain.reconstruction.volume)
 
 
 def test_few_views_are_weighed_too_and_mlem_which_knows_photons_is_not(take):
     plain, weighed = both(take(5, photons=PHOTONS), hold_out=["cam02"])
-    assert weighed.settings["weights"]["used"]
+    assert weighed.pixel_weights["used"]
     assert weighed.reconstruction.settings.get("weighted", True) == (
         weighed.reconstruction.settings["method"] != "mlem"
     )
@@ -74,14 +77,14 @@ def test_few_views_are_weighed_too_and_mlem_which_knows_photons_is_not(take):
 
 def test_a_method_asked_for_by_name_counts_pixels_alike_and_says_so(photons):
     plain, weighed = both(photons, method="nnls", iterations=8)
-    assert "default method" in weighed.settings["weights"]["reason"]
+    assert "default method" in weighed.pixel_weights["reason"]
     np.testing.assert_array_equal(weighed.reconstruction.volume, plain.reconstruction.volume)
 
 
 def test_wernet_starts_from_the_weighed_default(photons):
-    default = reconstruct(photons, uncertainty=0)
-    learned = reconstruct(photons, method="wernet", iterations=1)
-    assert learned.settings["weights"] == default.settings["weights"]
+    default = reconstruct(photons, options=Options(uncertainty=0))
+    learned = reconstruct(photons, options=Options(method="wernet", iterations=1))
+    assert learned.pixel_weights == default.pixel_weights
     assert learned.reconstruction.settings["weighted"]
     assert learned.reconstruction.settings["solved_by"]["weighted"]
     assert distance(learned) < 1.05 * distance(default)
@@ -94,7 +97,7 @@ def test_pixels_of_brighter_cameras_are_worth_more_once_gains_are_corrected(phot
     ]
     brighter = _Shown(photons, images)
     plain, weighed = both(brighter, fit_gain=True)
-    assert weighed.settings["weights"]["used"]
+    assert weighed.pixel_weights["used"]
     assert distance(weighed) < 0.95 * distance(plain)
 
 

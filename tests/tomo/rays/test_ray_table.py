@@ -14,7 +14,7 @@ from tomo.draw.rig import rig_scene
 from tomo.hull import carve
 from tomo.metrics import cosine_distance
 from tomo.operators import LinearSystem
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.selfcal.shifts import _motion, _without_common_motion, align_views
 from tomo.simulation import simulate
 
@@ -106,8 +106,8 @@ def test_reconstructions_agree(rig, made, tmp_path, method):
     made.save(tmp_path)
     scan = Scan.load(tmp_path)
     options = {"method": method, "iterations": 8, "hold_out": [rig.names[1]], "align": False}
-    expected = reconstruct(scan, **options)
-    found = reconstruct(replace(scan, rig=tables(rig)), **options)
+    expected = reconstruct(scan, options=Options(**options))
+    found = reconstruct(replace(scan, rig=tables(rig)), options=Options(**options))
     volumes = [outcome.volume for outcome in (expected, found)]
     assert cosine_distance(volumes[1], volumes[0]) < 1e-6
     held = [outcome.report()["held_out"][rig.names[1]]["psnr"] for outcome in (expected, found)]
@@ -118,8 +118,8 @@ def test_shrunk_images_take_shrunk_tables(rig, made, tmp_path):
     made.save(tmp_path)
     scan = Scan.load(tmp_path)
     options = {"method": "cgls", "iterations": 5, "align": False}
-    expected = reconstruct(scan.scaled(2), **options).volume
-    found = reconstruct(replace(scan, rig=tables(rig)).scaled(2), **options)
+    expected = reconstruct(scan.scaled(2), options=Options(**options)).volume
+    found = reconstruct(replace(scan, rig=tables(rig)).scaled(2), options=Options(**options))
     assert cosine_distance(found.volume, expected) < 1e-4
 
 

@@ -61,7 +61,7 @@ REPORT = {
     "seed": 7,
     "versions": {"numpy": "2.0"},
     "warnings": [f"camera {HOSTILE} looks beside"],
-    "skipping": {"active_voxels": 31999, "noise": [{"read": 0.12345678}] * 2},
+    "carving": {"active_voxels": 31999, "noise": [{"read": 0.12345678}] * 2},
     "settings": {"note": "</script><script>alert(2)</script>", "hold_out": [HOSTILE]},
 }
 

@@ -45,7 +45,7 @@ def outcome_of(system, repeats):
         system.rig,
         tuple(View(name, image, image) for name in system.rig.names),
         1.0,
-        condition=condition,
+        uncertainty=condition,
     )
 
 

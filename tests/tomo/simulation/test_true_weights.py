@@ -11,7 +11,7 @@ from phantoms import create
 from rigs import ring
 from tomo import LinearSystem, Scan, VoxelGrid
 from tomo.io import read_volume
-from tomo.pipeline import reconstruct
+from tomo.pipeline import Options, reconstruct
 from tomo.report.outcome_files import write_outcome
 from tomo.selfcal.gains import Gains
 from tomo.simulation import simulate
@@ -42,7 +42,9 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def outcome(folder):
     settings = {"fit_gain": False, "align": False, "hold_out": [HELD_OUT]}
-    return reconstruct(Scan.load(folder), method="wernet", iterations=4, **settings)
+    return reconstruct(
+        Scan.load(folder), options=Options(method="wernet", iterations=4, **settings)
+    )
 
 
 def test_true_weights_explain_the_images(folder):

@@ -6,9 +6,8 @@ import pytest
 from phantoms import create
 from rigs import ring
 from tomo import Scan, VoxelGrid
-from tomo.pipeline import reconstruct
-from tomo.pipeline.asked import repeats_of
-from tomo.pipeline.methods import method_named
+from tomo.pipeline import Options, reconstruct
+from tomo.pipeline.check_options import repeats_of
 from tomo.simulation import simulate
 from tomo.uncertainty import AUTO_REPEATS
 
@@ -24,27 +23,27 @@ def scan(tmp_path_factory):
 
 
 def test_only_the_default_method_is_repeated_without_being_asked():
-    assert repeats_of("auto", method_named("auto")) == AUTO_REPEATS
-    assert repeats_of("auto", method_named("sirt")) == 0
-    assert repeats_of(30, method_named("sirt")) == 30
-    assert repeats_of("auto", method_named("wernet")) == 0
+    assert repeats_of(Options()) == AUTO_REPEATS
+    assert repeats_of(Options(method="sirt")) == 0
+    assert repeats_of(Options(method="sirt", uncertainty=30)) == 30
+    assert repeats_of(Options(method="wernet")) == 0
 
 
 @pytest.mark.parametrize("asked", [1, -3, 2.5, "many"])
 def test_what_is_no_number_of_repeats_is_refused(asked):
     with pytest.raises(ValueError, match=r"uncertainty: found .*, expected auto, 0, or 2"):
-        repeats_of(asked, method_named("auto"))
+        Options(uncertainty=asked)
 
 
 def test_what_is_learned_is_not_repeated():
     with pytest.raises(ValueError, match="uncertainty: found 5 repeats, expected 0 or auto"):
-        repeats_of(5, method_named("wernet"))
+        repeats_of(Options(method="wernet", uncertainty=5))
 
 
 @pytest.mark.parametrize(("method", "asked"), [("auto", "auto"), ("sirt", 4), ("sirt", "auto")])
 def test_the_condition_is_in_the_report(scan, method, asked):
-    outcome = reconstruct(scan, method=method, uncertainty=asked)
-    found = json.loads(json.dumps(outcome.report(), allow_nan=False))["condition"]
+    outcome = reconstruct(scan, options=Options(method=method, uncertainty=asked))
+    found = json.loads(json.dumps(outcome.report(), allow_nan=False))["uncertainty"]
     assert found["voxels"]["median_views"] == 7
     assert 0 < found["images"]["noise"] < 2 * found["images"]["residual"]
     repeated = (method, asked) != ("sirt", "auto")
@@ -57,7 +56,7 @@ def test_the_condition_is_in_the_report(scan, method, asked):
 
 
 def test_the_condition_changes_nothing_of_the_volume(scan):
-    plain, judged = (reconstruct(scan, uncertainty=asked) for asked in (0, 3))
+    plain, judged = (reconstruct(scan, options=Options(uncertainty=asked)) for asked in (0, 3))
     assert plain.volume.tobytes() == judged.volume.tobytes()
-    assert plain.condition.standard_deviation is None
-    assert np.isfinite(judged.condition.standard_deviation).all()
+    assert plain.uncertainty.standard_deviation is None
+    assert np.isfinite(judged.uncertainty.standard_deviation).all()

@@ -33,7 +33,9 @@ def test_a_wrong_view_is_named_and_one_that_is_kept_is_a_fault(flame, monkeypatc
     assert not found.faults["view"]
 
     monkeypatch.setattr(
-        scenes, "reconstructed", lambda scan, **k: reconstruct(scan, suspects=False, **k)
+        scenes,
+        "reconstructed",
+        lambda scan, **k: reconstruct(scan, screen=False, **k),
     )
     kept = area._Measured(flame)
     kept.add("view", "upside down", images, (name,))

@@ -9,7 +9,7 @@ from typing import Any
 import phantoms
 from rigs import Rig
 from tomo import Scan, VoxelGrid
-from tomo.pipeline import Reconstruction, reconstruct
+from tomo.pipeline import Options, Reconstruction, reconstruct
 from tomo.simulation import simulate
 from tomo.simulation.simulate import SimulatedScan
 
@@ -28,9 +28,9 @@ def reconstructed(
 ) -> Reconstruction:
     """Return the reconstruction of a scan; a simulated one is written and read again."""
     if isinstance(scan, Scan):
-        return reconstruct(scan, grid, **how)
+        return reconstruct(scan, grid, Options(**how))
     with tempfile.TemporaryDirectory() as folder:
-        return reconstruct(Scan.load(scan.save(Path(folder) / "scan")), grid, **how)
+        return reconstruct(Scan.load(scan.save(Path(folder) / "scan")), grid, Options(**how))
 
 
 def seconds_of(outcome: Reconstruction) -> float:

@@ -49,13 +49,13 @@ def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
     from studies.stress.scene import ring, scene_of, solved
     from tomo import Scan
     from tomo.hull import carve
-    from tomo.pipeline import reconstruct
+    from tomo.pipeline import Options, reconstruct
     from tomo.selfcal.gains import estimate_gains
     from tomo.selfcal.shifts import align_views
 
     scan = Scan.load(folder)
     images, masks = scan.read()
-    yield "default method", reconstruct(scan, uncertainty=0).reconstruction.volume
+    yield "default method", reconstruct(scan, options=Options(uncertainty=0)).reconstruction.volume
     seen = scene_of(ring(len(scan.rig)), noise=0.02)
     yield "simulated images", np.stack(list(seen.simulated.images.values()))
     for form, projector in (("stored", seen.stored), ("on the fly", seen.on_the_fly)):
@@ -91,9 +91,11 @@ def _fewer(seen: Scene) -> Iterator[tuple[str, NDArray]]:
 
 def _learned(folder: Path) -> Iterator[tuple[str, NDArray]]:
     from tomo import Scan
-    from tomo.pipeline import reconstruct
+    from tomo.pipeline import Options, reconstruct
 
-    found = reconstruct(Scan.load(folder), method="wernet", iterations=LEARNED_ROUNDS)
+    found = reconstruct(
+        Scan.load(folder), options=Options(method="wernet", iterations=LEARNED_ROUNDS)
+    )
     yield "wernet", found.reconstruction.volume
     if found.learned is None:
         raise SystemExit("wernet learned nothing: its threads are not tried")

@@ -1,0 +1,185 @@
+"""What options, a scan and a grid allow together: refused before any image is read."""
+
+from __future__ import annotations
+
+from tomo.grid import VoxelGrid
+from tomo.operators import LINEAR, VOXEL, choose_form
+from tomo.pipeline.checks import comparison
+from tomo.pipeline.methods import AUTO, Method, method_named, method_names
+from tomo.pipeline.options import Options
+from tomo.scan import Scan
+from tomo.selfcal.refine.search import FEWEST
+from tomo.uncertainty import AUTO_REPEATS
+
+_ALL, _NOMINAL = "all", "nominal"
+
+
+def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
+    """Refuse options that contradict each other, or that a scan or a grid does not allow.
+
+    Raises
+    ------
+    ValueError
+        One line that names the option, what was found and what was expected.
+    """
+    methods = methods_of(options)
+    repeats_of(options)
+    _check_device(options.device, methods)
+    _check_learning(options, methods[0])
+    _check_hold_out(options, scan)
+    if not options.skip and options.carving != AUTO:
+        raise ValueError(
+            f"carving: found {options.carving} where nothing is left out (skip is False), "
+            "expected auto"
+        )
+    _check_basis(options, methods)
+    cameras_to_refine(options, scan)
+    if grid is None:
+        raise ValueError(
+            f"{scan.source}: grid: found none in the scan or its rig, expected one: "
+            "--grid with --spacing, or with --lower and --upper"
+        )
+    choose_form(  # before coarser grids, or single steps, are refused in its place
+        tuple(camera for camera in scan.rig if camera.name not in options.hold_out),
+        grid,
+        wanted=options.projector,
+        needs_matrix=any(one.needs_matrix for one in methods),
+        supersample=options.supersample,
+        midpoints=any(one.needs_midpoints for one in methods),
+    )
+
+
+def methods_of(options: Options) -> list[Method]:
+    """Return the method of the reconstruction, and then those to compare it with."""
+    others = [method_named(comparison(one)[0]) for one in options.compare]
+    return [method_named(options.method), *others]
+
+
+def repeats_of(options: Options) -> int:
+    """Return how often the solve is repeated with new noise; ``auto``: a few for ``auto`` alone.
+
+    Choosing has cost ``auto`` more than that; another method may run for hours.
+    """
+    method = method_named(options.method)
+    if options.uncertainty == AUTO:
+        return AUTO_REPEATS if method.name == AUTO else 0
+    if options.uncertainty and method.needs_midpoints:
+        raise ValueError(
+            f"uncertainty: found {options.uncertainty} repeats, expected 0 or auto for method "
+            f"{method.name}: learned weights are not learned again for each repeat"
+        )
+    return options.uncertainty
+
+
+def cameras_to_refine(options: Options, scan: Scan) -> tuple[str, ...]:
+    """Return the cameras to refine: those asked for that are not held out."""
+    if options.refine_cameras is None:
+        if options.refine_prior is not None:
+            raise ValueError(
+                f"refine_prior: found {options.refine_prior:g}, expected none without cameras to "
+                "refine"
+            )
+        return ()
+    names = _named_cameras(options.refine_cameras, scan)
+    left = tuple(name for name in names if name not in options.hold_out)
+    if not left:
+        found = f"only cameras held out: {', '.join(names)}" if names else "no camera"
+        raise ValueError(
+            f"{scan.source}: refine_cameras: found {found}, expected one to reconstruct from"
+        )
+    views = len(scan.rig) - len(set(options.hold_out))
+    if views < FEWEST:
+        raise ValueError(
+            f"{scan.source}: refine_cameras: found {views} views to refine with, expected at "
+            f"least {FEWEST}"
+        )
+    return left
+
+
+def _named_cameras(names: tuple[str, ...], scan: Scan) -> tuple[str, ...]:
+    """Return the cameras of a scan that ``all``, ``nominal`` or names stand for."""
+    if names == (_ALL,) and _ALL not in scan.rig.names:
+        return tuple(scan.rig.names)
+    if names == (_NOMINAL,) and _NOMINAL not in scan.rig.names:
+        nominal = tuple(camera.name for camera in scan.rig if camera.status == _NOMINAL)
+        if not nominal:
+            raise ValueError(
+                f"{scan.source}: refine_cameras: found no nominal camera in the rig, expected some"
+            )
+        return nominal
+    for name in names:
+        if name not in scan.rig.names:
+            raise ValueError(
+                f"{scan.source}: refine_cameras: found camera {name!r}, "
+                f"expected one of {', '.join(scan.rig.names)}"
+            )
+    return names
+
+
+def _check_basis(options: Options, methods: list[Method]) -> None:
+    """Refuse a lens or the linear basis where a method goes ray by ray, and both at once."""
+    ray_by_ray = [one.name for one in methods if not one.through_lenses]
+    if options.blur and ray_by_ray:
+        raise ValueError(
+            f"blur: found {options.blur}, expected 0 for method {ray_by_ray[0]}: it goes ray by "
+            "ray"
+        )
+    if options.basis != LINEAR:
+        return
+    if not methods[0].through_lenses:
+        raise ValueError(
+            f"basis: found {LINEAR}, expected {VOXEL} for method {methods[0].name}: it goes ray "
+            "by ray"
+        )
+    if options.blur:
+        raise ValueError(
+            f"basis: found {LINEAR} with blur {options.blur}, expected {VOXEL}: a lens's blur is "
+            "known for voxels alone"
+        )
+
+
+def _check_device(device: str, methods: list[Method]) -> None:
+    """Refuse a device that none of the methods runs on, or that is not there."""
+    if device == "cpu":
+        return
+    if not any(method.takes("device") for method in methods):
+        raise ValueError(
+            f"device: found {device!r}, expected cpu for method {methods[0].name}: "
+            "only wernet and wernet-paper run on others"
+        )
+    from tomo.wernet import usable_device
+
+    usable_device(device)
+
+
+def _check_learning(options: Options, method: Method) -> None:
+    """Refuse options about learning for a method that learns nothing of the kind."""
+    for name in ("encoder", "freeze_encoder", "save_encoder", "checkpoint", "resume"):
+        value = getattr(options, name)
+        if value and not _can_use(method, name):
+            able = [one for one in method_names() if _can_use(method_named(one), name)]
+            raise ValueError(
+                f"{name}: found {value!s}, expected none for method {method.name}: "
+                f"only {' and '.join(able)} can use it"
+            )
+
+
+def _can_use(method: Method, name: str) -> bool:
+    """Tell whether a method can use an option about learning."""
+    return method.needs_midpoints if name == "save_encoder" else method.takes(name)
+
+
+def _check_hold_out(options: Options, scan: Scan) -> None:
+    """Refuse to hold out cameras that are not there, or all of them."""
+    names = scan.rig.names
+    for name in options.hold_out:
+        if name not in names:
+            raise ValueError(
+                f"{scan.source}: hold_out: found camera {name!r}, "
+                f"expected one of {', '.join(names)}"
+            )
+    if set(options.hold_out) == set(names):
+        raise ValueError(
+            f"{scan.source}: hold_out: found all {len(names)} cameras, expected at least one "
+            "left to reconstruct from"
+        )

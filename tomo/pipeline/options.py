@@ -1,0 +1,297 @@
+"""Options: everything that a user can ask of a reconstruction, each declared once.
+
+The docstring, the command line's ``--help`` and report.json's ``settings`` are made from the
+declarations below: a new option is one more field.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import textwrap
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, dataclass
+from typing import Any, Self
+
+from tomo.pipeline.checks import (
+    Check,
+    choice,
+    comparisons,
+    names,
+    number,
+    path,
+    switch,
+    text,
+    whole,
+)
+from tomo.pipeline.methods import AUTO, method_names
+
+OFF = "off"
+BASES = ("voxel", "linear")
+UNSEEN = (ZERO, NOT_A_NUMBER) = ("zero", "nan")
+TRACERS = ("march", "raycast", "reference")
+PROJECTORS = (AUTO, "stored", "on-the-fly")
+
+
+def _option(
+    default: Any, help: str, check: Check, *, expert: bool = False, metavar: str | None = None
+) -> Any:
+    """Declare an option: its default, its documentation, its check, and who needs it."""
+    metadata = {"help": help, "check": check, "expert": expert, "metavar": metavar}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Everything that a user can ask of a reconstruction.
+
+    A value is checked where it is declared, and a ValueError names the option, what was found and
+    what was expected. Numbers may be given as text, names as one text with commas.
+    """
+
+    method: str = _option(
+        AUTO,
+        "The reconstruction method. auto chooses between the classic ones, and how smooth and how "
+        "long, by predicting views that it leaves out.",
+        choice(*method_names()),
+        metavar="METHOD",
+    )
+    frame: str | None = _option(
+        None,
+        "The frame to reconstruct; the first one by default. The end of its name is enough where "
+        "only one frame ends like that: 90 finds frame_090.",
+        text(optional=True),
+        metavar="FRAME",
+    )
+    hold_out: tuple[str, ...] = _option(
+        (),
+        "Cameras that are predicted from the volume and compared with their images, and that take "
+        "part in nothing else.",
+        names(),
+        metavar="CAMERA",
+    )
+    iterations: int | None = _option(
+        None,
+        "How many iterations the method runs; its own number by default. auto chooses the number.",
+        whole(0, optional=True),
+        metavar="N",
+    )
+    basis: str = _option(
+        AUTO,
+        "The unknowns. voxel: emission is constant in each voxel. linear: it runs linearly "
+        "between the voxels' centres, and the volume holds the voxels' means. auto: linear where "
+        "that clearly predicts left-out views better.",
+        choice(AUTO, *BASES),
+        metavar="BASIS",
+    )
+    blur: float = _option(
+        0.0,
+        "Diameter of the discs that a lens out of focus makes of points, at the grid's centre and "
+        "in the rig's length unit. 0: everything is in focus.",
+        number(0),
+        metavar="DIAMETER",
+    )
+    supersample: int = _option(
+        1, "K x K rays are traced for each pixel.", whole(1, 64), metavar="K"
+    )
+    refine_cameras: tuple[str, ...] | None = _option(
+        None,
+        "Cameras whose poses are refined from the images; kept only where held-out rays are "
+        "predicted better. all: every camera; nominal: those that the rig calls nominal.",
+        names(optional=True),
+        metavar="CAMERAS",
+    )
+    fit_gain: bool | None = _option(
+        None,
+        "Whether each camera's gain and background are fitted and corrected; by default where the "
+        "views disagree.",
+        switch(optional=True),
+    )
+    uncertainty: int | str = _option(
+        AUTO,
+        "How many times the solve is repeated with new noise for the standard deviation of each "
+        "voxel; 30 repeats map it, 0 is none. auto: a few, for the figures of the whole volume, "
+        "after method auto alone.",
+        whole(0, words=(AUTO,), but=(1,), expected="auto, 0, or 2 repeats or more"),
+        metavar="N",
+    )
+    seed: int = _option(
+        0, "The seed of everything random.", whole(0, 2**63 - 1, "2^63 - 1"), metavar="N"
+    )
+    compare: tuple[str, ...] = _option(
+        (),
+        "Further methods to run on the same rays, for the report: METHOD or METHOD:ITERATIONS.",
+        comparisons(tuple(name for name in method_names() if name != AUTO)),
+        expert=True,
+        metavar="METHOD[:N]",
+    )
+    time_limit: float | None = _option(
+        None,
+        "Seconds after which each solver stops at its current iteration, but not before its "
+        "first. Choosing the method and the repeats for the uncertainty come on top.",
+        number(above=0, optional=True),
+        expert=True,
+        metavar="SECONDS",
+    )
+    skip: bool = _option(
+        True,
+        "Whether pixels whose rays miss the grid, and voxels that dark pixels prove empty, are "
+        "left out of the system.",
+        switch(),
+        expert=True,
+    )
+    carving: float | str = _option(
+        AUTO,
+        "How voxels are found empty: a margin in pixels around a voxel that must be dark, auto to "
+        "find the margin from the images, or off to keep every voxel.",
+        number(0, words=(AUTO, OFF)),
+        expert=True,
+        metavar="MARGIN",
+    )
+    screen: bool = _option(
+        True,
+        "Whether bad pixels, and views that the others contradict, are excluded. A held-out "
+        "camera is never excluded.",
+        switch(),
+        expert=True,
+    )
+    align: bool = _option(
+        True,
+        "Whether images are shifted where they clearly lie beside where the rig says. A held-out "
+        "camera is never shifted.",
+        switch(),
+        expert=True,
+    )
+    refine_prior: float | None = _option(
+        None,
+        "How far refined cameras may be from the rig's, as a standard deviation in pixels; from "
+        "the calibration and the cameras' status by default.",
+        number(above=0, optional=True),
+        expert=True,
+        metavar="PIXELS",
+    )
+    pixel_weights: bool = _option(
+        True,
+        "Whether pixels are weighted by their noise where it differs, as that of photons does. "
+        "Applies to auto and to wernet, which starts from it.",
+        switch(),
+        expert=True,
+    )
+    unseen: str = _option(
+        ZERO,
+        "The value of voxels that no usable ray crosses.",
+        choice(*UNSEEN),
+        expert=True,
+        metavar="VALUE",
+    )
+    tracer: str = _option(
+        TRACERS[0],
+        "The ray tracer of a stored matrix.",
+        choice(*TRACERS),
+        expert=True,
+        metavar="TRACER",
+    )
+    projector: str = _option(
+        AUTO,
+        "Whether the matrix is stored, which is fastest, or computed on-the-fly, which takes "
+        "little memory. auto: stored where it fits in memory.",
+        choice(*PROJECTORS),
+        expert=True,
+        metavar="FORM",
+    )
+    device: str = _option(
+        "cpu",
+        "Where wernet and wernet-paper train: cpu, cuda ... Classic solves run on the CPU.",
+        text(),
+        expert=True,
+        metavar="DEVICE",
+    )
+    encoder: str | None = _option(
+        None,
+        "The encoder file that wernet or wernet-paper starts from; a new one by default.",
+        path(),
+        expert=True,
+        metavar="FILE",
+    )
+    freeze_encoder: bool = _option(
+        False,
+        "Whether the encoder is used as it is, without training.",
+        switch(),
+        expert=True,
+    )
+    save_encoder: str | None = _option(
+        None,
+        "A file to write the trained encoder of wernet or wernet-paper to.",
+        path(),
+        expert=True,
+        metavar="FILE",
+    )
+    checkpoint: str | None = _option(
+        None,
+        "A file in which wernet keeps the state of its training.",
+        path(),
+        expert=True,
+        metavar="FILE",
+    )
+    resume: bool = _option(
+        False,
+        "Whether wernet goes on from the checkpoint where there is one.",
+        switch(),
+        expert=True,
+    )
+
+    def __post_init__(self) -> None:
+        """Check every value, and keep it in the type of its declaration."""
+        for option in dataclasses.fields(self):
+            value = getattr(self, option.name)
+            check = option.metadata["check"]
+            try:
+                object.__setattr__(self, option.name, check.convert(value))
+            except (TypeError, ValueError, OverflowError):
+                raise ValueError(
+                    f"{option.name}: found {value!r}, expected {check.expected}"
+                ) from None
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Self:
+        """Return the options of a mapping such as report.json's ``settings``.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown, or a value is not allowed.
+        """
+        known = [option.name for option in dataclasses.fields(cls)]
+        for name in values:
+            if name not in known:
+                raise ValueError(f"options: found {name!r}, expected one of {', '.join(known)}")
+        return cls(**values)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return every option by name, as JSON holds them; `from_mapping` takes it back."""
+        values = {option.name: getattr(self, option.name) for option in dataclasses.fields(self)}
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
+
+
+def described(option: Field) -> str:
+    """Return what an option means, its choices and its default, as documentation shows it."""
+    said = option.metadata["help"]
+    choices = option.metadata["check"].choices
+    if choices:
+        said += f" One of {', '.join(choices)}."
+    if option.default is MISSING or option.default in (None, ()):
+        return said
+    return f"{said} Default: {option.default}."
+
+
+def _parameters(options: type) -> str:
+    """Return the numpy-style list of the options, made from their declarations."""
+    lines = ["", "", "Parameters", "----------"]
+    for option in dataclasses.fields(options):
+        lines.append(f"{option.name} : {option.type}")
+        lines += textwrap.wrap(described(option), 91, initial_indent="    ",
+                               subsequent_indent="    ")  # fmt: skip
+    return "\n".join(f"    {line}".rstrip() for line in lines) + "\n    "
+
+
+if Options.__doc__:  # python -OO has none
+    Options.__doc__ = Options.__doc__.rstrip() + _parameters(Options)
