@@ -10,19 +10,24 @@ from tomo import VoxelGrid
 from tomo.scan import save_scan
 
 
-def test_a_turbulent_flame_without_inverse_crime(run_tool, tmp_path):
-    scan, out = tmp_path / "scan", tmp_path / "out"
-    made = run_tool(
-        "simulate", "--rig", "paper33_pitch", "--phantom", "turbulent", "--supersample", "3",
-        "--refine", "2", "--seed", "2", "-o", str(scan),
-    )  # fmt: skip
-    assert made.exit_code == 0
-    found = run_tool("reconstruct", str(scan), "-o", str(out), "--json")
-    assert found.exit_code == 0
-    quality = json.loads(found.stdout)["quality"]
+def test_the_demo_is_a_turbulent_flame_without_inverse_crime(run_tool, tmp_path):
+    out = tmp_path / "flame"
+    done = run_tool("demo", "-o", out)
+    assert done.exit_code == 0, done.stderr
+    assert done.stdout == ""
+    quality = json.loads((out / "report.json").read_text("utf-8"))["quality"]
     assert quality["cosine_distance"] < 1e-3
     assert quality["nrmse"] < 0.05
     assert quality["total_ratio"] == pytest.approx(1, abs=0.01)
+    assert (out / "scan" / "scan.yaml").is_file()
+    assert "<html" in (out / "report.html").read_text("utf-8")[:200]
+    assert "<html" in (out / "rig.html").read_text("utf-8")[:200]
+    *_, last = done.stderr.splitlines()
+    assert (
+        last
+        == f"Open {out / 'report.html'} for the result and {out / 'rig.html'} for the cameras."
+    )
+    assert [line for line in done.stderr.splitlines() if line.startswith("cosine_distance ")]
 
 
 @pytest.mark.parametrize("frame", ["frame_060", "frame_090"])

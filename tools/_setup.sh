@@ -12,17 +12,31 @@ stop() {
 root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
 cd "$root"
 
+can_install() {
+    [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1
+}
+
+install_packages() {
+    say "installing: $*"
+    { apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -q -y "$@"; } >&2
+}
+
 # Install Debian or Ubuntu packages as root, or print the line that would.
 need_packages() {
-    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1; then
-        say "installing: $*"
-        { apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -q -y "$@"; } >&2 ||
-            stop "apt-get could not install: $*"
+    if can_install; then
+        install_packages "$@" || stop "apt-get could not install: $*"
     elif command -v apt-get >/dev/null 2>&1; then
         stop "missing on this system: $*; run: sudo apt-get install -y $*"
     else
         stop "missing on this system: $* (Debian's names); install them with its package manager"
     fi
+}
+
+find_browser() {
+    for browser in chromium chromium-browser google-chrome google-chrome-stable; do
+        command -v "$browser" && return
+    done
+    return 1
 }
 
 find_python() {

@@ -1,22 +1,22 @@
 #!/bin/sh
-# Sets up .venv, simulates the images of a turbulent flame, reconstructs it and draws pictures.
+# Sets up .venv, reconstructs a simulated flame by two methods, and draws every kind of picture.
 . "$(dirname -- "$0")/_setup.sh"
 
 out=out/demo
-python=.venv/bin/python
+flametomo=.venv/bin/flametomo
 
 say "== simulate: a turbulent flame in front of 33 cameras"
 # 3 x 3 rays a pixel and voxels half as wide as those reconstructed: no inverse crime
-$python tools/simulate.py --rig paper33_pitch --phantom turbulent \
+$flametomo simulate --rig paper33_pitch --phantom turbulent \
     --supersample 3 --refine 2 --seed 1 -o "$out/scan"
 
-say "== reconstruct it"
-$python tools/reconstruct.py "$out/scan" -o "$out" --compare wernet-paper:3
+say "== reconstruct it, also by the network of the WERNet paper"
+$flametomo reconstruct "$out/scan" -o "$out" --compare wernet-paper:3
 
 say "== draw the rig with the volume, and the volume"
 for kind in png html glb; do
-    $python tools/visualize_rig.py "$out/scan/rig.yaml" --volume "$out/volume.npz" -o "$out/rig.$kind"
-    $python tools/visualize_volume.py "$out/volume.npz" -o "$out/flame.$kind"
+    $flametomo visualize-rig "$out/scan/rig.yaml" --volume "$out/volume.npz" -o "$out/rig.$kind"
+    $flametomo visualize-volume "$out/volume.npz" -o "$out/flame.$kind"
 done
 
 say "done; open these:"

@@ -10,19 +10,21 @@ TOOLS = Path(__file__).resolve().parents[2] / "tools"
 SCRIPTS = sorted(TOOLS.glob("*.sh"))
 
 # As Python: its version suffices; `-m venv` makes .venv with itself; the rest it only records.
+# It also stands in for flametomo.
 FAKE_PYTHON = """#!/bin/sh
 echo "$*" | head -n 1 >>"$CALLS"
 case "$*" in
   *version_info\\ \\<*) exit "${OLD:-0}" ;;
   *"import ensurepip, venv"*) exit "${NO_VENV:-0}" ;;
   *"%d.%d"*) echo 3.11 ;;
-  *"-m venv"*) mkdir -p .venv/bin && cp "$FAKE" .venv/bin/python ;;
+  *"-m venv"*) mkdir -p .venv/bin
+    cp "$FAKE" .venv/bin/python; cp "$FAKE" .venv/bin/flametomo ;;
   *"-m pip"*) exit "${NO_PIP:-0}" ;;
   *ctypes*) for package in $MISSING; do echo "$package"; done ;;
 esac
 """
 FAKE_ID = "#!/bin/sh\necho ${FAKE_UID:-1000}\n"
-FAKE_APT = '#!/bin/sh\necho "apt-get $*" >>"$CALLS"\n'
+FAKE_APT = '#!/bin/sh\necho "apt-get $*" >>"$CALLS"\nexit "${NO_APT:-0}"\n'
 
 
 @pytest.fixture
@@ -124,22 +126,45 @@ def test_missing_libraries_are_named_to_others(project):
     assert "apt-get" not in calls
 
 
+def test_a_browser_is_installed_by_root_for_the_tests_of_pages(project):
+    done, calls = project("test.sh", FAKE_UID="0")
+    assert done.returncode == 0, done.stderr
+    assert "apt-get install -q -y chromium" in calls
+    assert "chromium" not in project("demo.sh", FAKE_UID="0")[1]
+
+
+@pytest.mark.parametrize("who", [{}, {"FAKE_UID": "0", "NO_APT": "1"}], ids=["user", "offline"])
+def test_without_a_browser_the_other_tests_run(project, who):
+    done, calls = project("test.sh", **who)
+    assert done.returncode == 0, done.stderr
+    assert "the tests of HTML pages are skipped" in done.stderr
+    assert calls.splitlines()[-1] == "-m pytest"
+
+
+def test_a_browser_that_is_there_will_do(project):
+    (project.commands / "google-chrome").write_text("")
+    (project.commands / "google-chrome").chmod(0o755)
+    done, calls = project("test.sh", FAKE_UID="0")
+    assert "apt-get" not in calls
+    assert "tests of HTML pages" not in done.stderr
+
+
 def test_the_demo_simulates_reconstructs_and_names_its_files(project):
     done, calls = project("demo.sh")
     assert done.returncode == 0, done.stderr
-    tools = [line.split()[0] for line in calls.splitlines() if line.startswith("tools/")]
-    assert tools[:2] == ["tools/simulate.py", "tools/reconstruct.py"]
-    assert {"tools/visualize_rig.py", "tools/visualize_volume.py"} <= set(tools)
+    verbs = [line.split()[0] for line in calls.splitlines() if "out/demo" in line]
+    assert verbs[:2] == ["simulate", "reconstruct"]
+    assert {"visualize-rig", "visualize-volume"} <= set(verbs)
     assert "out/demo/report.html" in done.stderr
 
 
 def test_the_demo_stops_where_a_step_fails(project):
     project()
-    python = project.root / ".venv/bin/python"
-    python.write_text(FAKE_PYTHON + 'case "$*" in tools/simulate*) exit 2 ;; esac\n')
+    flametomo = project.root / ".venv/bin/flametomo"
+    flametomo.write_text(FAKE_PYTHON + 'case "$*" in simulate*) exit 2 ;; esac\n')
     done, calls = project("demo.sh")
     assert done.returncode == 2
-    assert "reconstruct.py" not in calls
+    assert "reconstruct" not in calls
 
 
 def test_every_library_of_open3d_is_looked_for():

@@ -13,6 +13,7 @@ from tomo.cli.errors import end
 from tomo.cli.usage import UsageError, command_line
 
 VERBS = {
+    "demo": "Simulate a turbulent flame, reconstruct it, and write the report.",
     "simulate": "Simulate the images that a rig's cameras take of a phantom.",
     "reconstruct": "Reconstruct the emission in every voxel from a scan's images.",
     "visualize-rig": "Draw a rig's cameras and the volume that they look at.",

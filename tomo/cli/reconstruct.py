@@ -32,9 +32,11 @@ def reconstruct(
     scan: Annotated[
         Path | None, typer.Argument(help="A scan folder, scan.yaml or transforms.json.")
     ] = None,
-    rig: Annotated[Path | None, typer.Option(help="Instead of SCAN: a rig.yaml ...")] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="A rig.yaml, with --images, in place of SCAN.")
+    ] = None,
     images: Annotated[
-        Path | None, typer.Option(help="... and a folder <camera>/<frame>.tif")
+        Path | None, typer.Option(help="A folder CAMERA/FRAME.tif, with --rig.")
     ] = None,
     method: Annotated[
         str,
@@ -76,7 +78,7 @@ def reconstruct(
         str | None,
         typer.Option(
             help="Refine cameras from the images, kept if rays held out improve: "
-            "CAMERA,CAMERA ..., all, or nominal (those whose status is)."
+            "names with commas, all, or nominal (those whose status is)."
         ),
     ] = None,
     refine_prior: Annotated[
@@ -111,7 +113,7 @@ def reconstruct(
     unseen: Annotated[
         str, typer.Option(help="What stands where no ray crosses a voxel: zero or nan.")
     ] = "zero",
-    device: Annotated[str, typer.Option(help="For WERNet: cpu, cuda ...")] = "cpu",
+    device: Annotated[str, typer.Option(help="For WERNet: cpu or cuda.")] = "cpu",
     encoder: Annotated[
         str | None, typer.Option(help="For WERNet: start from an encoder's file or name.")
     ] = None,
