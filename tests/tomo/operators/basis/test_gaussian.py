@@ -40,14 +40,6 @@ def derived(lines, width):
 
 @WIDTHS
 @pytest.mark.parametrize("name", ["whole", "subset", "take", "view"])
-@pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-6)])
-def test_the_adjoint_matches(lines, width, name, dtype, bound):
-    smooth, _ = derived(lines, width)[name]
-    assert max(dot_test(smooth, seed, dtype) for seed in range(20)) < bound
-
-
-@WIDTHS
-@pytest.mark.parametrize("name", ["whole", "subset", "take", "view"])
 def test_it_projects_the_blurred_coefficients(lines, width, name):
     smooth, plain = derived(lines, width)[name]
     coefficients = np.random.default_rng(1).random(lines.grid.shape)
