@@ -7,7 +7,7 @@ import pytest
 
 from rigs import load_rig
 from rigs.recordings import write_image
-from tomo import Scan
+from tomo import load_scan
 
 README = (Path(__file__).parents[1] / "README.md").read_text("utf-8")
 
@@ -40,7 +40,7 @@ def test_yaml_examples_are_a_rig_and_a_scan_of_it(tmp_path):
     write_image(tmp_path / "raw/left_0001.tif", raw)
     write_image(tmp_path / "dark.tif", dark)
     write_image(tmp_path / "left_mask.png", mask)
-    (image,), (usable,) = Scan.load(tmp_path).read("0001")
+    (image,), (usable,) = load_scan(tmp_path).read("0001")
     assert image[1, 1] == pytest.approx(1.02 * 1900 / 4095)
     assert not usable[0, 0]
 

@@ -13,7 +13,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "operators": ["LinearSystem", "Projector", "GaussianBasis", "dot_test"],
         "pipeline": ["Options", "Reconstruction", "reconstruct"],
         "rays": ["Rays"],
-        "scan": ["Corrections", "Frame", "Scan", "save_scan"],
+        "scan": ["Corrections", "Frame", "Scan", "load_scan", "save_scan", "scan_of_images"],
         "simulation": ["simulate"],
         "solvers": ["Iteration", "Solution"],
         "trace": ["Segments", "trace"],

@@ -24,7 +24,7 @@ from rigs.calibrate.detect.image_sets import read_source
 from rigs.files import load_rig, save_rig
 from rigs.ray_table.ray_file import load_ray_table, save_ray_table
 from rigs.recordings import is_integer_image, read_image
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume, write_volume
 from tomo.selection import Choice
 from tomo.wernet import load_encoder, save_encoder
@@ -136,7 +136,7 @@ def _scans(folder):
     }
 
     def load(path):
-        return Scan.load(path).read()
+        return load_scan(path).read()
 
     return {
         "scan.yaml": Reader("scan.yaml", load, (_SCAN,), TREE, others),

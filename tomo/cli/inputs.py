@@ -128,9 +128,9 @@ def load_rig_and_grid(text: str) -> tuple[Rig, VoxelGrid | None]:
     if text in preset_names():
         rig = preset(text)
     elif (path.is_file() and path.name == "scan.yaml") or (path / "scan.yaml").is_file():
-        from tomo import Scan
+        from tomo import load_scan
 
-        scan = Scan.load(path)
+        scan = load_scan(path)
         rig, grid = scan.rig, scan.grid
     elif path.exists():
         rig = formats.load(files[0] if files else path)

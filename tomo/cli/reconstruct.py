@@ -195,12 +195,12 @@ def reconstruct(
 
 
 def _load(scan: Path | None, rig: Path | None, images: Path | None) -> object:
-    from tomo import Scan
+    from tomo import load_scan, scan_of_images
 
     if scan is not None and rig is None and images is None:
-        return Scan.load(scan)
+        return load_scan(scan)
     if scan is None and rig is not None and images is not None:
-        return Scan.from_images(rig, images)
+        return scan_of_images(rig, images)
     raise ValueError("SCAN: expected either a scan, or --rig and --images together")
 
 

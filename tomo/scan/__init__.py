@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "corrections": ["Corrections"],
-        "files": ["save_scan"],
+        "files": ["load_scan", "save_scan", "scan_of_images"],
         "scan": ["Frame", "Scan"],
     },
 )

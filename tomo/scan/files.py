@@ -30,7 +30,15 @@ SCAN_FILE = "scan.yaml"
 
 
 def load_scan(path: str | PathLike) -> Scan:
-    """Load what `Scan.load` says."""
+    """Load a scan folder, its ``scan.yaml``, or a NeRF-style ``transforms.json``.
+
+    Raises
+    ------
+    ValueError
+        One line that names file, camera and field.
+    FileNotFoundError
+        If there is nothing at ``path``.
+    """
     path = Path(path)
     if path.is_dir():
         found = [path / name for name in (SCAN_FILE, "transforms.json") if (path / name).is_file()]
@@ -138,7 +146,15 @@ def _check_cameras(path: Path, field: str, cameras: Mapping[str, Any], rig: Rig)
 
 
 def scan_of_images(rig: Rig | str | PathLike, images: str | PathLike, **settings: Any) -> Scan:
-    """Build what `Scan.from_images` says."""
+    """Return the scan of a rig (or a rig file) and a folder ``images/<camera>/<frame>.*``.
+
+    ``settings`` are further fields of Scan: ``corrections``, ``grid``.
+
+    Raises
+    ------
+    ValueError
+        If a camera has no folder, or two images of a camera share one frame name.
+    """
     rig = rig if isinstance(rig, Rig) else formats.load(rig)
     folder = Path(images)
     if not folder.is_dir():

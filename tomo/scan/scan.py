@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -85,38 +85,6 @@ class Scan:
             if count > 1:
                 raise ValueError(f"{self._where}frame {name!r}: found twice, expected once")
 
-    @classmethod
-    def load(cls, path: str | os.PathLike) -> Scan:
-        """Load a scan folder, its ``scan.yaml``, or a NeRF-style ``transforms.json``.
-
-        Raises
-        ------
-        ValueError
-            One line that names file, camera and field.
-        FileNotFoundError
-            If there is nothing at ``path``.
-        """
-        from tomo.scan.files import load_scan
-
-        return load_scan(path)
-
-    @classmethod
-    def from_images(
-        cls, rig: Rig | str | os.PathLike, images: str | os.PathLike, **settings: object
-    ) -> Scan:
-        """Return the scan of a rig (or a rig file) and a folder ``images/<camera>/<frame>.*``.
-
-        ``settings`` are further fields of Scan: ``corrections``, ``grid``.
-
-        Raises
-        ------
-        ValueError
-            If a camera has no folder, or two images of a camera share one frame name.
-        """
-        from tomo.scan.files import scan_of_images
-
-        return scan_of_images(rig, images, **settings)
-
     @property
     def frame_names(self) -> tuple[str, ...]:
         """The names of the frames, in order."""
@@ -127,18 +95,27 @@ class Scan:
         return "" if self.source is None else f"{self.source}: "
 
     def frame(self, name: str | None = None) -> Frame:
-        """Return a frame by name; the first one when None.
+        """Return a frame by name, or by the end of its name; the first one when None.
+
+        The name itself comes first; then the number that a name ends with, ``90`` for
+        ``frame_090``; then any other end, where only one frame has it.
 
         Raises
         ------
         ValueError
-            If there is no frame of that name; the message lists those that there are.
+            If no frame, or more than one, is meant; the message lists those that there are.
         """
         if name is None:
             return self.frames[0]
-        for frame in self.frames:
-            if frame.name == name:
-                return frame
+        ways = (
+            lambda frame: frame.name == name,
+            lambda frame: _last_number(frame.name) == _last_number(name) and name.isdecimal(),
+            lambda frame: name != "" and frame.name.endswith(name),
+        )
+        for is_meant in ways:
+            found = [frame for frame in self.frames if is_meant(frame)]
+            if len(found) == 1:
+                return found[0]
         known = ", ".join(self.frame_names)
         raise ValueError(f"{self._where}frame: found {name!r}, expected one of {known}")
 
@@ -237,6 +214,12 @@ class Scan:
         path, size = frame.images[camera], self.recorded_sizes[camera]
         image, usable = self.corrections.corrected(path, camera, size, source=self.source)
         return _area_means(image, self.shrink), _all_of_area(usable, self.shrink)
+
+
+def _last_number(name: str) -> int | None:
+    """Return the number that a name ends with; None where it ends otherwise."""
+    digits = re.search(r"[0-9]+$", name)
+    return int(digits[0]) if digits else None
 
 
 def _blocks(image: NDArray, factor: int) -> NDArray:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rigs import Camera, Distortion, Rig, formats, load_rig, preset, save_rig
-from tomo import Scan
+from tomo import scan_of_images
 
 
 @pytest.fixture
@@ -123,5 +123,5 @@ def test_foreign_rigs_stand_beside_images(tmp_path, rig):
     for name in rig.names:
         (tmp_path / "images" / name).mkdir(parents=True)
         cv2.imwrite(str(tmp_path / "images" / name / "t0.png"), np.zeros((480, 640), np.uint8))
-    scan = Scan.from_images(tmp_path / "transforms.json", tmp_path / "images")
+    scan = scan_of_images(tmp_path / "transforms.json", tmp_path / "images")
     assert scan.rig.names == rig.names

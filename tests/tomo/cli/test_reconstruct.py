@@ -10,7 +10,7 @@ import pytest
 
 from phantoms import create
 from rigs import ring
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume, write_volume
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate
@@ -63,7 +63,7 @@ def test_the_report_is_printed_written_and_true(done, scan):
     out, result = done
     report = json.loads(result.stdout)
     assert report == json.loads((out / "report.json").read_text("utf-8"))
-    truth, _, _ = read_volume(Scan.load(scan).truth)
+    truth, _, _ = read_volume(load_scan(scan).truth)
     data = read_volume(out / "volume.npz")[0].astype(np.float64)
     cosine = np.vdot(data, truth) / np.linalg.norm(data) / np.linalg.norm(truth)
     assert report["quality"]["cosine_distance"] == pytest.approx(1 - cosine, abs=1e-6)
@@ -177,7 +177,7 @@ def test_a_rig_and_a_folder_of_images(run_tool, scan, tmp_path):
     assert done.exit_code == 0, done.stderr
     data, grid, _ = read_volume(tmp_path / "volume.npz")
     expected = reconstruct(
-        Scan.load(scan), options=Options(method="sirt", iterations=3)
+        load_scan(scan), options=Options(method="sirt", iterations=3)
     ).reconstruction.volume
     np.testing.assert_array_equal(data, expected)
     np.testing.assert_allclose(grid.lower, GRID.lower)
@@ -188,7 +188,7 @@ def test_a_reconstruction_can_be_simulated_again(run_tool, done, scan, tmp_path)
     options = ("--rig", rig, "--phantom", volume, "--supersample", "2")
     again = run_tool("simulate", *options, "-o", tmp_path / "again")
     assert again.exit_code == 0, again.stderr
-    seen, first = Scan.load(tmp_path / "again").images(), Scan.load(scan).images()
+    seen, first = load_scan(tmp_path / "again").images(), load_scan(scan).images()
     assert np.linalg.norm(np.subtract(seen, first)) < 0.3 * np.linalg.norm(first)
 
 
@@ -219,7 +219,7 @@ def test_wernet_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, monkey
     assert [path.name for path in out.iterdir()] == ["checkpoint.pt"]
     resumed = run_tool("reconstruct", scan, *WERNET, "--resume", "--json", "-o", out)
     assert resumed.exit_code == 0, resumed.stderr
-    whole = reconstruct(Scan.load(scan), options=Options(method="wernet", seed=3, iterations=2))
+    whole = reconstruct(load_scan(scan), options=Options(method="wernet", seed=3, iterations=2))
     volume = read_volume(out / "volume.npz")[0]
     np.testing.assert_array_equal(volume, whole.reconstruction.volume)
     report = json.loads(resumed.stdout)
@@ -250,7 +250,7 @@ def test_an_encoder_is_used_as_it_is(run_tool, scan, tmp_path):
     assert path.read_bytes() == content
     # one that corrects nothing gives the classic solve
     classic = reconstruct(
-        Scan.load(scan), options=Options(hold_out=["cam02"])
+        load_scan(scan), options=Options(hold_out=["cam02"])
     ).reconstruction.volume
     np.testing.assert_array_equal(read_volume(tmp_path / "out" / "volume.npz")[0], classic)
 

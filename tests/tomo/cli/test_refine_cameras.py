@@ -8,7 +8,7 @@ import pytest
 
 from phantoms import create
 from rigs import box_points, load_rig, ray_miss, ring
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.selfcal.refine.parameters import COUNT, moved_rig
 from tomo.selfcal.refine.prior import units
@@ -79,7 +79,7 @@ def test_the_report_says_what_was_refined(done):
 
 
 def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
-    loaded = Scan.load(scan)
+    loaded = load_scan(scan)
     outcome = reconstruct(
         loaded.scaled(2),
         options=Options(
@@ -104,7 +104,7 @@ def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
 
 
 def test_no_rig_is_given_back_where_nothing_is_asked(scan):
-    outcome = reconstruct(Scan.load(scan), options=Options(method="sirt", iterations=2))
+    outcome = reconstruct(load_scan(scan), options=Options(method="sirt", iterations=2))
     assert outcome.refined_rig is None
     assert outcome.report()["refinement"] is None
 
@@ -152,7 +152,7 @@ def test_a_scan_s_own_rig_stays_and_a_refined_one_goes_with_its_outcome(run_tool
 
 def test_refined_on_one_moment_the_plume_is_predicted_better_at_another(test_data):
     """The two cameras that carry only an average field of view, refined on the other frame."""
-    whole = Scan.load(test_data / "scalarflow" / "transforms.json")
+    whole = load_scan(test_data / "scalarflow" / "transforms.json")
     grid = VoxelGrid.from_bounds(
         (32, 48, 32), (0.0818, -0.0446, -0.4958), (0.5727, 0.6917, -0.0049)
     )

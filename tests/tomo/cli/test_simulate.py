@@ -6,7 +6,7 @@ import pytest
 from phantoms import create
 from rigs import Camera, Rig, save_rig
 from rigs.camera import look_at
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume, write_volume
 
 GRID = VoxelGrid((6, 10, 6), 0.5, (0.0, 1.0, 0.0))
@@ -30,7 +30,7 @@ def test_a_scan_is_written_and_described(run_tool, rig, tmp_path):
     told = json.loads(done.stdout)
     assert told["cameras"] == ["front"]
     assert told["settings"]["supersample"] == 2
-    scan = Scan.load(told["scan"])
+    scan = load_scan(told["scan"])
     assert scan.grid == GRID
     assert scan.images()[0].max() == pytest.approx(told["maximum"])
     truth, grid, _ = read_volume(scan.truth)
@@ -58,7 +58,7 @@ def test_the_seed_reaches_phantom_and_noise(run_tool, rig, tmp_path):
         done = run_tool("simulate", *arguments, "--seed", seed, "-o", tmp_path / name)
         assert done.exit_code == 0, done.stderr
         assert done.stdout == ""
-        images[name] = Scan.load(tmp_path / name).images()[0]
+        images[name] = load_scan(tmp_path / name).images()[0]
     np.testing.assert_array_equal(images["a"], images["b"])
     assert np.abs(images["a"] - images["c"]).max() > 0
 
@@ -69,7 +69,7 @@ def test_a_volume_file_brings_its_own_grid(run_tool, rig, tmp_path):
     arguments = ("--rig", rig, "--phantom", tmp_path / "flame.vti")
     done = run_tool("simulate", *arguments, "-o", tmp_path / "scan")
     assert done.exit_code == 0, done.stderr
-    scan = Scan.load(tmp_path / "scan")
+    scan = load_scan(tmp_path / "scan")
     truth, grid, _ = read_volume(scan.truth)
     assert grid.shape == GRID.shape
     np.testing.assert_allclose(truth, volume, rtol=1e-6)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rigs.files import remove_leftovers
-from tomo import Scan
+from tomo import load_scan
 from tomo.io import read_volume
 
 ROOT = Path(__file__).parents[3]
@@ -48,7 +48,7 @@ def versions_in(folder):
         values = read_volume(folder / f"volume{suffix}")[0]
         found[suffix] = {int(value) for value in np.unique(np.floor(values))}
     if (folder / "scan" / "scan.yaml").exists():  # else the folder says that it is not complete
-        scan = Scan.load(folder / "scan")
+        scan = load_scan(folder / "scan")
         values = {float(value) for image in scan.images() for value in np.unique(image)}
         values |= {float(value) for value in np.unique(read_volume(scan.truth)[0])}
         values |= {round(float(np.linalg.norm(c.position))) - 100.0 for c in scan.rig}

@@ -7,7 +7,7 @@ import pytest
 
 import phantoms
 import rigs
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.measurement import background, estimate_noise
 from tomo.pipeline import Options, reconstruct
 from tomo.screening import screen_images
@@ -93,7 +93,7 @@ def test_what_to_do_about_it_stands_first(tmp_path, grid):
     lit = {name: image + np.float32(0.3 * top) for name, image in made.images.items()}
     folder = replace(made, images=lit).save(tmp_path / "scan")
     found = reconstruct(
-        Scan.load(folder), grid, Options(method="mlem", iterations=3, uncertainty=0)
+        load_scan(folder), grid, Options(method="mlem", iterations=3, uncertainty=0)
     )
     reported = [line for line in found.warnings if "background, " in line or "calibrate" in line]
     assert "Subtract it as a dark frame" in reported[0]

@@ -8,7 +8,7 @@ import tifffile
 
 from phantoms import create
 from rigs import ring
-from tomo import Scan, VoxelGrid
+from tomo import Scan, VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate
 
@@ -44,7 +44,7 @@ def copy(folder, tmp_path):
 
 @pytest.fixture(scope="session")
 def outcome(folder):
-    return reconstruct(Scan.load(folder))
+    return reconstruct(load_scan(folder))
 
 
 @pytest.fixture(scope="session")
@@ -52,7 +52,7 @@ def volume_of():
     """Return a function that reconstructs a scan, or a folder, and returns the volume."""
 
     def run(scan, *arguments, **settings):
-        scan = scan if isinstance(scan, Scan) else Scan.load(scan)
+        scan = scan if isinstance(scan, Scan) else load_scan(scan)
         return reconstruct(scan, *arguments, options=Options(**settings)).reconstruction.volume
 
     return run

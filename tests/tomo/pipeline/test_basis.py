@@ -8,7 +8,7 @@ import torch
 
 import rigs
 from phantoms import create
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume
 from tomo.metrics import cosine_distance
 from tomo.pipeline import Options, reconstruct
@@ -38,7 +38,7 @@ def take(tmp_path_factory):
         )
         field = create(name, 4, GRID.extent, GRID.center)
         simulate(rig, field, GRID, supersample=3, refine=refine, **how).save(folder)
-        return Scan.load(folder)
+        return load_scan(folder)
 
     return scan
 

@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parents[3]
 COMPILED_LATER = """
 import sys
 from numba.core.dispatcher import Dispatcher
-from tomo import Scan, VoxelGrid
+from tomo import Scan, VoxelGrid, load_scan
 from tomo.pipeline.first_use import warm_up, warm_up_alignment, warm_up_carving
 from tomo.pipeline import Options, reconstruct
 
@@ -25,7 +25,7 @@ before = known()
 grid = VoxelGrid((20, 40, 20), 0.5, (1.0, -2.0, 0.5))
 for basis in ("voxel", "linear"):
     outcome = reconstruct(
-        Scan.load(sys.argv[1]), grid, Options(method="sirt", iterations=2, basis=basis)
+        load_scan(sys.argv[1]), grid, Options(method="sirt", iterations=2, basis=basis)
     )
 assert 4096 < outcome.counts["active_voxels"] < grid.size  # some dead, and many others
 assert before

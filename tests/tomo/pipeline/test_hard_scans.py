@@ -10,7 +10,7 @@ import phantoms
 import rigs
 from rigs import Camera, Distortion, look_at
 from rigs.recordings import write_image
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.metrics import nrmse
 from tomo.pipeline import Options, reconstruct
 from tomo.scan import Corrections
@@ -44,7 +44,7 @@ def scan_of(seen, tmp_path):
         random = np.random.default_rng(0)
         images = {name: change(image.copy(), random) for name, image in seen.images.items()}
         changed = replace(seen, images=MappingProxyType(images))
-        scan = Scan.load(changed.save(tmp_path / f"scan {len(list(tmp_path.iterdir()))}"))
+        scan = load_scan(changed.save(tmp_path / f"scan {len(list(tmp_path.iterdir()))}"))
         return scan if corrections is None else replace(scan, corrections=corrections)
 
     return make
@@ -60,7 +60,7 @@ def unchanged(image, _random):
 
 @pytest.fixture(scope="module")
 def clean_error(seen, tmp_path_factory):
-    scan = Scan.load(seen.save(tmp_path_factory.mktemp("clean") / "scan"))
+    scan = load_scan(seen.save(tmp_path_factory.mktemp("clean") / "scan"))
     return nrmse(volume_of(scan), seen.truth)
 
 
@@ -169,7 +169,7 @@ def test_cameras_inside_the_grid_prove_nothing_empty_that_lies_behind_them(tmp_p
         return np.exp(-2 * away**2) * (away < 2.2)
 
     made = simulate(rigs.Rig(tuple(cameras)), cloud, grid, supersample=2, refine=2)
-    scan = Scan.load(made.save(tmp_path / "scan"))
+    scan = load_scan(made.save(tmp_path / "scan"))
     skipped, whole = (
         nrmse(volume_of(scan, method="mlem", skip=skip), made.truth) for skip in (True, False)
     )
@@ -185,5 +185,5 @@ def test_elsewhere_and_in_other_units_the_error_is_the_same(tmp_path):
             7, distance=300 * unit, image_size=(36, 52), footprint=0.3 * unit, pitch_degrees=10
         ).transformed(np.eye(3), grid.center)
         made = jet(rig, grid)
-        errors.append(nrmse(volume_of(Scan.load(made.save(tmp_path / str(number)))), made.truth))
+        errors.append(nrmse(volume_of(load_scan(made.save(tmp_path / str(number)))), made.truth))
     assert errors[1:] == pytest.approx([errors[0]] * 3, rel=1e-3)

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tomo import Scan, wernet
+from tomo import load_scan, wernet
 from tomo.pipeline import Options, reconstruct, steps
 from tomo.report import result_figures
 from tomo.report.outcome_files import write_outcome
@@ -20,7 +20,7 @@ class OfALibraryError(Exception):
 
 @pytest.fixture
 def scan(folder):
-    return Scan.load(folder)
+    return load_scan(folder)
 
 
 @pytest.fixture

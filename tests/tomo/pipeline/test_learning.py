@@ -9,7 +9,7 @@ import tifffile
 
 from phantoms import GaussianBlobs, create
 from rigs import ring
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate
 from tomo.simulation.camera_noise import gaussian
@@ -29,7 +29,7 @@ def unequal(tmp_path_factory, grid):
     field = GaussianBlobs(np.add(grid.center, [[1, 3, -1], [-1, -4, 0.5]]), [1.8, 2.2], [1.0, 0.7])
     effects = Effects(gain_spread=0.1)
     simulate(rig, field, grid, supersample=2, refine=2, effects=effects, seed=2).save(folder)
-    return Scan.load(folder)
+    return load_scan(folder)
 
 
 def test_wernet_learns_what_chords_do_not_know_and_judges_the_held_out_view(unequal):
@@ -70,7 +70,7 @@ def test_few_views_teach_what_another_sees_and_not_what_is_their_own(tmp_path, e
     made = simulate(rig, flame, grid, supersample=2, refine=2, effects=effects, seed=13)
     images = gaussian(list(made.images.values()), 0.005, np.random.default_rng(13))
     made = replace(made, images=dict(zip(rig.names, images, strict=True)))
-    scan = Scan.load(made.save(tmp_path / "scan"))
+    scan = load_scan(made.save(tmp_path / "scan"))
     settings = {"fit_gain": False, "hold_out": ["cam02"], "uncertainty": 0}
     learned, classic = (
         reconstruct(scan, options=Options(method=method, **settings)).report()["held_out"][
@@ -84,7 +84,7 @@ def test_few_views_teach_what_another_sees_and_not_what_is_their_own(tmp_path, e
 def test_wernet_of_dark_images_is_empty(copy):
     for path in copy.glob("images/*/*.tif"):
         tifffile.imwrite(path, np.zeros((60, 40), np.float32))
-    found = reconstruct(Scan.load(copy), options=Options(method="wernet", hold_out=["cam02"]))
+    found = reconstruct(load_scan(copy), options=Options(method="wernet", hold_out=["cam02"]))
     assert not found.reconstruction.volume.any()
     assert any("the volume is empty" in warning for warning in found.warnings)
     json.dumps(found.report(), allow_nan=False)
@@ -101,12 +101,12 @@ def test_wernet_of_dark_images_is_empty(copy):
 )
 def test_what_only_wernet_takes_is_refused_elsewhere(folder, settings, words):
     with pytest.raises(ValueError, match=words):
-        reconstruct(Scan.load(folder), options=Options(**SIRT, **settings))
+        reconstruct(load_scan(folder), options=Options(**SIRT, **settings))
 
 
 def test_the_trained_encoder_is_saved_on_request(folder, tmp_path):
     path = tmp_path / "encoder.pt"
-    scan = Scan.load(folder).scaled(2)
+    scan = load_scan(folder).scaled(2)
     settings = {"method": "wernet-paper", "iterations": 1}
     reconstruct(scan, options=Options(**settings, save_encoder=path))
     assert load_encoder(path, WeightEncoder).variant == "batch-norm"

@@ -12,7 +12,7 @@ import pytest
 
 import phantoms
 import rigs
-from tomo import LinearSystem, Scan, VoxelGrid, solvers
+from tomo import LinearSystem, VoxelGrid, load_scan, solvers
 from tomo.hull import carve
 from tomo.pipeline import Options, reconstruct
 from tomo.selfcal.gains import fit_gains, solve_with_gains
@@ -137,7 +137,7 @@ def test_wernet_learns_the_same_of_absorption(tmp_path, scale):
     other = in_units(few, *SCALES[scale])
     expected, found = (
         reconstruct(
-            Scan.load(scan.save(tmp_path / name)), options=Options(method="wernet", iterations=1)
+            load_scan(scan.save(tmp_path / name)), options=Options(method="wernet", iterations=1)
         )
         for name, scan in (("plain", few), ("scaled", other.scan))
     )

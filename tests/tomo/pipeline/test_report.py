@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from tomo import Scan
+from tomo import load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.report.outcome_files import results_of
 
@@ -41,7 +41,7 @@ def test_the_report_holds_what_was_promised(outcome, grid):
 def test_progress_is_told_all_the_way(folder, method):
     calls = []
     reconstruct(
-        Scan.load(folder),
+        load_scan(folder),
         options=Options(method=method),
         progress=lambda *call: calls.append(call),
     )
@@ -59,12 +59,12 @@ SIRT = {"method": "sirt", "iterations": 5}
 
 def test_a_comparison_without_its_iterations_is_told(folder):
     with pytest.raises(ValueError, match="compare: found 'sirt', expected METHOD or METHOD:ITER"):
-        reconstruct(Scan.load(folder), options=Options(compare="sirt"))
+        reconstruct(load_scan(folder), options=Options(compare="sirt"))
 
 
 def test_comparisons_stand_beside_and_change_nothing(folder, volume_of):
     compare = ["wernet-paper:1", "mlem:3", "sart:2"]
-    scan = Scan.load(folder).scaled(2)
+    scan = load_scan(folder).scaled(2)
     found = reconstruct(scan, options=Options(compare=compare))
     np.testing.assert_array_equal(found.reconstruction.volume, volume_of(scan))
     beside = found.report()["comparisons"]
@@ -84,7 +84,7 @@ def test_integer_images_are_judged_over_their_full_scale(copy, outcome):
     for path in copy.glob("images/*/*.tif"):
         pixels = tifffile.imread(path)
         tifffile.imwrite(path, np.round(pixels / 4 * 65535).astype(np.uint16))
-    found = reconstruct(Scan.load(copy), options=Options(hold_out=["cam02"], **SIRT))
+    found = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"], **SIRT))
     assert found.data_range == 1
     brightest = max(tifffile.imread(p).max() for p in copy.glob("images/*/*.tif")) / 65535
     assert outcome.data_range == pytest.approx(4 * brightest, rel=1e-3)
@@ -93,7 +93,7 @@ def test_integer_images_are_judged_over_their_full_scale(copy, outcome):
 def test_dark_images_give_an_empty_volume_and_a_warning(copy):
     for path in copy.glob("images/*/*.tif"):
         tifffile.imwrite(path, np.zeros((60, 40), np.float32))
-    found = reconstruct(Scan.load(copy), options=Options(hold_out=["cam02"]))
+    found = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"]))
     assert not found.reconstruction.volume.any()
     assert any("the volume is empty" in warning for warning in found.warnings)
     json.dumps(found.report(), allow_nan=False)

@@ -5,7 +5,7 @@ import pytest
 
 import phantoms
 import rigs
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.scan import save_scan
 from tomo.simulation import simulate
@@ -24,7 +24,7 @@ def made():
 def run(made, tmp_path):
     def reconstructed(images, **settings):
         save_scan(tmp_path / "s", made.rig, {"f": images}, grid=GRID, truth=made.truth)
-        scan = Scan.load(tmp_path / "s")
+        scan = load_scan(tmp_path / "s")
         return reconstruct(scan, options=Options(uncertainty=0, **settings))
 
     return reconstructed

@@ -9,7 +9,7 @@ import tifffile
 import yaml
 
 from rigs import load_rig
-from tomo import Scan
+from tomo import load_scan, scan_of_images
 from tomo.pipeline import Options, reconstruct
 
 SIRT = {"method": "sirt", "iterations": 5}
@@ -17,28 +17,28 @@ SIRT = {"method": "sirt", "iterations": 5}
 
 @pytest.mark.parametrize("tracer", ["raycast", "reference"])
 def test_tracers_lead_to_the_same_volume(folder, tracer, volume_of, far):
-    scan = Scan.load(folder).scaled(2)  # the reference is slow
+    scan = load_scan(folder).scaled(2)  # the reference is slow
     assert far(volume_of(scan, tracer=tracer), volume_of(scan)) < 1e-4
 
 
 @pytest.mark.parametrize("settings", [{}, {"method": "wernet-paper", "iterations": 1, "seed": 3}])
 def test_the_same_again_is_the_same_to_the_bit(folder, settings, volume_of):
-    volumes = [volume_of(Scan.load(folder).scaled(2), **settings) for _ in range(2)]
+    volumes = [volume_of(load_scan(folder).scaled(2), **settings) for _ in range(2)]
     np.testing.assert_array_equal(*volumes)
 
 
 def test_another_seed_is_another_start(folder, volume_of, far):
-    scan, settings = Scan.load(folder).scaled(2), {"method": "wernet-paper", "iterations": 1}
+    scan, settings = load_scan(folder).scaled(2), {"method": "wernet-paper", "iterations": 1}
     assert far(volume_of(scan, **settings, seed=1), volume_of(scan, **settings, seed=2)) > 1e-3
 
 
 def test_the_time_limit_stops_the_solver_but_not_before_it_began(folder, outcome):
     found = reconstruct(
-        Scan.load(folder), options=Options(method="sirt", iterations=10**6, time_limit=0.3)
+        load_scan(folder), options=Options(method="sirt", iterations=10**6, time_limit=0.3)
     )
     assert 0.2 < found.reconstruction.history[-1].seconds < 5
     assert "stopped" in found.reconstruction.stop_reason
-    chosen = reconstruct(Scan.load(folder), options=Options(time_limit=1e-6))
+    chosen = reconstruct(load_scan(folder), options=Options(time_limit=1e-6))
     # choosing takes longer, yet is not what the limit is for
     assert chosen.reconstruction.history[-1].index == 1
     assert chosen.reconstruction.quality["cosine_distance"] < outcome.cosine_distances[0][0] / 2
@@ -46,7 +46,7 @@ def test_the_time_limit_stops_the_solver_but_not_before_it_began(folder, outcome
 
 def test_other_ways_in_lead_to_the_same_volume(folder, tmp_path, grid, volume_of, far):
     expected = volume_of(folder, grid, **SIRT)
-    given = Scan.from_images(folder / "rig.yaml", folder / "images")
+    given = scan_of_images(folder / "rig.yaml", folder / "images")
     np.testing.assert_array_equal(volume_of(given, grid, **SIRT), expected)
     frames = []
     for camera in load_rig(folder / "rig.yaml"):
@@ -64,7 +64,7 @@ def test_other_ways_in_lead_to_the_same_volume(folder, tmp_path, grid, volume_of
         )
     shutil.copytree(folder / "images", tmp_path / "images")
     (tmp_path / "transforms.json").write_text(json.dumps({"frames": frames}))
-    nerf = volume_of(Scan.load(tmp_path / "transforms.json"), grid, **SIRT)
+    nerf = volume_of(load_scan(tmp_path / "transforms.json"), grid, **SIRT)
     assert far(nerf, expected) < 1e-5
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from phantoms import GaussianBlobs
 from rigs import ring
-from tomo import Scan, VoxelGrid
+from tomo import Scan, VoxelGrid, load_scan
 from tomo.io import write_volume
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate
@@ -31,7 +31,7 @@ def test_the_distances_from_the_truth_end_at_the_volume_s_own(outcome):
 
 def test_a_truth_on_another_grid_is_told_and_not_compared(folder, outcome, grid):
     coarse = VoxelGrid((5, 10, 5), 2.0, grid.center)
-    found = reconstruct(Scan.load(folder), coarse)
+    found = reconstruct(load_scan(folder), coarse)
     told, *others = found.warnings
     assert told == "truth.npz: the truth is on another grid: no quality figures"
     assert len(others) == len(outcome.warnings)
@@ -45,7 +45,7 @@ def test_a_truth_that_is_a_voxel_s_part_off_is_not_compared(copy, grid):
     for shift, alike in ((1e-9, True), (1e-3, False)):
         moved = VoxelGrid(grid.shape, grid.spacing, (1e5 + shift, 0.0, 0.0))
         write_volume(copy / "truth.npz", np.ones(grid.shape), moved)
-        scan = Scan.load(copy)
+        scan = load_scan(copy)
         # the same scene far away, where coordinates are large
         distant = VoxelGrid(grid.shape, grid.spacing, (1e5, 0.0, 0.0))
         rig = scan.rig.transformed(np.eye(3), np.array([1e5, 0, 0]) - grid.center)
@@ -54,7 +54,7 @@ def test_a_truth_that_is_a_voxel_s_part_off_is_not_compared(copy, grid):
 
 
 def test_shrunk_images_say_the_same(folder, outcome):
-    found = reconstruct(Scan.load(folder).scaled(2))
+    found = reconstruct(load_scan(folder).scaled(2))
     assert found.counts["rays"] < 0.4 * outcome.counts["rays"]
     assert found.scan["scale"] == 2
     assert found.reconstruction.quality["cosine_distance"] < 0.025
@@ -63,7 +63,7 @@ def test_shrunk_images_say_the_same(folder, outcome):
 
 def test_more_rays_a_pixel(folder):
     found = reconstruct(
-        Scan.load(folder), options=Options(supersample=2, method="mlem", iterations=10)
+        load_scan(folder), options=Options(supersample=2, method="mlem", iterations=10)
     )
     assert found.options.supersample == 2
     assert found.reconstruction.quality["total_ratio"] == pytest.approx(1, abs=0.02)
@@ -75,6 +75,6 @@ def test_cameras_of_a_row_or_two_show_a_slice(tmp_path, rows):
     rig = ring(12, distance=200.0, image_size=(64, rows), footprint=0.5)
     field = GaussianBlobs([[1, 0, 2], [-3, 0, -2]], [2.0, 2.5], [1.0, 0.7])
     simulate(rig, field, flat, supersample=2).save(tmp_path / "scan")
-    found = reconstruct(Scan.load(tmp_path / "scan"))
+    found = reconstruct(load_scan(tmp_path / "scan"))
     assert found.reconstruction.quality["cosine_distance"] < 0.002
     assert found.warnings == ()

@@ -5,7 +5,7 @@ import pytest
 
 import rigs
 from phantoms import create
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate
 
@@ -28,7 +28,7 @@ def take(tmp_path_factory):
         )
         field = create("jet", 4, GRID.extent, GRID.center)
         taken = simulate(rig, field, GRID, supersample=2, refine=2, **noise)
-        return Scan.load(taken.save(tmp_path_factory.mktemp("taken") / "scan"))
+        return load_scan(taken.save(tmp_path_factory.mktemp("taken") / "scan"))
 
     return scan
 

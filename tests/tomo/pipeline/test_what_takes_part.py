@@ -5,7 +5,7 @@ import pytest
 import tifffile
 import yaml
 
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume
 from tomo.pipeline import Options, reconstruct
 from tomo.report.outcome_files import VOLUME_FILES, write_outcome
@@ -14,13 +14,13 @@ SIRT = {"method": "sirt", "iterations": 5}
 
 
 def test_the_held_out_view_is_only_judged(copy, garble):
-    before = reconstruct(Scan.load(copy), options=Options(hold_out=["cam02"]))
+    before = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"]))
     figures = before.report()["held_out"]["cam02"]
     assert figures["psnr"] > 30
     assert figures["ssim"] > 0.94
     assert figures["cosine"] > 0.985
     garble(copy / "images/cam02/frame_000.tif")
-    after = reconstruct(Scan.load(copy), options=Options(hold_out=["cam02"]))
+    after = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"]))
     np.testing.assert_array_equal(after.reconstruction.volume, before.reconstruction.volume)
     assert after.reconstruction.settings == before.reconstruction.settings
     assert after.report()["held_out"]["cam02"]["psnr"] < 20
@@ -29,7 +29,7 @@ def test_the_held_out_view_is_only_judged(copy, garble):
 
 
 def test_holding_out_is_leaving_the_camera_away(folder, volume_of, far):
-    scan = Scan.load(folder)
+    scan = load_scan(folder)
     held_out = volume_of(scan, hold_out=["cam02", "cam05"])
     np.testing.assert_array_equal(held_out, volume_of(scan.without("cam02", "cam05")))
     assert far(held_out, volume_of(scan)) > 1e-3
@@ -42,10 +42,10 @@ def test_masked_pixels_never_matter(copy, volume_of, far, garble):
     content = yaml.safe_load((copy / "scan.yaml").read_text())
     content["corrections"] = {"mask": {"cam01": "mask.tif", "cam02": "mask.tif"}}
     (copy / "scan.yaml").write_text(yaml.safe_dump(content))
-    before = reconstruct(Scan.load(copy), options=Options(hold_out=["cam02"]))
+    before = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"]))
     for camera in ("cam01", "cam02"):
         garble(copy / f"images/{camera}/frame_000.tif", mask == 0)
-    after = reconstruct(Scan.load(copy), options=Options(hold_out=["cam02"]))
+    after = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"]))
     np.testing.assert_array_equal(after.reconstruction.volume, before.reconstruction.volume)
     assert after.report()["held_out"] == before.report()["held_out"]
     assert after.report()["views"] == before.report()["views"]
@@ -59,8 +59,8 @@ def test_pixels_that_miss_the_grid_change_nothing(folder, method, far):
     settings = {"method": method, "iterations": 10}
     if method == "auto":  # its stop depends on which pixels it leaves out
         settings |= {"iterations": None, "basis": "voxel"}
-    skipped = reconstruct(Scan.load(folder), options=Options(carving="off", **settings))
-    whole = reconstruct(Scan.load(folder), options=Options(skip=False, **settings))
+    skipped = reconstruct(load_scan(folder), options=Options(carving="off", **settings))
+    whole = reconstruct(load_scan(folder), options=Options(skip=False, **settings))
     assert whole.counts["rays"] == 6 * 40 * 60 > skipped.counts["rays"]
     assert whole.counts["segments"] == skipped.counts["segments"]
     assert far(whole.reconstruction.volume, skipped.reconstruction.volume) < 1e-5
@@ -70,8 +70,8 @@ def test_pixels_that_miss_the_grid_change_nothing(folder, method, far):
 
 def test_voxels_proved_empty_take_no_part_and_cost_nothing(folder, grid):
     settings = {"method": "cgls", "iterations": 15}
-    carved = reconstruct(Scan.load(folder), options=Options(**settings))
-    whole = reconstruct(Scan.load(folder), options=Options(carving="off", **settings))
+    carved = reconstruct(load_scan(folder), options=Options(**settings))
+    whole = reconstruct(load_scan(folder), options=Options(carving="off", **settings))
     assert carved.counts["active_voxels"] < whole.counts["active_voxels"] == grid.size
     assert carved.counts["segments"] < whole.counts["segments"]
     report = carved.report()["carving"]
@@ -89,7 +89,7 @@ def test_voxels_proved_empty_take_no_part_and_cost_nothing(folder, grid):
 
 def test_unseen_voxels_are_counted_and_told(folder, grid):
     wide = VoxelGrid((60, 20, 10), 1.0, grid.center)
-    found = reconstruct(Scan.load(folder), wide, Options(carving="off", **SIRT))
+    found = reconstruct(load_scan(folder), wide, Options(carving="off", **SIRT))
     assert 0 < found.counts["active_voxels"] < wide.size
     share = 1 - found.counts["active_voxels"] / wide.size
     assert any(w.startswith(f"{share:.1%} of the voxels are seen by no") for w in found.warnings)
@@ -98,8 +98,8 @@ def test_unseen_voxels_are_counted_and_told(folder, grid):
 @pytest.mark.usefixtures("coarse_scenes")
 def test_unseen_voxels_are_marked_on_request(folder, tmp_path, grid):
     wide = VoxelGrid((60, 20, 10), 1.0, grid.center)
-    zero = reconstruct(Scan.load(folder), wide, Options(**SIRT))
-    marked = reconstruct(Scan.load(folder), wide, Options(unseen="nan", **SIRT))
+    zero = reconstruct(load_scan(folder), wide, Options(**SIRT))
+    marked = reconstruct(load_scan(folder), wide, Options(unseen="nan", **SIRT))
     unseen = np.isnan(marked.volume)
     active = marked.carving["active_voxels"]
     assert unseen.sum() == active - marked.counts["active_voxels"] > 0
@@ -110,4 +110,4 @@ def test_unseen_voxels_are_marked_on_request(folder, tmp_path, grid):
         written, _, _ = read_volume(tmp_path / name, allow_nan=True)
         np.testing.assert_array_equal(np.isnan(written), unseen)
     with pytest.raises(ValueError, match="unseen: found 'none', expected one of zero, nan"):
-        reconstruct(Scan.load(folder), options=Options(unseen="none", **SIRT))
+        reconstruct(load_scan(folder), options=Options(unseen="none", **SIRT))

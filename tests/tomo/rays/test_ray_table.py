@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from phantoms import create
 from rigs import Distortion, RayTable, load_rig, ring
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.draw.rig import rig_scene
 from tomo.hull import carve
 from tomo.metrics import cosine_distance
@@ -98,13 +98,13 @@ def test_simulation_agrees_and_comes_back_from_disk(rig, made, tmp_path):
         np.testing.assert_allclose(same.images[name], expected.images[name], rtol=1e-5, atol=1e-5)
     same.save(tmp_path / "scan")
     assert load_rig(tmp_path / "scan" / "rig.yaml") == tables(rig)
-    assert Scan.load(tmp_path / "scan").rig == tables(rig)
+    assert load_scan(tmp_path / "scan").rig == tables(rig)
 
 
 @pytest.mark.parametrize("method", ["cgls", "mlem"])
 def test_reconstructions_agree(rig, made, tmp_path, method):
     made.save(tmp_path)
-    scan = Scan.load(tmp_path)
+    scan = load_scan(tmp_path)
     options = {"method": method, "iterations": 8, "hold_out": [rig.names[1]], "align": False}
     expected = reconstruct(scan, options=Options(**options))
     found = reconstruct(replace(scan, rig=tables(rig)), options=Options(**options))
@@ -116,7 +116,7 @@ def test_reconstructions_agree(rig, made, tmp_path, method):
 
 def test_shrunk_images_take_shrunk_tables(rig, made, tmp_path):
     made.save(tmp_path)
-    scan = Scan.load(tmp_path)
+    scan = load_scan(tmp_path)
     options = {"method": "cgls", "iterations": 5, "align": False}
     expected = reconstruct(scan.scaled(2), options=Options(**options)).volume
     found = reconstruct(replace(scan, rig=tables(rig)).scaled(2), options=Options(**options))

@@ -8,7 +8,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tomo import Scan
+from tomo import load_scan
 
 
 @pytest.mark.parametrize(
@@ -63,20 +63,20 @@ from tomo import Scan
 )
 def test_bad_fields_are_named(folder, change, parts, edit, assert_refused):
     edit(folder, change)
-    assert_refused(lambda: Scan.load(folder), "scan.yaml", *parts)
+    assert_refused(lambda: load_scan(folder), "scan.yaml", *parts)
 
 
 @pytest.mark.parametrize("content", ["", "[1, 2", "- 1", "a: &a [*a]", "x: 2001-99-99", "\0"])
 def test_what_is_no_scan_file(folder, content, assert_refused):
     (folder / "scan.yaml").write_text(content)
-    assert_refused(lambda: Scan.load(folder), "scan.yaml")
+    assert_refused(lambda: load_scan(folder), "scan.yaml")
 
 
 def test_nothing_there(tmp_path, assert_refused):
     for path in (tmp_path, tmp_path / "none", tmp_path / "none.yaml"):
-        assert_refused(lambda path=path: Scan.load(path), str(path), error=FileNotFoundError)
+        assert_refused(lambda path=path: load_scan(path), str(path), error=FileNotFoundError)
     (tmp_path / "scan.txt").write_text("")
-    assert_refused(lambda: Scan.load(tmp_path / "scan.txt"), "'.txt'")
+    assert_refused(lambda: load_scan(tmp_path / "scan.txt"), "'.txt'")
 
 
 ANYTHING = st.recursive(
@@ -104,7 +104,7 @@ def test_a_scan_file_with_anything_in_it_loads_or_is_refused_in_one_line(folder,
     holder[key] = data.draw(ANYTHING)
     path.write_text(yaml.safe_dump(content, allow_unicode=True), encoding="utf-8")
     try:
-        Scan.load(folder)
+        load_scan(folder)
     except (ValueError, FileNotFoundError, IsADirectoryError) as error:
         assert len(str(error).splitlines()) == 1  # noqa: PT017
         assert "scan" in str(error)  # noqa: PT017
@@ -114,4 +114,4 @@ def test_a_scan_file_with_anything_in_it_loads_or_is_refused_in_one_line(folder,
 @given(st.binary(max_size=200) | st.text(max_size=200).map(lambda text: text.encode("utf-8")))
 def test_any_bytes_are_refused_in_one_line(folder, assert_refused, content):
     (folder / "scan.yaml").write_bytes(content)
-    assert_refused(lambda: Scan.load(folder), "scan.yaml")
+    assert_refused(lambda: load_scan(folder), "scan.yaml")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rigs.recordings import write_image
-from tomo import Scan
+from tomo import Scan, load_scan
 from tomo.scan import Corrections, Frame
 
 
@@ -20,7 +20,7 @@ def test_corrections_follow_the_formula(folder, frames, edit):
         "gain": {"right": 3.0},
     }
     edit(folder, lambda content: content.update(corrections=corrections))
-    left, right = Scan.load(folder).images("first")
+    left, right = load_scan(folder).images("first")
     raw = frames["first"]
     np.testing.assert_allclose(left, (raw["left"] - dark) / flat, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(right, (raw["right"] - 0.25) * 3, rtol=1e-5, atol=1e-6)
@@ -43,7 +43,7 @@ def test_masks_come_from_mask_saturation_and_dead_flat(folder, edit):
         "bit_depth": 12,
     }
     edit(folder, lambda content: content.update(corrections=corrections))
-    scan = Scan.load(folder).only("left")
+    scan = load_scan(folder).only("left")
     (image,), (usable,) = scan.read("first")
     assert np.argwhere(~usable).tolist() == [[0, 0], [1, 1], [2, 3]]
     assert np.isfinite(image).all()
@@ -55,10 +55,10 @@ def test_masks_come_from_mask_saturation_and_dead_flat(folder, edit):
 def test_counts_of_a_camera_are_no_correction_of_integers(folder, name, edit, assert_refused):
     """Integers are read as shares of full scale: no pixel would be saturated, or none dark."""
     edit(folder, lambda content: content.update(corrections={name: {"left": 400}}))
-    Scan.load(folder).images("first")
+    load_scan(folder).images("first")
     write_image(folder / "images/left/first.tif", np.full((5, 7), 4095, np.uint16))
     assert_refused(
-        Scan.load(folder).images,
+        load_scan(folder).images,
         f"scan.yaml: corrections.{name}: camera left: found 400",
         "expected at most 1, the full scale of integers like those in",
         "first.tif",
@@ -68,7 +68,7 @@ def test_counts_of_a_camera_are_no_correction_of_integers(folder, name, edit, as
 def test_bit_depth_reaches_the_images(folder, edit):
     write_image(folder / "images/left/first.tif", np.full((5, 7), 4095, np.uint16))
     edit(folder, lambda content: content.update(corrections={"bit_depth": {"left": 12}}))
-    np.testing.assert_array_equal(Scan.load(folder).images()[0], 1)
+    np.testing.assert_array_equal(load_scan(folder).images()[0], 1)
 
 
 def test_corrections_of_a_scan_built_by_hand(tmp_path, rig, frames):

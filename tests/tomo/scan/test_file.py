@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from rigs.recordings import write_image
-from tomo import Scan
+from tomo import load_scan
 from tomo.io import read_volume
 from tomo.scan import save_scan
 
 
 def test_round_trip(folder, rig, frames, grid):
     for path in (folder, folder / "scan.yaml", str(folder)):
-        scan = Scan.load(path)
+        scan = load_scan(path)
         assert scan.rig == rig
         assert scan.grid == grid
         assert scan.frame_names == ("first", "second")
@@ -31,7 +31,7 @@ def test_what_a_scan_was_simulated_with_comes_back(tmp_path, rig, frames):
     camera = rig.names[0]
     effects = {"absorption": 0.5, "focus_distance": None, "gains": {camera: 1.25}}
     save_scan(tmp_path, rig, frames, effects=effects)
-    found = Scan.load(tmp_path).effects
+    found = load_scan(tmp_path).effects
     assert found["absorption"] == 0.5
     assert found["vignetting"] == 0
     assert found["focus_distance"] is None
@@ -39,13 +39,13 @@ def test_what_a_scan_was_simulated_with_comes_back(tmp_path, rig, frames):
 
 
 def test_no_frame_named_is_the_first(folder, frames):
-    scan = Scan.load(folder)
+    scan = load_scan(folder)
     np.testing.assert_array_equal(scan.images()[0], frames["first"]["left"])
 
 
 def test_the_grid_is_the_rigs_volume_where_the_scan_names_none(folder, edit):
     edit(folder, lambda content: content.pop("grid"))
-    assert Scan.load(folder).grid is None
+    assert load_scan(folder).grid is None
 
 
 def test_an_interrupted_run_leaves_the_scan_that_was_there(tmp_path, monkeypatch, rig, frames):
@@ -68,7 +68,7 @@ def test_an_interrupted_run_leaves_the_scan_that_was_there(tmp_path, monkeypatch
         save_scan(tmp_path, rig, brighter)
     assert Path(caught.value.filename).parents[2] == tmp_path  # as the user knows it
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
-    assert Scan.load(tmp_path)
+    assert load_scan(tmp_path)
 
 
 @pytest.mark.parametrize("name", ["../x", "a/b", ".hidden", "", "a:b"])

@@ -6,23 +6,21 @@ import numpy as np
 
 from rigs import save_rig
 from rigs.recordings import write_image
-from tomo import Scan
+from tomo import load_scan, scan_of_images
 
 
 def test_a_rig_and_a_folder_of_images(folder, tmp_path, rig, frames, assert_refused):
     rig_file = tmp_path / "rig.yaml"
     save_rig(rig, rig_file)
     for given in (rig, rig_file):
-        scan = Scan.from_images(given, folder / "images")
+        scan = scan_of_images(given, folder / "images")
         assert scan.frame_names == ("first", "second")
         np.testing.assert_array_equal(scan.images("second")[1], frames["second"]["right"])
     write_image(folder / "images/left/first.png", np.zeros((5, 7), np.uint8))
-    assert_refused(
-        lambda: Scan.from_images(rig, folder / "images"), "camera left", "'first' twice"
-    )
+    assert_refused(lambda: scan_of_images(rig, folder / "images"), "camera left", "'first' twice")
     shutil.rmtree(folder / "images/left")
     assert_refused(
-        lambda: Scan.from_images(rig, folder / "images"),
+        lambda: scan_of_images(rig, folder / "images"),
         "camera left",
         "no folder left",
         error=FileNotFoundError,
@@ -30,7 +28,7 @@ def test_a_rig_and_a_folder_of_images(folder, tmp_path, rig, frames, assert_refu
 
 
 def test_the_real_plume(test_data):
-    scan = Scan.load(test_data / "scalarflow" / "transforms.json")
+    scan = load_scan(test_data / "scalarflow" / "transforms.json")
     assert "frame_090" in scan.frame_names
     small = scan.without("cam02").scaled(6)
     images = small.images("frame_090")
@@ -41,17 +39,17 @@ def test_the_real_plume(test_data):
 def test_missing_images_and_cameras(folder, frames, edit, assert_refused):
     (folder / "images/right/first.tif").unlink()
     assert_refused(
-        lambda: Scan.load(folder).images(),
+        lambda: load_scan(folder).images(),
         "camera right",
         "first.tif: no such image",
         error=FileNotFoundError,
     )
     edit(folder, lambda content: content["frames"][0]["images"].pop("right"))
-    scan = Scan.load(folder)
+    scan = load_scan(folder)
     assert_refused(scan.images, "scan.yaml", "frame 'first'", "camera right", "no image")
     np.testing.assert_array_equal(scan.without("right").images()[0], frames["first"]["left"])
     edit(folder, lambda content: content["frames"][0]["images"].update(cam9="images/x.tif"))
-    assert_refused(lambda: Scan.load(folder), "scan.yaml", "frame 'first'", "'cam9'", "left")
+    assert_refused(lambda: load_scan(folder), "scan.yaml", "frame 'first'", "'cam9'", "left")
 
 
 def test_folders_that_fit_no_camera_are_listed(folder, tmp_path, rig, assert_refused):
@@ -59,7 +57,7 @@ def test_folders_that_fit_no_camera_are_listed(folder, tmp_path, rig, assert_ref
     shutil.copytree(folder / "images", images)
     (images / "left").rename(images / "lefft")
     assert_refused(
-        lambda: Scan.from_images(rig, images),
+        lambda: scan_of_images(rig, images),
         "camera left: found no folder left",
         "it has lefft, right",
         error=FileNotFoundError,
@@ -68,7 +66,7 @@ def test_folders_that_fit_no_camera_are_listed(folder, tmp_path, rig, assert_ref
     for image in (images / "left").iterdir():
         image.rename(image.with_suffix(".raw"))
     assert_refused(
-        lambda: Scan.from_images(rig, images),
+        lambda: scan_of_images(rig, images),
         f"{images / 'left'}: camera left",
         ".tif, .tiff, .png",
     )
@@ -79,13 +77,13 @@ def test_bad_pixels(folder, assert_refused):
 
     def refused(image, *parts):
         write_image(path, image)
-        assert_refused(Scan.load(folder).images, "camera left", "first.tif", *parts)
+        assert_refused(load_scan(folder).images, "camera left", "first.tif", *parts)
 
     refused(np.zeros((7, 5), np.float32), "5 x 7 pixels, expected 7 x 5")
     refused(np.full((5, 7), np.nan), "35 NaN", "row 0, column 0")
     import tifffile
 
     tifffile.imwrite(path, np.zeros((5, 7, 3), np.uint8))
-    assert_refused(Scan.load(folder).images, "camera left", "first.tif", "3 channels")
+    assert_refused(load_scan(folder).images, "camera left", "first.tif", "3 channels")
     path.write_bytes(path.read_bytes()[:60])
-    assert_refused(Scan.load(folder).images, "camera left", "first.tif", "not a readable image")
+    assert_refused(load_scan(folder).images, "camera left", "first.tif", "not a readable image")

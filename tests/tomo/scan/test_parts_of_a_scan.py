@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from rigs.recordings import write_image
-from tomo import Rays, Scan
+from tomo import Rays, load_scan
 
 
 @pytest.mark.parametrize("factor", [1, 2, 3, 4])
 def test_area_means_keep_the_mean_and_what_each_pixel_sees(folder, factor, rig, frames):
-    scan = Scan.load(folder)
+    scan = load_scan(folder)
     small = scan.scaled(factor)
     for big, image, shrunk in zip(rig, small.images(), small.rig, strict=True):
         width, height = (side - side % factor for side in big.image_size)
@@ -23,14 +23,14 @@ def test_area_means_keep_the_mean_and_what_each_pixel_sees(folder, factor, rig, 
 
 
 def test_shrinking_twice_is_shrinking_by_the_product(folder):
-    scan = Scan.load(folder).only("right")
+    scan = load_scan(folder).only("right")
     twice, once = scan.scaled(2).scaled(2), scan.scaled(4)
     assert twice.rig["right"].image_size == once.rig["right"].image_size
     np.testing.assert_allclose(twice.images()[0], once.images()[0], rtol=1e-6)
 
 
 def test_rays_of_a_shrunk_scan_are_the_scans_own(folder):
-    small = Scan.load(folder).scaled(2)
+    small = load_scan(folder).scaled(2)
     assert Rays.from_camera(small.rig["left"]).n_pixels == small.images()[0].size
 
 
@@ -39,14 +39,14 @@ def test_a_shrunk_pixel_is_usable_only_when_all_of_it_is(folder, edit):
     mask[3, 2] = 0
     write_image(folder / "mask.png", mask)
     edit(folder, lambda content: content.update(corrections={"mask": {"left": "mask.png"}}))
-    images, masks = Scan.load(folder).scaled(2).read()
+    images, masks = load_scan(folder).scaled(2).read()
     assert np.argwhere(~masks[0]).tolist() == [[1, 1]]
     assert masks[1].all()
     assert np.isfinite(images[0]).all()
 
 
 def test_holding_cameras_out(folder, frames):
-    scan = Scan.load(folder)
+    scan = load_scan(folder)
     assert scan.without("left").rig.names == ("right",)
     assert scan.only("right").rig.names == ("right",)
     assert scan.only("right", "left").rig.names == ("left", "right")
@@ -54,7 +54,7 @@ def test_holding_cameras_out(folder, frames):
 
 
 def test_unknown_names_list_the_known_ones(folder, assert_refused):
-    scan = Scan.load(folder)
+    scan = load_scan(folder)
     assert_refused(lambda: scan.images("third"), "scan.yaml", "'third'", "first, second")
     assert_refused(lambda: scan.without("cam9"), "scan.yaml", "'cam9'", "left, right")
     assert_refused(lambda: scan.only("cam9"), "'cam9'", "left, right")
@@ -63,4 +63,4 @@ def test_unknown_names_list_the_known_ones(folder, assert_refused):
 
 @pytest.mark.parametrize("factor", [0, 1.5, -2, 6])
 def test_bad_scales(folder, factor, assert_refused):
-    assert_refused(lambda: Scan.load(folder).scaled(factor), "scale", f"found {factor}")
+    assert_refused(lambda: load_scan(folder).scaled(factor), "scale", f"found {factor}")

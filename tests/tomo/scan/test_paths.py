@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rigs.recordings import write_image
-from tomo import Scan
+from tomo import load_scan
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_paths_that_leave_the_folder(folder, escape, edit, assert_refused):
     ]:
         (folder / "scan.yaml").write_text(original)
         edit(folder, change)
-        assert_refused(lambda: Scan.load(folder), "scan.yaml", field, "inside the scan folder")
+        assert_refused(lambda: load_scan(folder), "scan.yaml", field, "inside the scan folder")
 
 
 def test_links_that_leave_the_folder(folder, tmp_path, assert_refused):
@@ -43,9 +43,9 @@ def test_links_that_leave_the_folder(folder, tmp_path, assert_refused):
     link = folder / "images/left/first.tif"
     link.unlink()
     os.symlink(outside, link)
-    assert_refused(lambda: Scan.load(folder), "camera left", "inside the scan folder")
+    assert_refused(lambda: load_scan(folder), "camera left", "inside the scan folder")
     moved = tmp_path / "linked"  # the folder itself may be reached through a link
     link.unlink()
     write_image(link, np.zeros((5, 7)))
     os.symlink(folder, moved)
-    assert Scan.load(moved).images()[0].shape == (5, 7)
+    assert load_scan(moved).images()[0].shape == (5, 7)

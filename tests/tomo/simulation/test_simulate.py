@@ -122,12 +122,12 @@ def test_noise_has_the_size_asked_for():
 
 @pytest.mark.parametrize("bits", [None, 8, 12])
 def test_a_saved_scan_gives_back_images_and_truth(tmp_path, bits):
-    from tomo import Scan
+    from tomo import load_scan
     from tomo.io import read_volume
 
     simulated = simulate(RIG, BLOBS, GRID, bits=bits)
     simulated.save(tmp_path / "scan")
-    scan = Scan.load(tmp_path / "scan")
+    scan = load_scan(tmp_path / "scan")
     assert scan.rig == RIG
     assert scan.grid == GRID
     for name, image in zip(RIG.names, scan.images(), strict=True):

@@ -9,7 +9,7 @@ import yaml
 
 from phantoms import create
 from rigs import ring
-from tomo import LinearSystem, Scan, VoxelGrid
+from tomo import LinearSystem, VoxelGrid, load_scan
 from tomo.io import read_volume
 from tomo.pipeline import Options, reconstruct
 from tomo.report.outcome_files import write_outcome
@@ -43,12 +43,12 @@ def folder(tmp_path_factory):
 def outcome(folder):
     settings = {"fit_gain": False, "align": False, "hold_out": [HELD_OUT]}
     return reconstruct(
-        Scan.load(folder), options=Options(method="wernet", iterations=4, **settings)
+        load_scan(folder), options=Options(method="wernet", iterations=4, **settings)
     )
 
 
 def test_true_weights_explain_the_images(folder):
-    scan = Scan.load(folder)
+    scan = load_scan(folder)
     system = LinearSystem.from_rig(scan.rig, GRID, midpoints=True)
     truth = read_volume(scan.truth)[0]
     ratios = true_ratios(system, true_effects(scan), truth)
@@ -66,7 +66,7 @@ def test_true_weights_explain_the_images(folder):
 
 
 def test_nothing_is_known_of_a_scan_without_effects_or_without_the_gas_that_absorbs(folder):
-    system = LinearSystem.from_rig(Scan.load(folder).rig, GRID, midpoints=True)
+    system = LinearSystem.from_rig(load_scan(folder).rig, GRID, midpoints=True)
     assert true_ratios(system, None, None) is None
     assert true_ratios(system, (Effects(self_absorption=1.0), {}), None) is None
     assert (true_ratios(system, (Effects(), {}), None) == 1).all()
@@ -78,7 +78,7 @@ def test_effects_out_of_range_are_refused_before_anything_is_solved(folder, tmp_
     (tmp_path / "scan.yaml").write_text(yaml.safe_dump(content))
     (tmp_path / "rig.yaml").write_bytes((folder / "rig.yaml").read_bytes())
     with pytest.raises(ValueError, match=r"scan\.yaml: effects: absorption: found -1\.0"):
-        reconstruct(Scan.load(tmp_path))
+        reconstruct(load_scan(tmp_path))
 
 
 def test_what_was_learned_is_reported_beside_the_truth(outcome):

@@ -5,7 +5,7 @@ import pytest
 
 from phantoms import create
 from rigs import ring
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.pipeline.check_options import repeats_of
 from tomo.simulation import simulate
@@ -19,7 +19,7 @@ def scan(tmp_path_factory):
     rig = ring(7, distance=200.0, image_size=(24, 32), footprint=0.5, pitch_degrees=10.0)
     field = create("turbulent", 1, GRID.extent, GRID.center)
     found = simulate(rig, field, GRID, supersample=2, refine=2, noise=0.03)
-    return Scan.load(found.save(tmp_path_factory.mktemp("asked") / "scan"))
+    return load_scan(found.save(tmp_path_factory.mktemp("asked") / "scan"))
 
 
 def test_only_the_default_method_is_repeated_without_being_asked():

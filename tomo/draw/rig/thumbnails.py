@@ -97,9 +97,9 @@ def image_scene(rig: Rig, target: Target, images: dict[str, NDArray]) -> Scene:
 
 def _of_scan(rig: Rig, source: Path, frame: str | None) -> dict[str, NDArray[np.float32]]:
     """Return the images of a scan's cameras that the rig has too."""
-    from tomo import Scan
+    from tomo import load_scan
 
-    scan = Scan.load(source)
+    scan = load_scan(source)
     common = [name for name in scan.rig.names if name in rig.names]
     if not common:
         return {}

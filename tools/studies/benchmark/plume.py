@@ -13,7 +13,7 @@ from typing import Any
 
 from studies.common.scans import reconstructed, seconds_of
 from studies.common.study import Progress, Request, Tables
-from tomo import Scan, VoxelGrid
+from tomo import Scan, VoxelGrid, load_scan
 
 SCAN = Path("scalarflow") / "transforms.json"
 JUDGED = "cam02"
@@ -39,7 +39,7 @@ def run(request: Request) -> Tables:
 
 def plume(folder: Path, full: bool, progress: Progress) -> list[dict[str, Any]]:
     """Return a row a frame, camera and form of the plume in a folder."""
-    scan = Scan.load(folder / SCAN).scaled(6 if full else 12)
+    scan = load_scan(folder / SCAN).scaled(6 if full else 12)
     grid = VoxelGrid.from_bounds((64, 96, 64) if full else (32, 48, 32), LOWER, UPPER)
     frames = scan.frame_names if full else scan.frame_names[-1:]
     cameras = scan.rig.names if full else [JUDGED, scan.rig.names[0]]

@@ -64,10 +64,10 @@ def kernels() -> None:
 def reconstruct(path: str) -> None:
     """Load a scan and reconstruct it by the default method."""
     timed("import libraries", load_libraries)
-    from tomo import Scan
+    from tomo import load_scan
     from tomo.pipeline import reconstruct as run
 
-    timed("reconstruct", run, Scan.load(path))
+    timed("reconstruct", run, load_scan(path))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from typing import Any
 
 import phantoms
 from rigs import Rig
-from tomo import Scan, VoxelGrid
+from tomo import Scan, VoxelGrid, load_scan
 from tomo.pipeline import Options, Reconstruction, reconstruct
 from tomo.simulation import simulate
 from tomo.simulation.simulate import SimulatedScan
@@ -30,7 +30,7 @@ def reconstructed(
     if isinstance(scan, Scan):
         return reconstruct(scan, grid, Options(**how))
     with tempfile.TemporaryDirectory() as folder:
-        return reconstruct(Scan.load(scan.save(Path(folder) / "scan")), grid, Options(**how))
+        return reconstruct(load_scan(scan.save(Path(folder) / "scan")), grid, Options(**how))
 
 
 def seconds_of(outcome: Reconstruction) -> float:

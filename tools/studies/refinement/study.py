@@ -23,7 +23,7 @@ from rigs import Rig, box_points, ray_miss
 from studies.benchmark.plume import LOWER, SCAN, UPPER
 from studies.common.scans import reconstructed, simulated_by
 from studies.common.study import Progress, Request, Tables
-from tomo import Scan, VoxelGrid
+from tomo import VoxelGrid, load_scan
 from tomo.selfcal.refine import refine_cameras
 from tomo.selfcal.refine.parameters import COUNT, moved_rig
 from tomo.selfcal.refine.prior import units
@@ -98,7 +98,7 @@ def plume(folder: Path, progress: Progress) -> list[dict[str, Any]]:
 
     A row a camera; the rig refined on the first frame is judged on it and on the second.
     """
-    scan = Scan.load(folder / SCAN)
+    scan = load_scan(folder / SCAN)
     cameras = (
         replace(camera, status="nominal" if camera.name in NOMINAL else "calibrated")
         for camera in scan.rig

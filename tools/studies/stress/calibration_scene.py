@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import rigs
 from rigs import Camera, Distortion, Rig
 from studies.common.scans import simulated_by
-from tomo import Scan
+from tomo import Scan, load_scan
 from tomo.grid import VoxelGrid
 from tomo.simulation.camera_noise import gaussian
 from tomo.simulation.simulate import SimulatedScan
@@ -90,7 +90,7 @@ class Flame:
     @classmethod
     def seen(cls, made: SimulatedScan, folder: Path) -> Self:
         """Return a simulated flame, its images written to a folder."""
-        return cls(Scan.load(made.save(folder)), made.rig, made.truth)
+        return cls(load_scan(made.save(folder)), made.rig, made.truth)
 
     def seen_wrongly(self, kind: str, pixels: float, seed: int = 0) -> Scan:
         """Return the scan with a rig that is off by so many pixels, in each camera anew."""

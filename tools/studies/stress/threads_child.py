@@ -47,13 +47,13 @@ def hash_of(array: NDArray) -> str:
 
 def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
     from studies.stress.scene import ring, scene_of, solved
-    from tomo import Scan
+    from tomo import load_scan
     from tomo.hull import carve
     from tomo.pipeline import Options, reconstruct
     from tomo.selfcal.gains import estimate_gains
     from tomo.selfcal.shifts import align_views
 
-    scan = Scan.load(folder)
+    scan = load_scan(folder)
     images, masks = scan.read()
     yield "default method", reconstruct(scan, options=Options(uncertainty=0)).reconstruction.volume
     seen = scene_of(ring(len(scan.rig)), noise=0.02)
@@ -90,11 +90,11 @@ def _fewer(seen: Scene) -> Iterator[tuple[str, NDArray]]:
 
 
 def _learned(folder: Path) -> Iterator[tuple[str, NDArray]]:
-    from tomo import Scan
+    from tomo import load_scan
     from tomo.pipeline import Options, reconstruct
 
     found = reconstruct(
-        Scan.load(folder), options=Options(method="wernet", iterations=LEARNED_ROUNDS)
+        load_scan(folder), options=Options(method="wernet", iterations=LEARNED_ROUNDS)
     )
     yield "wernet", found.reconstruction.volume
     if found.learned is None:

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from tomo import Scan
+from tomo import load_scan
 from tomo.pipeline import Options, reconstruct
 
 
@@ -15,7 +15,7 @@ def scans(tmp_path_factory, out_of_focus, in_focus):
     folder, found = tmp_path_factory.mktemp("focus"), []
     for name, one in (("out", out_of_focus), ("in", in_focus)):
         one.scan.save(folder / name)
-        found.append(Scan.load(folder / name))
+        found.append(load_scan(folder / name))
     return found
 
 
