@@ -139,7 +139,6 @@ def defined_in():
     }
 
 
-@pytest.mark.xfail(strict=True, reason="known places are mended after the moves")
 def test_no_modules_import_each_other_in_a_circle():
     arrows = defined_in()
     done, circles = set(), []
