@@ -1,8 +1,7 @@
 """Ground truth: emission fields in continuous space that any grid can sample or average.
 
-A field is any callable that maps points ``(..., 3)`` to values ``(...)``; those made here are
-frozen values, so that two of them with equal parameters compare equal and print as the code that
-makes them.
+A field is any callable that maps points ``(..., 3)`` to values ``(...)``. The fields of this
+package are frozen values: equal parameters compare equal, and ``repr`` builds them again.
 """
 
 import lazy_loader

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from phantoms.field import REFERENCE_EXTENT, as_points, checked_box, checked_seed
 
-_RANDOM_COUNT = 24
+_RANDOM_COUNT = 24  # blobs of a random field
 _RANDOM_WIDTHS = (0.5, 1.0)  # sigma in the reference box, mm
-_CLEARANCE = 6.0  # widths between a random blob's centre and the box: exp(-18) = 1.5e-8 is left
+_CLEARANCE = 6.0  # widths between a blob's centre and the box: exp(-18) = 1.5e-8 at the face
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,9 @@ class GaussianBlobs:
         extent: ArrayLike = REFERENCE_EXTENT,
         center: ArrayLike = (0.0, 0.0, 0.0),
     ) -> GaussianBlobs:
-        """Return 24 random blobs well inside a box: at its faces less than 1e-6 is left.
+        """Return 24 random blobs inside a box; the field at its faces is below 1e-6.
 
-        Blobs stay round in every box: widths scale with the box's tightest axis.
+        Blobs are isotropic in every box: widths scale with the box's tightest axis.
         """
         seed = checked_seed("GaussianBlobs", seed)
         edges, middle = (np.asarray(v) for v in checked_box("GaussianBlobs", extent, center))
@@ -107,15 +107,15 @@ class GaussianBlobs:
         origins, directions : (..., 3)
             World coordinates; directions are normalised here.
         lengths : (...)
-            How long the lines are, >= 0; infinite by default. For the whole line, start it far
-            outside the blobs.
+            Lengths of the lines, >= 0; infinite by default. For a whole line, start it far outside
+            the blobs.
 
         Raises
         ------
         ValueError
             If a direction is zero or a length negative or NaN.
         """
-        from scipy.special import erf  # scipy costs a tenth of a second that import need not pay
+        from scipy.special import erf  # slow to import
 
         origins, directions = as_points(origins), as_points(directions)
         lengths = np.asarray(lengths, np.float64)

@@ -40,12 +40,12 @@ def create(
     seed : int
         Selects the member of the family; equal seeds give bit-identical fields.
     extent, center : (float, float, float)
-        The box in world units, y being the flame's axis; the paper's box by default.
+        The box in world units, with the flame's axis along y; the paper's box by default.
 
     Raises
     ------
     ValueError
-        If there is no such phantom, or the box or seed is not one.
+        If there is no such phantom, or the box or seed is out of range.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a phantom is: a field in space, and the box that the flames active in."""
+"""Fields in space, and the box that phantoms fill."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-#: The box, in mm, that flames are described in; any other box holds the same flame, stretched.
+#: Edge lengths in mm of the box in which flames are defined; other boxes hold them stretched.
 REFERENCE_EXTENT = (15.0, 70.0, 15.0)
 
-_POINTS_AT_ONCE = 4096  # keeps the points x modes intermediates inside a core's cache
+_POINTS_AT_ONCE = 4096  # more leave a core's cache
 _MARGIN = 1 / 30  # of the extent, dark at each face: one 0.5 mm voxel across the reference box
 _RAMP = 1 / 12  # of the extent, over which emission grows from the dark margin to its full value
 
@@ -27,10 +27,10 @@ class Field(Protocol):
 
 @dataclass(frozen=True)
 class BoxField(ABC):
-    """A field made for a box, whose members a seed selects.
+    """A family of fields in a box; a seed selects the member.
 
-    Subclasses describe themselves in the reference box of 15 x 70 x 15 mm centred at the origin,
-    y being the flame's axis, upwards; the box asked for holds the same field, stretched.
+    Subclasses are defined in the reference box of 15 x 70 x 15 mm centred at the origin, with the
+    flame's axis along +y. Any other box holds the same field, stretched.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class BoxField(ABC):
     Raises
     ------
     ValueError
-        If the seed is not a whole number >= 0, or the box is not one.
+        If the seed is not a whole number >= 0, or an edge length is not positive.
     """
 
     seed: int = 0
@@ -64,12 +64,12 @@ class BoxField(ABC):
         """Return the emission ``(...)``, float64, at ``points`` ``(..., 3)``."""
 
     def _in_extents(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return ``points`` ``(..., 3)`` in extents from the middle: faces are at -1/2, +1/2."""
+        """Return ``points`` ``(..., 3)`` in extents from the middle; faces are at ±1/2."""
         return (points - self.center) / self.extent
 
 
 class FlameField(BoxField):
-    """A smooth field in a box that fades to darkness before it reaches the faces.
+    """A smooth field in a box that fades to zero before it reaches the faces.
 
     The emission is multiplied by a C² window that is exactly zero outside the box and within 1/30
     of the extent from each face, and one from 7/60 of the extent inwards.
@@ -96,7 +96,7 @@ class FlameField(BoxField):
 
 
 def as_points(points: ArrayLike) -> NDArray[np.float64]:
-    """Return ``points`` as float64, or say what is wrong with their shape."""
+    """Return ``points`` as float64, or raise if the last axis is not of length 3."""
     points = np.asarray(points, np.float64)
     if points.ndim < 1 or points.shape[-1] != 3:
         raise ValueError(f"points: found shape {points.shape}, expected (..., 3)")
@@ -131,8 +131,8 @@ def smoothstep(x: ArrayLike) -> NDArray[np.float64]:
 def bump(square: ArrayLike) -> NDArray[np.float64]:
     """Return the C³ profile ``(1 - u²)⁴`` for ``u² = square`` below 1, and exactly 0 beyond.
 
-    Its full width at half maximum is 0.798 in ``u``. Compact support, where a Gaussian would have
-    tails, makes the dark parts of a flame exactly dark, as its images' backgrounds are.
+    Its full width at half maximum is 0.798 in ``u``. Its support is compact, unlike a Gaussian's:
+    dark parts of a flame, and of its images, are exactly zero.
     """
     inside = np.maximum(1.0 - np.asarray(square), 0.0)
     inside = inside * inside
@@ -140,6 +140,6 @@ def bump(square: ArrayLike) -> NDArray[np.float64]:
 
 
 def _window(unit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the fade ``(N,)`` to darkness at the faces; ``unit`` ``(N, 3)`` is in extents."""
+    """Return the window ``(N,)``, zero at the faces; ``unit`` ``(N, 3)`` is in extents."""
     depth = (0.5 - _MARGIN - np.abs(unit)) / _RAMP
     return smoothstep(depth).prod(axis=-1)

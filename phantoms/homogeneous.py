@@ -1,4 +1,4 @@
-"""The random homogeneous set: uncorrelated random values, alike everywhere in the box."""
+"""The random homogeneous set: uncorrelated random values, statistically equal everywhere."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from phantoms.field import BoxField, as_points
 class RandomHomogeneous(BoxField):
     """Equal cells, each of one value drawn uniformly from 0 to 1; the outer layer is dark.
 
-    The paper (arXiv 2010.00893) tests on a "random homogeneous" set without a recipe. Here it is
-    read as statistically homogeneous in space and homogeneous within each cell: no structure that
-    a prior could lean on. Cells are 1 mm in the reference box, 2 x 2 x 2 voxels of 0.5 mm, so
-    that the default grids hold the field exactly: what is left after a reconstruction is the
-    solver's own error and none of the grid's.
+    The paper (arXiv 2010.00893) tests on a "random homogeneous" set without defining it. Here it
+    is statistically homogeneous in space and constant within each cell: no structure helps a
+    prior. Cells are 1 mm in the reference box, 2 x 2 x 2 voxels of 0.5 mm. The default grids hold
+    the field exactly: the error of a reconstruction is the solver's, not the grid's.
 
-    The field jumps between cells, so sampling it on a grid that cuts cells converges at first
-    order only. Cells are half-open, as voxels are.
+    The field is discontinuous between cells: sampling on a grid that cuts cells converges at first
+    order only. Cells are half-open, like voxels.
 
     Parameters
     ----------

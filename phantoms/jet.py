@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 from phantoms.field import REFERENCE_EXTENT, FlameField, bump, smoothstep
 
 _NOZZLE_RADIUS = 1.7  # mm
-_SPREAD = 4.0  # mm of sheet radius gained over the box's height, were there no tip
+_SPREAD = 4.0  # mm of growth of the sheet's radius over the box's height, without the tip
 _TIP = 0.68  # of the height
-_CLOSING = 0.25  # mm: how roundly the sheet closes at the tip
+_CLOSING = 0.25  # mm, rounding of the sheet where it closes at the tip
 
 
 @dataclass(frozen=True)
 class JetFlame(FlameField):
     """A laminar jet flame: hollow above the nozzle, closed at a tip, with a widening plume.
 
-    At height ``h`` (0 to 1) light comes from a sheet of radius ``R(h)`` and half-width ``w(h)``,
+    At height ``h`` (0 to 1) the emission is a sheet of radius ``R(h)`` and half-width ``w(h)``,
     with the profile ``bump((r² - R²)² / (w² (4 R² + w²)))``: around ``(r - R)² / w²`` where the
     sheet is hollow and smooth across the axis where it closes. The plume is ``bump(r² / W²)``.
     Symmetry is broken by a few per cent: the axis leans and sways, the cross-section is slightly
-    elliptic, one side is brighter and the sheet is puffed; the seed chooses the directions.
+    elliptic, one side is brighter and the sheet's radius undulates; the seed chooses directions.
 
     The emission is C², from 0 to about 1.
 
@@ -47,7 +47,7 @@ class JetFlame(FlameField):
 
         radius = (_NOZZLE_RADIUS + _SPREAD * height) * (1 - (height / _TIP) ** 3)
         radius *= 1 + 0.05 * height * np.sin(2 * np.pi * 6 * height + puff)
-        radius = _CLOSING * np.logaddexp(0, radius / _CLOSING)  # never below zero, smoothly
+        radius = _CLOSING * np.logaddexp(0, radius / _CLOSING)  # positive everywhere, and smooth
         half_width = 1.3 + 0.9 * height
         spread = half_width**2 * (4 * radius**2 + half_width**2)
         sheet = bump((square - radius**2) ** 2 / spread)

@@ -1,4 +1,4 @@
-"""From fields to volumes and back: voxel means of a field, and a volume as a field."""
+"""Voxel means of a field, and a volume as a field."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _POINTS_AT_ONCE = 2**18  # 6 MiB of coordinates
 
 
 class Grid(Protocol):
-    """What a field needs of a voxel grid, as `tomo.VoxelGrid` has it."""
+    """Members of a voxel grid that `sample` and `SampledField` use, as of `tomo.VoxelGrid`."""
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -51,7 +51,7 @@ def sample(field: Field, grid: Grid, refine: int = 1) -> NDArray[np.float32]:
     Returns
     -------
     (nx, ny, nz) float32
-        Summed in float64. Memory beside it stays at tens of MiB, whatever the grid.
+        Summed in float64. Temporary memory is tens of MiB for any grid.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def sample(field: Field, grid: Grid, refine: int = 1) -> NDArray[np.float32]:
         If ``refine`` is not a whole number >= 1, or the field returns another shape or a value
         that is not finite.
     """
-    x, y, z = grid.refined(refine).axes()  # says so itself when refine is no whole number >= 1
+    x, y, z = grid.refined(refine).axes()  # raises if refine is not a whole number >= 1
     refine = int(refine)
     nx, ny, nz = grid.shape
     volume = np.zeros(grid.shape, np.float32)
@@ -90,15 +90,14 @@ def sample(field: Field, grid: Grid, refine: int = 1) -> NDArray[np.float32]:
 class SampledField:
     """A stored volume as a field: the value of the voxel that a point is in, zero outside.
 
-    Values are given back as they are stored, negative ones included.
+    Values are returned as stored, negative ones included.
 
     Parameters
     ----------
     volume : (nx, ny, nz)
         Any real dtype; kept as a read-only view.
     grid : Grid
-        A `tomo.VoxelGrid`, or anything with its methods.
-        Where its voxels are.
+        The volume's grid: a `tomo.VoxelGrid`, or anything with its methods.
 
     Raises
     ------
@@ -124,7 +123,7 @@ class SampledField:
         object.__setattr__(self, "volume", volume)
 
     def __repr__(self) -> str:
-        """Name the grid: the volume itself is too long to print."""
+        """Name the grid; the volume is too long to print."""
         return f"<SampledField: {self.volume.dtype} on {self.grid}>"
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:

@@ -11,14 +11,14 @@ from phantoms.field import REFERENCE_EXTENT, FlameField, bump, smoothstep
 
 _WRINKLES = 40  # Fourier modes that displace the front
 _WAVELENGTHS = (2.8, 18.0)  # mm, finest and coarsest wrinkle
-_PATCHES = 12  # Fourier modes that brighten and dim it
+_PATCHES = 12  # Fourier modes that modulate its brightness
 _PATCH_WAVELENGTHS = (5.0, 24.0)  # mm
 _HALF_WIDTH = 1.75  # mm, where the front's profile ends; full width at half maximum 1.4 mm
-_WALL = 5.0  # mm from the axis: beyond, the front is drawn inwards
-_WALL_SLOPE = 2.0
-_WALL_ROUNDING = 0.5  # mm
+_WALL = 5.0  # mm from the axis, beyond which the level set grows and keeps the front inside
+_WALL_SLOPE = 2.0  # of that growth
+_WALL_ROUNDING = 0.5  # mm, over which it sets in
 _AXIS_ROUNDING = 0.6  # mm, over which the radius is smoothed across the axis
-_LEAST_SLOPE = 0.5  # floor under |∇G|, where fronts merge and it vanishes
+_LEAST_SLOPE = 0.5  # lower bound of |∇G|, which vanishes where fronts merge
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,15 @@ class TurbulentFlame(FlameField):
 
     with directions and phases of the modes from the seed and wavenumbers in geometric steps. In
     Kolmogorov's inertial range the spectrum falls as k^(-5/3), so a geometric step holds a
-    variance in proportion to k^(-2/3) and ``aₘ ∝ kₘ^(-1/3)``. The amplitude ``A`` grows along the
-    flame, from a smooth base to a brush in which pockets come off. Emission is
+    variance proportional to k^(-2/3), and ``aₘ ∝ kₘ^(-1/3)``. The amplitude ``A`` grows along the
+    flame, from a smooth base to a brush with detached pockets. Emission is
     ``bump((s / 1.75 mm)²)`` across the front, where ``s = G / √(|∇G|² + 0.5²)`` (``∇G`` is
     analytic) is the distance from it to first order, kept finite where fronts merge: 1.4 to
-    1.6 mm wide at half maximum, about three voxels of 0.5 mm.
-    It is dimmed where strain, for which ``|∇G|`` stands, is high, and by a random patchiness.
+    1.6 mm wide at half maximum, about three voxels of 0.5 mm. It is dimmed where strain, modelled
+    by ``|∇G|``, is high, and by random patches.
 
-    The emission runs from 0 to about 1 and is exactly zero off the front. Its second derivatives
-    are bounded, and continuous but for one height, where the wrinkling is full-grown.
+    The emission ranges from 0 to about 1 and is exactly zero off the front. Its second derivatives
+    are bounded, and continuous except at one height, where the wrinkling is fully grown.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class TurbulentFlame(FlameField):
         gain, gain_slope = _wrinkling(height)
         wrinkle, wrinkle_gradient = self._wrinkles.values_and_gradients(points)
 
-        # Linear far out: a steeper wall would shrink G / |∇G| there and glow.
+        # Linear far out: a steeper wall would reduce G / |∇G| there and emit.
         push, push_slope = _wall(rounded)
         level = rounded - _AXIS_ROUNDING - mean + push + gain * wrinkle
         gradient = gain[:, None] * wrinkle_gradient  # (N, 3)

@@ -147,7 +147,7 @@ class Camera:
             Distance along the optical axis; negative behind the camera.
         valid : (N,) bool
             True where the point is in front of the camera and inside the domain of its lens
-            (see `Distortion`). A fisheye also sees points beside and behind it.
+            (see `Distortion`). A fisheye also sees points behind it.
         """
         points = rows_of(points, 3, "points to project")
         with np.errstate(invalid="ignore", over="ignore"):  # NaN and infinity are not valid

@@ -149,9 +149,9 @@ def _motion(one: list[CameraLike], other: list[CameraLike]) -> tuple[NDArray, ND
     arm = _spread(positions[0]) or 1.0
     clouds = [
         np.concatenate(
-            [place, *(place + arm * np.array([c.R[k] for c in some]) for k in range(3))]
+            [position, *(position + arm * np.array([c.R[k] for c in some]) for k in range(3))]
         )
-        for place, some in zip(positions, (one, other), strict=True)
+        for position, some in zip(positions, (one, other), strict=True)
     ]
     middles = [cloud.mean(axis=0) for cloud in clouds]
     U, _, Vt = np.linalg.svd((clouds[0] - middles[0]).T @ (clouds[1] - middles[1]))

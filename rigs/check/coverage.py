@@ -134,7 +134,7 @@ def coverage(
         or not (np.isfinite(accuracy) & (accuracy > 0)).all()
     ):
         raise ValueError(
-            f"pixel_accuracy: found {pixel_accuracy!r}, expected a positive number or one a camera"
+            f"pixel_accuracy: found {pixel_accuracy!r}, expected a positive number or one per camera"
         )
     seen = np.zeros((len(rig), len(points)), bool)
     footprint = np.full(seen.shape, np.nan)
@@ -160,7 +160,7 @@ def _view(camera: CameraLike, points: NDArray) -> tuple[NDArray, NDArray, NDArra
     lines = away / np.maximum(distance, 1e-300)  # (N, 3)
     if not seen.any():
         return lines, seen, footprint, blur
-    if not camera.has_lens_model:  # stored rays need not come from one place
+    if not camera.has_lens_model:  # stored rays may have different origins
         origins, lines[seen] = camera.rays(uv[seen])
         distance[seen, 0] = np.linalg.norm(points[seen] - origins, axis=1)
     along, distance = lines[seen], distance[seen]
@@ -169,8 +169,8 @@ def _view(camera: CameraLike, points: NDArray) -> tuple[NDArray, NDArray, NDArra
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
     step = 1e-4 * distance  # 1e-4 rad: far above rounding, far below the scale of distortion
     derivative = [
-        image_motion(camera, points[seen], step * way) / step
-        for way in (first, np.cross(along, first))
+        image_motion(camera, points[seen], step * direction) / step
+        for direction in (first, np.cross(along, first))
     ]
     with np.errstate(divide="ignore", invalid="ignore"):
         area = np.abs(

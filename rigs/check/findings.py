@@ -57,8 +57,8 @@ def _conventions(check: RigCheck) -> Iterator[Finding]:
     if len(rig) > 2 and np.linalg.norm(most) > 0.3 * len(rig):
         turned = tuple(
             name
-            for name, way in zip(rig.names, down @ most, strict=True)
-            if way < -0.5 * np.linalg.norm(most)
+            for name, direction in zip(rig.names, down @ most, strict=True)
+            if direction < -0.5 * np.linalg.norm(most)
         )
         if turned:
             yield Finding(
@@ -175,10 +175,10 @@ def _gaps(check: RigCheck) -> Iterator[Finding]:
     names = [
         name for name, sees in zip(found.rig.names, found.seen[:, point], strict=True) if sees
     ]
-    way = new_view(normal, lines)
-    if way is None:
+    direction = new_view(normal, lines)
+    if direction is None:
         return
-    size = float(np.abs(way) @ check.extent)
+    size = float(np.abs(direction) @ check.extent)
     feature = size * np.radians(gap)
     even = 180.0 / len(names)
     text = f"the largest angular gap is {gap:.3g} degrees ({len(names)} views, even in a ring: "
@@ -194,9 +194,9 @@ def _gaps(check: RigCheck) -> Iterator[Finding]:
         return
     neighbours = np.argsort(np.abs(lines @ normal), kind="stable")[:2]
     away = float(np.median([figures.distance for figures in check.cameras]))
-    place = middle - away * way
+    position = middle - away * direction
     step = 10.0 ** np.floor(np.log10(away) - 2)
-    spot = ", ".join(f"{value:.6g}" for value in np.round(place / step) * step + 0.0)
+    spot = ", ".join(f"{value:.6g}" for value in np.round(position / step) * step + 0.0)
     text += f"; a camera at ({spot}), or opposite, would close it"
     yield Finding("warning", text, tuple(names[number] for number in sorted(neighbours)))
 

@@ -58,7 +58,9 @@ def check_rig(
     found = coverage(rig, points, pixel_accuracy=pixel_accuracy)
     weights = np.ones(len(found.points)) if weights is None else np.asarray(weights, np.float64)
     if weights.shape != (len(found.points),) or not (weights > 0).all():
-        raise ValueError(f"weights: found shape {weights.shape}, expected a positive one a point")
+        raise ValueError(
+            f"weights: found shape {weights.shape}, expected a positive one per point"
+        )
     weights = weights / weights.sum()
     calibrated = calibrated_ray_miss(rig)
     miss = calibrated if calibrated is not None else _rms(found.ray_miss)

@@ -1,4 +1,4 @@
-"""Files in and out: rig.yaml, text, archives, units; nothing is ever half-written."""
+"""Reading and writing files: rig.yaml, text, archives, units; writes are atomic."""
 
 import lazy_loader
 

@@ -56,7 +56,7 @@ def write_text(path: str | os.PathLike, text: str) -> None:
 
 
 def write_bytes(path: str | os.PathLike, data: bytes) -> None:
-    """Write ``data`` under a temporary name beside ``path``, then rename it.
+    """Write ``data`` under a temporary name in the same folder, then rename it.
 
     Missing folders are made.
     """

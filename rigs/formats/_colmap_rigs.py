@@ -16,7 +16,7 @@ _POSE = ["QW", "QX", "QY", "QZ", "TX", "TY", "TZ"]
 
 
 def read_sensors(lines: list[str]) -> dict[int, tuple[NDArray, NDArray]]:
-    """Return the place of each camera in the axes of its rig's reference sensor.
+    """Return the pose of each camera relative to its rig's reference sensor.
 
     A line is ``RIG_ID NUM_SENSORS REF_SENSOR_TYPE REF_SENSOR_ID`` and for each other sensor
     ``SENSOR_TYPE SENSOR_ID HAS_POSE [QW QX QY QZ TX TY TZ]``, sensor from rig.
@@ -32,7 +32,7 @@ def read_sensors(lines: list[str]) -> dict[int, tuple[NDArray, NDArray]]:
                 "expected RIG_ID NUM_SENSORS CAMERA REF_SENSOR_ID SENSORS"
             )
         count, reference = as_count(words[1], "NUM_SENSORS"), as_count(words[3], "REF_SENSOR_ID")
-        places = {reference: (np.eye(3), np.zeros(3))}
+        poses = {reference: (np.eye(3), np.zeros(3))}
         words = words[4:]
         while words:
             if len(words) < 3 or words[2] not in ("0", "1"):
@@ -45,15 +45,15 @@ def read_sensors(lines: list[str]) -> dict[int, tuple[NDArray, NDArray]]:
                 with errors_of(f"camera {number}"):
                     if not has_pose:
                         raise ValueError("HAS_POSE: found 0, expected a pose")
-                    if number in places:
+                    if number in poses:
                         raise ValueError("SENSOR_ID: found twice, expected once")
                     pose = numbers_of_line(words[3:10], _POSE)
                     R = matrix_of_quaternion(pose[:4], "QW, QX, QY, QZ")
-                places[number] = (R, np.array(pose[4:]))
+                poses[number] = (R, np.array(pose[4:]))
             words = words[10 if has_pose else 3 :]
-        if count < len(places):
-            raise ValueError(f"NUM_SENSORS: found {count}, expected {len(places)}")
-    return places
+        if count < len(poses):
+            raise ValueError(f"NUM_SENSORS: found {count}, expected {len(poses)}")
+    return poses
 
 
 def rig_texts(rig: Rig, pose_text: Callable[[NDArray, NDArray], str]) -> dict[str, str]:

@@ -26,10 +26,10 @@ def required_size(
     """Return the size given, else that of ``image``; raise if neither is there."""
     size = given or (image and size_of_image(image))
     if not size:
-        beside = f", or the image {image} in the file's folder" if image else ""
+        source = f", or the image {image} in the file's folder" if image else ""
         raise ValueError(
             f"image_size: missing, as {format_name} files hold none, "
-            f"expected --image-size WIDTHxHEIGHT{beside}"
+            f"expected --image-size WIDTHxHEIGHT{source}"
         )
     return size
 

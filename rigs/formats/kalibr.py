@@ -38,7 +38,7 @@ from rigs.lens import Distortion
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
-#: The distortion models that each camera model goes with, and ours.
+#: Permitted distortion models of each camera model, with their names in `rigs.lens`.
 _LENSES = {
     "pinhole": {"radtan": "brown", "equidistant": "fisheye", "none": "none"},
     "omni": {"radtan": "brown", "none": "none"},

@@ -1,4 +1,4 @@
-"""MyPTV's camera files, one a camera: name, position, angles, focal length, centre, correction.
+"""MyPTV's camera files, one per camera: name, position, angles, focal length, centre, correction.
 
 Read only; a folder of them is a rig. With ``M = Rx(tx) Ry(ty) Rz(tz)`` of the angles theta, the
 ray of pixel (eta, zeta), column and row with centres at integers, is::

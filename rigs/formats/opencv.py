@@ -2,7 +2,7 @@
 
 Conventions are this package's: ``x_cam = R @ x_world + T``, pixel centres at integers. Known are
 
-- one camera a file, as ``samples/cpp/tutorial_code/calib3d/camera_calibration`` writes it:
+- one camera per file, as ``samples/cpp/tutorial_code/calib3d/camera_calibration`` writes it:
   ``image_width, image_height, camera_matrix, distortion_coefficients, fisheye_model``, here with
   its pose ``R, T`` (ROS writes the same keys, without poses);
 - several in one: a list ``cameras`` of such entries with a ``name`` each, or a mapping of names;
@@ -114,7 +114,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
 def save(rig: Rig, path: Path) -> None:
     """Write a rig as ``cv2.FileStorage`` does: JSON or YAML, by the ending of ``path``.
 
-    A path with another ending is a folder, of one YAML file a camera.
+    A path with another ending is a folder, of one YAML file per camera.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def _camera(name: str, entry: Mapping[str, Any], image_size: tuple[int, int] | N
     with errors_of(f"camera {name}"):
         K = matrix(entry, MATRIX, (3, 3))
         distortion = from_vector(vector(entry, LENS), is_fisheye(entry), LENS[0])
-        size = size_of(entry) or required_size(image_size, "such OpenCV")
+        size = size_of(entry) or required_size(image_size, "these OpenCV")
         if first(entry, TURN) is None:
             R, t = np.eye(3), np.zeros(3)
         else:

@@ -76,7 +76,7 @@ def sniff(path: str | os.PathLike) -> str:
     Raises
     ------
     FileNotFoundError
-        If there is nothing.
+        If there is no such path.
     ValueError
         If it is in none of the formats, in one line that names those known.
     """

@@ -17,7 +17,7 @@ def nearest_point(
     """Return the point with the least sum of squared distances to lines.
 
     The normal equations are ``sum_i (I - d_i d_i^T) (x - p_i) = 0``, solved about the mean
-    position, so that parallel lines give a point beside the cameras.
+    position, so that parallel lines give a point near the cameras.
 
     Parameters
     ----------

@@ -118,7 +118,7 @@ class RayTable:
 
     @classmethod
     def of(cls, camera: Camera) -> RayTable:
-        """Return the table of a camera's rays, one a pixel."""
+        """Return the table of a camera's rays, one per pixel."""
         width, height = camera.image_size
         _, directions = camera.rays()
         return cls(

@@ -95,7 +95,7 @@ def carve(
     ----------
     cameras : sequence of Camera
     images : sequence of (height, width)
-        Intensities, one image a camera.
+        Intensities, one image per camera.
     masks : sequence of (height, width) bool, optional
         True where a pixel is usable. An unusable pixel proves nothing.
     grid : VoxelGrid

@@ -189,7 +189,7 @@ class LinearSystem:
         Raises
         ------
         ValueError
-            Unless there is one image a camera, each of its camera's size.
+            Unless there is one image per camera, each of its camera's size.
         """
         if len(images) != len(self.rig):
             raise ValueError(

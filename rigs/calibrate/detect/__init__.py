@@ -1,4 +1,4 @@
-"""Where the points of a target are in the images."""
+"""Detection of a target's points in images."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""ChArUco boards in images: any part with a few markers will do."""
+"""Detection of ChArUco boards: any part with a few markers suffices."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from rigs.calibrate.detect.found import Found, Search, is_flat_patch
 from rigs.calibrate.targets import CharucoBoard
 from rigs.calibrate.targets.boards import aruco_dictionary
 
-_NEIGHBOURS = 4  # markers that say where a corner is
-_FAR = 1.3  # squares from a corner to the nearest marker: one square off still counts
+_NEIGHBOURS = 4  # markers from which a corner's position is predicted
+_FAR = 1.3  # squares from a corner to its nearest marker; farther predictions are inexact
 
 
 class _Markers(NamedTuple):
-    """Markers that were read: numbers, corners in pixels, and on the board in squares."""
+    """Markers read: numbers, corners in pixels, and corners on the board in squares."""
 
     number: NDArray[np.int64]  # (markers,)
     uv: NDArray[np.float64]  # (markers, 4, 2)
-    places: NDArray[np.float64]  # (markers, 4, 2)
+    positions: NDArray[np.float64]  # (markers, 4, 2)
 
 
 def find_charuco(search: Search, target: CharucoBoard, both_layouts: bool = True) -> Found:
     """Return the board's inner corners in an image.
 
-    The negative is tried too, and if asked for both layouts of boards with an even number of
-    rows. Where the markers in view would lie well in either, the target's own is taken, and
-    ``legacy`` of what is found is None.
+    The negative is tried too; with ``both_layouts`` also both layouts of boards with an even
+    number of rows. Where the markers in view fit both, the target's own is taken, and ``legacy``
+    of the result is None.
     """
     reason = ""
     layouts = [target.first_white]
@@ -39,7 +39,7 @@ def find_charuco(search: Search, target: CharucoBoard, both_layouts: bool = True
         layouts.append(1 - target.first_white)
     for image in (search, search.negative()):
         number, uv = _read(image, target.dictionary)
-        fitting = [_that_fit(number, uv, target, first_white) for first_white in layouts]
+        fitting = [_on_board(number, uv, target, first_white) for first_white in layouts]
         counts = [len(markers.number) for markers in fitting]
         best = int(np.argmax(counts))
         if counts[best] >= 2:
@@ -54,7 +54,7 @@ def find_charuco(search: Search, target: CharucoBoard, both_layouts: bool = True
 
 def other_dictionary(search: Search, target: CharucoBoard) -> str | None:
     """Return the name of another dictionary whose markers are in the image, but not its own."""
-    if len(_read(search, target.dictionary)[0]) >= 4:  # larger dictionaries begin with these
+    if len(_read(search, target.dictionary)[0]) >= 4:  # larger dictionaries contain these
         return None
     names = [name for name in dir(cv2.aruco) if name.startswith("DICT_")]
     counts = {name: len(_read(search, name)[0]) for name in names if name != target.dictionary}
@@ -73,8 +73,8 @@ def _read(search: Search, dictionary: str) -> tuple[NDArray[np.int64], NDArray[n
     return number.reshape(-1).astype(np.int64), search.in_whole(np.reshape(corners, (-1, 4, 2)))
 
 
-def _that_fit(number, uv, target: CharucoBoard, first_white: int) -> _Markers:
-    """Return the markers that lie as on the board; none if most do not."""
+def _on_board(number, uv, target: CharucoBoard, first_white: int) -> _Markers:
+    """Return the markers that are arranged as on the board; none if most are not."""
     row, column = np.mgrid[: target.rows, : target.columns]
     white = (row + column) % 2 == first_white
     squares = np.stack([column[white], row[white]], axis=-1)  # (markers, 2), in their order
@@ -83,26 +83,26 @@ def _that_fit(number, uv, target: CharucoBoard, first_white: int) -> _Markers:
     number, uv = number[known], uv[known]
     side = target.marker / target.square
     corner = 0.5 + side * np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-    places = squares[number][:, None] + corner  # (markers, 4, 2)
-    fits = _agree_with_neighbours(uv, places)
+    positions = squares[number][:, None] + corner  # (markers, 4, 2)
+    fits = _agree_with_neighbours(uv, positions)
     if np.count_nonzero(fits) <= 0.7 * len(fits):
         fits[:] = False
-    return _Markers(number[fits], uv[fits], places[fits])
+    return _Markers(number[fits], uv[fits], positions[fits])
 
 
 def _agree_with_neighbours(
-    uv: NDArray[np.float64], places: NDArray[np.float64]
+    uv: NDArray[np.float64], positions: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Return which markers have most of their neighbours where their own corners say.
+    """Return which markers' corners predict most of their neighbours' positions.
 
-    Neighbours alone are asked, because a lens may bend the board as a whole.
+    Only neighbours are compared, because a lens may bend the board as a whole.
     """
     fits = np.zeros(len(uv), bool)
-    middles, seen = places.mean(axis=1), uv.mean(axis=1)
+    middles, seen = positions.mean(axis=1), uv.mean(axis=1)
     for k in range(len(uv)):
         apart = np.linalg.norm(middles - middles[k], axis=-1)
         near = np.argsort(apart, kind="stable")[1 : 1 + _NEIGHBOURS]
-        own = np.column_stack([places[k] - middles[k], np.ones(4)])
+        own = np.column_stack([positions[k] - middles[k], np.ones(4)])
         affine = np.linalg.lstsq(own, uv[k], rcond=None)[0]  # (3, 2)
         off = (
             np.column_stack([middles[near] - middles[k], np.ones(len(near))]) @ affine - seen[near]
@@ -115,27 +115,27 @@ def _agree_with_neighbours(
 
 def _corners(search: Search, target: CharucoBoard, first_white: int, markers: _Markers) -> Found:
     """Measure the corners that have a marker of the board nearby."""
-    places = target.points[:, :2] / target.square  # (points, 2)
-    middles = markers.places.mean(axis=1)
-    apart = np.linalg.norm(places[:, None] - middles[None], axis=-1)  # (points, markers)
-    start = np.full(places.shape, np.nan)
+    positions = target.points[:, :2] / target.square  # (points, 2)
+    middles = markers.positions.mean(axis=1)
+    apart = np.linalg.norm(positions[:, None] - middles[None], axis=-1)  # (points, markers)
+    start = np.full(positions.shape, np.nan)
     for k in np.flatnonzero(apart.min(axis=1) < _FAR):
         near = np.argsort(apart[k], kind="stable")[:_NEIGHBOURS]
         local = cv2.findHomography(
-            markers.places[near].reshape(-1, 2), markers.uv[near].reshape(-1, 2), 0
+            markers.positions[near].reshape(-1, 2), markers.uv[near].reshape(-1, 2), 0
         )[0]
         if local is not None:
-            start[k] = cv2.perspectiveTransform(places[None, None, k], local)[0, 0]
+            start[k] = cv2.perspectiveTransform(positions[None, None, k], local)[0, 0]
     limits = np.array(search.whole.shape[::-1]) - 3
     point = np.flatnonzero(((start > 2) & (start < limits)).all(axis=-1))
-    if not is_flat_patch(places[point]):
+    if not is_flat_patch(positions[point]):
         return Found.nothing("a few markers, but too few corners of the board")
     # 1 where the squares with markers are up left and down right of the corner
-    white = np.where(places[point].sum(axis=-1) % 2 == first_white, 1, -1)
+    white = np.where(positions[point].sum(axis=-1) % 2 == first_white, 1, -1)
     gap = 0.5 * (1 - target.marker / target.square)
-    saddles, good = refine_corners(search.whole, places[point], start[point], gap, white)
+    saddles, good = refine_corners(search.whole, positions[point], start[point], gap, white)
     good &= np.sign(saddles.contrast) == -white
-    if not is_flat_patch(places[point[good]]):
+    if not is_flat_patch(positions[point[good]]):
         return Found.nothing("too few corners of the board that can be measured")
     return Found(point[good], saddles.uv[good], float(np.median(saddles.blur[good])))
 
@@ -146,6 +146,6 @@ def _why(number: NDArray[np.int64], target: CharucoBoard) -> str:
     found = ", ".join(str(item) for item in np.unique(number)[:6])
     more = ", ..." if len(np.unique(number)) > 6 else ""
     return (
-        f"markers {found}{more} of {target.dictionary}, but not as they lie on a board of "
+        f"markers {found}{more} of {target.dictionary}, but not arranged as on a board of "
         f"{target.columns}x{target.rows} squares"
     )

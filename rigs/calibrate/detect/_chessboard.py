@@ -1,4 +1,4 @@
-"""Chessboards in images: found whole or not at all."""
+"""Detection of chessboards, complete ones only."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigs.calibrate.detect._order import border, lattice, orders
 from rigs.calibrate.detect.found import Found, Search, local_axes
 from rigs.calibrate.targets import Chessboard
 
-_FALLBACK = 800  # pixels of the longer side, for the slower search that stands more blur
+_FALLBACK = 800  # pixels of the longer side, for the slower search that tolerates more blur
 
 
 def find_chessboard(search: Search, target: Chessboard) -> Found:
@@ -21,12 +21,12 @@ def find_chessboard(search: Search, target: Chessboard) -> Found:
     if rough is None:
         return Found.nothing(f"no chessboard of {size} inner corners")
     row, column = np.divmod(np.arange(len(rough)), target.columns)
-    places = lattice(column, row)
-    possible = list(orders(rough, places, target.columns))
+    positions = lattice(column, row)
+    possible = list(orders(rough, positions, target.columns))
     if not possible:
         return Found.nothing(f"no chessboard of {size} inner corners")
     rough = rough[max(possible, key=lambda order: _first_is_black(search, target, rough[order]))]
-    saddles, good = refine_corners(search.whole, places, rough)
+    saddles, good = refine_corners(search.whole, positions, rough)
     # Positive where the square right and down of the corner is black; all change sign in negatives
     black = np.sign(saddles.contrast) * (1 - 2 * ((column + row) % 2))
     if len(np.unique(black[good])) != 1:
@@ -37,21 +37,21 @@ def find_chessboard(search: Search, target: Chessboard) -> Found:
     outer = [whole[0], whole[-1], whole[:, 0], whole[:, -1]]
     if np.mean(good) < 0.8 or min(np.mean(side) for side in outer) <= 0.5:
         return Found.nothing(f"a chessboard of less than {size} inner corners, or a damaged one")
-    if _goes_on(search.whole, target, places, saddles, good):
+    if _continues(search.whole, target, positions, saddles, good):
         return Found.nothing(f"a chessboard of more than {size} inner corners")
     blur = float(np.median(saddles.blur[good]))
     return Found(np.flatnonzero(good), saddles.uv[good], blur)
 
 
 def larger_chessboard(search: Search) -> tuple[int, int] | None:
-    """Return the columns and rows of inner corners of whatever chessboard is in the image."""
+    """Return the columns and rows of inner corners of the chessboard in the image, if any."""
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
     found, _, squares = cv2.findChessboardCornersSBWithMeta(search.small, (3, 3), flags)
     return tuple(sorted(squares.shape, reverse=True)) if found else None
 
 
 def _rough(search: Search, target: Chessboard) -> NDArray[np.float64] | None:
-    """Return the corners ``(points, 2)`` to a pixel or two, in any order of a grid."""
+    """Return the corners ``(points, 2)`` within one or two pixels, in any order of a grid."""
     size = (target.columns, target.rows)
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     found, corners = cv2.findChessboardCorners(search.small, size, flags=flags)
@@ -65,7 +65,7 @@ def _rough(search: Search, target: Chessboard) -> NDArray[np.float64] | None:
 
 
 def _first_is_black(search: Search, target: Chessboard, uv: NDArray[np.float64]) -> bool:
-    """Return whether the square right and down of the first corner is of the darker kind."""
+    """Return whether the square right and down of the first corner is dark."""
     grid = uv.reshape(target.rows, target.columns, 2)
     middle = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4
     column, row = np.round(middle).astype(int).reshape(-1, 2).T
@@ -75,16 +75,16 @@ def _first_is_black(search: Search, target: Chessboard, uv: NDArray[np.float64])
     return bool(np.median(shade[odd == 0]) < np.median(shade[odd == 1]))
 
 
-def _goes_on(image, target, places, saddles, good) -> bool:
-    """Return whether corners of squares follow beyond one of the sides."""
-    homography = cv2.findHomography(places[good], saddles.uv[good], 0)[0]
+def _continues(image, target, positions, saddles, good) -> bool:
+    """Return whether corners of squares continue beyond one of the sides."""
+    homography = cv2.findHomography(positions[good], saddles.uv[good], 0)[0]
     usual = np.median(np.abs(saddles.contrast[good]))
     for side in border(target.columns, target.rows):
         uv = cv2.perspectiveTransform(side[None], homography)[0]
         inside = ((uv > 4) & (uv < np.array(image.shape[::-1]) - 5)).all(axis=-1)
         if np.count_nonzero(inside) < 3:
             continue
-        known = np.concatenate([places[good], side[inside]])
+        known = np.concatenate([positions[good], side[inside]])
         axes = local_axes(known, np.concatenate([saddles.uv[good], uv[inside]]))
         outer = np.count_nonzero(good)
         if np.mean(are_corners(image, uv[inside], axes[outer:], 0.5 * usual)) > 0.5:

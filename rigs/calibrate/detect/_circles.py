@@ -1,4 +1,4 @@
-"""Grids of circles in images: found whole or not at all."""
+"""Detection of grids of circles, complete ones only."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigs.calibrate.detect._order import border, lattice, orders
 from rigs.calibrate.detect.found import Found, Search, local_axes, smooth_map
 from rigs.calibrate.targets import CircleGrid
 
-_LEAST = 6.0  # pixels across a circle
+_LEAST = 6.0  # pixels of a circle's diameter; smaller ones have too few edge pixels
 
 
 class _Circle(NamedTuple):
@@ -34,24 +34,24 @@ def find_circles(search: Search, target: CircleGrid) -> Found:
     else:
         return Found.nothing(f"no grid of {size} circles")
     row, column = np.divmod(np.arange(len(rough)), target.columns)
-    places = lattice(column, row, target.asymmetric)
-    order = next(orders(rough, places, target.columns), None)
+    positions = lattice(column, row, target.asymmetric)
+    order = next(orders(rough, positions, target.columns), None)
     if order is None:
         return Found.nothing(f"a grid of {size} circles, but mirrored")
     start = rough[order]
     reach = _half_way(target)
-    axes = local_axes(places, start)
+    axes = local_axes(positions, start)
     tried = [_ellipse(image.whole, uv, step, reach) for uv, step in zip(start, axes, strict=True)]
     point = np.array([k for k, circle in enumerate(tried) if circle is not None], np.int64)
     if len(point) < max(4, 0.8 * len(tried)):
         return Found.nothing(f"a grid of {size} spots, but not of circles")
     circles = [tried[k] for k in point]
-    places, uv = places[point], np.array([circle.uv for circle in circles])
+    positions, uv = positions[point], np.array([circle.uv for circle in circles])
     radius = np.array([circle.radius for circle in circles])
     contrast = float(np.median([circle.contrast for circle in circles]))
-    steps = float(np.median(radius / np.sqrt(np.linalg.det(local_axes(places, uv)))))
-    shift = _shift(places, uv, steps)
-    if _goes_on(image.whole, target, places, uv, steps, 0.5 * contrast):
+    steps = float(np.median(radius / np.sqrt(np.linalg.det(local_axes(positions, uv)))))
+    shift = _shift(positions, uv, steps)
+    if _continues(image.whole, target, positions, uv, steps, 0.5 * contrast):
         return Found.nothing(f"a grid of more than {size} circles")
     return Found(point, uv + shift, float(np.median([circle.blur for circle in circles])))
 
@@ -62,7 +62,7 @@ def _half_way(target: CircleGrid) -> float:
 
 
 def _rough(search: Search, target: CircleGrid) -> NDArray[np.float64] | None:
-    """Return the centres ``(points, 2)`` to a pixel or so, in any order of a grid."""
+    """Return the centres ``(points, 2)`` within about a pixel, in any order of a grid."""
     blobs = cv2.SimpleBlobDetector.Params()
     blobs.minArea, blobs.maxArea = 20.0, search.small.size / 20
     blobs.minDistBetweenBlobs = 4.0
@@ -99,9 +99,9 @@ def _ellipse(
     slope = [cv2.Scharr(crop, cv2.CV_64F, *by)[1:-1, 1:-1] / 32 for by in ((1, 0), (0, 1))]
     y, x = np.mgrid[-half + 1 : half, -half + 1 : half].astype(np.float64)
     x, y = x + column - uv[0], y + row - uv[1]
-    place = np.linalg.solve(axes, np.stack([x.ravel(), y.ravel()]))
+    position = np.linalg.solve(axes, np.stack([x.ravel(), y.ravel()]))
     size = np.hypot(*slope)
-    near = np.hypot(*place).reshape(x.shape) < reach
+    near = np.hypot(*position).reshape(x.shape) < reach
     if not near.any() or size[near].max() <= 0:
         return None
     peak = np.percentile(size[near], 98)
@@ -128,31 +128,31 @@ def _ellipse(
 
 
 def _shift(
-    places: NDArray[np.float64], uv: NDArray[np.float64], radius: float
+    positions: NDArray[np.float64], uv: NDArray[np.float64], radius: float
 ) -> NDArray[np.float64]:
-    """Return from each image's centre to the image of its circle's centre, ``(points, 2)``.
+    """Return the shift from each ellipse's centre to the image of its circle's centre.
 
     A homography H takes a circle's dual conic Q to H Q Hᵀ, whose centre is not the image of the
     circle's. The lens adds to the rim, on average, r² / 4 of the Laplacian of its displacement.
     """
-    homography = cv2.findHomography(places, uv, 0)[0]
-    middle = cv2.perspectiveTransform(places[None], homography)[0]
-    moved = np.tile(np.eye(3), (len(places), 1, 1))
-    moved[:, :2, 2] = places
+    homography = cv2.findHomography(positions, uv, 0)[0]
+    middle = cv2.perspectiveTransform(positions[None], homography)[0]
+    moved = np.tile(np.eye(3), (len(positions), 1, 1))
+    moved[:, :2, 2] = positions
     projected = homography @ moved
     dual = projected @ np.diag([radius**2, radius**2, -1.0]) @ projected.transpose(0, 2, 1)
-    _, bending = smooth_map(places, uv)
+    _, bending = smooth_map(positions, uv)
     return middle - dual[:, :2, 2] / dual[:, 2:, 2] - radius**2 / 4 * bending.sum(axis=1)
 
 
-def _goes_on(image, target: CircleGrid, places, uv, radius: float, contrast: float) -> bool:
-    """Return whether such circles follow beyond one of the sides."""
-    homography = cv2.findHomography(places, uv, 0)[0]
+def _continues(image, target: CircleGrid, positions, uv, radius: float, contrast: float) -> bool:
+    """Return whether such circles continue beyond one of the sides."""
+    homography = cv2.findHomography(positions, uv, 0)[0]
     for side in border(target.columns, target.rows, target.asymmetric):
         beyond = cv2.perspectiveTransform(side[None], homography)[0]
-        axes = local_axes(np.concatenate([places, side]), np.concatenate([uv, beyond]))
+        axes = local_axes(np.concatenate([positions, side]), np.concatenate([uv, beyond]))
         like = []
-        for start, step in zip(beyond, axes[len(places) :], strict=True):
+        for start, step in zip(beyond, axes[len(positions) :], strict=True):
             if (start < 6).any() or (start > np.array(image.shape[::-1]) - 7).any():
                 continue
             circle = _ellipse(image, start, step, _half_way(target))

@@ -1,4 +1,4 @@
-"""Corners of chessboards to a few hundredths of a pixel, from where a search had them."""
+"""Corners of chessboards measured to a few hundredths of a pixel, from rough positions."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from numpy.typing import NDArray
 from rigs.calibrate.detect._saddle import Saddles, fit_saddles
 from rigs.calibrate.detect.found import local_axes, smooth_map
 
-_REACH = 16.0  # pixels: further out the lens bends the edges more than pixels there tell
-_SMALLEST_SIDE = 5.0  # pixels
+_REACH = 16.0  # pixels around a corner; farther ones add more lens bending than information
+_SMALLEST_SIDE = 5.0  # pixels of a square; smaller ones leave too few for the fit
 _PLAIN = 0.6  # pixels between the blurred edges of a square and of its marker
 _MARGIN = 1.5  # pixels of a marker's blur, before the blur is known
 
 
 def refine_corners(
     image: NDArray[np.float32],
-    places: NDArray[np.float64],
+    positions: NDArray[np.float64],
     start: NDArray[np.float64],
     gap: float | None = None,
     white: NDArray[np.int64] | None = None,
 ) -> tuple[Saddles, NDArray[np.bool_]]:
-    """Measure corners whose rough place is known.
+    """Measure corners whose rough position is known.
 
     Parameters
     ----------
     image : (rows, columns) float32
-    places : (corners, 2) float64
+    positions : (corners, 2) float64
         On the board, in squares.
     start : (corners, 2) float64
         Pixel coordinates.
@@ -40,34 +40,34 @@ def refine_corners(
     -------
     saddles : Saddles
     good : (corners,) bool
-        False where there is no such corner: the fit did not converge, or went elsewhere, or
-        leaves too much.
+        False where there is no such corner: the fit did not converge, moved away, or leaves large
+        residuals.
     """
-    axes = local_axes(places, start)
+    axes = local_axes(positions, start)
     start = _near_corners(image, start, axes, gap)
-    blur = np.full(len(places), _MARGIN / 2)
+    blur = np.full(len(positions), _MARGIN / 2)
     bend = None
     for _ in range(2):
-        axes = local_axes(places, start)
+        axes = local_axes(positions, start)
         saddles, good = _fit(image, start, axes, gap, white, blur, bend)
         if np.count_nonzero(good) < 4:
             return saddles, np.zeros(len(good), bool)
-        smooth, _ = smooth_map(places[good], saddles.uv[good])
+        smooth, _ = smooth_map(positions[good], saddles.uv[good])
         off = np.linalg.norm(saddles.uv[good] - smooth, axis=-1)
         good[good] = off < 0.15 * _shortest_side(axes[good])
         start = np.where(good[:, None], saddles.uv, start)
         blur = np.where(good, saddles.blur.max(axis=-1), blur)
-        bend = np.zeros((len(places), 2))
+        bend = np.zeros((len(positions), 2))
         if np.count_nonzero(good) >= 4:
-            bending = smooth_map(places[good], start[good])[1]
-            bend[good] = _curvature(local_axes(places[good], start[good]), bending)
+            bending = smooth_map(positions[good], start[good])[1]
+            bend[good] = _curvature(local_axes(positions[good], start[good]), bending)
     return saddles, good
 
 
 def are_corners(
     image: NDArray[np.float32], start: NDArray[np.float64], axes: NDArray[np.float64], least: float
 ) -> NDArray[np.bool_]:
-    """Return at which places ``(corners, 2)`` squares meet with at least that much contrast."""
+    """Return at which positions ``(corners, 2)`` squares meet with at least that contrast."""
     start = _near_corners(image, start, axes, None)
     blur = np.full(len(start), _MARGIN / 2)
     saddles, good = _fit(image, start, axes, None, None, blur, None)
@@ -75,7 +75,7 @@ def are_corners(
 
 
 def _fit(image, start, axes, gap, white, blur, bend) -> tuple[Saddles, NDArray[np.bool_]]:
-    """Fit the corners once, and judge each fit by itself."""
+    """Fit the corners once, and test each fit."""
     side = _shortest_side(axes)
     plain = None if gap is None else np.maximum(gap - 2 * blur / side, 1 / side)
     reach = np.minimum(0.64 * side, _REACH)
@@ -87,8 +87,8 @@ def _fit(image, start, axes, gap, white, blur, bend) -> tuple[Saddles, NDArray[n
         good &= saddles.misfit < 0.3 * np.abs(saddles.contrast)
         good &= saddles.blur.max(axis=-1) < 0.25 * side
         if gap is not None:
-            # Seen at a grazing angle, markers come so close to the edges that they pull the corner
-            # by a tenth of a pixel. Where squares are small in any direction there is no better
+            # At grazing angles markers are close to the edges and shift the corner by a tenth of a
+            # pixel. Where squares are small in every direction nothing better is possible
             needed = 2 * saddles.blur.max(axis=-1) + _PLAIN
             longest = np.linalg.norm(axes, axis=1).max(axis=-1)
             good &= (gap * side > needed) | (gap * longest < needed)
@@ -101,7 +101,7 @@ def _near_corners(
     axes: NDArray[np.float64],
     gap: float | None,
 ) -> NDArray[np.float64]:
-    """Bring each corner to within a few tenths of a pixel, in a window that fits its squares."""
+    """Move each start to within a few tenths of a pixel, in a window that fits its squares."""
     side = _shortest_side(axes)
     window = np.round(np.clip(0.3 * side if gap is None else 0.7 * gap * side, 2, 11))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.01)

@@ -1,4 +1,4 @@
-"""What was found before, in one plain file, so that images are searched once."""
+"""A cache of detections in one file, so that each image is searched once."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from rigs.files import atomic_path
 from rigs.files.archives import read_arrays
 from rigs.files.size_guard import errors_of_libraries
 
-_FORMAT = "target detections 1"  # another number where the search gives other results
+_FORMAT = "target detections 1"  # a new number when the search's results change
 _FIELDS = ("format", "keys", "counts", "point", "uv", "blur", "reason", "legacy", "size")
 
 Entry = tuple[Found, tuple[int, int]]
-"""What was found, and the image's width and height."""
+"""The detection, and the image's width and height."""
 
 
 def key(target: str, camera: str, frame: str, source: Source) -> str:
@@ -48,7 +48,7 @@ def read(path: Path) -> dict[str, Entry]:
     Raises
     ------
     ValueError
-        If there is another kind of file, so that it is not overwritten.
+        If the file is of another kind; it is not overwritten.
     """
     if not path.exists():
         return {}
@@ -65,11 +65,11 @@ def _entries(stored: Mapping[str, NDArray]) -> dict[str, Entry]:
     point, uv, size = (_numbers(stored[name]) for name in ("point", "uv", "size"))
     ends = np.cumsum(stored["counts"])
     if min(stored["counts"], default=0) < 0 or point.shape != (ends[-1] if len(ends) else 0,):
-        raise ValueError("counts: found others than of the points")
+        raise ValueError("counts: found a sum that differs from the number of points")
     if uv.shape != (len(point), 2) or size.shape != (len(stored["keys"]), 2):
         raise ValueError(f"uv, size: found {uv.shape} and {size.shape}")
     if any(len(stored[name]) != len(size) for name in ("counts", "blur", "reason", "legacy")):
-        raise ValueError("keys: found another number of them")
+        raise ValueError("keys: found another number than of images")
     if not np.isfinite(uv).all() or (size < 1).any():
         raise ValueError("uv, size: found NaN, infinity or nothing")
     entries = {}
@@ -89,7 +89,7 @@ def _numbers(array: NDArray) -> NDArray:
 
 
 def write(path: Path, entries: Mapping[str, Entry]) -> None:
-    """Write the entries under a temporary name beside ``path``, then rename it."""
+    """Write the entries under a temporary name in the same folder, then rename it."""
     found = [entry[0] for entry in entries.values()]
     stored = {
         "format": np.array(_FORMAT),

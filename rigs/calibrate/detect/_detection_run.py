@@ -1,4 +1,4 @@
-"""Many images searched at once, in an order that depends on nothing."""
+"""Parallel search of many images; results do not depend on the number of threads."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def search_images(
     progress: Callable[[int, int], None] | None,
     workers: int | None,
 ) -> list[Entry]:
-    """Return what is found in each image, and put it into ``used`` as it comes."""
+    """Return the detection of each image; each is also put into ``used`` when done."""
     layouts = "either layout" if both_layouts else "one layout"
     keys = [_detection_cache.key(f"{target} {layouts}", *job) for job in jobs]
     left = [job for job, name in zip(jobs, keys, strict=True) if name not in known]
@@ -49,7 +49,7 @@ def search_images(
                 future = next(submitted, None)
                 if future is not None:
                     waiting.append(future)
-                # Pictures of videos wait in memory, so there must not be many of them
+                # Decoded video frames wait in memory, so few may be queued
                 while waiting and (future is None or len(waiting) > 3 * count):
                     used[next(names)] = waiting.popleft().result()
                     done += 1
@@ -63,7 +63,7 @@ def search_images(
 
 
 def _submitted(pool, jobs: list[Job], target: Target, both_layouts: bool) -> Iterator[Future]:
-    """Hand the images to the pool in order; videos are decoded here, each in one go."""
+    """Submit the images to the pool in order; each video is decoded here in one pass."""
     for (camera, path), group in groupby(
         jobs, key=lambda job: (job[0], job[2].path if isinstance(job[2], VideoFrame) else None)
     ):
@@ -91,7 +91,7 @@ def _examine(camera: str, source: Source, target: Target, both_layouts: bool) ->
 
 
 def find(search: Search, target: Target, both_layouts: bool = True) -> Found:
-    """Return what one image shows of a target of any kind."""
+    """Return the detection of a target of any kind in one image."""
     if isinstance(target, Chessboard):
         return find_chessboard(search, target)
     if isinstance(target, CharucoBoard):

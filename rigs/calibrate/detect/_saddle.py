@@ -1,14 +1,13 @@
-"""The corner where four squares meet, found by fitting what a camera makes of it.
+"""The corner where four squares meet, measured by fitting a model of its blurred image.
 
 Around the corner the image is taken as
 
     I = a + b x + c y + (d + e x + f y) erf(p / (sqrt(2) s)) erf(q / (sqrt(2) t))
 
 where x, y run from the corner, p and q are the distances to the two edges, which may bend, and
-s and t say how blurred they are. All twelve numbers are fitted by least squares over the pixels
-around the corner. Blur of any kind that is its own mirror image, and any tone curve, leave the
-corner where it is, because a corner of four squares looks the same after half a turn; light that
-falls off across the corner is what the slopes are for.
+s and t are their blurs. All twelve numbers are fitted by least squares over the pixels around the
+corner. Symmetric blur and any tone curve leave the corner's position unbiased, because a corner of
+four squares looks the same after half a turn. The slopes describe uneven light.
 """
 
 from __future__ import annotations
@@ -21,11 +20,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-_STEPS = 25
+_STEPS = 25  # of the descent; it takes some eight
 _UNKNOWNS = 12  # corner, two directions, two blurs; level and contrast, each with two slopes
-_CONVERGED = 2e-4  # pixels
-_MAX_STEP = 1.0  # pixels
-_FAR = 4.0  # erf is 1 to 2e-8 from here
+_CONVERGED = 2e-4  # pixels; a step shorter than this ends the descent
+_MAX_STEP = 1.0  # pixels; longer steps leave the corner
+_FAR = 4.0  # beyond this, erf is 1 within 2e-8
 _SLOPE = 2 / math.sqrt(math.pi)  # of erf at 0
 
 
@@ -37,13 +36,13 @@ def _compiled(function: Callable) -> Callable:
 
 
 class Saddles(NamedTuple):
-    """What the fit gives, one row a corner; NaN where it did not converge."""
+    """Fitted corners, one row each; NaN where the fit did not converge."""
 
     uv: NDArray[np.float64]  # (corners, 2), pixels
     directions: NDArray[np.float64]  # (corners, 2), angles of the two edges, radians
     blur: NDArray[np.float64]  # (corners, 2), standard deviation across each edge, pixels
     contrast: NDArray[np.float64]  # (corners,), half of white less black, signed
-    misfit: NDArray[np.float64]  # (corners,), RMS of what the model leaves
+    misfit: NDArray[np.float64]  # (corners,), RMS of the residuals
 
 
 def fit_saddles(
@@ -65,9 +64,9 @@ def fit_saddles(
     axes : (corners, 2, 2) float64
         Columns are one square's step along the target's x and y, in pixels.
     reach : (corners,) float64
-        Radius of the pixels to fit, at most 0.45 squares along the axes are used in any case.
+        Radius of the pixels to fit; at most 0.45 squares along the axes are used.
     gap : (corners,) float64, optional
-        How far from the edges, in squares, a quadrant with a marker in it is plain.
+        Distance from the edges, in squares, up to which a quadrant with a marker is plain.
     white : (corners,) int64, optional
         1 where the quadrants with markers are those with x y > 0, -1 where x y < 0, 0 for none.
     bend : (corners, 2) float64, optional
@@ -97,8 +96,8 @@ def _fit(image, start, axes, reach, gap, white, bend, fitted):
         if not (abs(u) < 1e6 and abs(v) < 1e6 and 0 < reach[corner] < 1e3 and determinant != 0):
             continue
         radius = math.ceil(reach[corner])
-        places = np.zeros(((2 * radius + 1) ** 2, 2))
-        values = np.zeros(len(places))
+        pixels = np.zeros(((2 * radius + 1) ** 2, 2))
+        values = np.zeros(len(pixels))
         used = 0
         middle_column, middle_row = round(u), round(v)
         for row in range(middle_row - radius, middle_row + radius + 1):
@@ -112,16 +111,16 @@ def _fit(image, start, axes, reach, gap, white, bend, fitted):
                     continue
                 if white[corner] * across * down > 0 and min(abs(across), abs(down)) > gap[corner]:
                     continue
-                # The same pixels after half a turn: what is cut off is cut off on both sides
+                # Pixels and their images after half a turn are both used or both left out
                 twin_column, twin_row = 2 * middle_column - column, 2 * middle_row - row
                 if min(row, twin_row) < 0 or max(row, twin_row) >= rows:
                     continue
                 if min(column, twin_column) < 0 or max(column, twin_column) >= columns:
                     continue
-                places[used, 0], places[used, 1] = column, row
+                pixels[used, 0], pixels[used, 1] = column, row
                 values[used] = image[row, column]
                 used += 1
-        # Where nothing is to be seen the equations are singular
+        # Without contrast the equations are singular
         if used < 3 * _UNKNOWNS or values[:used].min() == values[:used].max():
             continue
         unknowns = np.zeros(_UNKNOWNS)
@@ -129,17 +128,17 @@ def _fit(image, start, axes, reach, gap, white, bend, fitted):
         unknowns[2] = math.atan2(axes[corner, 1, 0], axes[corner, 0, 0])
         unknowns[3] = math.atan2(axes[corner, 1, 1], axes[corner, 0, 1])
         unknowns[4] = unknowns[5] = 1.0
-        _descend(places[:used], values[:used], bend[corner], unknowns, fitted[corner])
+        _descend(pixels[:used], values[:used], bend[corner], unknowns, fitted[corner])
 
 
 @_compiled
-def _descend(places, values, bend, unknowns, fitted):
+def _descend(pixels, values, bend, unknowns, fitted):
     """Levenberg's descent; the last six unknowns are solved for at once in the first step."""
     damping = 1e-3
-    normal, gradient, cost = _accumulate(places, values, bend, unknowns)
+    normal, gradient, cost = _accumulate(pixels, values, bend, unknowns)
     linear = np.linalg.solve(normal[6:, 6:].copy(), gradient[6:].copy())
     unknowns[6:] += linear
-    normal, gradient, cost = _accumulate(places, values, bend, unknowns)
+    normal, gradient, cost = _accumulate(pixels, values, bend, unknowns)
     for _ in range(_STEPS):
         damped = normal.copy()
         for k in range(6):
@@ -154,7 +153,7 @@ def _descend(places, values, bend, unknowns, fitted):
         trial = unknowns + step
         for k in (4, 5):
             trial[k] = min(max(trial[k], 0.6 * unknowns[k], 0.2), 1.6 * unknowns[k], 50.0)
-        trial_normal, trial_gradient, trial_cost = _accumulate(places, values, bend, trial)
+        trial_normal, trial_gradient, trial_cost = _accumulate(pixels, values, bend, trial)
         if trial_cost <= cost:
             unknowns, normal, gradient = trial, trial_normal, trial_gradient
             done = moved < _CONVERGED or cost - trial_cost < 1e-9 * cost
@@ -173,7 +172,7 @@ def _descend(places, values, bend, unknowns, fitted):
 
 
 @_compiled
-def _accumulate(places, values, bend, unknowns):
+def _accumulate(pixels, values, bend, unknowns):
     """Return the normal matrix, the gradient and the sum of squares at ``unknowns``."""
     normal = np.zeros((_UNKNOWNS, _UNKNOWNS))
     gradient = np.zeros(_UNKNOWNS)
@@ -183,7 +182,7 @@ def _accumulate(places, values, bend, unknowns):
     other_cosine, other_sine = math.cos(unknowns[3]), math.sin(unknowns[3])
     scale, other_scale = math.sqrt(0.5) / unknowns[4], math.sqrt(0.5) / unknowns[5]
     for k in range(len(values)):
-        x, y = places[k, 0] - unknowns[0], places[k, 1] - unknowns[1]
+        x, y = pixels[k, 0] - unknowns[0], pixels[k, 1] - unknowns[1]
         along = cosine * x + sine * y
         distance = (cosine * y - sine * x - 0.5 * bend[0] * along * along) * scale
         other_along = other_cosine * x + other_sine * y

@@ -1,4 +1,4 @@
-"""Detection: where the points of a target are in the images of one or more cameras."""
+"""Detection of a target's points in the images of one or more cameras."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ ImageSet = Mapping[str, Mapping[str, Source]]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Detections:
-    """What was found in a set of images.
+    """Detections in a set of images.
 
     Parameters
     ----------
     observations : Observations
     blur : (cameras, frames) float64
-        How blurred the target's edges are, standard deviation in pixels; NaN where the target
-        was not found. About 0.5 to 1 is sharp.
+        Blur of the target's edges, standard deviation in pixels; NaN where the target was not
+        found. About 0.5 to 1 is sharp.
     reasons : dict of (camera, frame) to str
-        Of images without the target: what was found instead.
+        For images without the target: what was found instead.
     """
 
     observations: Observations
@@ -48,9 +48,9 @@ class Detections:
         return f"<Detections: {self.observations!r}, {len(self.reasons)} images without target>"
 
     def blurred(self, factor: float = 2.0) -> tuple[tuple[str, str, float], ...]:
-        """Return camera, frame and blur of images ``factor`` times as blurred as is usual.
+        """Return camera, frame and blur of images blurred ``factor`` times more than usual.
 
-        Usual is the median over the camera's images, or one pixel where that is less.
+        Usual is the median over the camera's images, at least one pixel.
         """
         usual = np.full(len(self.blur), np.nan)
         for camera, row in enumerate(self.blur):
@@ -66,7 +66,7 @@ class Detections:
 
 
 def find_target(image: NDArray, target: Target) -> Found:
-    """Return what one grey image ``(rows, columns)`` shows of the target.
+    """Return the detection of the target in one grey image ``(rows, columns)``.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def observe(
     progress: Callable[[int, int], None] | None = None,
     workers: int | None = None,
 ) -> Observations:
-    """Return the observations of a target: `detections` without what else it tells."""
+    """Return the observations of a target in every image; see `detections`."""
     return detections(images, target, cache=cache, progress=progress, workers=workers).observations
 
 
@@ -99,23 +99,23 @@ def detections(
 ) -> Detections:
     """Find the points of a target in every image.
 
-    Corners of squares are measured by fitting a model of the blurred corner, centres of circles
-    by fitting ellipses to edges, with the shift that perspective gives an ellipse's centre
-    taken out. A chessboard and a circle grid are found whole, of a ChArUco board any part.
+    Corners of squares are measured by fitting a model of the blurred corner. Centres of circles
+    are measured by fitting ellipses to edges, corrected for the shift of an ellipse's centre by
+    perspective. A chessboard or circle grid must be complete; any part of a ChArUco board will do.
 
     Parameters
     ----------
     images : mapping of camera to mapping of frame to source
         Files, pictures of videos or arrays, as `image_set` gives them. Images of one frame show
-        the target in one place.
+        the target at rest in one pose.
     target : Chessboard, CharucoBoard or CircleGrid
     cache : path-like, optional
-        A file that keeps what was found (.npz). An image is searched again when its path, size
-        or time of change, or the target, is another.
+        A file (.npz) that keeps detections. An image is searched again when its path, size or time
+        of change, or the target, differs.
     progress : callable, optional
-        Called with the number of images done and the number of all.
+        Called with the numbers of images done and of all images.
     workers : int, optional
-        Threads; as many as there are cores by default. Results do not depend on it.
+        Number of threads, by default that of cores. Results do not depend on it.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def detections(
             raise ValueError(f"camera {camera}: found no images, expected at least one")
     if len(images) > 1 and target.ambiguity:
         raise ValueError(
-            f"target: found {target}, which cannot tell how cameras stand to each other: "
+            f"target: found {target}, which does not determine the cameras' relative poses: "
             f"{target.ambiguity}; expected another target, or one camera at a time"
         )
     if workers is not None and workers < 1:
@@ -169,14 +169,14 @@ def _legacy(found: Found, target: CharucoBoard) -> bool:
 
 
 def _layout(target: Target, entries: list[Entry]) -> Target | None:
-    """Return the target in the layout that most images decided for; None where all agree."""
+    """Return the target in the layout that most images show; None if all agree."""
     if not isinstance(target, CharucoBoard):
         return None
     seen = [found for found, _ in entries if len(found.point)]
-    votes = Counter(found.legacy for found in seen if found.legacy is not None)
-    if not votes:
+    counts = Counter(found.legacy for found in seen if found.legacy is not None)
+    if not counts:
         return None
-    legacy = max((target.legacy, not target.legacy), key=lambda layout: votes[layout])
+    legacy = max((target.legacy, not target.legacy), key=lambda layout: counts[layout])
     if all(_legacy(found, target) == legacy for found in seen):
         return None
     return replace(target, legacy=legacy)
@@ -194,7 +194,7 @@ def _check_sizes(jobs: list[Job], entries: list[Entry]) -> None:
 
 
 def _check_seen(jobs: list[Job], entries: list[Entry], target: Target) -> None:
-    """Refuse a camera that never saw the target, and tell what its images show instead."""
+    """Refuse a camera that never saw the target; the message says what its images show."""
     for camera in dict.fromkeys(job[0] for job in jobs):
         own = [k for k, job in enumerate(jobs) if job[0] == camera]
         if any(len(entries[k][0].point) for k in own):
@@ -211,7 +211,7 @@ def _check_seen(jobs: list[Job], entries: list[Entry], target: Target) -> None:
 
 
 def _instead(image: NDArray, target: Target) -> str | None:
-    """Return what an image shows that is not the target but might be meant."""
+    """Return a similar target that an image shows instead, or None."""
     search = Search.of(image)
     if isinstance(target, Chessboard):
         size = larger_chessboard(search)
@@ -233,17 +233,17 @@ def _collect(
 ) -> Detections:
     cameras = tuple(images)
     longest = max(images.values(), key=len)
-    # A camera's own order stands where one camera has every moment, else names are sorted
+    # The order of a camera that has every frame is kept, else names are sorted
     frames = tuple(dict.fromkeys([*longest, *(name for own in images.values() for name in own)]))
     if len(frames) > len(longest):
         frames = tuple(sorted(frames))
-    place = {name: k for k, name in enumerate(frames)}
+    index_of = {name: k for k, name in enumerate(frames)}
     blur = np.full((len(cameras), len(frames)), np.nan)
     parts: list[tuple[NDArray, ...]] = []
     reasons, sizes = {}, {}
     for (camera, frame, _), (found, size) in zip(jobs, entries, strict=True):
         sizes[camera] = size
-        row, column = cameras.index(camera), place[frame]
+        row, column = cameras.index(camera), index_of[frame]
         blur[row, column] = found.blur
         if not len(found.point):
             reasons[camera, frame] = found.reason

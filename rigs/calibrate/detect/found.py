@@ -1,4 +1,4 @@
-"""What was found of a target in one image, and helpers that all kinds of targets share."""
+"""The detection of a target in one image, and helpers for all kinds of targets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-_SEARCHED = 1600  # pixels of the longer side: more cost time and find no more
+_SEARCHED = 1600  # pixels of the longer side; more take longer and find no more
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,15 +18,15 @@ class Found:
     Parameters
     ----------
     point : (points,) int64
-        Which of the target's points.
+        Indices of the target's points.
     uv : (points, 2) float64
-        Where, in pixels, pixel centres at integers.
+        Pixel coordinates (column, row), pixel centres at integers.
     blur : float
-        How blurred edges are: standard deviation in pixels, the median over the points.
+        Blur of the edges: standard deviation in pixels, the median over the points.
     reason : str
-        Why nothing was found, where nothing was.
+        Why nothing was found; empty if points were.
     legacy : bool, optional
-        Which of two layouts the markers show, where only one fits them.
+        Which of two layouts the markers show; None where both fit.
     """
 
     point: NDArray[np.int64]
@@ -37,13 +37,13 @@ class Found:
 
     @classmethod
     def nothing(cls, reason: str) -> Found:
-        """Return what an image without the target gives."""
+        """Return the detection of an image without the target."""
         return cls(np.zeros(0, np.int64), np.zeros((0, 2)), float("nan"), reason)
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """One image in the two forms a search needs: small and 8-bit to find, whole to measure.
+    """One image in two forms: small and 8-bit to search, whole to measure.
 
     Parameters
     ----------
@@ -77,18 +77,18 @@ class Search:
         return Search(*(np.ascontiguousarray(form[:, ::-1]) for form in (self.whole, self.small)))
 
     def in_whole(self, uv: NDArray) -> NDArray[np.float64]:
-        """Return where pixel coordinates ``(..., 2)`` of the small image lie in the whole one."""
+        """Return pixel coordinates ``(..., 2)`` of the small image as those of the whole one."""
         scale = np.array(self.whole.shape[::-1]) / self.small.shape[::-1]
         return (np.asarray(uv, np.float64) + 0.5) * scale - 0.5
 
 
-def local_axes(places: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how pixels change with places on the target, around each of its points.
+def local_axes(positions: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivative of pixels by positions on the target, at each of its points.
 
     Parameters
     ----------
-    places : (points, 2) float64
-        On the target, in steps from point to point.
+    positions : (points, 2) float64
+        Positions on the target, in steps from point to point.
     uv : (points, 2) float64
 
     Returns
@@ -97,8 +97,8 @@ def local_axes(places: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[
         Columns are one step along the target's x and along its y, in pixels, from an affine map
         fitted to each point's neighbours.
     """
-    apart = places[None] - places[:, None]  # (points, others, 2)
-    # Far points count little, but settle a direction in which there is no neighbour
+    apart = positions[None] - positions[:, None]  # (points, others, 2)
+    # Far points have little weight, but determine a direction without a neighbour
     weight = np.exp(-0.5 * np.sum(apart**2, axis=-1)) + 1e-4
     terms = np.concatenate([apart, np.ones((*apart.shape[:2], 1))], axis=-1)
     normal = np.einsum("ij,ija,ijb->iab", weight, terms, terms)
@@ -106,52 +106,52 @@ def local_axes(places: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[
     return np.linalg.solve(normal, right)[:, :2].transpose(0, 2, 1)
 
 
-def is_flat_patch(places: NDArray[np.float64]) -> bool:
-    """Return whether places ``(points, 2)`` are four or more and not all on one line."""
-    if len(places) < 4:
+def is_flat_patch(positions: NDArray[np.float64]) -> bool:
+    """Return whether ``positions`` ``(points, 2)`` are four or more and not on one line."""
+    if len(positions) < 4:
         return False
-    spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    spread = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False)
     return bool(spread[1] > 1e-3 * spread[0] and spread[1] > 0.4)
 
 
 def smooth_map(
-    places: NDArray[np.float64], uv: NDArray[np.float64]
+    positions: NDArray[np.float64], uv: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Fit a homography and, where there are points enough, a polynomial for the lens.
+    """Fit a homography and, given enough points, a polynomial for the lens.
 
     Parameters
     ----------
-    places, uv : (points, 2) float64
+    positions, uv : (points, 2) float64
 
     Returns
     -------
     smooth : (points, 2) float64
-        ``uv`` as the fit has it.
+        The fitted ``uv``.
     bending : (points, 2, 2) float64
         Rows are the second derivatives of the polynomial along the target's x and y, in pixels
-        by step²: what makes straight edges curved. Zero without a polynomial.
+        by step², the curvature of straight edges. Zero without a polynomial.
     """
-    homography = cv2.findHomography(places, uv, 0)[0]
+    homography = cv2.findHomography(positions, uv, 0)[0]
     if homography is None:
         return uv.copy(), np.zeros((len(uv), 2, 2))
-    straight = cv2.perspectiveTransform(places[None], homography)[0]
-    middle = places.mean(axis=0)
-    scale = max(np.abs(places - middle).max(), 1e-9)
-    x, y = ((places - middle) / scale).T
+    straight = cv2.perspectiveTransform(positions[None], homography)[0]
+    middle = positions.mean(axis=0)
+    scale = max(np.abs(positions - middle).max(), 1e-9)
+    x, y = ((positions - middle) / scale).T
     for order, least in ((3, 20), (2, 10)):
         powers = [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
-        counts = [len(np.unique(places[:, axis])) for axis in (0, 1)]
-        if len(places) < least or min(counts) <= order:
+        counts = [len(np.unique(positions[:, axis])) for axis in (0, 1)]
+        if len(positions) < least or min(counts) <= order:
             continue
         terms = np.stack([x**i * y**j for i, j in powers], axis=-1)  # (points, terms)
-        weight = np.ones(len(places))
-        for _ in range(3):  # a corner far off must not bend the rest
+        weight = np.ones(len(positions))
+        for _ in range(3):  # robust against a corner far off
             left = weight[:, None] * terms, weight[:, None] * (uv - straight)
             factors = np.linalg.lstsq(*left, rcond=None)[0]  # (terms, 2)
             off = np.linalg.norm(uv - straight - terms @ factors, axis=-1)
             limit = 4 * np.median(off) + 1e-6
             weight = np.minimum(1, limit / np.maximum(off, 1e-12))
-        second = np.zeros((len(places), 2, len(powers)))
+        second = np.zeros((len(positions), 2, len(powers)))
         for k, (i, j) in enumerate(powers):
             if i >= 2:
                 second[:, 0, k] = i * (i - 1) * x ** (i - 2) * y**j

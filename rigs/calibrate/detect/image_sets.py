@@ -1,4 +1,4 @@
-"""Images of a target as they lie in folders: which camera, which moment, and how to read them."""
+"""Images of a target in folders or videos, by camera and frame, and their reading."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ Source = str | os.PathLike | VideoFrame | np.ndarray
 
 
 def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, Source]]:
-    """Return the images in ``folder``: one folder a camera, or one video a camera.
+    """Return the images in ``folder``: one folder per camera, or one video per camera.
 
     Parameters
     ----------
     folder : path-like
-        Either folders named as the cameras, in which equal file names without their suffix are
-        one moment; or videos named as the cameras, in which equal numbers of pictures are.
-        Names that begin with a dot are passed over, and so are files of other kinds.
+        Either folders named as the cameras, in which equal file names without suffix are one
+        frame; or videos named as the cameras, in which equal picture numbers are one frame.
+        Names that begin with a dot and files of other kinds are ignored.
     every : int
-        Take every so many pictures of a video.
+        Use every n-th picture of a video.
 
     Returns
     -------
@@ -61,11 +61,11 @@ def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, 
     ------
     ValueError
         If there is nothing to read, folders and videos are mixed, a camera's folder is empty or
-        has one moment twice, or a video cannot be decoded.
+        has one frame twice, or a video cannot be decoded.
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise ValueError(f"{folder}: found no folder, expected one folder or one video a camera")
+        raise ValueError(f"{folder}: found no folder, expected one folder or one video per camera")
     if every < 1:
         raise ValueError(f"every: found {every}, expected at least 1")
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
@@ -75,12 +75,12 @@ def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, 
     if folders and videos:
         raise ValueError(
             f"{folder}: found the folder {folders[0].name} and the video {videos[0].name}, "
-            "expected one folder a camera or one video a camera"
+            "expected one folder per camera or one video per camera"
         )
     if not folders and not videos:
         loose = sum(path.suffix.lower() in IMAGE_SUFFIXES for path in inside)
-        there = f"{loose} images in no camera's folder" if loose else "neither"
-        raise ValueError(f"{folder}: found {there}, expected one folder or one video a camera")
+        there = f"{loose} images outside camera folders" if loose else "neither"
+        raise ValueError(f"{folder}: found {there}, expected one folder or one video per camera")
     if folders:
         return {path.name: _images_in(path) for path in folders}
     images: dict[str, dict[str, Source]] = {}
@@ -121,7 +121,7 @@ def read_source(source: Source) -> NDArray:
 def read_pictures(path: Path, indices: Iterable[int]) -> Iterator[tuple[int, NDArray]]:
     """Yield number and grey image of a video's pictures, in order.
 
-    A video is decoded from its beginning: jumping to a picture is inexact in many formats.
+    A video is decoded from its beginning, because seeking is inexact in many formats.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def _images_in(folder: Path) -> dict[str, Source]:
     for path in sorted(paths, key=lambda path: _natural(path.name)):
         if path.stem in images:
             raise ValueError(
-                f"{path}: camera {folder.name}: found the moment {path.stem} twice, "
+                f"{path}: camera {folder.name}: found the frame {path.stem} twice, "
                 f"{Path(images[path.stem]).name} is another, expected one image"
             )
         images[path.stem] = path
@@ -181,7 +181,7 @@ def _open_video(path: Path) -> cv2.VideoCapture:
 
 
 def _count_pictures(path: Path) -> int:
-    """Count by decoding: what a file says of itself is often wrong."""
+    """Count by decoding, because the count in the header is often wrong."""
     video = _open_video(path)
     stated = int(max(video.get(cv2.CAP_PROP_FRAME_COUNT), 0))
     count = 0

@@ -108,7 +108,7 @@ def _left_out(
         notes.append(
             f"camera {observations.cameras[camera]}, frame {frames[frame]}: disagrees with the "
             f"other cameras by {quality.image_rms[camera, frame]:.2g} px, left out: the camera "
-            "moved or is not synchronised there, or the target was detected turned round"
+            "moved or is not synchronised there, or the target was detected in a wrong order"
         )
     for camera, name in enumerate(observations.cameras):
         own = observations.camera == camera

@@ -17,7 +17,9 @@ from rigs.rig import Rig, Volume
 
 _COVERAGE_CELLS = 8  # along each side of an image
 _LEAST_SPARE = 60  # degrees of freedom between images; fewer do not determine their variance
-_HALVES_TOO_POOR = 6.0  # times the whole rig's ray-miss, beyond which halves tell nothing
+_HALVES_TOO_POOR = (
+    6.0  # times the whole rig's ray-miss, beyond which halves are too poor to compare
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,7 +286,7 @@ def _depths(scene: Scene, observations: ObservationArrays, camera: int) -> NDArr
 
 
 def _rms(squares: NDArray, seen: NDArray, axis: int | tuple[int, ...]) -> NDArray[np.float64]:
-    """Return the root of the mean of ``squares`` where ``seen``; NaN where nothing is."""
+    """Return the root of the mean of ``squares`` where ``seen``; NaN where none is."""
     count = seen.sum(axis=axis)
     total = np.where(seen, squares, 0.0).sum(axis=axis)
     return np.sqrt(np.where(count > 0, total / np.maximum(count, 1), np.nan))

@@ -1,7 +1,7 @@
-"""Chessboards and ChArUco boards: where their points lie, and what they look like in print.
+"""Chessboards and ChArUco boards: their points, and their print.
 
-A target's axes follow its front as OpenCV does: x to the right, y down, z into the board, so a
-camera in front of the board stands at negative z and sees x, y turned as columns and rows are.
+A target's axes are OpenCV's, seen from its front: x right, y down, z into the board. A camera in
+front of the board is at negative z and sees x and y along columns and rows.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class Chessboard(Drawn):
 
     Notes
     -----
-    The square up and left of the first point is black. Turned by 180 degrees, a board with
-    an even and an odd side has white there, which settles its order of points. Every chessboard
-    is its own mirror image: no single image tells that it was flipped.
+    The square up and left of the first point is black. Turned by 180 degrees, a board with an even
+    and an odd side has white there, which determines the order of points. Every chessboard is its
+    own mirror image: a single image does not show that it was flipped.
     """
 
     columns: int
@@ -68,7 +68,7 @@ class Chessboard(Drawn):
 
     @property
     def ambiguity(self) -> str | None:
-        """Why the board's pose cannot be told from its image, or None."""
+        """Why an image does not determine the board's pose, or None."""
         if (self.columns + self.rows) % 2:
             return None
         angle = 90 if self.columns == self.rows and self.columns % 2 == 0 else 180
@@ -88,7 +88,7 @@ class Chessboard(Drawn):
 
 @dataclass(frozen=True)
 class CharucoBoard(Drawn):
-    """A chessboard with an ArUco marker in each white square, so that parts of it suffice.
+    """A chessboard with an ArUco marker in each white square: parts of it suffice.
 
     Its points are the inner corners, row by row, numbered and placed as OpenCV does: the first
     at (square, square, 0), with the origin at the outer corner of the first square.
@@ -154,7 +154,7 @@ class CharucoBoard(Drawn):
 
     @property
     def ambiguity(self) -> str | None:
-        """None: the markers tell the points apart."""
+        """None: the markers identify the points."""
         return None
 
     @property

@@ -1,6 +1,6 @@
-"""Grids of circles, symmetric or not: where their centres lie, what they look like in print.
+"""Grids of circles, symmetric or not: their centres, and their print.
 
-Axes are those of the boards in `rigs.calibrate.targets.boards`.
+Axes as for the boards in `rigs.calibrate.targets.boards`.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class CircleGrid(Drawn):
     columns, rows : int
         Circles in a row, and rows.
     spacing : float
-        Symmetric: from one circle to the next. Asymmetric, as in OpenCV: from one row to the
-        next; circles of one row are two spacings apart, and every other row is shifted by one.
+        Symmetric: distance of neighbours. Asymmetric, as in OpenCV: distance of rows; circles of
+        one row are two spacings apart, and every other row is shifted by one.
     asymmetric : bool
         Whether every other row is shifted.
     diameter : float, optional
-        Of a circle, for drawing alone: half the distance of neighbours by default.
+        Diameter of a circle, for drawing; half the distance of neighbours by default.
 
     Raises
     ------
@@ -39,7 +39,7 @@ class CircleGrid(Drawn):
     Notes
     -----
     Symmetric grids, and asymmetric ones with an odd number of rows, are their own mirror images:
-    no single image tells that it was flipped.
+    a single image does not show that it was flipped.
     """
 
     columns: int
@@ -86,7 +86,7 @@ class CircleGrid(Drawn):
 
     @property
     def ambiguity(self) -> str | None:
-        """Why the grid's pose cannot be told from its image, or None."""
+        """Why an image does not determine the grid's pose, or None."""
         size = f"{self.columns}x{self.rows}"
         if not self.asymmetric:
             angle = 90 if self.columns == self.rows else 180
@@ -101,7 +101,7 @@ class CircleGrid(Drawn):
     def brightness(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
         """Return the print's brightness at target coordinates: 0 is black, 1 white."""
         x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
-        # No circle reaches into another's cell, so that of the nearest row and column decides
+        # No circle reaches into another's cell, so only the nearest one matters
         white = np.ones(np.broadcast_shapes(x.shape, y.shape))
         for shift in (0, 1) if self.asymmetric else (0,):
             step = 2 if self.asymmetric else 1

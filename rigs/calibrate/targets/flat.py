@@ -1,4 +1,4 @@
-"""What flat targets have in common: their print, their points in rows, checks of their fields."""
+"""Common parts of flat targets: print, points in rows, checks of fields."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_MAX_POINTS = 100_000
-_MAX_PIXELS = 400_000_000
+_MAX_POINTS = 100_000  # of a target; more are a typing error and take memory
+_MAX_PIXELS = 400_000_000  # of a drawing; more take more than 400 MB
 
 
 class Drawn:
-    """What every target can do: be drawn from its `brightness`."""
+    """A target that is drawn from its `brightness`."""
 
     def drawing(self, pixels_per_unit: float) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
         """Return the target as an image for print, with a white margin around it.
@@ -21,8 +21,8 @@ class Drawn:
         Parameters
         ----------
         pixels_per_unit : float
-            Pixels in one length unit of the target. Every pixel shows the target at its centre,
-            so edges lie true to half a pixel whatever the number.
+            Pixels in one length unit of the target. Every pixel shows the target at its centre:
+            edges are exact to half a pixel.
 
         Returns
         -------
@@ -53,7 +53,7 @@ class Drawn:
         x = low[0] + (np.arange(columns) + 0.5) / pixels_per_unit
         y = low[1] + (np.arange(rows) + 0.5) / pixels_per_unit
         image = np.zeros((rows, columns), np.uint8)
-        for start in range(0, rows, 64):  # by strips: the float64 coordinates need much more room
+        for start in range(0, rows, 64):  # strips: float64 coordinates need eight times the memory
             strip = slice(start, start + 64)
             image[strip] = 255 * self.brightness(x[None, :], y[strip, None])
         return image, np.array(low)
@@ -88,6 +88,6 @@ def grid(columns: int, rows: int, step: float, first: int) -> NDArray[np.float64
     return points
 
 
-def is_among(place: NDArray[np.float64], count: int) -> NDArray[np.bool_]:
-    """Return which places are one of 0 to ``count - 1``."""
-    return (place >= 0) & (place < count)
+def is_among(index: NDArray[np.float64], count: int) -> NDArray[np.bool_]:
+    """Return which indices are from 0 to ``count - 1``."""
+    return (index >= 0) & (index < count)

@@ -1,4 +1,4 @@
-"""Targets as text, for the command line and for files."""
+"""Targets as text, for the command line and files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from rigs.calibrate.targets.boards import CharucoBoard, Chessboard, Target
 from rigs.calibrate.targets.circle_grid import CircleGrid
 
-#: What `parse_target` reads, one form a kind of target.
+#: The forms that `parse_target` reads.
 TARGET_FORMS = (
     "chessboard:COLUMNSxROWS:SQUARE (inner corners)",
     "charuco:COLUMNSxROWS:SQUARE:MARKER:DICTIONARY[:legacy] (squares)",
@@ -26,11 +26,11 @@ def parse_target(text: str) -> Target:
 
         - ``chessboard:9x6:1.0``: inner corners, side of a square
         - ``charuco:5x4:0.054:0.0405:DICT_4X4_1000``: squares, sides of a square and of a marker,
-          dictionary; a sixth field ``legacy`` as in `CharucoBoard`
-        - ``circles:7x5:0.02``: a symmetric grid; its spacing, and if wanted a diameter
+          dictionary; optionally ``legacy`` as in `CharucoBoard`
+        - ``circles:7x5:0.02``: a symmetric grid; its spacing, optionally a diameter
         - ``acircles:4x11:0.02``: an asymmetric grid, its spacing as in `CircleGrid`
 
-        Lengths are in one unit of your choice: the rig comes out in it.
+        Lengths are in one unit of your choice, which becomes the rig's.
 
     Raises
     ------

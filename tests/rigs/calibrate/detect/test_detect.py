@@ -175,7 +175,7 @@ def test_a_layout_that_one_image_leaves_open_is_settled_by_the_others(photograph
 def test_other_boards_are_not_taken_for_the_target(photograph):
     image, _ = photograph(parse_target("charuco:5x4:1.0:0.75:DICT_4X4_50"))
     for text, said in (
-        ("charuco:4x5:1.0:0.75:DICT_4X4_50", "not as they lie on a board of 4x5 squares"),
+        ("charuco:4x5:1.0:0.75:DICT_4X4_50", "not arranged as on a board of 4x5 squares"),
         ("charuco:5x4:1.0:0.75:DICT_7X7_50", "no markers of DICT_7X7_50"),
         ("circles:4x3:1.0", "no grid of 4x3 circles"),
     ):

@@ -163,7 +163,7 @@ def test_folders_that_hold_no_image_set_are_named(tmp_path):
     with pytest.raises(ValueError, match="found neither, expected one folder or one video a"):
         image_set(tmp_path)
     cv2.imwrite(str(tmp_path / "loose.png"), board())
-    with pytest.raises(ValueError, match="found 1 images in no camera's folder"):
+    with pytest.raises(ValueError, match="found 1 images outside camera folders"):
         image_set(tmp_path)
     (tmp_path / "left").mkdir()
     with pytest.raises(ValueError, match=r"camera left: found no images, expected some of .png"):
