@@ -134,7 +134,7 @@ def coverage(
         or not (np.isfinite(accuracy) & (accuracy > 0)).all()
     ):
         raise ValueError(
-            f"pixel_accuracy: found {pixel_accuracy!r}, expected a positive number or one per camera"
+            f"pixel_accuracy: found {pixel_accuracy!r}, expected a positive number or {len(rig)}"
         )
     seen = np.zeros((len(rig), len(points)), bool)
     footprint = np.full(seen.shape, np.nan)

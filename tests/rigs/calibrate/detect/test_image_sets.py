@@ -160,7 +160,7 @@ def test_a_video_that_cannot_be_decoded_is_named(videos):
 def test_folders_that_hold_no_image_set_are_named(tmp_path):
     with pytest.raises(ValueError, match="found no folder"):
         image_set(tmp_path / "absent")
-    with pytest.raises(ValueError, match="found neither, expected one folder or one video a"):
+    with pytest.raises(ValueError, match="found neither, expected one folder or one video per"):
         image_set(tmp_path)
     cv2.imwrite(str(tmp_path / "loose.png"), board())
     with pytest.raises(ValueError, match="found 1 images outside camera folders"):
