@@ -170,7 +170,7 @@ def test_folders_that_hold_no_image_set_are_named(tmp_path):
         image_set(tmp_path)
     cv2.imwrite(str(tmp_path / "left" / "a.png"), board())
     cv2.imwrite(str(tmp_path / "left" / "a.tif"), board())
-    with pytest.raises(ValueError, match="camera left: found the moment a twice"):
+    with pytest.raises(ValueError, match="camera left: found the frame a twice"):
         image_set(tmp_path)
     (tmp_path / "right.avi").write_bytes(b"")
     with pytest.raises(ValueError, match=r"found the folder left and the video right.avi"):
