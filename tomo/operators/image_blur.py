@@ -14,7 +14,7 @@ from tomo._compute.index_types import numbering
 from tomo._compute.memory import available_memory
 from tomo.operators.composition import ImageOperator
 from tomo.operators.operator import Matrix, as_float
-from tomo.operators.spmv import gather, part_bounds, scatter
+from tomo.operators.spmv import part_bounds, product, transposed_product
 
 Kernel = tuple[NDArray[np.int64], NDArray[np.float32]]
 """``offsets`` (n, 2), columns and rows from a pixel, and the ``weight`` (n,) of each."""
@@ -111,13 +111,13 @@ class ImageBlur(ImageOperator):
     def _matvec(self, x: NDArray) -> NDArray:
         x = as_float(x.ravel())
         images = np.zeros(self.shape[0], x.dtype)
-        gather(*self._entries, x, images, self.matrix.nnz)
+        product(*self._entries, x, images, self.matrix.nnz)
         return images
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
         gathered = np.zeros(self.shape[1], y.dtype)
-        scatter(*self._entries, y, self._parts, gathered, self.matrix.nnz)
+        transposed_product(*self._entries, y, self._parts, gathered, self.matrix.nnz)
         return gathered
 
     def take(self, pixels: NDArray[np.integer]) -> tuple[ImageBlur, NDArray[np.int64]]:

@@ -1,12 +1,12 @@
-"""Products with a stored matrix and with its transpose, from one copy of its rows.
+"""Products of a sparse matrix and of its transpose with a vector, from one copy of its rows.
 
-Row ``p`` owns the entries ``starts[p]:stops[p]``, so that rows can be left out, repeated or
-reordered without a copy. Entries are read once each: in a product with a volume every row is a sum
-of its own; in one with images the rows are cut into parts that do not depend on the number of
-threads, every part adds into a volume of its own, and the volumes are summed part by part. Both
-are the same bits on any number of threads, and nothing is written twice at a time.
+Row ``p`` owns the entries ``starts[p]:stops[p]`` of ``voxel`` and ``length``, so that rows can be
+left out, repeated or reordered without a copy. Each product reads every entry once. ``A x`` sums
+every row by itself. ``A^T y`` cuts the rows into parts that do not depend on the number of
+threads; each part adds into a private volume, and the volumes are summed part by part. Both give
+the same bits on any number of threads, and no two threads write to one number.
 
-Voxel numbers and places are unsigned here: a signed index costs a test for a negative one.
+Voxel numbers are unsigned here: a signed index costs a test for negative ones.
 """
 
 from __future__ import annotations
@@ -20,19 +20,27 @@ from tomo._compute.threads import threads_worth
 from tomo.operators._row_sum import CHAINS, LANES, row_sum
 
 MOST_PARTS = 16
-PRIVATE_BYTES = 1 << 22
-"""Of parts' volumes at one time, should these not be one a thread: every round of parts wakes and
-awaits all threads, and what is beyond the caches is slower."""
+"""Parts of the transposed product: fewer leave threads idle, more clear and add more volumes."""
 
-NANOSECONDS_GATHERED, NANOSECONDS_SCATTERED = 0.32, 0.5  # an entry, on one thread
-ENTRIES_A_PRIVATE_VOXEL = 2  # to clear and add a voxel of a part costs about as much as an entry
-ADDED_AT_ONCE = 2048  # voxels: what a thread adds stays in its cache
+PRIVATE_BYTES = 1 << 22
+"""Bytes of the private volumes at one time, if more than one a thread fit: less wakes all threads
+more often, more leaves the caches."""
+
+FORWARD_NANOSECONDS, TRANSPOSED_NANOSECONDS = 0.32, 0.5
+"""Time of an entry on one thread: work too short for a second thread stays on one."""
+
+ENTRIES_A_PRIVATE_VOXEL = 2
+"""Entries whose products take as long as to clear and add one voxel of a private volume."""
+
+ADDED_AT_ONCE = 2048
+"""Voxels that a thread adds up at a time: they stay in its cache."""
+
 _AT_ONCE = CHAINS * LANES
 
 
 @compiled(inline=True)
-def projected(volume, voxel, length, start, stop) -> float:
-    """Return the sum over entries ``start:stop`` (int64) in double precision, in lanes."""
+def row_product(volume, voxel, length, start, stop) -> float:
+    """Return the entries ``start:stop`` (int64) times ``volume``, in double precision."""
     total = row_sum(volume, voxel, length, start, stop - start)
     for s in range(np.uint64(stop - (stop - start) % _AT_ONCE), np.uint64(stop)):
         total += np.float64(length[s] * volume[voxel[s]])
@@ -40,8 +48,8 @@ def projected(volume, voxel, length, start, stop) -> float:
 
 
 @compiled(inline=True)
-def spread(pixel, voxel, length, start, stop, volume) -> None:
-    """Add to ``volume`` (n,) what entries ``start:stop`` bring of a pixel."""
+def add_row(pixel, voxel, length, start, stop, volume) -> None:
+    """Add ``pixel`` times one row, entries ``start:stop``, to ``volume`` (n,)."""
     s, end = np.uint64(start), np.uint64(stop)
     while s < end:
         volume[voxel[s]] += length[s] * pixel
@@ -49,19 +57,16 @@ def spread(pixel, voxel, length, start, stop, volume) -> None:
 
 
 @compiled(parallel=True)
-def _gather(starts, stops, voxel, length, volume, images):
-    """Write to ``images`` (P,) the product of the matrix with ``volume`` (n,).
-
-    Rows are summed in double precision, in lanes.
-    """
+def _product(starts, stops, voxel, length, volume, images):
+    """Write ``A x`` to ``images`` (P,) of ``volume`` (n,)."""
     for row in numba.prange(len(images)):
         start, stop = np.int64(starts[row]), np.int64(stops[row])
-        images[row] = projected(volume, voxel, length, start, stop)
+        images[row] = row_product(volume, voxel, length, start, stop)
 
 
 @compiled(parallel=True, reassociate=True)
 def _add_up(starts, stops, length, sums):
-    """Write to ``sums`` (P,) the product of the matrix with ones: no voxel need be looked at."""
+    """Write ``A 1`` to ``sums`` (P,); no voxel is read."""
     for row in numba.prange(len(sums)):
         total = 0.0
         for s in range(np.uint64(starts[row]), np.uint64(stops[row])):
@@ -70,8 +75,8 @@ def _add_up(starts, stops, length, sums):
 
 
 @compiled(parallel=True)
-def _scatter(starts, stops, voxel, length, images, bounds, private, volume):
-    """Sum each part's rows in ``private`` (at once, n), and add these to ``volume`` (n,)."""
+def _transposed_product(starts, stops, voxel, length, images, bounds, private, volume):
+    """Add ``A^T y`` of ``images`` (P,) to ``volume`` (n,), by ``private`` volumes (at once, n)."""
     parts, at_once = len(bounds) - 1, len(private)
     for first in range(0, parts, at_once):
         last = min(first + at_once, parts)
@@ -81,7 +86,7 @@ def _scatter(starts, stops, voxel, length, images, bounds, private, volume):
                 own[i] = 0
             for row in range(bounds[part], bounds[part + 1]):
                 if images[row] != 0:
-                    spread(images[row], voxel, length, starts[row], stops[row], own)
+                    add_row(images[row], voxel, length, starts[row], stops[row], own)
         for block in numba.prange((len(volume) + ADDED_AT_ONCE - 1) // ADDED_AT_ONCE):
             start = block * ADDED_AT_ONCE
             stop = min(start + ADDED_AT_ONCE, len(volume))
@@ -93,9 +98,9 @@ def _scatter(starts, stops, voxel, length, images, bounds, private, volume):
 
 
 def part_bounds(counts: NDArray[np.int64], n_unknowns: int) -> NDArray[np.int64]:
-    """Return where to cut rows of ``counts`` entries into parts of equal work: (parts + 1,).
+    """Return the bounds of parts of equal work among rows of ``counts`` entries: (parts + 1,).
 
-    As many as clearing and adding up the parts' volumes is worth: fewer for few entries.
+    Few entries make few parts: each private volume has to be cleared and added.
     """
     worth = int(counts.sum()) // (ENTRIES_A_PRIVATE_VOXEL * max(n_unknowns, 1))
     parts = min(worth, MOST_PARTS)
@@ -107,14 +112,14 @@ def part_bounds(counts: NDArray[np.int64], n_unknowns: int) -> NDArray[np.int64]
 
 
 def parts_at_once(parts: int, nbytes: int) -> int:
-    """Return how many parts have volumes, of so many bytes each, of their own at a time.
+    """Return the number of private volumes, of ``nbytes`` each, at a time.
 
-    As many as there are threads, or as have small volumes together.
+    One a thread, or as many as `PRIVATE_BYTES` hold.
     """
     return min(max(numba.get_num_threads(), PRIVATE_BYTES // max(nbytes, 1)), parts)
 
 
-def gather(
+def product(
     starts: NDArray[np.int64],
     stops: NDArray[np.int64],
     voxel: NDArray[np.unsignedinteger],
@@ -123,25 +128,25 @@ def gather(
     images: NDArray[np.floating],
     entries: int,
 ) -> None:
-    """Write to ``images`` (P,) the product of the matrix, of so many entries, with ``volume``."""
-    with threads_worth(NANOSECONDS_GATHERED * entries):
-        _gather(starts, stops, voxel, length, volume, images)
+    """Write ``A x`` to ``images`` (P,) of ``volume`` (n,); ``entries`` counts those of ``A``."""
+    with threads_worth(FORWARD_NANOSECONDS * entries):
+        _product(starts, stops, voxel, length, volume, images)
 
 
-def sums_of_rows(
+def row_sums(
     starts: NDArray[np.int64],
     stops: NDArray[np.int64],
     length: NDArray[np.floating],
     entries: int,
 ) -> NDArray[np.float64]:
-    """Return the sum of every row's entries, of so many in all: (P,)."""
+    """Return ``A 1``: (P,)."""
     sums = np.zeros(len(starts))
-    with threads_worth(NANOSECONDS_GATHERED * entries):
+    with threads_worth(FORWARD_NANOSECONDS * entries):
         _add_up(starts, stops, length, sums)
     return sums
 
 
-def scatter(
+def transposed_product(
     starts: NDArray[np.int64],
     stops: NDArray[np.int64],
     voxel: NDArray[np.unsignedinteger],
@@ -151,10 +156,10 @@ def scatter(
     volume: NDArray[np.floating],
     entries: int,
 ) -> None:
-    """Add to ``volume`` (n,) the product of the transposed matrix with ``images`` (P,)."""
+    """Add ``A^T y`` of ``images`` (P,) to ``volume`` (n,), parts as of `part_bounds`."""
     parts = len(bounds) - 1
     at_once = parts_at_once(parts, volume.nbytes)
     private = np.zeros((at_once, len(volume)), volume.dtype)
     rounds = -(-parts // at_once)
-    with threads_worth(NANOSECONDS_SCATTERED * entries / rounds):
-        _scatter(starts, stops, voxel, length, images, bounds, private, volume)
+    with threads_worth(TRANSPOSED_NANOSECONDS * entries / rounds):
+        _transposed_product(starts, stops, voxel, length, images, bounds, private, volume)

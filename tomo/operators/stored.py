@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._compute.jit import compiled
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.operator import ProjectionOperator, as_float
-from tomo.operators.spmv import gather, part_bounds, scatter, sums_of_rows
+from tomo.operators.spmv import part_bounds, product, row_sums, transposed_product
 from tomo.trace import Segments
 
 
@@ -131,7 +131,7 @@ class Projector(ProjectionOperator):
     @cached_property
     def row_sums(self) -> NDArray[np.float64]:
         """Sum of every row, ``A 1``, ``(pixels,)``: the length of a pixel's rays in the grid."""
-        return sums_of_rows(self._starts, self._stops, self._entries.length, self.n_segments)
+        return row_sums(self._starts, self._stops, self._entries.length, self.n_segments)
 
     @cached_property
     def segments(self) -> Segments:
@@ -148,13 +148,13 @@ class Projector(ProjectionOperator):
     def _matvec(self, x: NDArray) -> NDArray:
         x = self.active.to_places(as_float(x.ravel()))
         images = np.zeros(self.shape[0], x.dtype)
-        gather(*self.matrix, x, images, self.n_segments)
+        product(*self.matrix, x, images, self.n_segments)
         return images
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
         volume = np.zeros(self.shape[1], y.dtype)
-        scatter(*self.matrix, y, self._parts, volume, self.n_segments)
+        transposed_product(*self.matrix, y, self._parts, volume, self.n_segments)
         return self.active.from_places(volume)
 
     @property

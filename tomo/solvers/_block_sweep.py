@@ -1,14 +1,13 @@
-"""A volume brought to agree with one block of pixels after another: views, or ordered subsets.
+"""Updates of a volume from one block of pixels after another: views, or ordered subsets.
 
-The update of a block is ``x <- x + r C A^T W R (b - A x)`` over its pixels alone, where ``R`` are
-the reciprocals of the row sums of A, damped as `tomo.operators.vectors.damped` says, and ``C``
-those of its column sums, weighted by ``W``. A voxel that of a block's rays only one grazes would
-have all of that one's noise.
+The update of a block is ``x <- x + r C A^T W R (b - A x)`` over its pixels alone. ``R`` are the
+reciprocals of the row sums of ``A``, see `tomo.operators.vectors.damped`: a voxel that only one
+ray of a block grazes would take all of that ray's noise. ``C`` are the reciprocals of the column
+sums, weighted by ``W``.
 
-With a stored matrix a row is projected and, as soon as its residual is known, spread back, while
-its entries are at hand: a block reads them once. Blocks are cut into parts as products are
-(`tomo.operators.spmv`), and the volume stays in the order of the entries from the first block to
-the last.
+With a stored matrix a row is projected and its residual back-projected at once: a block reads the
+entries once. Blocks are cut into parts as products are (`tomo.operators.spmv`), and the volume
+stays in the order of the entries from the first block to the last.
 """
 
 from __future__ import annotations
@@ -25,17 +24,18 @@ from tomo._compute.threads import threads_worth
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.spmv import (
     ADDED_AT_ONCE,
-    NANOSECONDS_GATHERED,
-    NANOSECONDS_SCATTERED,
+    FORWARD_NANOSECONDS,
+    TRANSPOSED_NANOSECONDS,
+    add_row,
     part_bounds,
     parts_at_once,
-    projected,
-    spread,
+    row_product,
 )
 from tomo.operators.vectors import damped
 
 Sweep = Callable[[NDArray[np.float32], float, bool, NDArray[np.int64]], NDArray[np.float32]]
-"""``sweep(x, relaxation, nonnegative, order)``: ``x`` after the updates of blocks ``order``."""
+"""``sweep(x, relaxation, nonnegative, order)`` returns ``x`` after the updates of blocks
+``order``."""
 
 
 def sweep_of(
@@ -46,7 +46,7 @@ def sweep_of(
     *,
     fair: bool = False,
 ) -> Sweep:
-    """Return what updates a volume from each of some blocks of pixels, one after another.
+    """Return the function that updates a volume from blocks of pixels, one after another.
 
     Parameters
     ----------
@@ -57,9 +57,9 @@ def sweep_of(
     weights : (pixels,), optional
         The diagonal of ``W``; ones when None.
     fair : bool
-        Whether a column sum counts as the even share of that over all blocks at least. Blocks that
-        are dealt out at random see some voxels hardly, and would throw them after the few rays
-        that do; views see a voxel or not.
+        Whether a column sum counts as at least the mean over all blocks. Random blocks hardly see
+        some voxels, and would move them by the noise of the few rays that do; views see a voxel
+        or not.
     """
     per_row = _per_row(projector, weights)
     most = _per_column(_column_sums(projector, weights) / len(parts)) if fair else None
@@ -120,7 +120,7 @@ class Block:
 def _per_row(
     projector: ProjectionOperator, weights: NDArray[np.float32] | None
 ) -> NDArray[np.float32]:
-    """Return the diagonal of ``W R``; what it is where a ray meets no voxel does not matter."""
+    """Return the diagonal of ``W R``; its value where a ray meets no voxel has no effect."""
     per_row = (1 / damped(projector.row_sums)).astype(np.float32)
     return per_row if weights is None else weights * per_row
 
@@ -138,7 +138,7 @@ def _per_column(sums: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 class _StoredSweep:
-    """The updates of blocks of a stored matrix; its rows are in the order of the blocks here."""
+    """The updates of blocks of a stored matrix, with its rows in the order of the blocks."""
 
     def __init__(
         self,
@@ -152,7 +152,7 @@ class _StoredSweep:
         order, n_unknowns = np.concatenate(parts), projector.shape[1]
         ptr = np.cumsum([0] + [len(pixels) for pixels in parts])
         starts, stops, voxel, length = projector.matrix
-        self._live = projector.active
+        self._active = projector.active
         self._matrix = (starts[order], stops[order], voxel, length)
         self._measured = measured[order]
         weights = np.ones(len(order), np.float32) if weights is None else weights[order]
@@ -160,7 +160,7 @@ class _StoredSweep:
         self._per_column = np.zeros((len(parts), n_unknowns), np.float32)
         _per_columns(*self._matrix, weights, ptr, self._per_column)
         if most is not None:
-            np.minimum(self._per_column, self._live.to_places(most), out=self._per_column)
+            np.minimum(self._per_column, self._active.to_places(most), out=self._per_column)
         counts = self._matrix[1] - self._matrix[0]
         cuts = [
             first + part_bounds(counts[first:last], n_unknowns)
@@ -169,7 +169,7 @@ class _StoredSweep:
         self._bounds = np.concatenate([np.zeros(1, np.int64), *(cut[1:] for cut in cuts)])
         self._part_ptr = np.cumsum([0] + [len(cut) - 1 for cut in cuts])
         self._most = max(len(cut) - 1 for cut in cuts)
-        self._nanoseconds = (NANOSECONDS_GATHERED + NANOSECONDS_SCATTERED) * (
+        self._nanoseconds = (FORWARD_NANOSECONDS + TRANSPOSED_NANOSECONDS) * (
             int(counts.sum()) / int(self._part_ptr[-1])
         )  # of a part
 
@@ -181,7 +181,7 @@ class _StoredSweep:
         order: NDArray[np.int64],
     ) -> NDArray[np.float32]:
         """Return ``x`` (n,) after the updates of blocks ``order``."""
-        x = np.array(self._live.to_places(x))
+        x = np.array(self._active.to_places(x))
         at_once = parts_at_once(self._most, x.nbytes)
         private = np.zeros((at_once, len(x)), np.float32)
         with threads_worth(self._nanoseconds * at_once):
@@ -189,7 +189,7 @@ class _StoredSweep:
                 *self._matrix, self._measured, self._per_row, self._per_column, order,
                 self._part_ptr, self._bounds, np.float32(relaxation), nonnegative, private, x,
             )  # fmt: skip
-        return self._live.from_places(x)
+        return self._active.from_places(x)
 
 
 @compiled(parallel=True)
@@ -198,7 +198,7 @@ def _per_columns(starts, stops, voxel, length, weights, ptr, per_column):
     for block in numba.prange(len(per_column)):
         columns = np.zeros(per_column.shape[1])
         for row in range(ptr[block], ptr[block + 1]):
-            spread(np.float64(weights[row]), voxel, length, starts[row], stops[row], columns)
+            add_row(np.float64(weights[row]), voxel, length, starts[row], stops[row], columns)
         for i in range(len(columns)):
             if columns[i] > 0:
                 per_column[block, i] = 1 / columns[i]
@@ -211,24 +211,24 @@ def _sweep(
 ):  # fmt: skip
     """Update ``x`` (n,) from blocks ``order``, whose parts ``part_ptr`` counts.
 
-    Each part's rows ``bounds[p]:bounds[p + 1]`` add into a row of ``private`` (at once, n), which
-    is zeros before and after; those of a block's only part into the update itself.
+    The rows ``bounds[p]:bounds[p + 1]`` of each part add into a row of ``private`` (at once, n),
+    which is zeros before and after; those of a block's only part add into the update itself.
     """
     n, at_once = len(x), len(private)
     update = np.zeros(n, np.float32)
     for block in order:
         end = part_ptr[block + 1]
-        in_one = end - part_ptr[block] == 1  # nobody else adds: no volume of its own is needed
+        in_one = end - part_ptr[block] == 1  # no other part adds: no private volume is needed
         for first in range(part_ptr[block], end, at_once):
             last = min(first + at_once, end)
             if in_one:
-                _spread_back(
+                _back_project(
                     starts, stops, voxel, length, measured, per_row, bounds[first], bounds[last],
                     x, update,
                 )  # fmt: skip
             else:
                 for part in numba.prange(first, last):
-                    _spread_back(
+                    _back_project(
                         starts, stops, voxel, length, measured, per_row, bounds[part],
                         bounds[part + 1], x, private[part - first],
                     )  # fmt: skip
@@ -246,16 +246,16 @@ def _sweep(
 
 
 @compiled(inline=True)
-def _spread_back(
+def _back_project(
     starts, stops, voxel, length, measured, per_row, first_row, end_row, x, update
 ):  # fmt: skip
-    """Add to ``update`` (n,) what rows ``first_row:end_row`` miss in their measurements."""
+    """Add the back-projected residuals of rows ``first_row:end_row`` to ``update`` (n,)."""
     for row in range(first_row, end_row):
         start, stop = np.int64(starts[row]), np.int64(stops[row])
-        image = np.float32(projected(x, voxel, length, start, stop))
+        image = np.float32(row_product(x, voxel, length, start, stop))
         pixel = per_row[row] * (measured[row] - image)
         if pixel != 0:
-            spread(pixel, voxel, length, start, stop, update)
+            add_row(pixel, voxel, length, start, stop, update)
 
 
 @compiled(inline=True)

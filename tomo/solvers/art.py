@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from tomo._compute.jit import compiled
 from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
+from tomo.operators.spmv import row_product
 from tomo.operators.vectors import additive_start, check_measured, damped
 from tomo.solvers._parameters import shared_parameters
 from tomo.solvers._rows import merged_rows
@@ -27,9 +28,7 @@ def _squared_norms(ptr, length, squares):
 def _sweep(ptr, voxel, length, measured, order, steps, nonnegative, volume):
     """Move ``volume`` towards each pixel's equation in turn, in place."""
     for pixel in order:
-        projected = 0.0
-        for slot in range(ptr[pixel], ptr[pixel + 1]):
-            projected += np.float64(length[slot]) * volume[voxel[slot]]
+        projected = row_product(volume, voxel, length, ptr[pixel], ptr[pixel + 1])
         step = steps[pixel] * (measured[pixel] - projected)
         for slot in range(ptr[pixel], ptr[pixel + 1]):
             moved = volume[voxel[slot]] + step * length[slot]

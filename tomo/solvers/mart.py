@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from tomo._compute.jit import compiled
 from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
+from tomo.operators.spmv import row_product
 from tomo.operators.vectors import check_measured, damped, multiplicative_start
 from tomo.solvers._parameters import shared_parameters
 from tomo.solvers._rows import merged_rows
@@ -24,9 +25,7 @@ from tomo.solvers.solution import Callback, Solution
 def _sweep(ptr, voxel, length, measured, order, powers, volume):
     """Scale the voxels along each pixel's rays in turn towards its measurement, in place."""
     for pixel in order:
-        projected = 0.0
-        for slot in range(ptr[pixel], ptr[pixel + 1]):
-            projected += np.float64(length[slot]) * volume[voxel[slot]]
+        projected = row_product(volume, voxel, length, ptr[pixel], ptr[pixel + 1])
         if projected <= 0.0:
             continue
         quotient = measured[pixel] / projected
