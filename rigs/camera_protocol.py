@@ -1,4 +1,4 @@
-"""What a camera is: the members that every kind of camera has."""
+"""The protocol of a camera: members that every kind of camera has."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 class CameraLike(Protocol):
     """A camera of any kind: `rigs.Camera` by a lens model, `rigs.RayTable` by stored rays.
 
-    Callers rely on these members alone. What only a lens model offers (``distortion``, an exact
+    Callers rely on these members alone. Members of a lens model (``distortion``, an exact
     ``camera_matrix``) may be used where `has_lens_model` holds.
 
     Attributes

@@ -61,11 +61,8 @@ def _conventions(check: RigCheck) -> Iterator[Finding]:
             if direction < -0.5 * np.linalg.norm(most)
         )
         if turned:
-            yield Finding(
-                "warning",
-                "upside down relative to the other cameras; check that this is intended",
-                turned,
-            )
+            text = "upside down relative to the other cameras; check that this is intended"
+            yield Finding("warning", text, turned)
 
 
 def _lenses(check: RigCheck) -> Iterator[Finding]:

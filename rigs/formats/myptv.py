@@ -35,6 +35,7 @@ from rigs.formats._values import (
     read_head,
 )
 from rigs.geometry.image_checks import pixel_centres
+from rigs.geometry.rotation import matrix_of_angles
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
@@ -133,12 +134,12 @@ def _camera(text: str, image_size: tuple[int, int] | None) -> CameraLike:
             inner = (uv - [width / 2 + xh, height / 2 + yh]).T
             seen = np.concatenate([inner, np.full((1, len(uv)), focal)])  # (3, pixels)
             seen = seen + correction @ _polynomial(*uv.T)[:terms]
-            directions = np.sign(focal) * seen.T @ _turn(*angles)
+            directions = np.sign(focal) * seen.T @ matrix_of_angles(*angles)
             directions = directions.reshape(height, width, 3)
             return RayTable(name, position, directions, status="calibrated")
         # f < 0 turns the image by 180 degrees; points in front have a positive third coordinate
         sign = np.sign(focal)
-        R = np.diag([sign, sign, 1.0]) @ _turn(*angles)
+        R = np.diag([sign, sign, 1.0]) @ matrix_of_angles(*angles)
         K = [
             [abs(focal), 0.0, width / 2 + xh],
             [0.0, abs(focal), height / 2 + yh],
@@ -151,12 +152,3 @@ def _polynomial(eta: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[
     """Return the terms Z ``(9, pixels)``."""
     quadratic = [eta, zeta, eta**2, zeta**2, eta * zeta]
     return np.stack([*quadratic, eta**3, eta**2 * zeta, eta * zeta**2, zeta**3])
-
-
-def _turn(tx: float, ty: float, tz: float) -> NDArray[np.float64]:
-    """Return the rotation ``(3, 3)`` of the angles, in radians."""
-    (sx, sy, sz), (cx, cy, cz) = np.sin([tx, ty, tz]), np.cos([tx, ty, tz])
-    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
-    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
-    return about_x @ about_y @ about_z

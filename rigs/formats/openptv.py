@@ -24,7 +24,6 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
@@ -32,6 +31,7 @@ from rigs.files.text import read_text
 from rigs.formats._image_size import check_table_size
 from rigs.formats._values import as_count, as_number, errors_of, errors_of_file, numbers_of_line
 from rigs.geometry.image_checks import pixel_centres
+from rigs.geometry.rotation import matrix_of_angles
 from rigs.lens import Distortion
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
@@ -154,7 +154,7 @@ def _camera(
         raise ValueError(
             f"scx, she: found {lens['scx']} and {lens['she']}, expected a scale and a small angle"
         )
-    R = np.diag([1.0, -1.0, -1.0]) @ _turn(*(values[key] for key in _EXTERIOR[3:])).T
+    R = np.diag([1.0, -1.0, -1.0]) @ matrix_of_angles(*(values[key] for key in _EXTERIOR[3:])).T
     position = np.array([values[key] for key in _EXTERIOR[:3]])
     (pix_x, pix_y), (width, height) = project.pitch, project.size
     scale, sin, cos = lens["scx"], math.sin(lens["she"]), math.cos(lens["she"])
@@ -179,12 +179,3 @@ def _camera(
         return RayTable(name, position, directions, status="calibrated")
     K[:2, 2] += K[:2, :2] @ shift
     return Camera(name, project.size, K, distortion, R, -R @ position, status="calibrated")
-
-
-def _turn(omega: float, phi: float, kappa: float) -> NDArray[np.float64]:
-    """Return the rotation ``(3, 3)`` of the angles, in radians."""
-    (so, sp, sk), (co, cp, ck) = np.sin([omega, phi, kappa]), np.cos([omega, phi, kappa])
-    about_x = np.array([[1, 0, 0], [0, co, -so], [0, so, co]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[ck, -sk, 0], [sk, ck, 0], [0, 0, 1]])
-    return about_x @ about_y @ about_z

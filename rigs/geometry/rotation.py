@@ -1,4 +1,4 @@
-"""Rotations: checked matrices, rotation vectors, quaternions."""
+"""Rotations: checked matrices, rotation vectors, angles, quaternions."""
 
 from __future__ import annotations
 
@@ -66,6 +66,15 @@ def matrix_of_vector(vector: ArrayLike) -> NDArray[np.float64]:
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_rotvec(vector).as_matrix()
+
+
+def matrix_of_angles(x: float, y: float, z: float) -> NDArray[np.float64]:
+    """Return the rotation ``Rx(x) Ry(y) Rz(z)``, ``(3, 3)``, of angles in radians."""
+    (sx, sy, sz), (cx, cy, cz) = np.sin([x, y, z]), np.cos([x, y, z])
+    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+    return about_x @ about_y @ about_z
 
 
 def matrix_of_quaternion(quaternion: ArrayLike, what: str) -> NDArray[np.float64]:

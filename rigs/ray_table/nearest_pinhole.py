@@ -2,18 +2,59 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.geometry.image_checks import pixel_centres
 from rigs.geometry.rays import nearest_point
 
+_ENOUGH = 16  # rays that determine the pinhole; fewer need a larger part of the image
 _SAMPLES = 64  # rays along each side of an image
 _PARALLEL = 1e-9  # certainty per ray of the nearest point; below it rays are parallel
 _FAR = 1e3  # distance of the centre behind parallel rays, in spreads of their origins
 _WIDEST = 0.5  # cosine of the largest angle from the mean ray; wider ones distort the fit
 
 
-def samples(image_size: tuple[int, int], part: float) -> NDArray[np.float64]:
+def fitted_pinhole(
+    name: str,
+    image_size: tuple[int, int],
+    rays: Callable[[NDArray[np.float64]], tuple[NDArray, NDArray]],
+    in_view: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Return camera matrix, R and position, read-only, of the pinhole nearest to a camera's rays.
+
+    Parameters
+    ----------
+    name : str
+        The camera's, for the error.
+    image_size : (int, int)
+    rays : callable
+        Origins and directions ``(N, 3)`` of pixels ``(N, 2)``, as `rigs.CameraLike.rays`.
+    in_view : callable
+        Which of pixels ``(N, 2)`` belong to the view that is fitted.
+
+    Raises
+    ------
+    ValueError
+        If no pixel has a ray.
+    """
+    for part in (0.5, 1.0, None):  # lenses bend least in the middle
+        uv = _samples(image_size, part) if part else pixel_centres(image_size)
+        origins, directions = rays(uv)
+        seen = np.isfinite(directions).all(axis=1) & in_view(uv)
+        if seen.sum() >= _ENOUGH:
+            break
+    if not seen.any():
+        raise ValueError(f"camera {name}: found no pixel with a ray, expected one")
+    found = nearest_pinhole(uv[seen], origins[seen], directions[seen])
+    for array in found:
+        array.setflags(write=False)
+    return found
+
+
+def _samples(image_size: tuple[int, int], part: float) -> NDArray[np.float64]:
     """Return pixels ``(N, 2)`` spread over the middle ``part`` (0 to 1) of an image."""
     axes = []
     for side in image_size:

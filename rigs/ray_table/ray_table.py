@@ -23,7 +23,7 @@ from rigs.geometry.image_checks import (
 from rigs.geometry.rotation import numbers, rotation
 from rigs.optics import Optics
 from rigs.ray_table.interpolation import interpolated_rays, project_to_table
-from rigs.ray_table.nearest_pinhole import nearest_pinhole, samples
+from rigs.ray_table.nearest_pinhole import fitted_pinhole
 from rigs.ray_table.ray_arrays import (
     finite_or_zero,
     in_largest_view,
@@ -32,8 +32,6 @@ from rigs.ray_table.ray_arrays import (
     vectors,
     view_labels,
 )
-
-_ENOUGH = 16  # rays that determine the nearest pinhole; fewer need a larger part of the image
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -160,20 +158,13 @@ class RayTable:
     @cached_property
     def _pinhole(self) -> tuple[NDArray, NDArray, NDArray]:
         """Camera matrix, R and position of the pinhole nearest to the rays."""
-        for part in (0.5, 1.0, None):  # lenses bend least in the middle
-            uv = samples(self.image_size, part) if part else pixel_centres(self.image_size)
-            origins, directions = self.rays(uv)
-            seen = np.isfinite(directions).all(axis=1)
-            if not self.sees_once:
-                seen &= in_largest_view(self._view_labels, self._table_pixels(uv))
-            if seen.sum() >= _ENOUGH:
-                break
-        if not seen.any():
-            raise ValueError(f"camera {self.name}: found no pixel that sees, expected one")
-        found = nearest_pinhole(uv[seen], origins[seen], directions[seen])
-        for array in found:
-            array.setflags(write=False)
-        return found
+        return fitted_pinhole(self.name, self.image_size, self.rays, self._in_largest_view)
+
+    def _in_largest_view(self, uv: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether pixel coordinates ``(N, 2)`` are in the largest connected view."""
+        if self.sees_once:
+            return np.ones(len(uv), bool)
+        return in_largest_view(self._view_labels, self._table_pixels(uv))
 
     @property
     def camera_matrix(self) -> NDArray[np.float64]:
@@ -251,11 +242,9 @@ class RayTable:
         """
         if uv is None:
             height, width = self.directions.shape[:2]
-            own = (self.image_size, self.scale, self.offset) == ((width, height), 1.0, (0.0, 0.0))
-            if own:
-                return finite_or_zero(self.origins.reshape(-1, 3)), self.directions.reshape(
-                    -1, 3
-                ).copy()
+            if (self.image_size, self.scale, self.offset) == ((width, height), 1.0, (0.0, 0.0)):
+                origins = finite_or_zero(self.origins.reshape(-1, 3))
+                return origins, self.directions.reshape(-1, 3).copy()
             uv = pixel_centres(self.image_size)
         uv = rows_of(uv, 2, "pixel coordinates")
         rays = interpolated_rays(self.origins, self.directions, self._table_pixels(uv))

@@ -1,4 +1,4 @@
-"""What holds for every phantom."""
+"""Properties of every phantom."""
 
 import subprocess
 import sys

@@ -77,7 +77,7 @@ def test_every_pixel_has_a_ray_that_hits_it_or_none_does(model, seed):
     assert valid.all()
     assert np.abs(again - uv[seen]).max(initial=0) < 1e-9
     assert np.isnan(directions[~seen]).all()
-    # What has no ray has no preimage: a dense fan of directions comes near none of them.
+    # Pixels without a ray have no preimage: no direction of a dense fan projects near them.
     fan = points_before(camera, rng, 20000)
     reached, _, in_domain = camera.project(fan)
     missed = uv[~seen]

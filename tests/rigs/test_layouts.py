@@ -6,7 +6,7 @@ from rigs import Volume, arc, ring
 
 LENS = {"image_size": (80, 60), "focal_length": 50.0, "pixel_pitch": 0.01}
 
-# What the presets hold: number of views, degrees from one to the next, distance, pitch
+# Contents of the presets: number of views, degrees from one to the next, distance, pitch
 ALTERNATELY = np.where(np.arange(33) % 2 == 0, 15.0, -15.0)
 RANDOM = np.random.default_rng(2024).uniform(5500.0, 6500.0, 33)
 PAPER = {

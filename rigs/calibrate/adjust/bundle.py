@@ -126,7 +126,7 @@ def information(
         The normal equations with the target poses eliminated; its inverse times the noise's
         variance is the covariance.
     gradient : (P,) float64
-        Of half the sum of squares, with the target poses at their best.
+        Gradient of half the sum of squares, with the target poses at their optimum.
     """
     normal = _normal_equations(scene, observations, freedom, None)
     return _reduced(normal, 0.0)[:2]

@@ -25,7 +25,7 @@ class Terms:
     ----------
     name : str
     model : str
-        Of `rigs.Distortion`.
+        A model of `rigs.Distortion`.
     free : tuple of bool
         One for each coefficient; those not free stay zero.
     """
@@ -68,7 +68,7 @@ def choose(
     Parameters
     ----------
     start : Scene
-        Of one camera, with its target poses.
+        One camera with its target poses.
     observations : ObservationArrays
     image_size : (int, int)
     requested : str

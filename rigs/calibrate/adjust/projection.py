@@ -25,7 +25,7 @@ class Lens:
     ----------
     matrix : (3, 3) float64
     model : str
-        Of `rigs.Distortion`.
+        A model of `rigs.Distortion`.
     coefficients : (n,) float64
     """
 

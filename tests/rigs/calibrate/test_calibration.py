@@ -27,7 +27,7 @@ def test_an_arc_is_found_within_a_hundredth_of_a_pixel(arc_case, judged_volume):
     assert found.assessment.startswith("good")
     assert found.findings == ()
     assert found.rig.names == observations.cameras
-    # What does not hang on how the first camera's axes lie in it
+    # Figures that do not depend on the first camera's axes
     places = np.array([camera.position for camera in found.rig])
     true = np.array([camera.position for camera in truth.rig])
     apart, expected = (np.linalg.norm(p[:, None] - p[None, :], axis=2) for p in (places, true))

@@ -78,7 +78,7 @@ def test_toml_keys_of_many_parts_are_refused(tmp_path):
     ids=["lines", "spaces", "count", "dots", "camera"],
 )
 def test_telling_formats_apart_takes_time_in_proportion(tmp_path, suffix, content):
-    """What backtracks takes 10 s and more for these; what does not, milliseconds."""
+    """Patterns that backtrack take 10 s and more for these; others take milliseconds."""
     path = tmp_path / f"rig{suffix}"
     path.write_text(content)
     began = time.process_time()

@@ -1,4 +1,4 @@
-"""What a calibration says of itself against what is known of the truth."""
+"""A calibration's figures of its own accuracy against the truth."""
 
 from dataclasses import replace
 
@@ -228,7 +228,7 @@ def test_a_camera_that_moved_half_way_is_named(simulated_rig):
 
 
 def test_a_camera_that_moved_and_shares_most_frames_with_one_other_is_named(simulated_rig):
-    """Of two that disagree the wrong one may be left out; it must not be blamed for that."""
+    """When two disagree the good one may be left out; it must not be named as responsible."""
     truth = simulated_rig("arc", cameras=3, frames=24)
     observations = truth.observe(0.05, seed=1)
     moved = (observations.camera == 2) & (observations.frame >= 14)
