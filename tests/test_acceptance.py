@@ -27,7 +27,11 @@ def test_the_demo_is_a_turbulent_flame_without_inverse_crime(run_tool, tmp_path)
         last
         == f"Open {out / 'report.html'} for the result and {out / 'rig.html'} for the cameras."
     )
-    assert [line for line in done.stderr.splitlines() if line.startswith("cosine_distance ")]
+    assert [
+        line
+        for line in done.stderr.splitlines()
+        if line.startswith("against the truth: cosine_distance ")
+    ]
 
 
 @pytest.mark.parametrize("frame", ["frame_060", "frame_090"])

@@ -87,6 +87,7 @@ def calibrate_rig(
         typer.Option(
             metavar="NxNxN",
             help="Voxels to check the rig in, like 30x140x30; stored in the rig.",
+            rich_help_panel="Voxel grid",
         ),
     ] = None,
     spacing: SpacingOption = None,

@@ -19,24 +19,27 @@ RigArgument = Annotated[
         metavar="RIG", help="A rig.yaml, a preset's name, a scan, or a file of another format."
     ),
 ]
+_PANEL = {"rich_help_panel": "Voxel grid"}
+
 GridOption = Annotated[
     str | None,
-    typer.Option(metavar="NxNxN", help="Voxels along x, y and z, like 30x140x30."),
+    typer.Option(metavar="NxNxN", help="Voxels along x, y and z, like 30x140x30.", **_PANEL),
 ]
 SpacingOption = Annotated[
     str | None,
-    typer.Option(metavar="LENGTH", help="Edge lengths of a voxel, like 0.5 or 0.5,0.5,1."),
+    typer.Option(metavar="LENGTH", help="Edge lengths of a voxel: 0.5 or 0.5,0.5,1.", **_PANEL),
 ]
-CenterOption = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Center of the grid.")]
+CenterOption = Annotated[
+    str | None, typer.Option(metavar="X,Y,Z", help="Center of the grid.", **_PANEL)
+]
 LowerOption = Annotated[
     str | None,
     typer.Option(
-        metavar="X,Y,Z", help="Lower corner of the grid, in place of --spacing and --center."
+        metavar="X,Y,Z", help="Lower corner, in place of --spacing and --center.", **_PANEL
     ),
 ]
 UpperOption = Annotated[
-    str | None,
-    typer.Option(metavar="X,Y,Z", help="Upper corner of the grid, with --lower."),
+    str | None, typer.Option(metavar="X,Y,Z", help="Upper corner, with --lower.", **_PANEL)
 ]
 
 

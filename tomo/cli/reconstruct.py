@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tomo.cli.console import JsonFlag, print_json, progress_bar, say
+from tomo.cli.declared import declared_from, with_options_of
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
     CenterOption,
@@ -18,175 +19,70 @@ from tomo.cli.inputs import (
     parse_grid,
 )
 from tomo.cli.outputs import check_output_volume
+from tomo.pipeline.options import Options
+
+if TYPE_CHECKING:
+    from tomo import Scan
+
+CHECKPOINT = "checkpoint.pt"
 
 EXAMPLES = """
 flametomo reconstruct scan -o out
 flametomo reconstruct scan -o out --hold-out cam02
+flametomo reconstruct scan -o out --method sirt --iterations 100
 flametomo reconstruct --rig rig.yaml --images images
     --grid 30x140x30 --spacing 0.5 -o out
 """
 
 
+@with_options_of(Options)
 def reconstruct(
-    out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FOLDER", help="The folder to write.")
+    ],
     scan: Annotated[
-        Path | None, typer.Argument(help="A scan folder, scan.yaml or transforms.json.")
+        Path | None,
+        typer.Argument(metavar="SCAN", help="A scan folder, scan.yaml or transforms.json."),
     ] = None,
     rig: Annotated[
-        Path | None, typer.Option(help="A rig.yaml, with --images, in place of SCAN.")
+        Path | None,
+        typer.Option(metavar="FILE", help="A rig.yaml, with --images, in place of SCAN."),
     ] = None,
     images: Annotated[
-        Path | None, typer.Option(help="A folder CAMERA/FRAME.tif, with --rig.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Images CAMERA/FRAME.tif, with --rig."),
     ] = None,
-    method: Annotated[
-        str,
-        typer.Option(
-            help="auto, art, cgls, curvature, mart, mlem, nnls, sart, sirt, smart, tikhonov, tv, "
-            "wernet, wernet-paper"
-        ),
-    ] = "auto",
+    *,
     grid: GridOption = None,
     spacing: SpacingOption = None,
     center: CenterOption = None,
     lower: LowerOption = None,
     upper: UpperOption = None,
-    frame: Annotated[str | None, typer.Option(help="The moment; the first if absent.")] = None,
-    hold_out: Annotated[
-        list[str] | None, typer.Option(help="A camera to predict only; may be repeated.")
-    ] = None,
-    scale: Annotated[int, typer.Option(help="Shrink images by area means.", min=1)] = 1,
-    iterations: Annotated[int | None, typer.Option(help="Of the method.", min=0)] = None,
-    compare: Annotated[
-        list[str] | None, typer.Option(help="METHOD[:ITERATIONS] beside it; may be repeated.")
-    ] = None,
-    supersample: Annotated[int, typer.Option(help="K x K rays a pixel.", min=1, max=64)] = 1,
-    tracer: Annotated[str, typer.Option(help="march, raycast or reference.")] = "march",
-    projector: Annotated[
-        str, typer.Option(help="auto, stored (fastest) or on-the-fly (little memory).")
-    ] = "auto",
-    skip: Annotated[bool, typer.Option(help="Leave out what cannot matter.")] = True,
-    carving: Annotated[
-        str, typer.Option(help="Margin in pixels around an empty voxel, auto, or off.")
-    ] = "auto",
-    screen: Annotated[
-        bool, typer.Option(help="Exclude outlier pixels, and views that the others contradict.")
+    scale: Annotated[int, typer.Option(help="Shrink the images by area means.", min=1)] = 1,
+    pictures: Annotated[
+        bool, typer.Option("--pictures/--no-pictures", help="Draw the report's pictures.")
     ] = True,
-    align: Annotated[
-        bool, typer.Option(help="Shift images that clearly lie beside where the rig says.")
-    ] = True,
-    refine_cameras: Annotated[
-        str | None,
-        typer.Option(
-            help="Refine cameras from the images, kept if rays held out improve: "
-            "names with commas, all, or nominal (those whose status is)."
-        ),
-    ] = None,
-    refine_prior: Annotated[
-        float | None,
-        typer.Option(help="Pixels they may be off; from status and calibration if absent."),
-    ] = None,
-    fit_gain: Annotated[
-        bool | None,
-        typer.Option(
-            "--fit-gain/--no-fit-gain",
-            help="Fit each camera's gain and offset; by default when the views disagree.",
-        ),
-    ] = None,
-    pixel_weights: Annotated[
-        bool,
-        typer.Option(help="Weigh pixels by their noise, where it differs, in auto and wernet."),
-    ] = True,
-    blur: Annotated[
-        float,
-        typer.Option(
-            help="Diameter at the grid's centre of the discs that lenses out of focus make of "
-            "points, in the rig's length unit; 0: in focus."
-        ),
-    ] = 0.0,
-    basis: Annotated[
-        str,
-        typer.Option(
-            help="What is solved for: voxel (constant emission), linear (between the voxels' "
-            "centres), or auto: what predicts left-out views better."
-        ),
-    ] = "auto",
-    unseen: Annotated[
-        str, typer.Option(help="What stands where no ray crosses a voxel: zero or nan.")
-    ] = "zero",
-    device: Annotated[str, typer.Option(help="For WERNet: cpu or cuda.")] = "cpu",
-    encoder: Annotated[
-        str | None, typer.Option(help="For WERNet: start from an encoder's file or name.")
-    ] = None,
-    freeze_encoder: Annotated[
-        bool, typer.Option("--freeze-encoder", help="Use the encoder as it is.")
-    ] = False,
-    save_encoder: Annotated[
-        str | None, typer.Option(help="For WERNet: write the trained encoder.")
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with WERNet where OUT/checkpoint.pt stopped.")
-    ] = False,
-    seed: Annotated[int, typer.Option(help="Of everything random.", min=0)] = 0,
-    time_limit: Annotated[
-        float | None, typer.Option(help="Seconds for the solver, once auto has chosen.")
-    ] = None,
-    uncertainty: Annotated[
-        str,
-        typer.Option(
-            help="Repeats with new noise, for every voxel's standard deviation: 30 map it, 0 is "
-            "none, auto a few for the figures after method auto."
-        ),
-    ] = "auto",
     json: JsonFlag = False,
+    **values: Any,
 ) -> None:
     """Reconstruct the emission in every voxel from a scan's images.
 
     Writes the volume (.npz, .vti, .nrrd), report.html, report.json and pictures.
     """
     with bad_input_in_one_line():
-        from tomo.pipeline import Options
         from tomo.pipeline import reconstruct as run
         from tomo.report.outcome_files import write_outcome
 
+        options = declared_from(Options, _with_checkpoint(values, out))
         loaded = _load(scan, rig, images).scaled(scale)
         check_output_volume(out, loaded.rig, loaded.source)
-        options = Options(
-            method=method,
-            frame=frame,
-            hold_out=tuple(hold_out or ()),
-            iterations=iterations,
-            compare=tuple(compare or ()),
-            tracer=tracer,
-            projector=projector,
-            skip=skip,
-            carving=carving,
-            screen=screen,
-            align=align,
-            refine_cameras=refine_cameras,
-            refine_prior=refine_prior,
-            fit_gain=fit_gain,
-            pixel_weights=pixel_weights,
-            blur=blur,
-            basis=basis,
-            unseen=unseen,
-            supersample=supersample,
-            device=device,
-            encoder=encoder,
-            freeze_encoder=freeze_encoder,
-            save_encoder=save_encoder,
-            checkpoint=str(out / "checkpoint.pt") if method == "wernet" else None,
-            resume=resume,
-            seed=seed,
-            time_limit=time_limit,
-            uncertainty=uncertainty,
-        )
-        asked = any(option is not None for option in (grid, spacing, center, lower, upper))
-        voxels = (
-            parse_grid(grid, spacing, center, lower, upper, default=loaded.grid) if asked else None
-        )
+        given = (grid, spacing, center, lower, upper)
+        voxels = None
+        if any(option is not None for option in given):
+            voxels = parse_grid(*given, default=loaded.grid)
         with progress_bar("reconstruct") as progress:
             outcome = run(loaded, voxels, options, progress=progress)
-        report = write_outcome(out, outcome)
+        report = write_outcome(out, outcome, with_pictures=pictures)
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")
     say(_summary(report, out))
@@ -194,7 +90,14 @@ def reconstruct(
         print_json(report)
 
 
-def _load(scan: Path | None, rig: Path | None, images: Path | None) -> object:
+def _with_checkpoint(values: dict[str, Any], out: Path) -> dict[str, Any]:
+    """Return the values with the default checkpoint of WERNet, which is in the output folder."""
+    if values.get("method") == "wernet" and values.get("checkpoint") is None:
+        return values | {"checkpoint": str(out / CHECKPOINT)}
+    return values
+
+
+def _load(scan: Path | None, rig: Path | None, images: Path | None) -> Scan:
     from tomo import load_scan, scan_of_images
 
     if scan is not None and rig is None and images is None:
@@ -205,14 +108,14 @@ def _load(scan: Path | None, rig: Path | None, images: Path | None) -> object:
 
 
 def _summary(report: dict, out: Path) -> str:
-    """Return the headline: what was done, how well it fits, and where it is."""
+    """Return a line on each of: the fit, the error, held-out cameras, the page to open."""
     lines = [
         f"{report['method']}: relative residual {_number(report['relative_residual'])}, "
-        f"{report['rays']:,} rays, {report['segments']:,} crossings, "
+        f"{report['rays']:,} rays, {report['segments']:,} segments, "
         f"solved in {report['seconds']['solve']:.1f} s of {report['seconds']['total']:.1f} s"
     ]
     if report["quality"]:
-        lines.append(_figures(report["quality"]))
+        lines.append(f"against the truth: {_figures(report['quality'])}")
     for camera, figures in report["held_out"].items():
         shown = {name: value for name, value in figures.items() if name != "data_range"}
         lines.append(f"held out {camera}: {_figures(shown)}")

@@ -11,6 +11,12 @@ from typer.core import TyperCommand
 
 from tomo.cli.errors import end
 
+EXPERT = "Expert options"
+"""The last section of the help, for options that few people need."""
+
+_NO_BREAK = "\N{NON-BREAKING HYPHEN}"
+"""Stands for a hyphen while lines are broken, so that no name is cut."""
+
 _METAVARS = {
     "<int range>": "N",
     "<int>": "N",
@@ -43,7 +49,7 @@ class OneLineUsage(TyperCommand):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write one section for the arguments and one for each panel of options."""
-        sections: dict[str, list] = {}
+        sections: dict[str, list] = {"Arguments": [], "Options": []}
         for param in self.get_params(ctx):
             is_option = param.param_type_name == "option"
             panel = getattr(param, "rich_help_panel", None)
@@ -52,9 +58,12 @@ class OneLineUsage(TyperCommand):
             if record is not None:
                 names, text = record
                 sections.setdefault(title, []).append((_named(names, is_option), text))
-        for title, records in sections.items():
+        for title, records in sorted(sections.items(), key=lambda one: one[0] == EXPERT):
+            if not records:
+                continue
             with formatter.section(title):
-                formatter.write_dl(records)
+                formatter.write_dl([(n, text.replace("-", _NO_BREAK)) for n, text in records])
+        formatter.buffer[:] = [part.replace(_NO_BREAK, "-") for part in formatter.buffer]
 
 
 def command_line(

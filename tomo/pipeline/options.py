@@ -156,8 +156,8 @@ class Options:
     )
     align: bool = _option(
         True,
-        "Whether images are shifted where they clearly lie beside where the rig says. A held-out "
-        "camera is never shifted.",
+        "Whether images are shifted where they clearly disagree with the rig. A held-out camera "
+        "is never shifted.",
         switch(),
         expert=True,
     )
@@ -200,7 +200,7 @@ class Options:
     )
     device: str = _option(
         "cpu",
-        "Where wernet and wernet-paper train: cpu, cuda ... Classic solves run on the CPU.",
+        "Where wernet and wernet-paper train, like cpu or cuda. Classic solves run on the CPU.",
         text(),
         expert=True,
         metavar="DEVICE",
@@ -227,7 +227,8 @@ class Options:
     )
     checkpoint: str | None = _option(
         None,
-        "A file in which wernet keeps the state of its training.",
+        "A file in which wernet keeps the state of its training; the command's default is "
+        "checkpoint.pt in the output folder.",
         path(),
         expert=True,
         metavar="FILE",

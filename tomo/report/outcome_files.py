@@ -30,7 +30,9 @@ DEVIATION_FILES = ("standard_deviation.npz", "standard_deviation.vti", "standard
 """Beside them where the standard deviation of single voxels is known."""
 
 
-def write_outcome(folder: str | os.PathLike, outcome: Reconstruction) -> dict[str, Any]:
+def write_outcome(
+    folder: str | os.PathLike, outcome: Reconstruction, *, with_pictures: bool = True
+) -> dict[str, Any]:
     """Write everything about a reconstruction into a folder; return what is in ``report.json``.
 
     Until all is written, the folder keeps what stood there before: see `rigs.files.whole_folder`.
@@ -38,7 +40,8 @@ def write_outcome(folder: str | os.PathLike, outcome: Reconstruction) -> dict[st
     cameras were refined, ``refined_rig.yaml`` is the rig with them; where the standard deviation
     of single voxels is known, ``standard_deviation.npz``, ``.vti`` and ``.nrrd`` hold it.
     Pictures, rig and standard deviations of an earlier outcome that this one does not have are
-    removed. The report's ``warnings`` name the pictures that could not be drawn.
+    removed. The report's ``warnings`` name the pictures that could not be drawn. No picture is
+    drawn where ``with_pictures`` is False, and the page has none.
     """
     found, report = outcome.reconstruction, outcome.report()
     others = (RIG_FILE, *DEVIATION_FILES, *(f"{name}.png" for name in PICTURES))
@@ -51,7 +54,7 @@ def write_outcome(folder: str | os.PathLike, outcome: Reconstruction) -> dict[st
             for name in DEVIATION_FILES:
                 path = staging / name
                 write_volume(path, results.deviation, found.grid, outcome.rig.length_unit)
-        pictures = draw(results, report["warnings"])
+        pictures = draw(results, report["warnings"]) if with_pictures else ()
         write_pictures(staging, pictures)
         write_report(staging / PAGE, report, results, pictures)
         if outcome.refined_rig is not None:

@@ -117,7 +117,7 @@ def test_no_rig_is_given_back_where_nothing_is_asked(scan):
         (("--refine-prior", "2"), "refine_prior: found 2, expected none without cameras"),
         (
             ("--refine-cameras", "all", "--refine-prior", "0"),
-            "refine_prior: found 0.0, expected a number above 0",
+            "--refine-prior: found '0', expected a number above 0",
         ),
         (
             ("--refine-cameras", "cam01", "--hold-out", "cam01"),

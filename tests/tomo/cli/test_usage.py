@@ -32,9 +32,14 @@ def test_every_command_refuses_an_unknown_option_in_one_line(run_tool, tool):
         (
             "reconstruct",
             ("-o", "x", "--seed", "abc"),
-            "--seed: found 'abc', expected a whole number;",
+            "--seed: found 'abc', expected a whole number from 0 to ",
         ),
         ("reconstruct", ("-o", "x", "--seed", "a\nb"), "--seed: found "),
+        (
+            "reconstruct",
+            ("-o", "x", "--time-limit", "0"),
+            "--time-limit: found '0', expected a number above 0",
+        ),
         ("reconstruct", ("-o",), "'-o' requires an argument"),
         ("reconstruct", ("one", "two", "-o", "x"), "extra argument"),
         ("convert_rig", (), "IN: missing, expected: The rig to read"),
