@@ -52,7 +52,7 @@ def test_light_of_neighbours_is_nothing_to_learn_of_a_line(scene, small_steps):
     one = scene(finer=2)
     splines = one.system.with_linear_basis().projector
     volume = np.random.default_rng(3).random(splines.shape[1]).astype(np.float32)
-    measured, alone = splines @ volume, splines.lines @ volume
+    measured, alone = splines @ volume, splines.without_blur @ volume
     features = RayFeatures.of(splines, torch.device("cpu"), tells_views=False)
     front = features.emission_in_front(volume, 1.0)
 
