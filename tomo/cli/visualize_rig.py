@@ -84,17 +84,17 @@ def visualize_rig(
         data, voxels = _volume(loaded, own, volume, grid, spacing, center)
         heading = title if title is not None else Path(rig).stem
         difference = _difference(loaded, compare, voxels, align)
-        beside = _beside(loaded, voxels, difference)
+        overlays = _overlays(loaded, voxels, difference)
         pictures = _pictures(loaded, images, frame)
         for path in out:
             suffix = path.suffix.lower()
             if suffix == ".png":
                 from tomo.draw.rig import write_rig
 
-                shown = beside.without("other names")  # beside the first rig's own
+                shown = overlays.without("other names")  # the first rig has the same
                 write_rig(path, loaded, grid=voxels, volume=data, title=heading, beside=shown)
                 continue
-            scene = _scene(loaded, voxels, data, pictures) + beside
+            scene = _scene(loaded, voxels, data, pictures) + overlays
             if suffix == ".glb":
                 from tomo.draw import write_glb
 
@@ -117,10 +117,10 @@ def visualize_rig(
             "to lie over each other"
         )
     if json:
-        told = {"files": [str(path) for path in out], "cameras": list(loaded.names)}
+        result = {"files": [str(path) for path in out], "cameras": list(loaded.names)}
         if difference is not None:
-            told["difference"] = _plain(difference)
-        print_json(told)
+            result["difference"] = _plain(difference)
+        print_json(result)
 
 
 def _load(text: str) -> tuple[Rig, VoxelGrid | None]:
@@ -144,7 +144,7 @@ def _volume(
         asked = grid or spacing or center
         return None, parse_grid(grid, spacing, center, default=default) if asked else default
     if grid or spacing or center:
-        raise ValueError("--volume: has a grid of its own, expected no --grid beside it")
+        raise ValueError("--volume: has a grid of its own, expected no --grid with it")
     from tomo.io import read_volume
 
     data, voxels, unit = read_volume(volume)
@@ -175,8 +175,8 @@ def _difference(
         raise ValueError(f"--compare {compare}: {error}") from None
 
 
-def _beside(rig: Rig, voxels: VoxelGrid | None, difference: RigDifference | None) -> Scene:
-    """Return what is drawn beside the cameras: targets as they were held, the other rig."""
+def _overlays(rig: Rig, voxels: VoxelGrid | None, difference: RigDifference | None) -> Scene:
+    """Return the scene around the cameras: targets as they were held, and the other rig."""
     from tomo.draw.rig.rig_page import other_rig_scene, target_scene
 
     scene = target_scene(rig)
@@ -187,7 +187,7 @@ def _pictures(rig: Rig, images: Path | None, frame: str | None) -> dict:
     """Return thumbnails by camera; none without images."""
     if images is None:
         if frame is not None:
-            raise ValueError("--frame: expected --images beside it")
+            raise ValueError("--frame: expected --images with it")
         return {}
     from tomo.draw.rig.thumbnails import load_thumbnails
 

@@ -91,8 +91,8 @@ def test_the_rig_s_rays_meet_where_the_true_ones_do(taken, calibrated):
     assert rig.calibration["assessment"] == report["assessment"]
 
 
-def test_the_files_stand_beside_the_rig_and_agree_with_what_is_printed(calibrated):
-    report, folder, said = calibrated
+def test_the_files_are_next_to_the_rig_and_agree_with_what_is_printed(calibrated):
+    report, folder, stderr = calibrated
     assert sorted(path.name for path in folder.iterdir() if path.suffix) == [
         "calibration.html", "calibration.json", "rig.yaml",
     ]  # fmt: skip
@@ -103,7 +103,7 @@ def test_the_files_stand_beside_the_rig_and_agree_with_what_is_printed(calibrate
     assert len(written["left_out"]) == written["points_left_out"]
     page = (folder / "calibration.html").read_text("utf-8")
     assert "Images that fit worst" in page
-    assert report["assessment"].split("\n")[0] in said
+    assert report["assessment"].split("\n")[0] in stderr
 
 
 def test_the_cache_saves_the_search_and_changes_nothing(run_tool, taken, calibrated, tmp_path):
@@ -223,7 +223,7 @@ def test_a_target_that_is_mirrored(refused, few):
 def test_a_wrong_count_of_squares(refused, few):
     line = refused(few, target="charuco:6x5:24:18:DICT_4X4_50")
     assert "camera cam00" in line
-    assert "not as they lie on a board of 6x5 squares" in line
+    assert "not arranged as on a board of 6x5 squares" in line
     assert "pose_000.png" in line
 
 

@@ -28,9 +28,9 @@ def test_reconstruct_with_a_table_held_out_and_not(run_tool, tmp_path, scan):
         options = ("--hold-out", hold_out, "--method", "cgls", "--json")
         done = run_tool("reconstruct", scan, "-o", tmp_path / "out", *options)
         assert done.exit_code == 0, done.stderr
-        told = json.loads(done.stdout)
-        assert told["quality"]["cosine_distance"] < 0.05
-        assert told["held_out"][hold_out]["psnr"] > 25
+        result = json.loads(done.stdout)
+        assert result["quality"]["cosine_distance"] < 0.05
+        assert result["held_out"][hold_out]["psnr"] > 25
 
 
 @pytest.mark.parametrize("suffix", ["png", "html", "glb"])

@@ -100,7 +100,7 @@ def test_an_interrupted_run_leaves_what_was_there(run_tool, scan, tmp_path, monk
     assert (tmp_path / "out" / "report.json").read_text() == "{}"
 
 
-def test_the_page_needs_nothing_beside_it(done):
+def test_the_page_needs_no_other_file(done):
     out, _ = done
     page = (out / "report.html").read_text("utf-8")
     for source in re.findall(r"""<(?:img|script|iframe)[^>]*?\ssrc=["']([^"']{0,40})""", page):
@@ -263,7 +263,7 @@ def test_help_names_every_method(run_tool):
     assert all(name in done.stdout for name in method_names())
 
 
-def test_a_truth_that_cannot_be_read_is_told_before_the_work(run_tool, scan, tmp_path):
+def test_a_truth_that_cannot_be_read_is_refused_before_the_work(run_tool, scan, tmp_path):
     content = (scan / "scan.yaml").read_text("utf-8").replace("truth.npz", "other.npz")
     folder = tmp_path / "scan"
     folder.mkdir()

@@ -27,12 +27,12 @@ def test_a_scan_is_written_and_described(run_tool, rig, tmp_path):
     arguments = ("--rig", rig, "--phantom", "jet", *BOX, "--supersample", 2, "--refine", 2)
     done = run_tool("simulate", *arguments, "-o", tmp_path / "scan", "--json")
     assert done.exit_code == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told["cameras"] == ["front"]
-    assert told["settings"]["supersample"] == 2
-    scan = load_scan(told["scan"])
+    result = json.loads(done.stdout)
+    assert result["cameras"] == ["front"]
+    assert result["settings"]["supersample"] == 2
+    scan = load_scan(result["scan"])
     assert scan.grid == GRID
-    assert scan.images()[0].max() == pytest.approx(told["maximum"])
+    assert scan.images()[0].max() == pytest.approx(result["maximum"])
     truth, grid, _ = read_volume(scan.truth)
     assert grid == GRID
     field = create("jet", 0, GRID.extent, GRID.center)
@@ -84,13 +84,13 @@ def test_effects_reach_the_images(run_tool, rig, tmp_path):
     plain = run_tool("simulate", *arguments, "-o", tmp_path / "plain")
     done = run_tool("simulate", *arguments, *effects, "-o", tmp_path / "scan")
     assert done.exit_code == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told["settings"]["gains"] == {"front": 1.0}  # the mean of one
-    assert told["settings"]["effects"] == {
+    result = json.loads(done.stdout)
+    assert result["settings"]["gains"] == {"front": 1.0}  # the mean of one
+    assert result["settings"]["effects"] == {
         "gain_spread": 0.1, "absorption": 0.2, "self_absorption": 0.3, "vignetting": 0.4,
         "aperture": 8.0, "focus_distance": 90.0, "aperture_rays": 32,
     }  # fmt: skip
-    assert told["maximum"] < 0.9 * json.loads(plain.stdout)["maximum"]
+    assert result["maximum"] < 0.9 * json.loads(plain.stdout)["maximum"]
 
 
 @pytest.mark.parametrize(

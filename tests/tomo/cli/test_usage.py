@@ -78,9 +78,7 @@ def test_help_is_still_help(run_tool):
         ),
     ],
 )
-def test_what_names_alone_can_tell_comes_before_the_work(
-    run_tool, tmp_path, tool, arguments, words
-):
+def test_wrong_names_are_refused_before_the_work(run_tool, tmp_path, tool, arguments, words):
     for folder in ("folder", "folder.png", "images/a", "images/b"):
         (tmp_path / folder).mkdir(parents=True)
     (tmp_path / "file").write_text("mine")

@@ -46,14 +46,14 @@ def test_a_preset_to_all_three(run_tool, tmp_path, name):
     options = [part for out in outs for part in ("-o", out)]
     done = run_tool("visualize_rig", name, *options, "--json")
     assert done.exit_code == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told["files"] == [str(out) for out in outs]
-    assert told["cameras"] == list(rigs.preset(name).names)
+    result = json.loads(done.stdout)
+    assert result["files"] == [str(out) for out in outs]
+    assert result["cameras"] == list(rigs.preset(name).names)
     picture = cv2.imread(str(outs[0]))
     assert min(picture.shape[:2]) > 800
     assert picture.std() > 10
     page = outs[1].read_text(encoding="utf-8")
-    assert all(camera in page for camera in told["cameras"])
+    assert all(camera in page for camera in result["cameras"])
     positions = np.array([camera.position for camera in rigs.preset(name)]) / 1000  # metres
     bounds = trimesh.load(outs[2]).bounds
     assert (bounds[0] < positions.min(axis=0) + 1e-6).all()
@@ -88,7 +88,7 @@ def test_bad_input_is_one_line_and_exit_code_2(tmp_path, arguments, words):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_volume_in_another_unit_than_the_rig_s_is_told(tmp_path, volume):
+def test_volume_in_another_unit_than_the_rig_s_is_refused(tmp_path, volume):
     data = np.ones(GRID.shape, np.float32)
     write_volume(tmp_path / "metres.npz", data, GRID, "m")
     done = run(
@@ -115,20 +115,20 @@ def two_rigs(tmp_path):
     return tmp_path / "one.yaml", tmp_path / "two.yaml"
 
 
-def test_two_rigs_are_drawn_and_their_differences_told(run_tool, tmp_path, two_rigs):
+def test_two_rigs_are_drawn_and_their_differences_printed(run_tool, tmp_path, two_rigs):
     one, two = two_rigs
     outs = [tmp_path / f"both.{suffix}" for suffix in ("png", "html", "glb")]
     options = [part for out in outs for part in ("-o", out)]
     done = run_tool("visualize_rig", one, "--compare", two, *options, "--json")
     assert done.exit_code == 0, done.stderr
-    told = json.loads(done.stdout)["difference"]
-    cameras = told["cameras"]
+    result = json.loads(done.stdout)["difference"]
+    cameras = result["cameras"]
     assert max(cameras, key=lambda name: cameras[name]["distance"]) == "cam02"
     assert max(cameras, key=lambda name: cameras[name]["ray_miss"]) == "cam02"
     assert cameras["cam00"]["lens"] == pytest.approx(0, abs=1e-6)
-    assert told["shift"] == pytest.approx(50, abs=1)
-    assert 0.1 < told["ray_miss"] < 2
-    assert told["scale"] == pytest.approx(1, abs=0.01)
+    assert result["shift"] == pytest.approx(50, abs=1)
+    assert 0.1 < result["ray_miss"] < 2
+    assert result["scale"] == pytest.approx(1, abs=0.01)
     page = outs[1].read_text(encoding="utf-8")
     for words in ("other cameras", "moved", "two against one", "ray-miss (mm)", "map: views"):
         assert words in page
@@ -171,7 +171,7 @@ def test_pictures_and_targets_are_layers_of_the_page(run_tool, tmp_path, two_rig
     [
         (("--compare", "nowhere.yaml"), "nowhere.yaml: no such rig file"),
         (("--compare", "paper11_11deg", "--images", "nowhere"), "nowhere: no such folder"),
-        (("--frame", "1"), "--frame: expected --images beside it"),
+        (("--frame", "1"), "--frame: expected --images with it"),
     ],
 )
 def test_bad_company_is_one_line_and_exit_code_2(run_tool, tmp_path, two_rigs, options, words):
@@ -182,7 +182,7 @@ def test_bad_company_is_one_line_and_exit_code_2(run_tool, tmp_path, two_rigs, o
     assert not (tmp_path / "out.html").exists()
 
 
-def test_poses_of_targets_that_are_none_are_told(run_tool, tmp_path, two_rigs):
+def test_poses_of_targets_that_are_none_are_refused(run_tool, tmp_path, two_rigs):
     rig = replace(rigs.load_rig(two_rigs[0]), calibration={"target_poses": [{"frame": "a"}]})
     rigs.save_rig(rig, two_rigs[0])
     done = run_tool("visualize_rig", two_rigs[0], "-o", tmp_path / "out.html")

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +21,7 @@ from tomo.draw.calibration.calibration_scene import calibration_scene
 from tomo.draw.figures import png_bytes
 from tomo.draw.page import embedded, render
 from tomo.draw.rig.rig_scene import grid_of, up_of
-from tomo.draw.write_html import write_html
+from tomo.draw.write_html import html_page
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
@@ -124,17 +122,13 @@ def _judged(calibration: Calibration) -> VoxelGrid | None:
 
 def _scene_page(calibration: Calibration, grid: VoxelGrid | None) -> str:
     """Return the page that turns cameras and targets around."""
-    with tempfile.TemporaryDirectory() as folder:
-        page = Path(folder) / "scene.html"
-        write_html(
-            page,
-            calibration_scene(calibration, grid),
-            title="Rig",
-            up=up_of(calibration.rig),
-            grid=grid,
-            leave_out=("stems", "field of view", "arrows", "arrow names"),
-        )
-        return page.read_text(encoding="utf-8")
+    scene = calibration_scene(calibration, grid)
+    return html_page(
+        scene.without("stems", "field of view", "arrows", "arrow names"),
+        title="Rig",
+        up=up_of(calibration.rig),
+        grid=grid,
+    )
 
 
 def _assessment(calibration: Calibration) -> tuple[str, str]:

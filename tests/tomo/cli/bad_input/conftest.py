@@ -1,4 +1,4 @@
-"""A small scan to spoil, and commands that have to refuse it in one line."""
+"""A small scan to damage, and commands that have to refuse it in one line."""
 
 import shutil
 import subprocess

@@ -48,13 +48,13 @@ def _replace_image(pixels, **settings):
     return lambda path: tifffile.imwrite(path, pixels, **settings)
 
 
-def _spoil(value):
-    def spoil(path):
+def _overwrite(value):
+    def overwrite(path):
         pixels = tifffile.imread(path)
         pixels[3, 4] = value
         tifffile.imwrite(path, pixels)
 
-    return spoil
+    return overwrite
 
 
 def _cut(count):
@@ -71,8 +71,8 @@ IMAGE_FAULTS = {
         _replace_image(np.zeros((18, 12, 3), np.uint8), photometric="rgb"),
         "found a colour image",
     ),
-    "NaN": (_spoil(np.nan), "found 1 NaN or infinite pixels, the first at row 3, column 4"),
-    "infinite": (_spoil(-np.inf), "found 1 NaN or infinite pixels"),
+    "NaN": (_overwrite(np.nan), "found 1 NaN or infinite pixels, the first at row 3, column 4"),
+    "infinite": (_overwrite(-np.inf), "found 1 NaN or infinite pixels"),
     "empty": (_cut(0), "not a readable image: the file is empty"),
     "header only": (_cut(6), "not a readable image"),
     "directory cut": (_cut(100), "not a readable image"),
@@ -82,8 +82,8 @@ IMAGE_FAULTS = {
 
 @pytest.mark.parametrize("fault", IMAGE_FAULTS)
 def test_a_wrong_image(refused, scan, tmp_path, fault):
-    spoil, words = IMAGE_FAULTS[fault]
-    spoil(_image(scan))
+    overwrite, words = IMAGE_FAULTS[fault]
+    overwrite(_image(scan))
     # a held-out camera's image is read and checked as well
     for options in ((), ("--hold-out", "cam01")):
         line = refused("reconstruct", scan, *options, "-o", tmp_path / "out")
@@ -131,23 +131,23 @@ def test_a_camera_missing_from_the_rig(refused, edit, scan, tmp_path):
     assert "found camera 'cam01', expected one of the rig's: cam00, cam02" in line
 
 
-@pytest.mark.parametrize("share", [0, 0.3, 0.6, 0.85])
+@pytest.mark.parametrize("fraction", [0, 0.3, 0.6, 0.85])
 @pytest.mark.parametrize("name", ["scan.yaml", "rig.yaml", "truth.npz", "transforms.json"])
-def test_empty_and_truncated_files(refused, scan, tmp_path, name, share):
+def test_empty_and_truncated_files(refused, scan, tmp_path, name, fraction):
     if name == "transforms.json":
         (scan / name).write_text(json.dumps(_transforms(load_rig(scan / "rig.yaml"))))
     path = scan / name
-    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    path.write_bytes(path.read_bytes()[: int(fraction * path.stat().st_size)])
     given = path if name == "transforms.json" else scan
     line = refused("reconstruct", given, "-o", tmp_path / "out")
-    # a scan.yaml may end anywhere and still be YAML: then what is missing is told
+    # a scan.yaml may end anywhere and still be YAML: then the missing part is named
     assert str(path) in line or name == "scan.yaml"
     if name == "transforms.json":
         assert str(path) in refused("visualize_rig", path, "-o", tmp_path / "o.png")
     if name == "truth.npz":
         assert str(path) in refused("visualize_volume", path, "-o", tmp_path / "o.html")
-        told = refused("visualize_rig", scan, "--volume", path, "-o", tmp_path / "o.glb")
-        assert str(path) in told
+        result = refused("visualize_rig", scan, "--volume", path, "-o", tmp_path / "o.glb")
+        assert str(path) in result
 
 
 def _transforms(rig, suffix=".tif"):
@@ -251,6 +251,6 @@ def test_an_earlier_output_survives_bad_input(refused, scan, tmp_path):
     out.mkdir()
     for name in ("report.json", "report.html", "volume.npz", "difference.png"):
         (out / name).write_text(f"an earlier {name}")
-    _spoil(np.nan)(_image(scan))
+    _overwrite(np.nan)(_image(scan))
     refused("reconstruct", scan, *QUICK, "-o", out)  # compares every file below tmp_path
     refused("reconstruct", scan, "--center", "1e7,0,0", "-o", out)
