@@ -1,4 +1,4 @@
-"""Which voxels are unknowns: all of a grid, or those that can be other than zero."""
+"""The voxels that are unknowns: all of a grid, or those that can be other than zero."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from tomo._compute.index_types import numbering
 from tomo.grid.voxel_grid import VoxelGrid
 
 if TYPE_CHECKING:
-    from tomo.grid.z_runs import LiveLines
+    from tomo.grid.z_runs import ZRuns
 
-_FEW = 4096  # in single precision half of the smallest cache of today's processors
+_FEW = 4096  # voxels: half of the smallest cache of today's processors in single precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class ActiveVoxels:
     """The unknowns of a reconstruction, numbered without gaps.
 
     Unknown ``n`` is the voxel ``index[n]``; a voxel that is not active is known to be zero and
-    takes no part in anything.
+    takes no part.
 
     Attributes
     ----------
@@ -92,69 +92,69 @@ class ActiveVoxels:
 
     @cached_property
     def clearance(self) -> NDArray[np.uint8]:
-        """How many voxels each is from the nearest active one, at most 255: the grid's shape."""
+        """Distance from the nearest active voxel, up to 255 voxels: (nx, ny, nz)."""
         from tomo.grid.distance import clearance  # compiled code
 
         return clearance(self.mask)
 
     @cached_property
-    def lines(self) -> LiveLines:
-        """The lines along z that hold active voxels."""
-        from tomo.grid.z_runs import LiveLines  # compiled code
+    def z_runs(self) -> ZRuns:
+        """The runs along z that hold active voxels."""
+        from tomo.grid.z_runs import ZRuns  # compiled code
 
-        return LiveLines(self.mask)
+        return ZRuns(self.mask)
 
     @cached_property
-    def place(self) -> NDArray[np.integer] | None:
-        """Where each unknown stands when they are sorted by bricks, ``(size,)``.
+    def storage_index(self) -> NDArray[np.integer] | None:
+        """Index of each unknown in memory, sorted by bricks, ``(size,)``.
 
-        None where they are so few that a cache holds them all in any order.
+        None where a cache holds all unknowns in any order.
         """
-        from tomo.grid.bricks import brick_places  # compiled code
+        from tomo.grid.bricks import brick_storage_index  # compiled code
 
-        return brick_places(self.mask) if self.size > _FEW else None
+        return brick_storage_index(self.mask) if self.size > _FEW else None
 
     @cached_property
-    def place_of_voxel(self) -> NDArray[np.integer]:
-        """The `place` of every voxel, else its number; -1 where inactive: ``(grid.size,)``."""
-        if self.place is None:
+    def storage_index_of_voxel(self) -> NDArray[np.integer]:
+        """The `storage_index` of every voxel, or its number; -1 if inactive: (grid.size,)."""
+        if self.storage_index is None:
             return self.number
-        place = np.full_like(self.number, -1)
-        place[slice(None) if self.index is None else self.index] = self.place
-        return place
+        index = np.full_like(self.number, -1)
+        index[slice(None) if self.index is None else self.index] = self.storage_index
+        return index
 
     @cached_property
-    def at_place(self) -> NDArray[np.integer] | None:
-        """Which unknown stands at each `place`, ``(size,)``; None where there are none."""
-        if self.place is None:
+    def unknown_at(self) -> NDArray[np.integer] | None:
+        """The unknown at each `storage_index`, ``(size,)``; None where there is none."""
+        if self.storage_index is None:
             return None
-        unknown = np.zeros_like(self.place)
-        unknown[self.place] = np.arange(self.size, dtype=unknown.dtype)
+        unknown = np.zeros_like(self.storage_index)
+        unknown[self.storage_index] = np.arange(self.size, dtype=unknown.dtype)
         return unknown
 
-    def to_places(self, values: NDArray) -> NDArray:
-        """Return the unknowns' values in the order of their places; themselves without such."""
-        return values if self.at_place is None else values.take(self.at_place)
+    def to_storage(self, values: NDArray) -> NDArray:
+        """Return values of the unknowns in storage order."""
+        return values if self.unknown_at is None else values.take(self.unknown_at)
 
-    def from_places(self, values: NDArray) -> NDArray:
-        """Return in the unknowns' order what is in that of their places; undoes `to_places`."""
-        return values if self.place is None else values.take(self.place)
+    def from_storage(self, values: NDArray) -> NDArray:
+        """Return values in storage order in the order of the unknowns: undoes `to_storage`."""
+        return values if self.storage_index is None else values.take(self.storage_index)
 
     @cached_property
     def box(self) -> ActiveVoxels:
         """The unknowns in the smallest box that holds them and a layer around, inside the grid.
 
-        Volumes of no more than that are small. The box is a grid of the same spacing, of one voxel
-        where there is no unknown; where it stands in the world plays no part.
+        The box is a grid of the same spacing, of one voxel if there is no unknown; its position is
+        not that of the unknowns.
         """
         if self.all:
             return self
         shape, inside = (1, 1, 1), np.zeros((3, 0), np.int64)
         if self.size:
-            places = np.stack(np.unravel_index(self.index, self.grid.shape))  # (3, n)
-            first = np.maximum(places.min(axis=1) - 1, 0)
-            last = np.minimum(places.max(axis=1) + 1, np.asarray(self.grid.shape) - 1)
-            shape, inside = tuple((last - first + 1).tolist()), places - first[:, None]
+            position = np.stack(np.unravel_index(self.index, self.grid.shape))  # (3, n)
+            first = np.maximum(position.min(axis=1) - 1, 0)
+            last = np.minimum(position.max(axis=1) + 1, np.asarray(self.grid.shape) - 1)
+            shape, inside = tuple((last - first + 1).tolist()), position - first[:, None]
         return ActiveVoxels(
             VoxelGrid(shape, self.grid.spacing), np.ravel_multi_index(tuple(inside), shape)
         )

@@ -1,7 +1,7 @@
-"""How far every voxel is from the nearest that is active: room that a ray can pass without a look.
+"""Distance of every voxel from the nearest active one: empty space that rays can skip.
 
-In the chessboard's metric, the largest of the differences along the axes: a ray that moves on by
-``n`` layers leaves its voxel by no more than ``n`` along any axis. Found in two passes through the
+The metric is that of the chessboard, the largest difference along an axis: a ray that moves on by
+``n`` slabs leaves its voxel by at most ``n`` along any axis. It takes two passes through the
 volume (A. Rosenfeld and J. L. Pfaltz, "Distance functions on digital pictures", Pattern
 Recognition 1, 1968).
 """
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from tomo._compute.jit import compiled
 
 FARTHEST = 255
-"""Larger distances are told as this."""
+"""Largest distance, in voxels: larger ones count as this, so that a byte holds them."""
 
 
 @compiled()
 def _pass(distance, nearest) -> None:
-    """Lower the distances (nx + 2, ny + 2, nz + 2) by what their neighbours have, both ways.
+    """Lower the distances (nx + 2, ny + 2, nz + 2) to one more than a neighbour's, both ways.
 
-    The outermost layers stay as they are; ``nearest`` (nz + 2,) is room.
+    The outermost layers stay as they are; ``nearest`` (nz + 2,) is a buffer.
     """
     nx, ny, nz = distance.shape[0] - 2, distance.shape[1] - 2, distance.shape[2] - 2
     for way in (1, -1):

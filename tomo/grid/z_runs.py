@@ -1,4 +1,4 @@
-"""The active voxels as lines along z: room for what lies between and beside them, and no more."""
+"""The active voxels as runs along z, from the lowest to the highest of each column."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from numpy.typing import NDArray
 
 from tomo._compute.jit import compiled
 
-Lines = tuple[NDArray[np.integer], ...]
-"""Lines along z: where each begins in what holds all of them (lines + 1,), at which height along z
-it begins (lines,), its place (lines, 2), and the number of the line at each place, -1 where there
-is none (nx, ny)."""
+Runs = tuple[NDArray[np.integer], ...]
+"""Runs along z: the start of each in one array (runs + 1,), its lowest index along z (runs,),
+its column (runs, 2), and the number of the run in each column, -1 if there is none (nx, ny)."""
 
 
 @compiled(inline=True)
 def add(onto, begin, end, height, weight, added, first, last, at) -> None:
     """Add ``weight`` times ``added[first:last]`` to ``onto[begin:end]`` where there is both.
 
-    ``height`` and ``at`` are where along z the two begin.
+    ``height`` and ``at`` are the indices along z at which the two begin.
     """
     low = max(height, at)
     count = min(height + end - begin, at + last - first) - low
@@ -28,45 +27,45 @@ def add(onto, begin, end, height, weight, added, first, last, at) -> None:
 
 
 @compiled(inline=True)
-def lay_out(values, voxels, heights, own, number, lines) -> None:
-    """Write the voxels of a line to where it is in ``lines``, with zeros between them."""
+def lay_out(values, voxels, heights, own, number, runs) -> None:
+    """Write the voxels of a run to its part of ``runs``, with zeros between them."""
     first, low = own[0][number], own[1][number]
-    lines[first : own[0][number + 1]] = 0
+    runs[first : own[0][number + 1]] = 0
     for voxel in range(voxels[number], voxels[number + 1]):
-        lines[np.uint64(first + heights[voxel] - low)] = values[voxel]
+        runs[np.uint64(first + heights[voxel] - low)] = values[voxel]
 
 
 @compiled(inline=True)
-def pick_up(lines, voxels, heights, own, number, values) -> None:
-    """Write to the voxels of a line what stands where they are in ``lines``; undoes `lay_out`."""
+def pick_up(runs, voxels, heights, own, number, values) -> None:
+    """Write the voxels of a run from its part of ``runs``: undoes `lay_out`."""
     first, low = own[0][number], own[1][number]
     for voxel in range(voxels[number], voxels[number + 1]):
-        values[voxel] = lines[np.uint64(first + heights[voxel] - low)]
+        values[voxel] = runs[np.uint64(first + heights[voxel] - low)]
 
 
-class LiveLines:
-    """The lines along z that hold active voxels, from the lowest of each to the highest.
+class ZRuns:
+    """The runs along z that hold active voxels, from the lowest of each column to the highest.
 
     Parameters
     ----------
     mask : (nx, ny, nz) bool
-        Where voxels are active.
+        True where a voxel is active.
 
     Attributes
     ----------
     depth : int
-        Of the grid, along z.
+        Number of voxels of the grid along z.
     inside : (nx, ny) bool
-        Where there is a line.
+        True where there is a run.
     low, high : (nx, ny) int
         The lowest active voxel of each column and the one above the highest; ``depth`` and zero
-        where there is no line.
-    voxels : (lines + 1,) int64
-        Where the active voxels of each line begin among all.
+        where there is no run.
+    voxels : (runs + 1,) int64
+        The first active voxel of each run, among all.
     heights : (n,) int32
-        Of every active voxel along z.
-    own : Lines
-        The lines themselves.
+        The index of every active voxel along z.
+    own : Runs
+        The runs themselves.
     """
 
     def __init__(self, mask: NDArray[np.bool_]) -> None:
@@ -77,14 +76,14 @@ class LiveLines:
         self.high = np.where(self.inside, last, 0)
         self.voxels = np.append(0, np.cumsum(np.count_nonzero(mask, axis=2)[self.inside]))
         self.heights = (np.flatnonzero(mask) % self.depth).astype(np.int32)
-        self.own = lines_between(self.low, self.high)
+        self.own = runs_between(self.low, self.high)
 
 
-def lines_between(low: NDArray[np.integer], high: NDArray[np.integer]) -> Lines:
-    """Return the lines from ``low`` to ``high`` (nx, ny), where ``high`` is above ``low``."""
+def runs_between(low: NDArray[np.integer], high: NDArray[np.integer]) -> Runs:
+    """Return the runs from ``low`` to ``high`` (nx, ny), where ``high`` is above ``low``."""
     numbers = np.full(low.shape, -1, np.int64)
-    places = np.argwhere(high > low)
-    x, y = places.T
-    numbers[x, y] = np.arange(len(places))
+    columns = np.argwhere(high > low)
+    x, y = columns.T
+    numbers[x, y] = np.arange(len(columns))
     begin = np.append(0, np.cumsum(high[x, y] - low[x, y]))
-    return begin, low[x, y], places, numbers
+    return begin, low[x, y], columns, numbers

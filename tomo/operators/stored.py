@@ -41,9 +41,9 @@ class Projector(ProjectionOperator):
         The first pixel of each view; one view when None.
     active : ActiveVoxels, optional
         The voxels that are unknowns; all of the grid when None.
-    by_place : bool
-        Whether ``voxel`` are the unknowns' storage indices (`tomo.ActiveVoxels.place`), not their
-        numbers.
+    in_storage_order : bool
+        Whether ``voxel`` are the unknowns' storage indices (`tomo.ActiveVoxels.storage_index`),
+        not their numbers.
 
     Attributes
     ----------
@@ -66,8 +66,8 @@ class Projector(ProjectionOperator):
     their argument (float32 or float64). Projectors of some of the pixels share the entries. It
     passes the dot test to 1e-12 in float64.
 
-    The stored entries number the unknowns brick by brick (`tomo.ActiveVoxels.place`), and every
-    product brings its argument or its result into that order: this takes a hundredth of a
+    The stored entries number the unknowns brick by brick (`tomo.ActiveVoxels.storage_index`), and
+    every product brings its argument or its result into that order: this takes a hundredth of a
     product, which becomes up to four times faster.
 
     Examples
@@ -83,7 +83,7 @@ class Projector(ProjectionOperator):
         view_ptr: ArrayLike | None = None,
         active: ActiveVoxels | None = None,
         *,
-        by_place: bool = False,
+        in_storage_order: bool = False,
     ) -> None:
         super().__init__(segments.n_pixels, grid, view_ptr, segments.length.dtype, active)
         # kernels index without checks; without their sign negative numbers are the largest
@@ -93,9 +93,9 @@ class Projector(ProjectionOperator):
                 f"segments voxel: found {low} to {high}, expected the numbers of "
                 f"{self.active.size} unknowns, from 0"
             )
-        if self.active.place is not None and not by_place:
+        if self.active.storage_index is not None and not in_storage_order:
             voxel = np.zeros_like(segments.voxel)
-            _renumber(segments.voxel, self.active.place, voxel)
+            _renumber(segments.voxel, self.active.storage_index, voxel)
             segments = replace(segments, voxel=voxel)
         self._set(segments, segments.ptr[:-1], segments.ptr[1:])
 
@@ -137,16 +137,16 @@ class Projector(ProjectionOperator):
     def segments(self) -> Segments:
         """The rows one after another, with the numbers of the unknowns; copied where needed."""
         segments = self._entries.between(self._starts, self._stops)
-        if self.active.at_place is None:
+        if self.active.unknown_at is None:
             return segments
-        return replace(segments, voxel=self.active.at_place[segments.voxel])
+        return replace(segments, voxel=self.active.unknown_at[segments.voxel])
 
     @cached_property
     def _parts(self) -> NDArray[np.int64]:
         return part_bounds(self._stops - self._starts, self.shape[1])
 
     def _matvec(self, x: NDArray) -> NDArray:
-        x = self.active.to_places(as_float(x.ravel()))
+        x = self.active.to_storage(as_float(x.ravel()))
         images = np.zeros(self.shape[0], x.dtype)
         product(*self.matrix, x, images, self.n_segments)
         return images
@@ -155,7 +155,7 @@ class Projector(ProjectionOperator):
         y = as_float(y.ravel())
         volume = np.zeros(self.shape[1], y.dtype)
         transposed_product(*self.matrix, y, self._parts, volume, self.n_segments)
-        return self.active.from_places(volume)
+        return self.active.from_storage(volume)
 
     @property
     def arrays(self) -> tuple[NDArray, ...]:

@@ -111,8 +111,8 @@ class LinearSystem:
         else:
             usable = [np.flatnonzero(mask) for mask in masks]
         if form == STORED:
-            by_place = not active.all  # a table of the voxels is read in any case
-            how = {"midpoints": midpoints, "active": active, "by_place": by_place}
+            in_storage_order = not active.all  # a table of the voxels is read in any case
+            how = {"midpoints": midpoints, "active": active, "in_storage_order": in_storage_order}
             threads = numba.get_num_threads() if tracer == "march" else 1  # raycast has its own
             tracers = [tracing(grid, tracer, **how) for _ in range(threads)]
             parts, pixels = trace_cameras(rig, usable, tracers, skip, supersample, progress)
@@ -124,7 +124,9 @@ class LinearSystem:
             view_ptr = np.cumsum([0] + [len(kept) for kept in pixels])
             segments = Segments.concatenate(parts)
             parts.clear()
-            projector = Projector(segments, grid, view_ptr, active, by_place=by_place)
+            projector = Projector(
+                segments, grid, view_ptr, active, in_storage_order=in_storage_order
+            )
         else:
             projector = OnTheFlyProjector.from_sources(parts, grid, active)
         if projector.n_segments == 0:

@@ -11,60 +11,60 @@ from numpy.typing import NDArray
 from tomo._compute.jit import compiled
 from tomo._compute.threads import threads_worth
 from tomo.grid import ActiveVoxels
-from tomo.grid.z_runs import Lines, add, lay_out, lines_between, pick_up
+from tomo.grid.z_runs import Runs, add, lay_out, pick_up, runs_between
 
-NANOSECONDS_FORWARD, NANOSECONDS_ADJOINT = 1.2, 1.6  # a place, on one thread
-OUTSIDE = -2
+NANOSECONDS_FORWARD, NANOSECONDS_ADJOINT = 1.2, 1.6  # a voxel of the runs, on one thread
+OUTSIDE = -2  # number of a run beyond the grid, where -1 is none inside it
 
 
 @compiled(inline=True)
-def _add_line(onto, begin, end, height, weight, added, lines, line, lower) -> None:
-    """Add to part of a line what ``added`` holds of another, if there is one, moved down."""
-    if line >= 0:
-        first, last = lines[0][line], lines[0][line + 1]
-        add(onto, begin, end, height, weight, added, first, last, lines[1][line] - lower)
+def _add_run(onto, begin, end, height, weight, added, runs, run, lower) -> None:
+    """Add the run ``added`` to part of another one, if there is one, moved down by ``lower``."""
+    if run >= 0:
+        first, last = runs[0][run], runs[0][run + 1]
+        add(onto, begin, end, height, weight, added, first, last, runs[1][run] - lower)
 
 
 @compiled(parallel=True)
 def _forward(values, voxels, heights, own, around, here, beyond, depth, factors, plain, field):
-    """Write the differences of ``values`` (n,) to ``field`` (3, places), which holds zeros.
+    """Write the differences of ``values`` (n,) to ``field`` (3, positions), which holds zeros.
 
-    ``plain`` has room for the lines ``own``; the others are those of `Gradient`.
+    ``plain`` is a buffer of the runs ``own``; the other arguments are those of `Gradient`.
     """
     plus, minus = np.float32(1), np.float32(-1)
-    for line in numba.prange(len(own[1])):
-        lay_out(values, voxels, heights, own, line, plain)
-    for line in numba.prange(len(around[1])):
-        begin, end, height = around[0][line], around[0][line + 1], around[1][line]
+    for run in numba.prange(len(own[1])):
+        lay_out(values, voxels, heights, own, run, plain)
+    for run in numba.prange(len(around[1])):
+        begin, end, height = around[0][run], around[0][run + 1], around[1][run]
         for axis in range(3):
-            onto, last, other = field[axis], end, here[line]
+            onto, last, other = field[axis], end, here[run]
             if axis < 2:
-                other = beyond[line, axis]
+                other = beyond[run, axis]
                 if other == OUTSIDE:
                     continue
             else:  # the grid's topmost layer has none above
                 last = min(end, begin + depth - 1 - height)
-            _add_line(onto, begin, last, height, plus, plain, own, other, axis // 2)
-            _add_line(onto, begin, last, height, minus, plain, own, here[line], 0)
-            for place in range(np.uint64(begin), np.uint64(last)):
-                onto[place] *= factors[axis]
+            _add_run(onto, begin, last, height, plus, plain, own, other, axis // 2)
+            _add_run(onto, begin, last, height, minus, plain, own, here[run], 0)
+            for position in range(np.uint64(begin), np.uint64(last)):
+                onto[position] *= factors[axis]
 
 
 @compiled(parallel=True)
 def _adjoint(field, voxels, heights, own, around, at, before, beyond, depth, factors, plain, out):
-    """Write to ``out`` (n,) what the transpose makes of ``field`` (3, places)."""
-    for line in numba.prange(len(own[1])):
-        begin, end, height = own[0][line], own[0][line + 1], own[1][line]
+    """Write ``D^T`` of ``field`` (3, positions) to ``out`` (n,)."""
+    for run in numba.prange(len(own[1])):
+        begin, end, height = own[0][run], own[0][run + 1], own[1][run]
         plain[begin:end] = 0
         for axis in range(2):
             added, weight = field[axis], factors[axis]
-            if beyond[at[line], axis] != OUTSIDE:
-                _add_line(plain, begin, end, height, -weight, added, around, at[line], 0)
-            _add_line(plain, begin, end, height, weight, added, around, before[line, axis], 0)
+            if beyond[at[run], axis] != OUTSIDE:
+                _add_run(plain, begin, end, height, -weight, added, around, at[run], 0)
+            _add_run(plain, begin, end, height, weight, added, around, before[run, axis], 0)
         below_top = min(end, begin + depth - 1 - height)
-        _add_line(plain, begin, below_top, height, -factors[2], field[2], around, at[line], 0)
-        _add_line(plain, begin, end, height, factors[2], field[2], around, at[line], -1)
-        pick_up(plain, voxels, heights, own, line, out)
+        _add_run(plain, begin, below_top, height, -factors[2], field[2], around, at[run], 0)
+        _add_run(plain, begin, end, height, factors[2], field[2], around, at[run], -1)
+        pick_up(plain, voxels, heights, own, run, out)
 
 
 class Gradient:
@@ -81,12 +81,14 @@ class Gradient:
 
     Notes
     -----
-    Fields cover the lines along z around the active voxels, far enough for every difference that
-    can be other than zero, instead of the whole grid. Of `tomo.grid.z_runs.Lines` there are
-    ``own``, those of the active voxels, and ``around``; ``here`` and ``beyond`` (lines, 2) number
-    the former at each of the latter and at its upper neighbours along x and y, `OUTSIDE` beyond
-    the grid; ``at`` and ``before`` (lines, 2) the latter at each of the former and at its lower
-    neighbours.
+    Fields cover the z-runs around the active voxels, far enough for every difference that can be
+    other than zero, instead of the whole grid. `tomo.grid.z_runs.Runs` are ``own``, those of the
+    active voxels, and ``around``, those of a field. ``here`` and ``beyond`` (runs, 2) number the
+    former in the column of each of the latter and in its upper neighbours along x and y, `OUTSIDE`
+    beyond the grid; ``at`` and ``before`` (runs, 2) number the latter in the column of each of the
+    former and in its lower neighbours.
+
+    `forward` and `adjoint` pass the dot test to 1e-6, in single precision.
     """
 
     def __init__(self, active: ActiveVoxels) -> None:
@@ -96,28 +98,28 @@ class Gradient:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Of a field: three components at every place of the lines ``around``."""
+        """Shape of a field: three components at every position of the runs ``around``."""
         return 3, int(self._around[0][-1])
 
     @cached_property
-    def _around(self) -> Lines:
-        lines = self.active.lines
-        low = np.where(lines.inside, np.maximum(lines.low - 1, 0), lines.depth)
-        high = lines.high.copy()
+    def _around(self) -> Runs:
+        runs = self.active.z_runs
+        low = np.where(runs.inside, np.maximum(runs.low - 1, 0), runs.depth)
+        high = runs.high.copy()
         for near_low, near_high in ((low[:-1], high[:-1]), (low[:, :-1], high[:, :-1])):
-            x, y = (lines.low.shape[axis] - near_low.shape[axis] for axis in (0, 1))
-            np.minimum(near_low, lines.low[x:, y:], out=near_low)
-            np.maximum(near_high, lines.high[x:, y:], out=near_high)
-        return lines_between(low, high)
+            x, y = (runs.low.shape[axis] - near_low.shape[axis] for axis in (0, 1))
+            np.minimum(near_low, runs.low[x:, y:], out=near_low)
+            np.maximum(near_high, runs.high[x:, y:], out=near_high)
+        return runs_between(low, high)
 
     @cached_property
     def _neighbours(self) -> tuple[NDArray[np.int64], ...]:
         """Return ``here``, ``beyond``, ``at`` and ``before``."""
-        own, around = self.active.lines.own, self._around
+        own, around = self.active.z_runs.own, self._around
 
-        def numbers(table: NDArray[np.int64], places: NDArray, step: tuple[int, int]) -> NDArray:
+        def numbers(table: NDArray[np.int64], columns: NDArray, step: tuple[int, int]) -> NDArray:
             padded = np.pad(table, 1, constant_values=OUTSIDE)
-            return padded[tuple((places + step).T + 1)]
+            return padded[tuple((columns + step).T + 1)]
 
         steps = np.eye(2, dtype=np.int64)
         return (
@@ -128,29 +130,29 @@ class Gradient:
         )
 
     def forward(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return ``D x`` of the unknowns ``x (n,)``: ``(3, places)``."""
-        lines, around = self.active.lines, self._around
+        """Return ``D x`` of the unknowns ``x (n,)``: ``(3, positions)``."""
+        runs, around = self.active.z_runs, self._around
         here, beyond, _, _ = self._neighbours
         field = np.zeros(self.shape, np.float32)
-        plain = np.zeros(int(lines.own[0][-1]), np.float32)
+        plain = np.zeros(int(runs.own[0][-1]), np.float32)
         values = np.ascontiguousarray(values.ravel(), np.float32)
         with threads_worth(NANOSECONDS_FORWARD * field.shape[1]):
             _forward(
-                values, lines.voxels, lines.heights, lines.own, around, here, beyond, lines.depth,
+                values, runs.voxels, runs.heights, runs.own, around, here, beyond, runs.depth,
                 self.factors, plain, field,
             )  # fmt: skip
         return field
 
     def adjoint(self, field: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return ``D^T p (n,)`` of a field with as many values as `forward` returns."""
-        lines, around = self.active.lines, self._around
+        runs, around = self.active.z_runs, self._around
         _, beyond, at, before = self._neighbours
-        plain = np.zeros(int(lines.own[0][-1]), np.float32)
+        plain = np.zeros(int(runs.own[0][-1]), np.float32)
         out = np.zeros(self.active.size, np.float32)
         with threads_worth(NANOSECONDS_ADJOINT * field.size / 3):
             _adjoint(
-                np.ascontiguousarray(field.reshape(self.shape), np.float32), lines.voxels,
-                lines.heights, lines.own, around, at, before, beyond, lines.depth, self.factors,
+                np.ascontiguousarray(field.reshape(self.shape), np.float32), runs.voxels,
+                runs.heights, runs.own, around, at, before, beyond, runs.depth, self.factors,
                 plain, out,
             )  # fmt: skip
         return out

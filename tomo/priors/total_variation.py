@@ -170,11 +170,11 @@ class TotalVariationProximal:
     ) -> None:
         self._box = active.box
         self._factors = Gradient(active).factors
-        self._inverse = self._place(inverse)  # zero where no voxel is active: those stay zero
+        self._inverse = self._in_box(inverse)  # zero where no voxel is active: those stay zero
         self._lowest = np.float32(0 if nonnegative else -np.inf)
         self._dual = np.zeros((*self._inverse.shape, 3), np.float32)
 
-    def _place(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _in_box(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the unknowns in the box, zero where none is: ``(bx, by, bz)``, a copy."""
         return self._box.expand(values.astype(np.float32)).reshape(self._box.grid.shape)
 
@@ -191,7 +191,7 @@ class TotalVariationProximal:
             Steps on the dual.
         stretch : float
         """
-        center = self._place(center)
+        center = self._in_box(center)
         volume = np.zeros_like(center)
         ahead = self._dual.copy()
         last = 1.0

@@ -160,7 +160,7 @@ class _StoredSweep:
         self._per_column = np.zeros((len(parts), n_unknowns), np.float32)
         _per_columns(*self._matrix, weights, ptr, self._per_column)
         if most is not None:
-            np.minimum(self._per_column, self._active.to_places(most), out=self._per_column)
+            np.minimum(self._per_column, self._active.to_storage(most), out=self._per_column)
         counts = self._matrix[1] - self._matrix[0]
         cuts = [
             first + part_bounds(counts[first:last], n_unknowns)
@@ -181,7 +181,7 @@ class _StoredSweep:
         order: NDArray[np.int64],
     ) -> NDArray[np.float32]:
         """Return ``x`` (n,) after the updates of blocks ``order``."""
-        x = np.array(self._active.to_places(x))
+        x = np.array(self._active.to_storage(x))
         at_once = parts_at_once(self._most, x.nbytes)
         private = np.zeros((at_once, len(x)), np.float32)
         with threads_worth(self._nanoseconds * at_once):
@@ -189,7 +189,7 @@ class _StoredSweep:
                 *self._matrix, self._measured, self._per_row, self._per_column, order,
                 self._part_ptr, self._bounds, np.float32(relaxation), nonnegative, private, x,
             )  # fmt: skip
-        return self._active.from_places(x)
+        return self._active.from_storage(x)
 
 
 @compiled(parallel=True)

@@ -178,7 +178,7 @@ class March:
 
     Parameters
     ----------
-    grid, midpoints, dtype, active, by_place
+    grid, midpoints, dtype, active, in_storage_order
         See `tomo.trace.tracing`.
     """
 
@@ -189,7 +189,7 @@ class March:
         midpoints: bool = False,
         dtype: DTypeLike = np.float32,
         active: ActiveVoxels | None = None,
-        by_place: bool = False,
+        in_storage_order: bool = False,
     ) -> None:
         self._box = tuple(grid.lower), tuple(grid.upper), grid.spacing, grid.shape
         self._types = numbering(grid.size), np.dtype(dtype)
@@ -198,7 +198,7 @@ class March:
         self._away, self._number = np.zeros(0, np.uint8), np.zeros(0, np.int32)
         if not self._all:
             self._away = active.clearance.ravel()
-            self._number = active.place_of_voxel if by_place else active.number
+            self._number = active.storage_index_of_voxel if in_storage_order else active.number
         self._kept = self._room(0)
 
     def __call__(self, rays: Rays) -> Segments:

@@ -60,14 +60,14 @@ def tracing(
     midpoints: bool = False,
     dtype: DTypeLike = np.float32,
     active: ActiveVoxels | None = None,
-    by_place: bool = False,
+    in_storage_order: bool = False,
 ) -> Callable[[Rays], Segments]:
     """Return what traces rays as `trace` does, to be called with one camera's after another's.
 
     Its arguments and errors are those of `trace`. The tracer keeps memory from call to call, so
-    that no two threads may call it at once; what it has returned stays as it is. With ``by_place``
-    the unknowns are numbered as `tomo.ActiveVoxels.place` has them, where not all voxels are
-    active.
+    that no two threads may call it at once; what it has returned stays as it is. With
+    ``in_storage_order`` the unknowns are numbered as `tomo.ActiveVoxels.storage_index` has them,
+    where not all voxels are active.
     """
     if tracer not in TRACERS:
         raise ValueError(f"tracer: found {tracer!r}, expected one of {', '.join(TRACERS)}")
@@ -78,13 +78,19 @@ def tracing(
     module = importlib.import_module(f"tomo.trace.{tracer}")
     if tracer == "march":
         return module.March(
-            grid, midpoints=midpoints, dtype=dtype, active=active, by_place=by_place
+            grid,
+            midpoints=midpoints,
+            dtype=dtype,
+            active=active,
+            in_storage_order=in_storage_order,
         )
 
     def traced(rays: Rays) -> Segments:
         segments = module.trace(rays, grid, midpoints=midpoints, dtype=dtype)
         if active is None or active.all:
             return segments
-        return segments.renumbered(active.place_of_voxel if by_place else active.number)
+        return segments.renumbered(
+            active.storage_index_of_voxel if in_storage_order else active.number
+        )
 
     return traced

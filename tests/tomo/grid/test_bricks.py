@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tomo import ActiveVoxels, Projector, Rays, VoxelGrid
-from tomo.grid.bricks import brick_places
+from tomo.grid.bricks import brick_storage_index
 from tomo.trace import trace
 
 side = st.integers(1, 20)
@@ -17,21 +17,21 @@ side = st.integers(1, 20)
 @given(st.tuples(side, side, side), st.integers(0, 2**32 - 1), st.floats(0, 1))
 def test_every_chosen_voxel_has_a_place_of_its_own(shape, seed, share):
     mask = np.random.default_rng(seed).random(shape) < share
-    places = brick_places(mask)
+    places = brick_storage_index(mask)
     np.testing.assert_array_equal(np.sort(places), np.arange(mask.sum()))
 
 
 @given(st.tuples(side, side, side), st.integers(0, 2**32 - 1))
 def test_bricks_are_gone_through_one_after_another(shape, seed):
     mask = np.random.default_rng(seed).random(shape) < 0.5
-    voxels = np.argwhere(mask)[np.argsort(brick_places(mask))]
+    voxels = np.argwhere(mask)[np.argsort(brick_storage_index(mask))]
     bricks = voxels // 8
     flat = np.ravel_multi_index(tuple(bricks.T), (3, 3, 3))
     assert (np.diff(flat) >= 0).all()
 
 
 def test_in_a_brick_halves_follow_halves():
-    places = brick_places(np.ones((8, 8, 8), np.bool_)).reshape(8, 8, 8)
+    places = brick_storage_index(np.ones((8, 8, 8), np.bool_)).reshape(8, 8, 8)
     x, y, z = np.indices((8, 8, 8))
     expected = sum(
         4 * (x >> bit & 1) + 2 * (y >> bit & 1) + (z >> bit & 1) << 3 * bit for bit in range(3)
@@ -41,14 +41,14 @@ def test_in_a_brick_halves_follow_halves():
 
 def test_neighbours_stand_closer_than_in_the_flat_volume():
     shape = (32, 32, 32)
-    places = brick_places(np.ones(shape, np.bool_)).reshape(shape)
+    places = brick_storage_index(np.ones(shape, np.bool_)).reshape(shape)
     for axis in range(3):
         assert np.median(np.abs(np.diff(places, axis=axis))) <= 7
 
 
 def test_few_unknowns_stay_in_their_order():
-    assert ActiveVoxels(VoxelGrid((16, 16, 16), 1.0)).place is None
-    assert ActiveVoxels(VoxelGrid((16, 16, 17), 1.0)).place is not None
+    assert ActiveVoxels(VoxelGrid((16, 16, 16), 1.0)).storage_index is None
+    assert ActiveVoxels(VoxelGrid((16, 16, 17), 1.0)).storage_index is not None
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["all voxels", "active voxels"])
@@ -62,7 +62,7 @@ def many(request):
     if request.param:
         active = ActiveVoxels.from_mask(grid, generator.random(grid.shape) < 0.6)
     segments = trace(rays, grid, dtype=np.float64, active=active)
-    assert active.place is not None
+    assert active.storage_index is not None
     return segments, active
 
 

@@ -38,7 +38,7 @@ def in_bricks(ring_system, monkeypatch):
     monkeypatch.setattr("tomo.grid.active_voxels._FEW", 10)
     own = ring_system.projector
     projector = Projector(own.segments, own.grid, own.view_ptr, ActiveVoxels(own.grid))
-    assert projector.active.place is not None
+    assert projector.active.storage_index is not None
     return SimpleNamespace(projector=projector, measured=ring_system.measured)
 
 

@@ -95,15 +95,15 @@ def test_unknowns_are_told_by_their_places_when_asked_for(tracer, share):
     rays = through(grid, 200, seed=7)
     active = ActiveVoxels.from_mask(grid, np.random.default_rng(8).random(grid.shape) < share)
     plain = trace(rays, grid, tracer, active=active)
-    placed = tracing(grid, tracer, active=active, by_place=True)(rays)
-    assert (active.place is None) == (share == 0.05)
-    expected = plain.voxel if active.place is None else active.place[plain.voxel]
+    placed = tracing(grid, tracer, active=active, in_storage_order=True)(rays)
+    assert (active.storage_index is None) == (share == 0.05)
+    expected = plain.voxel if active.storage_index is None else active.storage_index[plain.voxel]
     np.testing.assert_array_equal(placed.voxel, expected)
     assert placed.voxel.dtype == plain.voxel.dtype
     np.testing.assert_array_equal(placed.length, plain.length)
     one, other = (
         Projector(plain, grid, active=active),
-        Projector(placed, grid, active=active, by_place=True),
+        Projector(placed, grid, active=active, in_storage_order=True),
     )
     volume = np.random.default_rng(9).random(active.size)
     np.testing.assert_array_equal(one @ volume, other @ volume)
