@@ -156,7 +156,7 @@ def test_a_steady_slope_costs_nothing_inside():
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_few_noisy_views_of_smooth_light_come_nearer_than_by_differences(seed):
-    """Both by splines, each with the strength and the stop that are nearest to the truth."""
+    """Both in the linear basis, each with the best strength and number of iterations."""
     grid, random = VoxelGrid((16, 16, 16), 1.0), np.random.default_rng(seed)
     rig = rigs.ring(9, distance=300.0, image_size=(48, 40), footprint=0.5, pitch_degrees=12.0)
     field = phantoms.GaussianBlobs(
@@ -165,18 +165,18 @@ def test_few_noisy_views_of_smooth_light_come_nearer_than_by_differences(seed):
     scan = simulate(rig, field, grid, supersample=3, refine=3)
     images = camera_noise.gaussian(list(scan.images.values()), 0.02, random)
     system = LinearSystem.from_rig(rig, grid)
-    measured, splines = system.flatten(images), system.with_linear_basis().projector
+    measured, linear = system.flatten(images), system.with_linear_basis().projector
 
     def nearest(method):
         distances = []
 
         def judge(_index, volume, _residual):
-            found = voxel_means(splines.active.expand(volume).reshape(grid.shape))
+            found = voxel_means(linear.active.expand(volume).reshape(grid.shape))
             distances.append(metrics.cosine_distance(found, scan.truth) if volume.any() else 1.0)
 
         for strength in (1e-4, 3e-4, 1e-3, 3e-3):
             getattr(solvers, method)(
-                splines, measured, strength=strength, iterations=40, callback=judge
+                linear, measured, strength=strength, iterations=40, callback=judge
             )
         return min(distances)
 
