@@ -99,8 +99,8 @@ def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, 
             "learned",
             lambda: draw_learned(results.learned, unit),
             "Learned weights over segment lengths: means over the emission (grey: where it is) by "
-            "depth in the grid as seen from the camera, emission in front, place in the image, "
-            "place in the voxel along each axis, and camera; and the relative residual of views "
+            "depth in the grid as seen from the camera, upstream emission, position in the image "
+            "and in the voxel along each axis, and camera; and the relative residual of views "
             "left out, by segment lengths and by learned weights. A common factor has no meaning."
             + (
                 " Dashed: the true ones, of what the images were simulated with, scaled to the "

@@ -1,4 +1,4 @@
-"""The picture of what learned weights say: their means by depth, camera, place and light."""
+"""The picture of learned weights: their means by depth, camera, position and upstream light."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _LIGHT = "#e6eaee"
 
 
 def draw_learned(learned: LearnedWeights, length_unit: str) -> Figure:
-    """Return the mean relative weights, with the true ones dashed where they are known.
+    """Return a figure of the mean relative weights, the true ones dashed where they are known.
 
     Parameters
     ----------
     learned : LearnedWeights
     length_unit : str
-        Of the grid.
+        The grid's unit.
     """
     figure = new_figure(10.4, 5.6)
     panels = figure.subplots(2, 3).ravel()
-    voxel = [p for p in learned.profiles if p.quantity.startswith("place in the voxel")]
+    voxel = [p for p in learned.profiles if p.quantity.startswith("position in the voxel")]
     others = [p for p in learned.profiles if p not in voxel]
     for axes, profile in zip(panels, others, strict=False):
         _draw_light(axes, profile)
@@ -44,10 +44,10 @@ def draw_learned(learned: LearnedWeights, length_unit: str) -> Figure:
     for profile in voxel:
         axis = profile.quantity[-1]
         _draw_line(panels[3], profile, _AXES[axis], axis)
-    panels[3].set_xlabel("place in the voxel (voxels from its middle)")
+    panels[3].set_xlabel("position in the voxel (voxels from its middle)")
     panels[3].legend(fontsize=7, frameon=False, ncols=3, loc="upper center")
     _draw_cameras(panels[4], learned)
-    _level(panels[:5], learned)
+    _set_common_scale(panels[:5], learned)
     for axes in panels:
         thin_lines(axes)
         axes.xaxis.label.set_size(8)
@@ -58,7 +58,7 @@ def draw_learned(learned: LearnedWeights, length_unit: str) -> Figure:
     known = learned.true_by_camera is not None
     words = f"learned: mean {learned.mean:.3f}, spread {learned.spread:.1%}"
     if known and learned.explained is not None:
-        words += f"; dashed: the truth, of which {learned.explained:.0%} is learned"
+        words += f"; dashed: the truth, {learned.explained:.0%} of it learned"
     figure.text(0.012, 0.985, words, fontsize=8.5, color=INK, va="top")
     figure.tight_layout(rect=(0, 0, 1, 0.955))
     return figure
@@ -72,10 +72,10 @@ def _draw_line(axes: Axes, profile: Profile, colour: str, label: str | None = No
 
 
 def _draw_light(axes: Axes, profile: Profile) -> None:
-    """Show behind the means where the light is that they are of."""
+    """Draw the fraction of the light in each bin behind the means."""
     behind = axes.twinx()
-    behind.bar(profile.centre, profile.share, np.diff(profile.edges), color=_LIGHT)
-    behind.set_ylim(0, 3 * max(profile.share.max(), 1e-9))
+    behind.bar(profile.centre, profile.light, np.diff(profile.edges), color=_LIGHT)
+    behind.set_ylim(0, 3 * max(profile.light.max(), 1e-9))
     behind.set_axis_off()
     axes.set_zorder(behind.get_zorder() + 1)
     axes.patch.set_visible(False)
@@ -93,8 +93,8 @@ def _draw_cameras(axes: Axes, learned: LearnedWeights) -> None:
     axes.set_xlabel("camera")
 
 
-def _level(panels: list[Axes], learned: LearnedWeights) -> None:
-    """Give the panels one scale, on which small is seen to be small."""
+def _set_common_scale(panels: list[Axes], learned: LearnedWeights) -> None:
+    """Give the panels one scale, so that small differences look small."""
     shown = [learned.by_camera, *(profile.weight for profile in learned.profiles)]
     if learned.true_by_camera is not None:
         shown += [learned.true_by_camera, *(profile.truth for profile in learned.profiles)]
@@ -108,11 +108,11 @@ def _level(panels: list[Axes], learned: LearnedWeights) -> None:
 
 def _draw_residuals(axes: Axes, learned: LearnedWeights) -> None:
     known = {k: v for k, v in learned.held_out_residual.items() if math.isfinite(v)}
-    names = [name for name in ("chords", "learned") if name in known]
+    names = [name for name in ("segment_lengths", "learned") if name in known]
     for row, name in enumerate(reversed(names)):
         axes.barh(row, known[name], 0.5, color=_LEARNED if name == "learned" else "#b9c0c7")
         axes.text(known[name], row, f" {known[name]:.2%}", va="center", fontsize=8, color=INK)
-    words = {"chords": "segment\nlengths", "learned": "learned\nweights"}
+    words = {"segment_lengths": "segment\nlengths", "learned": "learned\nweights"}
     axes.set_yticks(range(len(names)), [words[name] for name in reversed(names)], fontsize=8)
     axes.set_xlabel("relative residual of left-out views", fontsize=8)
     axes.set_xlim(0, 1.25 * max(known.values(), default=1.0))

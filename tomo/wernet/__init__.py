@@ -1,7 +1,15 @@
-"""WERNet: the voxels' weights along a ray are learnt together with the voxels.
+"""WERNet: weights of voxels along rays, learned together with the voxels.
 
-Pan, Li, Xu, "Weight Encode Reconstruction Network for Computed Tomography in a Semi-Case-Wise
-and Learning-Based Way", arXiv 2010.00893. PyTorch is loaded on first use of a name below.
+The network of Pan, Li and Xu (arXiv 2010.00893) replaces segment lengths by weights that an
+encoder computes for each ray in each voxel. Two forms are here:
+
+- `tomo.wernet.default`: segment lengths corrected by gains, global terms and an encoder (method
+  ``wernet``);
+- `tomo.wernet.paper`: the published network (method ``wernet-paper``).
+
+They share the packing of rays (`packing`), the convolution (`convolution`), micro-batches
+(`micro_batches`), the device (`device`), ray directions (`ray_directions`) and files of encoders
+(`encoder_file`). PyTorch is loaded on first use of a name below.
 """
 
 import lazy_loader
@@ -14,10 +22,10 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "convolution": ["packed_convolution"],
-        "default.correction": ["CorrectionEncoder", "ViewTokens"],
+        "default.correction": ["CorrectionEncoder", "ViewParameters"],
+        "default.learned_weights": ["LearnedWeights", "Profile"],
         "default.ray_features": ["RayFeatures"],
         "default.ray_weights": ["RayWeights"],
-        "default.summary": ["LearnedWeights", "Profile"],
         "default.wernet": ["wernet"],
         "device": ["usable_device"],
         "encoder_file": ["load_encoder", "save_encoder"],
@@ -26,6 +34,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "paper.model": ["WERNet"],
         "paper.product": ["packed_sum", "weighted_sum"],
         "paper.samples": ["PackedBatch", "RaySamples", "SampleBatch", "epoch_batches"],
+        "paper.settings": ["PaperSettings"],
         "paper.wernet_paper": ["TrainingDivergedError", "wernet_paper"],
     },
 )

@@ -1,8 +1,9 @@
-"""A convolution of kernel three along packed rays, as three matrix products."""
+"""Convolutions of kernel three along packed rays, and their initial weights."""
 
 from __future__ import annotations
 
 import torch
+from torch import nn
 from torch.autograd.function import once_differentiable
 
 
@@ -38,12 +39,12 @@ class _PackedConvolution(torch.autograd.Function):
             to_rows[1:].addmm_(gradient[:-1], after)
         if ctx.needs_input_grad[1]:
             # rows transposed, not gradient: with few columns in, BLAS is several times faster
-            by_place = [
+            taps = [
                 rows[:-1].T @ gradient[1:],
                 rows.T @ gradient,
                 rows[1:].T @ gradient[:-1],
             ]
-            to_weight = torch.stack(by_place).permute(2, 1, 0).contiguous()
+            to_weight = torch.stack(taps).permute(2, 1, 0).contiguous()
         if ctx.needs_input_grad[2]:
             to_bias = gradient.sum(dim=0)
         return to_rows, to_weight, to_bias
@@ -59,7 +60,7 @@ def packed_convolution(
     rows : (N, in) float
         One row a segment, rays one behind another with a row of zeros between.
     weight : (out, in, 3) float
-        As of `torch.nn.Conv1d`.
+        As in `torch.nn.Conv1d`.
     bias : (out,) float, optional
 
     Notes
@@ -67,3 +68,15 @@ def packed_convolution(
     ``torch.nn.functional.conv1d(rows.T[None], weight, bias, padding=1)[0].T`` is the same.
     """
     return _PackedConvolution.apply(rows, weight, bias)
+
+
+def seeded_convolution(
+    inputs: int, outputs: int, bias: bool, generator: torch.Generator
+) -> nn.Conv1d:
+    """Return a convolution of kernel three with PyTorch's uniform initial weights, seeded."""
+    # skip_init: the ordinary constructor draws from the global random state.
+    layer = nn.utils.skip_init(nn.Conv1d, inputs, outputs, 3, padding=1, bias=bias)
+    bound = (3 * inputs) ** -0.5
+    for parameter in layer.parameters():
+        nn.init.uniform_(parameter, -bound, bound, generator=generator)
+    return layer

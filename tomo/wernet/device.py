@@ -1,4 +1,4 @@
-"""Where tensors active, and what is done differently there."""
+"""The device that a network is trained on, and the optimiser that suits it."""
 
 from __future__ import annotations
 
@@ -14,23 +14,22 @@ def usable_device(device: str | torch.device) -> torch.device:
     Raises
     ------
     ValueError
-        If there is no such device here.
+        If PyTorch cannot use such a device here.
     """
     try:
-        place = torch.device(device)
-        torch.zeros(1, device=place).item()
+        found = torch.device(device)
+        torch.zeros(1, device=found).item()
     except (RuntimeError, AssertionError, NotImplementedError) as error:
         raise ValueError(
             f"device: found {str(device)!r}, expected one that this PyTorch can use "
             f"(cpu, cuda, mps): {str(error).splitlines()[0]}"
         ) from error
-    return place
+    return found
 
 
 def adam(groups: Iterable[dict[str, Any]], device: torch.device) -> torch.optim.Adam:
-    """Return Adam over parameters on a device.
+    """Return Adam over groups of parameters on a device.
 
-    On CUDA it takes a step all at once: to send each of its operations there takes longer than to
-    do it.
+    On CUDA the fused form is used: starting its operations one by one takes longer than they do.
     """
     return torch.optim.Adam(groups, fused=device.type == "cuda")

@@ -1,4 +1,4 @@
-"""Encoders in files: what it takes to build one, and its numbers; never code."""
+"""Encoders in files: settings and numbers, never code."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tomo.wernet.paper import WeightEncoder
 
 _FORMAT, _VERSION = "wernet-encoder", 2
 _KINDS = {"weights": WeightEncoder, "correction": CorrectionEncoder}
-"""The paper's encoder, which gives weights, and the default one, which corrects chord lengths."""
+"""The paper's encoder, which gives weights, and the default one, which corrects lengths."""
 
 _TENSOR_PARTS = (
     "torch._utils _rebuild_tensor_v2",
@@ -25,13 +25,22 @@ _TENSOR_PARTS = (
     "torch ByteStorage",
     "collections OrderedDict",
 )
-"""What a file of tensors of ours names: their numbers, and the state of a generator."""
+"""Names in the pickle of a file of float32 tensors and the state of a generator; no others are
+accepted."""
 
 Encoder = WeightEncoder | CorrectionEncoder
 
 
 def save_encoder(encoder: Encoder, path: str | Path) -> None:
-    """Write an encoder, with what it takes to build it again, to ``path`` (``.pt``)."""
+    """Write an encoder with its settings to ``path`` (``.pt``), for `load_encoder`.
+
+    Parameters
+    ----------
+    encoder : CorrectionEncoder or WeightEncoder
+        ``Solution.encoder`` of `wernet` or `wernet_paper`.
+    path : path or str
+        An existing file is replaced once the new one is complete.
+    """
     kind = next(name for name, of in _KINDS.items() if isinstance(encoder, of))
     content = {
         "format": _FORMAT,
@@ -51,14 +60,14 @@ def load_encoder(path: str | Path, kind: type[Encoder] | None = None) -> Encoder
     ----------
     path : path or str
     kind : type, optional
-        Refuse encoders of other kinds.
+        `CorrectionEncoder` or `WeightEncoder`; either when None.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the file is not an encoder, is one of another version, or of another kind.
+        If the file is not an encoder, or one of another version or kind.
     """
     path = Path(path)
     if not path.is_file():
@@ -70,7 +79,7 @@ def load_encoder(path: str | Path, kind: type[Encoder] | None = None) -> Encoder
         raise ValueError(f"{path}: format: found no {_FORMAT!r}, expected an encoder")
     if content.get("version") != _VERSION:
         raise ValueError(f"{path}: version: found {content.get('version')!r}, expected {_VERSION}")
-    with errors_of_libraries(f"{path}: found an encoder that does not fit itself"):
+    with errors_of_libraries(f"{path}: found an encoder that does not fit its settings"):
         encoder = rebuilt(_KINDS[content["kind"]], content["settings"], content["state"])
     if kind is not None and not isinstance(encoder, kind):
         raise ValueError(
@@ -83,14 +92,14 @@ def load_encoder(path: str | Path, kind: type[Encoder] | None = None) -> Encoder
 def rebuilt(
     kind: type[Encoder], settings: Mapping[str, Any], state: Mapping[str, torch.Tensor]
 ) -> Encoder:
-    """Return the encoder of settings and numbers that were read from a file.
+    """Return the encoder of settings and tensors that were read from a file.
 
     Raises
     ------
     Exception
-        Of several kinds, if the two do not fit each other, or the numbers are not finite.
+        Several kinds: the two do not fit each other, or a number is not finite.
     """
-    # before anything is built by them, settings have to be of the size of the numbers
+    # Settings are checked against the numbers before an encoder of their size is allocated.
     blocks, channels = settings["blocks"], settings["channels"]
     numbers = sum(tensor.numel() for tensor in state.values())
     if blocks > len(state) or 3 * channels * (1 + (blocks - 1) * channels) > numbers:
@@ -104,15 +113,15 @@ def rebuilt(
 
 
 def load_tensors(path: Path, expected: str) -> object:
-    """Return what a file of tensors and plain values holds; anything else is refused.
+    """Return the content of a file of tensors and plain values; anything else is refused.
 
     Raises
     ------
     ValueError
-        If it cannot be read; the message says what was ``expected``.
+        If it cannot be read; the message names the ``expected`` content.
     """
     try:
-        with zipfile.ZipFile(path) as archive:  # what torch.save writes; older files are not read
+        with zipfile.ZipFile(path) as archive:  # torch.save writes zip archives
             members = archive.infolist()
             size = sum(item.file_size for item in members)
             check_claim(size, path.stat().st_size)
@@ -123,15 +132,15 @@ def load_tensors(path: Path, expected: str) -> object:
         _check_tensors(content)
     except Exception as error:  # torch raises half a dozen kinds for a file it cannot read
         raise ValueError(
-            f"{path}: found a file that cannot be read as one, expected {expected}"
+            f"{path}: found a file that cannot be read, expected {expected}"
         ) from error
     return content
 
 
 def _check_names(pickled: bytes) -> None:
-    """Raise if a pickle names more than tensors are made of.
+    """Raise if a pickle names anything but the parts of tensors.
 
-    Torch itself calls no other code, but it makes a bytearray of any length.
+    Torch itself calls no other code, but it allocates a bytearray of any length.
     """
     for operation, argument, _ in pickletools.genops(pickled):
         if "GLOBAL" in operation.name and argument not in _TENSOR_PARTS:
@@ -139,7 +148,7 @@ def _check_names(pickled: bytes) -> None:
 
 
 def _check_tensors(content: object) -> None:
-    """Raise if a tensor claims more numbers than the file holds for it."""
+    """Raise if a tensor claims more numbers than the file stores for it."""
     waiting, seen = [content], set()
     while waiting:
         item = waiting.pop()

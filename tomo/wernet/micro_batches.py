@@ -1,4 +1,4 @@
-"""Losses and gradients of a batch in parts, so that each part stays in a core's cache."""
+"""Losses and gradients of a batch in micro-batches, each small enough for a core's cache."""
 
 from __future__ import annotations
 
@@ -9,39 +9,40 @@ from contextlib import contextmanager
 
 import torch
 
-SEGMENTS_A_PART = 16384
-"""What one thread of a CPU computes at a time: its layers of 32 channels then stay near the core.
-"""
+CPU_SEGMENTS = 16384
+"""Segments in a micro-batch on a CPU. More: 32 channels of them leave the core's cache. Fewer:
+the time goes into starting operations."""
 
-SEGMENTS_A_PART_ELSEWHERE = 1 << 20
-"""On another device, which works on all of them at once and takes longer to be told than to do it:
-its memory is the bound, of which a part takes some 2 GB."""
+GPU_SEGMENTS = 1 << 20
+"""Segments in a micro-batch elsewhere, some 2 GB of layers. More may not fit the device's memory;
+fewer leave it idle."""
 
-Map = Callable[[Callable, Sequence], list]
-"""Applies a function to every part and returns the results in the parts' order."""
+ChunkMap = Callable[[Callable, Sequence], list]
+"""Applies a function to every chunk and returns the results in the order of the chunks."""
 
 
 @contextmanager
-def on_cores(device: torch.device) -> Iterator[Map]:
-    """Give a map over parts that runs each part on a core of its own.
+def chunk_map(device: torch.device) -> Iterator[ChunkMap]:
+    """Give a map over chunks of work that suits the device.
 
-    On a CPU every part is computed by a single thread: what it returns, and a sum of such in the
-    parts' order, is the same bits for any number of threads. Elsewhere parts follow one another.
+    On a CPU each chunk is computed by one thread, several chunks at once. A sum of the results in
+    the order of the chunks is therefore the same bits for any number of threads. On another
+    device chunks follow one another.
     """
     if device.type != "cpu":
-        yield lambda function, parts: [function(part) for part in parts]
+        yield lambda function, chunks: [function(chunk) for chunk in chunks]
         return
     threads = torch.get_num_threads()
     workers = max(min(threads, os.cpu_count() or 1), 1)
     with ThreadPoolExecutor(workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         try:
-            yield lambda function, parts: list(pool.map(function, parts))
+            yield lambda function, chunks: list(pool.map(function, chunks))
         finally:
             torch.set_num_threads(threads)
 
 
-def cut(counts: torch.Tensor, segments: int | None = None) -> list[slice]:
-    """Cut rays into parts of about ``segments`` segments each.
+def micro_batches(counts: torch.Tensor, segments: int | None = None) -> list[slice]:
+    """Cut a batch of rays into slices of about ``segments`` segments each.
 
     Parameters
     ----------
@@ -53,18 +54,19 @@ def cut(counts: torch.Tensor, segments: int | None = None) -> list[slice]:
     if not len(counts):
         return []
     if segments is None:
-        on_cpu = counts.device.type == "cpu"
-        segments = SEGMENTS_A_PART if on_cpu else SEGMENTS_A_PART_ELSEWHERE
-    number = (torch.cumsum(counts, 0) - 1) // segments
+        segments = CPU_SEGMENTS if counts.device.type == "cpu" else GPU_SEGMENTS
+    number = (torch.cumsum(counts, 0) - 1) // segments  # (rays,)
     firsts = torch.cat([torch.tensor([0]), torch.diff(number.cpu()).nonzero()[:, 0] + 1])
     ends = [*firsts[1:].tolist(), len(counts)]
     return [slice(first, end) for first, end in zip(firsts.tolist(), ends, strict=True)]
 
 
-def add_gradients(parameters: Sequence[torch.nn.Parameter], parts: Sequence[Sequence]) -> None:
-    """Set the parameters' gradients to the sum of those of the parts, in the parts' order."""
-    for parameter, gradients in zip(parameters, zip(*parts, strict=True), strict=True):
-        total = gradients[0]
-        for one in gradients[1:]:
-            total = total + one
+def set_summed_gradients(
+    parameters: Sequence[torch.nn.Parameter], gradients: Sequence[Sequence[torch.Tensor]]
+) -> None:
+    """Set the parameters' gradients to the sum over micro-batches, in their order."""
+    for parameter, parts in zip(parameters, zip(*gradients, strict=True), strict=True):
+        total = parts[0]
+        for part in parts[1:]:
+            total = total + part
         parameter.grad = total

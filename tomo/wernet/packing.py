@@ -9,27 +9,27 @@ import torch
 
 @dataclass(frozen=True, eq=False)
 class Packing:
-    """Where the segments of some rays stand among all segments and among a matrix's rows.
+    """Which segments some rays have, and in which rows of a matrix they stand.
 
-    Rays of different lengths stand one behind another without padding; the single empty row
-    between two keeps a kernel of three from mixing them.
+    Rays of different lengths stand one behind another without padding. The single empty row
+    between two rays keeps a convolution of kernel three from mixing them.
 
     Attributes
     ----------
-    entry : (E,) int64
-        The segments, ray after ray.
+    segment : (E,) int64
+        Numbers of the rays' segments, ray after ray.
     row : (E,) int64
-        Their rows.
+        Row of each segment.
     count : (rays,) int64
-        How many segments each ray has.
-    inside : (E + rays + 1, 1) float32
+        Number of segments of each ray.
+    mask : (E + rays + 1, 1) float32
         One in a segment's row, zero in an empty one.
     """
 
-    entry: torch.Tensor
+    segment: torch.Tensor
     row: torch.Tensor
     count: torch.Tensor
-    inside: torch.Tensor
+    mask: torch.Tensor
 
     @classmethod
     def of(cls, start: torch.Tensor, count: torch.Tensor) -> Packing:
@@ -45,23 +45,23 @@ class Packing:
         rays = torch.arange(len(count), device=count.device)
         ray = rays.repeat_interleave(count, output_size=size)
         row = number + ray + 1
-        inside = torch.zeros(len(number) + len(count) + 1, 1, device=count.device)
-        inside[row] = 1
-        return cls(number + (start - ends + count)[ray], row, count, inside)
+        mask = torch.zeros(len(number) + len(count) + 1, 1, device=count.device)
+        mask[row] = 1
+        return cls(number + (start - ends + count)[ray], row, count, mask)
 
     def __repr__(self) -> str:
         """Name the sizes: the tensors themselves are too long to print."""
-        return f"<Packing: {len(self.count)} rays, {len(self.entry)} segments>"
+        return f"<Packing: {len(self.count)} rays, {len(self.segment)} segments>"
 
-    def spread(self, values: torch.Tensor) -> torch.Tensor:
+    def to_rows(self, values: torch.Tensor) -> torch.Tensor:
         """Return ``values`` (E, C) in their rows, zeros in the empty ones."""
-        rows = values.new_zeros(len(self.inside), values.shape[1])
+        rows = values.new_zeros(len(self.mask), values.shape[1])
         rows[self.row] = values
         return rows
 
     def per_segment(self, of_ray: torch.Tensor) -> torch.Tensor:
         """Return one value of each ray, ``(rays, ...)``, for each of its segments: (E, ...)."""
-        return of_ray.repeat_interleave(self.count, dim=0, output_size=len(self.entry))
+        return of_ray.repeat_interleave(self.count, dim=0, output_size=len(self.segment))
 
     def sum(self, values: torch.Tensor) -> torch.Tensor:
         """Return the sum over each ray's segments of ``values`` (E,): ``(rays,)``."""

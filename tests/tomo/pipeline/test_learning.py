@@ -39,7 +39,7 @@ def test_wernet_learns_what_chords_do_not_know_and_judges_the_held_out_view(uneq
     report = json.loads(json.dumps(learned.report(), allow_nan=False))
     assert report["method"] == "wernet"
     assert report["solver"]["learned"] is True
-    assert set(report["solver"]["held_out_residual"]) == {"chords", "learned"}
+    assert set(report["solver"]["held_out_residual"]) == {"segment_lengths", "learned"}
     assert list(report["held_out"]) == ["cam02"]
     # views are seen by the learned weights, which hold the cameras' gains
     gains = [

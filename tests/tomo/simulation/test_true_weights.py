@@ -1,4 +1,4 @@
-"""What simulated scans know of their weights, and what a reconstruction tells of learned ones."""
+"""True weights of simulated scans, and the report of learned ones beside them."""
 
 import json
 from dataclasses import replace
@@ -65,7 +65,7 @@ def test_true_weights_explain_the_images(folder):
     np.testing.assert_allclose(left * of_pixels, ratios)
 
 
-def test_nothing_is_known_of_a_scan_without_effects_or_without_the_gas_that_absorbs(folder):
+def test_true_weights_need_effects_and_the_absorbing_gas(folder):
     system = LinearSystem.from_rig(load_scan(folder).rig, GRID, midpoints=True)
     assert true_ratios(system, None, None) is None
     assert true_ratios(system, (Effects(self_absorption=1.0), {}), None) is None
@@ -81,16 +81,16 @@ def test_effects_out_of_range_are_refused_before_anything_is_solved(folder, tmp_
         reconstruct(load_scan(tmp_path))
 
 
-def test_what_was_learned_is_reported_beside_the_truth(outcome):
+def test_learned_weights_are_reported_with_the_true_ones(outcome):
     report = json.loads(json.dumps(outcome.report()["learned"], allow_nan=False))
     learned = outcome.learned
     assert HELD_OUT not in report["cameras"]
     assert len(report["cameras"]) == 11
     residual = report["held_out_residual"]
-    assert residual["learned"] < 0.95 * residual["chords"]
+    assert residual["learned"] < 0.95 * residual["segment_lengths"]
     assert 0.05 < report["explained"] < 1
     depth = learned.profiles[0]
-    lit = depth.share > 0.05
+    lit = depth.light > 0.05
     assert np.polyfit(depth.centre[lit], depth.weight[lit], 1)[0] < 0
     # the box absorbs: by the depth alone, but for the gains that have one mean
     slope = np.polyfit(depth.centre[lit], np.log(depth.truth[lit]), 1)[0]
@@ -98,7 +98,7 @@ def test_what_was_learned_is_reported_beside_the_truth(outcome):
 
 
 @pytest.mark.usefixtures("coarse_scenes")
-def test_the_picture_stands_beside_the_others_and_goes_with_what_it_shows(outcome, tmp_path):
+def test_the_picture_is_written_where_weights_were_learned(outcome, tmp_path):
     write_outcome(tmp_path, outcome)
     assert (tmp_path / "learned.png").read_bytes().startswith(b"\x89PNG")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -109,4 +109,4 @@ def test_the_picture_stands_beside_the_others_and_goes_with_what_it_shows(outcom
     write_outcome(tmp_path, classic)
     assert not (tmp_path / "learned.png").exists()
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "What was learned" not in page
+    assert "Weights learned in place" not in page

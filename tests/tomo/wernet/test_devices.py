@@ -10,8 +10,8 @@ import torch
 from tomo.metrics import cosine_distance
 from tomo.simulation.effects import Effects
 from tomo.wernet import load_encoder, save_encoder
-from tomo.wernet.default import CorrectionEncoder, RayWeights, ViewTokens, wernet
-from tomo.wernet.paper import RaySamples, WeightEncoder, WERNet, wernet_paper
+from tomo.wernet.default import CorrectionEncoder, RayWeights, ViewParameters, wernet
+from tomo.wernet.paper import PaperSettings, RaySamples, WeightEncoder, WERNet, wernet_paper
 
 GAINS = Effects(gain_spread=0.1)
 OWN_LIGHT = Effects(self_absorption=0.2)
@@ -23,9 +23,9 @@ pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA d
 @pytest.mark.parametrize("variant", ["no-bias", "bias-mask", "batch-norm"])
 def test_the_papers_network_trains_alike(scene, variant, layout):
     one = scene()
-    small = {"samples_per_batch": 4, "variant": variant, "layout": layout, "iterations": 2}
+    small = PaperSettings(samples_per_batch=4, variant=variant, layout=layout)
     here, there = (
-        wernet_paper(one.projector, one.measured, device=device, **small)
+        wernet_paper(one.projector, one.measured, iterations=2, settings=small, device=device)
         for device in ("cpu", "cuda")
     )
     assert cosine_distance(here.volume, there.volume) < 1e-4
@@ -59,17 +59,22 @@ def test_gradients_are_alike(scene, layout, dtype, bound, normalised):
         assert float((here - there).abs().max()) < bound * float(here.abs().max())
 
 
-@pytest.mark.parametrize("tells_views", [True, False])
-def test_learned_weights_are_alike(scene, tells_views):
+@pytest.mark.parametrize("per_view", [True, False])
+def test_learned_weights_are_alike(scene, per_view):
     chords = scene().projector
-    encoder, tokens = CorrectionEncoder(seed=1), ViewTokens(chords.n_views, 16)
+    encoder, view_parameters = CorrectionEncoder(seed=1), ViewParameters(chords.n_views, 16)
     generator = torch.Generator().manual_seed(0)
-    for parameter in (encoder.last.weight, tokens.trend, tokens.hidden, tokens.level):
+    for parameter in (
+        encoder.last.weight,
+        view_parameters.coefficients,
+        view_parameters.embedding,
+        view_parameters.log_gain,
+    ):
         torch.nn.init.normal_(parameter, 0, 0.1, generator=generator)
     volume = np.random.default_rng(2).random(chords.shape[1]).astype(np.float32)
-    here = RayWeights(encoder, tokens, volume, 8.0, tells_views)
+    here = RayWeights(encoder, view_parameters, volume, 8.0, per_view)
     there = RayWeights(
-        copy.deepcopy(encoder).cuda(), copy.deepcopy(tokens).cuda(), volume, 8.0, tells_views
+        copy.deepcopy(encoder).cuda(), copy.deepcopy(view_parameters).cuda(), volume, 8.0, per_view
     )
     for same_views in (True, False):
         lengths = [

@@ -40,7 +40,7 @@ def test_files_that_are_no_encoder_are_refused(tmp_path):
     with pytest.raises(ValueError, match="version: found 3, expected 2"):
         load_encoder(path)
     torch.save(content | {"settings": content["settings"] | {"blocks": 2}}, path)
-    with pytest.raises(ValueError, match="does not fit itself") as caught:
+    with pytest.raises(ValueError, match="does not fit its settings") as caught:
         load_encoder(path)
     assert "\n" not in str(caught.value)
 

@@ -1,11 +1,12 @@
-"""Both forms of WERNet at learning rates, batches, encoders and images that nobody asks for.
+"""Both forms of WERNet at unusual learning rates, batches, encoders and images.
 
 The default may not be worse than the classic solve; the paper's ends with a finite volume and a
-reason, or says that it diverged.
+reason, or an error that it diverged.
 """
 
 import math
 from contextlib import contextmanager
+from dataclasses import fields
 from types import SimpleNamespace
 from unittest.mock import patch
 
@@ -21,16 +22,21 @@ from tomo.selection import choose_by_held_out_views
 from tomo.selection.choose import solve_as_chosen
 from tomo.simulation import simulate
 from tomo.simulation.effects import Effects
-from tomo.wernet.default import alternation, fixed_voxels, wernet
-from tomo.wernet.paper import TrainingDivergedError, WeightEncoder, wernet_paper
+from tomo.wernet.default import encoder_training, fixed_voxels, wernet
+from tomo.wernet.paper import (
+    PaperSettings,
+    TrainingDivergedError,
+    WeightEncoder,
+    wernet_paper,
+)
 
 GAIN_SPREAD = 0.1
-NO_WORSE = 1 + 1e-6  # by which a volume may seem worse than another that is the same
+NO_WORSE = 1 + 1e-6  # factor by which the same volume may seem worse than itself
 EPOCHS = 3
 
 
 def scene(edge=0.5, empty_rays=False):
-    """Return images of a few blobs, by cameras whose gains nobody wrote down.
+    """Return images of a few blobs, by cameras of unknown gains.
 
     ``edge`` is a voxel's in the rig's unit; ``empty_rays`` keeps pixels that see no voxel.
     """
@@ -46,7 +52,7 @@ def scene(edge=0.5, empty_rays=False):
 
 
 def error_of(volume, truth):
-    """Return ``|f volume - truth| / |truth|`` with the best factor: no image tells the gains'."""
+    """Return ``|f volume - truth| / |truth|`` with the best factor: the gains' is unknown."""
     return math.sqrt(1 - min(cosine_similarity(volume, truth), 1.0) ** 2)
 
 
@@ -87,8 +93,8 @@ def trained_with(rate=None, rays=None):
     counts = {"gradients": 0, "not finite": 0}
     plain = fixed_voxels.FixedVoxels.set_gradients
 
-    def counted(fixed, encoder, tokens, parameters, *others):
-        found = plain(fixed, encoder, tokens, parameters, *others)
+    def counted(fixed, encoder, view_parameters, parameters, *others):
+        found = plain(fixed, encoder, view_parameters, parameters, *others)
         if np.isfinite(found[0]):  # a step is taken
             counts["gradients"] += len(parameters)
             counts["not finite"] += sum(not p.grad.isfinite().all() for p in parameters)
@@ -97,7 +103,7 @@ def trained_with(rate=None, rays=None):
     with (
         patch.object(fixed_voxels.FixedVoxels, "set_gradients", counted),
         patch.object(fixed_voxels, "LEARNING_RATE", rate or fixed_voxels.LEARNING_RATE),
-        patch.object(alternation, "RAYS_A_STEP", rays or alternation.RAYS_A_STEP),
+        patch.object(encoder_training, "RAYS_PER_STEP", rays or encoder_training.RAYS_PER_STEP),
     ):
         yield counts
 
@@ -109,7 +115,7 @@ def trained_with(rate=None, rays=None):
     ids=str,
 )  # fmt: skip
 def test_no_rate_or_batch_is_worse_than_the_classic_solve(seen, classic, how):
-    with trained_with(**how) as counts:  # a start given, there is no first guess
+    with trained_with(**how) as counts:  # with a start, terms are not solved for
         found = wernet(seen.projector, seen.measured, start=classic, iterations=2)
     assert_no_worse(found, seen, classic)
     assert counts["gradients"] > 0 == counts["not finite"]
@@ -182,8 +188,10 @@ def test_the_paper_s_form_ends_with_a_finite_volume_or_says_that_it_diverged(see
     measured = (used.measured.astype(np.float64) * brightness).astype(np.float32)
     if "encoder" in options:
         options["encoder"] = filled(options["encoder"])
+    names = options.keys() & {field.name for field in fields(PaperSettings)}
+    settings = PaperSettings(**{name: options.pop(name) for name in names})
     try:
-        found = wernet_paper(used.projector, measured, **options)
+        found = wernet_paper(used.projector, measured, settings=settings, **options)
     except (ValueError, TrainingDivergedError) as error:
         said = str(error)
     else:

@@ -8,9 +8,9 @@ START, COUNT = torch.tensor([7, 0, 3, 20]), torch.tensor([2, 3, 1, 4])
 
 def test_entries_rows_and_empty_rows():
     packing = Packing.of(START, COUNT)
-    assert packing.entry.tolist() == [7, 8, 0, 1, 2, 3, 20, 21, 22, 23]
+    assert packing.segment.tolist() == [7, 8, 0, 1, 2, 3, 20, 21, 22, 23]
     assert packing.row.tolist() == [1, 2, 4, 5, 6, 8, 10, 11, 12, 13]
-    assert packing.inside[:, 0].tolist() == [0, 1, 1, 0, 1, 1, 1, 0, 1, 0, 1, 1, 1, 1, 0]
+    assert packing.mask[:, 0].tolist() == [0, 1, 1, 0, 1, 1, 1, 0, 1, 0, 1, 1, 1, 1, 0]
     assert repr(packing) == "<Packing: 4 rays, 10 segments>"
 
 
@@ -19,7 +19,7 @@ def test_an_empty_row_stands_before_between_and_behind_all_rays():
     count = torch.randint(1, 9, (200,), generator=generator)
     start = torch.randint(0, 1000, (200,), generator=generator)
     packing = Packing.of(start, count)
-    inside = packing.inside[:, 0].bool()
+    inside = packing.mask[:, 0].bool()
     assert int((~inside).sum()) == 201
     runs, length = [], 0
     for one in inside.tolist():
@@ -30,13 +30,13 @@ def test_an_empty_row_stands_before_between_and_behind_all_rays():
             length = 0
     assert runs[1:] == count.tolist()
     expected = [range(s, s + c) for s, c in zip(start.tolist(), count.tolist(), strict=True)]
-    assert packing.entry.tolist() == [entry for ray in expected for entry in ray]
+    assert packing.segment.tolist() == [entry for ray in expected for entry in ray]
 
 
 def test_spread_and_take_back():
     packing = Packing.of(START, COUNT)
     values = torch.arange(1.0, 21.0).reshape(10, 2)
-    rows = packing.spread(values)
+    rows = packing.to_rows(values)
     assert torch.equal(rows[packing.row], values)
     assert float(rows.sum()) == float(values.sum())
 
@@ -65,5 +65,5 @@ def test_sum_and_repeat_are_transposes_of_each_other():
 
 def test_no_ray_at_all_is_one_empty_row():
     packing = Packing.of(START[:0], COUNT[:0])
-    assert packing.inside.tolist() == [[0.0]]
+    assert packing.mask.tolist() == [[0.0]]
     assert packing.sum(torch.zeros(0)).shape == (0,)

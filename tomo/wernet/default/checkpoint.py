@@ -1,4 +1,4 @@
-"""The state of a training run in a file, so that a run that was killed can go on."""
+"""The state of a run in a file, from which an interrupted run resumes."""
 
 from __future__ import annotations
 
@@ -19,29 +19,31 @@ from rigs.files.size_guard import errors_of_libraries
 from rigs.files.text import shortened
 from tomo.selection import Choice
 from tomo.selection.candidates import Candidate
-from tomo.wernet.default.correction import CorrectionEncoder, ViewTokens
+from tomo.wernet.default.correction import CorrectionEncoder, ViewParameters
 from tomo.wernet.default.ray_weights import RayWeights
 from tomo.wernet.encoder_file import load_tensors, rebuilt
 
 if TYPE_CHECKING:
     from tomo.operators import ProjectionOperator
 
-_FORMAT, _VERSION = "wernet-checkpoint", 5
+_FORMAT, _VERSION = "wernet-checkpoint", 6
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
-    """What one judged round gave.
+class EvaluatedWeights:
+    """Learned weights of one outer iteration, and how well they predict left-out views.
 
     Attributes
     ----------
     index : int
-        The round.
-    held_out_residual, relative_residual : float
-        Of left-out views, and of all with the volume.
+        The outer iteration; 0 for parametric terms alone.
+    held_out_residual : float
+        Relative residual of left-out views.
+    relative_residual : float
+        Relative residual of all views with the volume.
     volume : (nx, ny, nz) float32
     solved_by : mapping
-        The settings of the classic solve.
+        Settings of the classic solve.
     weights : RayWeights
     """
 
@@ -55,31 +57,45 @@ class Learned:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What a checkpoint holds: rounds done, voxels, how they are solved for, and the training.
+    """The content of a checkpoint.
 
-    ``ended`` says why training ended, and is empty while it has not; ``guessed`` is whether a
-    first guess was solved with before the rounds.
+    Attributes
+    ----------
+    iteration : int
+        Outer iterations done.
+    volume : (unknowns,) float32
+    choice : Choice
+        How the voxels are solved for.
+    best : EvaluatedWeights, optional
+    previous : float
+        Residual of left-out views when last evaluated.
+    stop_reason : str
+        Why the iterations ended; empty while they go on.
+    training : dict
+        State of `tomo.wernet.default.encoder_training.EncoderTraining`.
+    has_terms : bool
+        Whether parametric terms were found before the first iteration.
     """
 
-    round: int
+    iteration: int
     volume: NDArray[np.float32]
     choice: Choice
-    best: Learned | None
+    best: EvaluatedWeights | None
     previous: float
-    ended: str
+    stop_reason: str
     training: dict[str, Any]
-    guessed: bool = False
+    has_terms: bool = False
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A file that holds the last good state of one problem.
+    """A file that holds the last complete state of one problem.
 
     Attributes
     ----------
     path : Path
     problem : str
-        Images, rays and settings in short: a state of another problem is refused.
+        Checksums of images and rays, and the settings: a state of another problem is refused.
     """
 
     path: Path
@@ -100,22 +116,22 @@ class Checkpoint:
         rays = 0
         for part in projector.arrays:
             rays = zlib.crc32(np.ascontiguousarray(part), rays)
-        told = {key: value for key, value in settings.items() if key != "device"}
-        return cls(Path(path), f"{projector.shape} {images:08x} {rays:08x} {told}")
+        own = {key: value for key, value in settings.items() if key != "device"}
+        return cls(Path(path), f"{projector.shape} {images:08x} {rays:08x} {own}")
 
     def save(self, state: State) -> None:
-        """Write a state; the one before stays until this is whole."""
+        """Write a state; the file keeps the one before until this is complete."""
         content = {
             "format": _FORMAT,
             "version": _VERSION,
             "problem": self.problem,
-            "round": state.round,
-            "guessed": state.guessed,
+            "iteration": state.iteration,
+            "has_terms": state.has_terms,
             "volume": torch.from_numpy(state.volume.copy()),
             "choice": list(state.choice.candidate),
             "best": None if state.best is None else _packed(state.best),
             "previous": state.previous,
-            "ended": state.ended,
+            "stop_reason": state.stop_reason,
             "training": state.training,
         }
         with atomic_path(self.path) as temporary:
@@ -143,17 +159,18 @@ class Checkpoint:
             return _state(content)
 
     def damages(self) -> AbstractContextManager[None]:
-        """Turn what a damaged state raises when it is taken up into one line of ValueError."""
-        what = "found a damaged checkpoint, expected a whole one"
-        return errors_of_libraries(f"{self.path}: {what}")
+        """Turn errors of a damaged state into one line of ValueError."""
+        return errors_of_libraries(
+            f"{self.path}: found a damaged checkpoint, expected a complete one"
+        )
 
 
 def _state(content: Mapping[str, Any]) -> State:
-    """Return the state that the content of a file is, checked."""
+    """Return the state in the content of a file, checked."""
     chosen = Candidate(*content["choice"])
     for name, found, kind in (
-        ("round", content["round"], int),
-        ("ended", content["ended"], str),
+        ("iteration", content["iteration"], int),
+        ("stop_reason", content["stop_reason"], str),
         ("previous", content["previous"], float),
         ("training", content["training"], dict),
         ("choice: method", chosen.method, str),
@@ -164,20 +181,20 @@ def _state(content: Mapping[str, Any]) -> State:
     ):
         if not isinstance(found, kind) or isinstance(found, bool):
             raise ValueError(f"{name}: found {shortened(found)}")
-    numbers = (content["round"], chosen.iterations, chosen.width, chosen.strength or 0.0)
+    numbers = (content["iteration"], chosen.iterations, chosen.width, chosen.strength or 0.0)
     if not all(0 <= number < math.inf for number in numbers):
         raise ValueError(
-            f"round, choice: found {content['round']}, {shortened(content['choice'])}"
+            f"iteration, choice: found {content['iteration']}, {shortened(content['choice'])}"
         )
     return State(
-        content["round"],
+        content["iteration"],
         _numbers(content["volume"], "volume"),
         Choice(*chosen, reason="as before the interruption"),
         None if content["best"] is None else _unpacked(content["best"]),
         content["previous"],
-        content["ended"],
+        content["stop_reason"],
         content["training"],
-        bool(content["guessed"]),
+        bool(content["has_terms"]),
     )
 
 
@@ -188,29 +205,29 @@ def _numbers(tensor: torch.Tensor, name: str) -> NDArray[np.float32]:
     return tensor.numpy()
 
 
-def _packed(best: Learned) -> dict[str, Any]:
+def _packed(best: EvaluatedWeights) -> dict[str, Any]:
     weights = best.weights
     return {
         "numbers": [best.index, best.held_out_residual, best.relative_residual, weights.unit],
         "volume": torch.from_numpy(best.volume.copy()),
         "solved_by": dict(best.solved_by),
         "encoder": [weights.encoder.settings, weights.encoder.state_dict()],
-        "tokens": weights.tokens.state_dict(),
-        "seen": torch.from_numpy(weights.volume.copy()),
-        "tells_views": bool(weights.tells_views),
-        "widest": weights.widest and list(weights.widest),
+        "view_parameters": weights.view_parameters.state_dict(),
+        "upstream_volume": torch.from_numpy(weights.volume.copy()),
+        "per_view": bool(weights.per_view),
+        "image_scale": weights.image_scale and list(weights.image_scale),
     }
 
 
-def _unpacked(content: Mapping[str, Any]) -> Learned:
+def _unpacked(content: Mapping[str, Any]) -> EvaluatedWeights:
     encoder = rebuilt(CorrectionEncoder, *content["encoder"])
-    tokens = ViewTokens(*content["tokens"]["hidden"].shape)
-    tokens.load_state_dict(content["tokens"])
+    parameters = ViewParameters(*content["view_parameters"]["embedding"].shape)
+    parameters.load_state_dict(content["view_parameters"])
     index, held_out, residual, unit = map(float, content["numbers"])
-    seen = _numbers(content["seen"], "seen")
-    tells_views, widest = bool(content["tells_views"]), content["widest"]
-    if widest is not None:
-        widest = float(widest[0]), float(widest[1])
-    weights = RayWeights(encoder, tokens, seen, unit, tells_views, widest)
+    upstream_volume = _numbers(content["upstream_volume"], "upstream_volume")
+    per_view, scale = bool(content["per_view"]), content["image_scale"]
+    if scale is not None:
+        scale = float(scale[0]), float(scale[1])
+    weights = RayWeights(encoder, parameters, upstream_volume, unit, per_view, scale)
     volume, solved_by = _numbers(content["volume"], "volume"), dict(content["solved_by"])
-    return Learned(int(index), held_out, residual, volume, solved_by, weights)
+    return EvaluatedWeights(int(index), held_out, residual, volume, solved_by, weights)

@@ -1,4 +1,4 @@
-"""The loss of an encoder at voxels that stay as they are, and its gradient."""
+"""The loss of an encoder at fixed voxels, and its gradient."""
 
 from __future__ import annotations
 
@@ -8,39 +8,44 @@ from dataclasses import dataclass
 
 import torch
 
-from tomo.wernet.default.correction import CorrectionEncoder, ViewTokens
+from tomo.wernet.default.correction import CorrectionEncoder, ViewParameters
 from tomo.wernet.default.ray_features import RayFeatures
-from tomo.wernet.default.ray_weights import correction_of
-from tomo.wernet.micro_batches import Map, add_gradients, cut
+from tomo.wernet.default.ray_weights import packed_corrections
+from tomo.wernet.micro_batches import ChunkMap, micro_batches, set_summed_gradients
 
 LEARNING_RATE = 3e-3
+"""Adam's first step. Larger: corrections overshoot at once. Smaller: 24 steps teach too little."""
+
 LAST_RATE = 0.02
-"""The learning rate falls along half a cosine, to this share of it."""
+"""The learning rate falls along half a cosine to this fraction of the first. Larger: the last
+corrections jitter. Smaller: the last steps are wasted."""
 
 
 @dataclass(frozen=True, eq=False)
 class FixedVoxels:
-    """Rays, what their pixels measured, and the voxels that are to predict them.
-
-    The loss of some rays, at the voxels ``x``::
-
-        mean (p - m)² / power  +  penalty mean c²,    p = sum_j length_j (1 + c_j)² x_j
+    """Rays, their measured pixels, and the fixed voxels that predict them.
 
     Attributes
     ----------
     features : RayFeatures
-    front : (S,) float32
-        The emission in front of each segment.
+    upstream : (S,) float32
+        Upstream emission of each segment.
     volume : (unknowns,) float32
     measured : (rays,) float32
     power : float
-        What a squared misfit is counted in.
+        Mean square of the images.
     penalty : float
-        Of the mean squared correction.
+        Weight of the mean squared correction.
+
+    Notes
+    -----
+    The loss of some rays at the voxels ``x`` is::
+
+        mean (p - m)² / power  +  penalty mean c²,    p = sum_j length_j (1 + c_j)² x_j
     """
 
     features: RayFeatures
-    front: torch.Tensor
+    upstream: torch.Tensor
     volume: torch.Tensor
     measured: torch.Tensor
     power: float
@@ -49,36 +54,41 @@ class FixedVoxels:
     def set_gradients(
         self,
         encoder: CorrectionEncoder,
-        tokens: ViewTokens,
-        parameters: Sequence[torch.nn.Parameter],
+        view_parameters: ViewParameters,
+        trained: Sequence[torch.nn.Parameter],
         rays: torch.Tensor,
-        over_parts: Map,
+        map_chunks: ChunkMap,
     ) -> tuple[float, float]:
-        """Set the gradients of ``parameters``; return the loss of ``rays`` (B,) and its misfit.
+        """Set the gradients of the ``trained`` parameters for the loss of some rays (B,).
 
-        The misfit is the loss without the penalty. Gradients of a loss that is not finite mean
-        nothing.
+        Returns
+        -------
+        loss, misfit : float
+            The misfit is the loss without the penalty. The gradients of a loss that is not finite
+            are not usable.
         """
         counts = self.features.count[rays.to(self.features.count.device)]
         n_rays, n_segments = len(rays), int(counts.sum())
 
-        def of_part(part: slice) -> tuple[float, float, Sequence[torch.Tensor]]:
-            some = rays[part].to(self.measured.device)
-            packing, correction = correction_of(encoder, tokens, self.features, self.front, some)
-            entry = packing.entry
-            weight = self.features.length[entry] * (1 + correction).square()
-            seen = packing.sum(weight * self.volume[self.features.voxel[entry].long()])
-            misfit = (seen - self.measured[some]).square().sum() / (self.power * n_rays)
+        def of_chunk(chunk: slice) -> tuple[float, float, Sequence[torch.Tensor]]:
+            some = rays[chunk].to(self.measured.device)
+            packing, correction = packed_corrections(
+                encoder, view_parameters, self.features, self.upstream, some
+            )
+            segment = packing.segment
+            weight = self.features.length[segment] * (1 + correction).square()
+            predicted = packing.sum(weight * self.volume[self.features.voxel[segment].long()])
+            misfit = (predicted - self.measured[some]).square().sum() / (self.power * n_rays)
             loss = misfit + self.penalty * correction.square().sum() / n_segments
-            return loss.item(), misfit.item(), torch.autograd.grad(loss, parameters)
+            return loss.item(), misfit.item(), torch.autograd.grad(loss, trained)
 
-        done = over_parts(of_part, cut(counts))
-        add_gradients(parameters, [gradients for _, _, gradients in done])
+        done = map_chunks(of_chunk, micro_batches(counts))
+        set_summed_gradients(trained, [gradients for _, _, gradients in done])
         return sum(loss for loss, _, _ in done), sum(misfit for _, misfit, _ in done)
 
 
-def set_rate(optimiser: torch.optim.Optimizer, done: float) -> None:
-    """Set the learning rate that goes with a share ``done``, 0 to 1, of the training."""
-    share = 0.5 * (1 + math.cos(math.pi * done))
+def set_rate(optimiser: torch.optim.Optimizer, progress: float) -> None:
+    """Set the learning rate for a ``progress`` of training from 0 to 1."""
+    cosine = 0.5 * (1 + math.cos(math.pi * progress))
     for group in optimiser.param_groups:
-        group["lr"] = LEARNING_RATE * (LAST_RATE + (1 - LAST_RATE) * share)
+        group["lr"] = LEARNING_RATE * (LAST_RATE + (1 - LAST_RATE) * cosine)

@@ -1,4 +1,4 @@
-"""The rounds of the default WERNet: weights are learnt, voxels solved for again, both judged."""
+"""The outer iterations of the default WERNet: learn weights, solve for voxels, evaluate both."""
 
 from __future__ import annotations
 
@@ -14,277 +14,310 @@ from numpy.typing import NDArray
 from tomo.operators import Projector
 from tomo.selection import Choice, choose_by_held_out_views
 from tomo.selection.choose import residual_of_left_out_views, solve_as_chosen
-from tomo.wernet.default.alternation import Alternation
-from tomo.wernet.default.checkpoint import Learned, State
-from tomo.wernet.default.linearised import volume_with
-from tomo.wernet.default.ray_weights import RayWeights, corrections, reweighted, trend_corrections
-from tomo.wernet.default.variable_projection import first_guess
+from tomo.wernet.default.checkpoint import EvaluatedWeights, State
+from tomo.wernet.default.encoder_training import EncoderTraining
+from tomo.wernet.default.linearisation import volume_with
+from tomo.wernet.default.ray_weights import (
+    RayWeights,
+    corrections,
+    parametric_corrections,
+    reweighted,
+)
+from tomo.wernet.default.variable_projection import fit_parametric_terms
 
 WORTH_LEARNING = 0.95
-"""The left-out views' residual must fall below this share of the chord lengths', or these stay:
-with less an encoder's corrections explain noise and voxels' edges. So must what it adds to the
-first guess, which itself has shown by patches what it is worth."""
+"""Factor to which an encoder must lower the residual of left-out views, against segment lengths
+and against parametric terms. Larger: corrections that explain noise are kept. Smaller: true ones
+are dropped."""
 
 NO_WORSE = 1.05
-"""A first guess may predict single pixels worse by this factor: most of their misfit is what
-voxels miss of edges, and that changes by more than a lens changes the light. With a lens as it
-truly was they once were predicted worse by 3 %, by 5 % with another stop."""
+"""Factor by which parametric terms, accepted by patches, may predict single pixels worse. Smaller:
+the error of voxels at edges decides. Larger: harmful terms are kept."""
+
+FEW_VIEWS_NO_WORSE = 1.02
+"""The same for all that is learned from few views: none can be spared to decide, and only what is
+common to all views is learned."""
 
 SETTLED = 0.99
-"""Training ends when the left-out views' residual falls by less than this factor."""
+"""Iterations end when the residual of left-out views falls by less than to this factor."""
 
 LARGEST_CORRECTION = 1e3
-"""Weights a million times the chord lengths are no optics; squares of much larger ones are no
-numbers in single precision. An encoder that gives such, or NaN, has diverged."""
+"""Corrections above it are taken for divergence: weights are then a million times the segment
+lengths. Squares of much larger ones overflow single precision."""
 
 PROMISING = 0.99
-"""A new encoder must, by the end of its first round, predict rays that it has not been trained on
-to this share of the misfit without it, or there is nothing for it to learn: to predict left-out
-views better is harder."""
+"""Factor to which a new encoder must lower the misfit of rays not yet trained on, in its first
+iteration. Larger: hopeless encoders cost whole solves. Smaller: slow starters are dropped."""
 
-JUDGED_EVERY = 2
+EVALUATED_EVERY = 2
+"""Iterations from one evaluation by left-out views to the next, each of which takes as long as
+several solves."""
+
 PATIENCE = 4
-"""Rounds after which what is learnt must be worth it."""
+"""Iterations after which the weights must be worth keeping."""
 
 
 @dataclass(eq=False)
-class Rounds:
-    """Where the alternation of weights and voxels stands, and the best that it came by.
+class OuterIterations:
+    """The progress of the alternating minimisation, and the best weights so far.
 
     Parameters
     ----------
     projector : Projector
-        Of chord lengths.
+        Its entries are segment lengths.
     measured : (pixels,) float32
-    alternation : Alternation
-        Trains the encoder and the tokens of the views.
-    chords : Choice
-        How the classic solve was chosen.
+    training : EncoderTraining
+    baseline : Choice
+        How the classic solve with segment lengths was chosen.
     volume : (unknowns,) float32
         The voxels to start from.
     unit : float
-        Of the emission in front.
-    last : int
-        How many rounds there are to be at most.
-    ended : str
-        Why there are to be no more; empty while there are.
+        Unit of the upstream emission.
+    limit : int
+        Number of outer iterations at most.
+    stop_reason : str
+        Why there are to be no more iterations; empty while there are.
     weights : (pixels,) float32, optional
-        What pixels are worth where voxels are solved for and judged.
+        Weights of the pixels where voxels are solved for and evaluated.
+    done : int
+        Outer iterations done.
+    has_terms : bool
+        Whether the voxels were solved for with parametric terms before the first iteration.
+    choice : Choice, optional
+        How the voxels are solved for by now; as ``baseline`` when None.
+    best : EvaluatedWeights, optional
+    previous : float
+        Residual of left-out views when last evaluated.
     """
 
     projector: Projector
     measured: NDArray[np.float32]
-    alternation: Alternation
-    chords: Choice
+    training: EncoderTraining
+    baseline: Choice
     volume: NDArray[np.float32]
     unit: float
-    last: int
-    ended: str = ""
+    limit: int
+    stop_reason: str = ""
     weights: NDArray[np.float32] | None = None
     done: int = 0
-    guessed: bool = False
+    has_terms: bool = False
     choice: Choice | None = None
-    best: Learned | None = None
+    best: EvaluatedWeights | None = None
     previous: float = math.inf
 
     def state(self) -> State:
-        """Return all that going on needs."""
+        """Return the state to resume from."""
         return State(
             self.done,
             self.volume,
-            self.choice or self.chords,
+            self.choice or self.baseline,
             self.best,
             self.previous,
-            self.ended,
-            self.alternation.state(),
-            self.guessed,
+            self.stop_reason,
+            self.training.state(),
+            self.has_terms,
         )
 
     def restore(self, state: State) -> None:
-        """Take up what `state` returned."""
-        self.done, self.guessed = state.round, state.guessed
+        """Resume from a `state`."""
+        self.done, self.has_terms = state.iteration, state.has_terms
         self.volume, self.choice = state.volume, state.choice
-        self.best, self.previous, self.ended = state.best, state.previous, state.ended
-        self.alternation.restore(state.training)
+        self.best, self.previous = state.best, state.previous
+        self.stop_reason = state.stop_reason
+        self.training.restore(state.training)
 
-    def guess(self) -> bool:
-        """Begin with a first guess of the views' levels and of trends along the rays.
-
-        Return whether there is one.
-        """
-        widest = self.alternation.features.widest
-        guess = first_guess(self.projector, self.measured, self.chords, self.unit, widest)
-        if guess is None:
-            self.previous = self.chords.held_out_residual
+    def find_terms(self) -> bool:
+        """Find the views' gains and the global terms; return whether there are any."""
+        scale = self.training.features.image_scale
+        found = fit_parametric_terms(
+            self.projector, self.measured, self.baseline, self.unit, scale
+        )
+        if found is None:
+            self.previous = self.baseline.held_out_residual
             return False
-        self.alternation.tokens.take(guess)
+        self.training.view_parameters.copy_terms(found)
         return True
 
-    def solve_guess(self) -> float:
-        """Solve with the first guess and judge it; return the residual, NaN if it diverged."""
-        self.guessed = True
-        tokens, features = self.alternation.tokens, self.alternation.features
+    def solve_with_terms(self) -> float:
+        """Solve with the terms found and evaluate; return the residual, NaN if it diverged."""
+        self.has_terms = True
+        training = self.training
         self.volume = volume_with(
-            self.projector, self.measured, features, tokens, self.chords, self.unit
+            self.projector,
+            self.measured,
+            training.features,
+            training.view_parameters,
+            self.baseline,
+            self.unit,
         )
-        return self._solve(self._front(), judged=True)
+        return self._solve(self._upstream(), evaluate=True)
 
-    def round(self, *, train: bool = True) -> float:
+    def iterate(self, *, train: bool = True) -> float:
         """Learn and solve once more; return the relative residual, NaN where it diverged."""
-        front = self._front()
-        without = self._misfit_without_encoder(front) if train and self._may_have_nothing else None
+        upstream = self._upstream()
+        others = (
+            self._squared_misfits_of_terms(upstream) if train and self._encoder_is_new else None
+        )
         trained = None
         if train:
-            beside = self._light_of_others(front)
-            trained = self.alternation.round(self.done, self.volume, front, beside)
+            neighbours = self._light_of_neighbours(upstream)
+            trained = self.training.train(self.done, self.volume, upstream, neighbours)
         self.done += 1
         if trained and not math.isfinite(trained.loss):
-            self.ended = f"diverged in round {self.done}"
+            self.stop_reason = f"diverged in outer iteration {self.done}"
             return math.nan
-        if trained and without is not None and trained.share_of(without) > PROMISING:
-            what = "nothing more" if self.guessed else "nothing"
-            self.ended = f"{what} to learn: rays are predicted no better by an encoder"
+        if trained and others is not None and trained.misfit_ratio(others) > PROMISING:
+            nothing = "nothing more" if self.has_terms else "nothing"
+            self.stop_reason = f"{nothing} to learn: an encoder does not predict rays better"
             return math.nan
-        judged = self.done % JUDGED_EVERY == 0 or self.done >= self.last
-        return self._solve(front, judged=judged, anew=train)
+        evaluate = self.done % EVALUATED_EVERY == 0 or self.done >= self.limit
+        return self._solve(upstream, evaluate=evaluate, anew=train)
 
     @property
-    def _may_have_nothing(self) -> bool:
-        """Whether the round to come is a new encoder's first, among views that can be spared."""
-        return self.alternation.encoder.is_zero and self.alternation.features.tells_views
+    def _encoder_is_new(self) -> bool:
+        """Whether the next iteration is a new encoder's first, with views to spare."""
+        return self.training.encoder.is_zero and self.training.features.per_view
 
-    def _misfit_without_encoder(self, front: torch.Tensor) -> NDArray[np.float64]:
-        """Return each ray's squared misfit with levels and trends alone, ``(rays,)``.
+    def _squared_misfits_of_terms(self, upstream: torch.Tensor) -> NDArray[np.float64]:
+        """Return each ray's squared misfit without the encoder, over the mean square: (rays,)."""
+        training = self.training
+        correction = parametric_corrections(training.view_parameters, training.features, upstream)
+        predicted = reweighted(self.projector, correction) @ self.volume
+        # Squared in double precision: single precision cannot hold 1e30 nor 1e-30.
+        return np.square((predicted - self.measured).astype(np.float64) / self.unit)
 
-        Over the mean square of the images.
-        """
-        alternation = self.alternation
-        correction = trend_corrections(alternation.tokens, alternation.features, front)
-        seen = reweighted(self.projector, correction) @ self.volume
-        # Squared in double precision: in single, squares know no 1e30 nor 1e-30.
-        return np.square((seen - self.measured).astype(np.float64) / self.unit)
+    def _light_of_neighbours(self, upstream: torch.Tensor) -> NDArray[np.float32] | None:
+        """Return the light that an image blur brings to pixels less what it takes away: (rays,).
 
-    def _light_of_others(self, front: torch.Tensor) -> NDArray[np.float32] | None:
-        """Return what pixels see of other lines, less what others see of theirs, ``(rays,)``.
-
-        By the weights as they are learnt by now. None where every pixel sees its own line alone.
+        It is computed with the present weights. None where rows are single rays.
         """
         if self.projector.rows_are_single_rays:
             return None
-        learned = reweighted(self.projector, self._corrections(front))
+        learned = reweighted(self.projector, self._corrections(upstream))
         return (learned @ self.volume - learned.without_blur @ self.volume).astype(np.float32)
 
-    def _corrections(self, front: torch.Tensor) -> NDArray[np.float32]:
-        """Return the correction of each segment, ``(S,)``, as it is learnt by now."""
-        own = self.alternation
-        return corrections(own.encoder, own.tokens, own.features, front, own.over_parts)
+    def _corrections(self, upstream: torch.Tensor) -> NDArray[np.float32]:
+        """Return the present correction of each segment, ``(S,)``."""
+        own = self.training
+        return corrections(
+            own.encoder, own.view_parameters, own.features, upstream, own.map_chunks
+        )
 
-    def _front(self) -> torch.Tensor:
-        """Return the emission in front of each segment, ``(S,)``, by the voxels as they are."""
-        return self.alternation.features.emission_in_front(self.volume, self.unit)
+    def _upstream(self) -> torch.Tensor:
+        """Return the upstream emission of each segment in the present voxels, ``(S,)``."""
+        return self.training.features.upstream_emission(self.volume, self.unit)
 
-    def _solve(self, front: torch.Tensor, *, judged: bool, anew: bool = True) -> float:
-        """Solve with the weights as they are learnt by now; return the relative residual.
+    def _solve(self, upstream: torch.Tensor, *, evaluate: bool, anew: bool = True) -> float:
+        """Solve with the present weights; return the relative residual.
 
-        NaN, and nothing solved, where the weights have diverged. Weights that were not learnt
-        from these images are judged as the chord lengths were solved for, not ``anew``.
+        It is NaN, and nothing is solved, where the weights have diverged. Unless ``anew``, weights
+        are evaluated with the solve of the segment lengths: they were not learned here.
         """
-        alternation = self.alternation
-        features, encoder, tokens = alternation.features, alternation.encoder, alternation.tokens
-        correction = self._corrections(front)
+        correction = self._corrections(upstream)
         if not np.abs(correction).max(initial=0.0) <= LARGEST_CORRECTION:
-            place = f"round {self.done}" if self.done else "the first guess"
-            self.ended = f"diverged in {place}: corrections beyond any optics"
+            where = f"outer iteration {self.done}" if self.done else "the parametric terms"
+            self.stop_reason = (
+                f"diverged in {where}: a correction is not finite or above {LARGEST_CORRECTION:g}"
+            )
             return math.nan
         learned = reweighted(self.projector, correction)
-        if judged:
+        if evaluate:
             self.choice = self._choose(learned, anew)
-        choice = self.choice or self.chords
+        choice = self.choice or self.baseline
         found = solve_as_chosen(learned, self.measured, choice, weights=self.weights)
-        seen, self.volume = self.volume, self.projector.active.compress(found.volume)
-        if judged:
+        upstream_volume, self.volume = (
+            self.volume,
+            self.projector.active.compress(found.volume),
+        )
+        if evaluate:
             now = choice.held_out_residual
             if self.best is None or now < self._to_beat(self.best):
-                weights = RayWeights(
-                    copy.deepcopy(encoder),
-                    copy.deepcopy(tokens),
-                    seen,
-                    self.unit,
-                    features.tells_views,
-                    features.widest,
-                )
-                self.best = Learned(
+                self.best = EvaluatedWeights(
                     self.done,
                     now,
                     found.relative_residual,
                     found.volume,
                     dict(found.settings),
-                    weights,
+                    self._ray_weights(upstream_volume),
                 )
             if now > SETTLED * self.previous:
-                self.ended = f"settled after round {self.done}"
-            elif self.done >= PATIENCE and not self.worth(now, WORTH_LEARNING):
-                self.ended = f"nothing worth learning after round {self.done}"
+                self.stop_reason = f"settled after outer iteration {self.done}"
+            elif self.done >= PATIENCE and not self._below_baseline(now, WORTH_LEARNING):
+                self.stop_reason = f"nothing worth learning after outer iteration {self.done}"
             self.previous = now
         return found.relative_residual
 
+    def _ray_weights(self, upstream_volume: NDArray[np.float32]) -> RayWeights:
+        """Return a copy of the present weights, computed from that volume."""
+        features = self.training.features
+        return RayWeights(
+            copy.deepcopy(self.training.encoder),
+            copy.deepcopy(self.training.view_parameters),
+            upstream_volume,
+            self.unit,
+            features.per_view,
+            features.image_scale,
+        )
+
     @staticmethod
-    def _to_beat(best: Learned) -> float:
-        """Return the residual that replaces the best: its few numbers speak for a first guess."""
+    def _to_beat(best: EvaluatedWeights) -> float:
+        """Return the residual that replaces the best: parametric terms have few numbers."""
         return best.held_out_residual * (1 if best.index else WORTH_LEARNING)
 
     def _choose(self, learned: Projector, anew: bool) -> Choice:
         """Return how to solve with learned weights, and how well left-out views are predicted.
 
-        As for the chord lengths where that is better than a choice made anew which predicts
-        left-out views worse than those did: weights are to be judged, not another stop.
+        A choice made anew that predicts left-out views worse than segment lengths do gives way to
+        the solve of the segment lengths where that is better: weights are evaluated, not stops.
         """
         found = None
-        if anew and self.alternation.features.tells_views:
+        if anew and self.training.features.per_view:
             found = choose_by_held_out_views(learned, self.measured, weights=self.weights)
-            if found.held_out_residual <= self.chords.held_out_residual:
+            if found.held_out_residual <= self.baseline.held_out_residual:
                 return found
-        now = residual_of_left_out_views(learned, self.measured, self.chords, self.weights)
+        now = residual_of_left_out_views(learned, self.measured, self.baseline, self.weights)
         if found and found.held_out_residual <= now:
             return found
-        return replace(self.chords, held_out_residual=now)
+        return replace(self.baseline, held_out_residual=now)
 
-    def kept(self, few_views_worth: float) -> Learned | None:
-        """Return the best that was learnt where it is worth it, else None: the classic solve.
-
-        With few views it is where the residual is below ``few_views_worth`` of the chords'.
-        """
+    def kept(self) -> EvaluatedWeights | None:
+        """Return the best weights where they are worth it; None where segment lengths stay."""
         if self.best is None:
             return None
-        share = WORTH_LEARNING if self.best.index else NO_WORSE
-        if not self.alternation.features.tells_views:
-            share = few_views_worth
-        return self.best if self.worth(self.best.held_out_residual, share) else None
+        factor = WORTH_LEARNING if self.best.index else NO_WORSE
+        if not self.training.features.per_view:
+            factor = FEW_VIEWS_NO_WORSE
+        return self.best if self._below_baseline(self.best.held_out_residual, factor) else None
 
-    def worth(self, residual: float, share: float) -> bool:
-        """Say whether left-out views are predicted to ``share`` of the chords' residual."""
-        return residual < share * self.chords.held_out_residual
+    def _below_baseline(self, residual: float, factor: float) -> bool:
+        """Return whether a residual of left-out views is below ``factor`` times the baseline's."""
+        return residual < factor * self.baseline.held_out_residual
 
 
-def reason(ended: str, learned: Learned | None, residuals: Sequence[float]) -> str:
-    """Return in a line why the rounds ended and what is returned.
+def stop_message(
+    stop_reason: str, kept: EvaluatedWeights | None, residuals: Sequence[float]
+) -> str:
+    """Return in a line why the iterations ended and which weights are kept.
 
     Parameters
     ----------
-    ended : str
-    learned : Learned or None
-        What is returned; None for the classic solve.
+    stop_reason : str
+    kept : EvaluatedWeights or None
+        None for the classic solve with segment lengths.
     residuals : (float, float)
-        Of left-out views, by chord lengths and by what was learnt.
+        Relative residuals of left-out views, with segment lengths and with learned weights.
     """
-    chords, found = residuals
-    both = f"{found:.4f}, chord lengths {chords:.4f}"
-    if learned is None and math.isnan(found):
-        return f"{ended}; the classic solve stays"
-    if learned is None:
+    lengths, learned = residuals
+    both = f"{learned:.4f}, segment lengths {lengths:.4f}"
+    if kept is None and math.isnan(learned):
+        return f"{stop_reason}; segment lengths are kept"
+    if kept is None:
         return (
-            f"{ended}; the classic solve stays: left-out views are not predicted clearly "
-            f"better by learned weights (relative residual {both})"
+            f"{stop_reason}; segment lengths are kept: learned weights do not predict left-out "
+            f"views clearly better (relative residual {both})"
         )
-    source = f"of round {learned.index}" if learned.index else "of the first guess"
-    return f"{ended}; learned weights {source} are kept: left-out views' relative residual {both}"
+    source = f"of outer iteration {kept.index}" if kept.index else "by parametric terms"
+    return (
+        f"{stop_reason}; learned weights {source} are kept (relative residual of left-out views "
+        f"{both})"
+    )

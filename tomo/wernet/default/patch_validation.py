@@ -1,4 +1,4 @@
-"""How well views left out are predicted, patch by patch of their images."""
+"""How well left-out views are predicted, patch by patch of their images."""
 
 from __future__ import annotations
 
@@ -13,64 +13,60 @@ from tomo._compute.reductions import dot, norm
 from tomo.selection import Choice
 from tomo.selection.choose import solve_as_chosen
 from tomo.selection.cross_validation import Fold, views_to_leave_out
-from tomo.wernet.default.linearised import Thinned
-from tomo.wernet.default.patch_noise import beyond_noise
+from tomo.wernet.default.linearisation import PixelSubset
+from tomo.wernet.default.patches import beyond_noise
 
 if TYPE_CHECKING:
     from tomo.operators import Projector
 
-SETTLED = 30
-"""Iterations to judge by as well. Stopped earlier, patches of noisy images are predicted up to a
-fifth better or worse from one iteration to the next, and what is compared settles at paces of its
-own. Run on, plain voxels of clean images lose sight of what a lens changes."""
+CONVERGED = 30
+"""Iterations at which volumes are compared as well. Fewer: predictions of noisy patches change by
+a fifth from one iteration to the next. More: plain voxels of clean images imitate vignetting."""
 
 
-def residuals_of_left_out_patches(
-    some: Thinned, weighted: Projector, choice: Choice
+def left_out_patch_residuals(
+    subset: PixelSubset, weighted: Projector, choice: Choice
 ) -> NDArray[np.float64]:
-    """Return the residual of left-out views, summed over patches, over their light so summed.
+    """Return the residual of left-out views summed over patches, relative to their light.
 
-    Noise, and what voxels and single rays leave out, mostly cancel within a patch. What light
-    loses on its way does not: where single pixels are ruled by the former, patches still tell.
-    What a narrow flame's light loses changes sign across it, within a patch: smaller ones tell it.
-    No volume predicts what noise makes of the patches all the same.
-    Each view is predicted up to a factor: levels are fitted to all views, those left out too, and
-    are to be judged by what they do to the volume.
+    Noise, and errors of single voxels and rays, mostly cancel within a patch. A loss of light on
+    the way to the camera does not. The change of a narrow flame has both signs within a patch, so
+    smaller patches are used as well. Each view is predicted up to a factor: the fitted gains of
+    left-out views are not to help, only their effect on the volume.
 
     Parameters
     ----------
-    some : Thinned
-        Pixels and patches.
+    subset : PixelSubset
     weighted : Projector
-        Of the same pixels, with the weights to be judged.
+        The rows of the same pixels, with the weights to be evaluated.
     choice : Choice
-        How to solve for the voxels; of the views that `choose_by_held_out_views` leaves out.
+        How to solve for the voxels of the remaining views.
 
     Returns
     -------
     (2, 4) float64
-        As they are, and beyond the noise. Stopped as chosen, by patches and by those of half the
-        side; where volumes are `SETTLED`, likewise.
+        All of the residual, and the part beyond the noise. Columns: the chosen stop with patches
+        and with patches of half the side, then `CONVERGED` volumes with both.
     """
     views = np.flatnonzero(np.diff(weighted.view_ptr)).tolist()
-    patches = some.patches, some.smaller_patches
-    stops = choice.iterations, max(choice.iterations, SETTLED)
-    apart, light = np.zeros((len(stops), len(patches))), np.zeros(len(patches))
-    noise = np.full((len(stops), 1), some.noise**2)  # a sum over a patch has as much as a pixel
+    patches = subset.patches, subset.smaller_patches
+    stops = choice.iterations, max(choice.iterations, CONVERGED)
+    squared, light = np.zeros((len(stops), len(patches))), np.zeros(len(patches))
+    noise = np.full((len(stops), 1), subset.noise**2)  # a sum over a patch has as much as a pixel
     count = np.zeros(len(patches), int)
     for left_out in views_to_leave_out(views):
-        fold = Fold.leaving_out(left_out, views, weighted, some.measured)
+        fold = Fold.leaving_out(left_out, views, weighted, subset.measured)
         image, misfit = np.zeros((2, weighted.shape[0]))
         pixels = weighted.pixels_of(left_out)
         image[pixels] = fold.left_out_pixels
         light += [norm(each.sum(image)) ** 2 for each in patches]
         count += [np.count_nonzero(np.isin(each.view, left_out)) for each in patches]
-        for at, volume in enumerate(_volumes(fold, choice, stops)):
+        for stop, volume in enumerate(_volumes(fold, choice, stops)):
             misfit[pixels] = _misfit(fold, volume)
-            apart[at] += [norm(each.sum(misfit)) ** 2 for each in patches]
-            noise[at] = np.minimum(noise[at], norm(misfit) ** 2 / max(len(pixels), 1))
-    beyond = np.vectorize(beyond_noise)(apart, noise * count, count)
-    return np.array([np.sqrt(apart), beyond]).reshape(2, -1) / np.tile(
+            squared[stop] += [norm(each.sum(misfit)) ** 2 for each in patches]
+            noise[stop] = np.minimum(noise[stop], norm(misfit) ** 2 / max(len(pixels), 1))
+    beyond = np.vectorize(beyond_noise)(squared, noise * count, count)
+    return np.array([np.sqrt(squared), beyond]).reshape(2, -1) / np.tile(
         np.sqrt(np.where(light, light, 1.0)), len(stops)
     )
 
@@ -78,7 +74,7 @@ def residuals_of_left_out_patches(
 def _volumes(
     fold: Fold, choice: Choice, stops: tuple[int, int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the active voxels after two numbers of iterations, the larger second, of one run."""
+    """Return the voxels (unknowns,) of one solve at two stops, the later one second."""
     kept = []
 
     def keep(index: int, volume: NDArray[np.float32], _residual: float) -> None:
@@ -92,9 +88,11 @@ def _volumes(
 
 
 def _misfit(fold: Fold, volume: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return by how much left-out views are predicted wrongly, each up to a factor."""
-    seen, there = fold.left_out @ volume, fold.left_out_pixels
+    """Return the error of predicted left-out views, each scaled to its image: ``(pixels,)``."""
+    predicted, there = fold.left_out @ volume, fold.left_out_pixels
     for start, stop in itertools.pairwise(fold.left_out.view_ptr):
         own = slice(start, stop)
-        seen[own] *= dot(seen[own], there[own]) / (dot(seen[own], seen[own]) or 1.0)
-    return seen - there
+        predicted[own] *= dot(predicted[own], there[own]) / (
+            dot(predicted[own], predicted[own]) or 1.0
+        )
+    return predicted - there

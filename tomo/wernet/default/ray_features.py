@@ -1,4 +1,4 @@
-"""What the default encoder sees of a segment: nothing of where in the world it lies."""
+"""The features of a segment that the default encoder sees, none of them its place in the world."""
 
 from __future__ import annotations
 
@@ -11,85 +11,89 @@ import torch
 from numpy.typing import NDArray
 
 from tomo.operators import Projector
-from tomo.wernet.default import along_rays
-from tomo.wernet.default.directions import ray_directions, squared_tangents
+from tomo.wernet.default import ray_kernels
 from tomo.wernet.packing import Packing
+from tomo.wernet.ray_directions import ray_directions, squared_tangents
 
-NAMES = (
-    "place in the voxel, x",
-    "place in the voxel, y",
-    "place in the voxel, z",
+FEATURES = (
+    "position in the voxel, x",
+    "position in the voxel, y",
+    "position in the voxel, z",
     "direction, x",
     "direction, y",
     "direction, z",
     "depth in the grid",
-    "chord",
-    "place in the image, across",
-    "place in the image, up",
-    "place in the image, across squared",
-    "place in the image, up squared",
-    "emission in front",
+    "segment length",
+    "position in the image, across",
+    "position in the image, up",
+    "position in the image, across squared",
+    "position in the image, up squared",
+    "upstream emission",
 )
-TRENDS = ("depth in the grid", "emission in front", "off the axis, squared")
-"""`tomo.wernet.default.variable_projection` looks along these first."""
+TERMS = ("depth in the grid", "upstream emission", "off the axis, squared")
+"""Global terms of the exponent: even absorption, self-absorption and vignetting."""
 
 
 @dataclass(frozen=True, eq=False)
 class RayFeatures:
-    """The crossings of a projector's rays, and the numbers that describe each to the encoder.
+    """The segments of a projector's rays, and the features that describe each to the encoder.
 
     An encoder that sees where a voxel lies can hide a smooth factor in the weights and its inverse
-    in the voxels, with the loss still falling. So it is told the place *within* the voxel (from -1
-    to 1), the ray's direction, how deep in the grid the segment lies as seen from the camera (from
-    -1 to 1 over the grid's shortest edge), the chord in voxels, the pixel's place in its image
-    (its angles from the view's mean direction, in units of ``widest``) and how much of what the
-    camera sees lies in front.
+    in the voxels while the loss still falls. The features are therefore relative:
+
+    - position *within* the voxel, from -1 to 1,
+    - direction of the ray,
+    - depth in the grid as seen from the camera, from -1 to 1 over the grid's shortest edge,
+    - segment length in voxels,
+    - position in the image: the tangents of the angles from the view's mean direction, in units
+      of ``image_scale``,
+    - upstream emission: the light between the segment and the camera.
 
     Attributes
     ----------
     start, count : (rays,) int64
-        Where each ray's segments begin, and how many there are.
+        First segment and number of segments of each ray.
     view : (rays,) int64
     direction : (rays, 3) float32
-    place : (rays, 2) float32
+    image_position : (rays, 2) float32
     off_axis : (rays,) float32
-        The squared tangent of a ray's angle from its camera's line to the grid's centre, in units
-        of ``widest``: lenses darken along it. Its axis must be alike in all views, which the
-        view's mean direction is not.
-    entry : (rays,) float32
-        Where along its direction, measured from the grid's centre, a ray enters the grid.
+        Squared tangent of a ray's angle from its camera's line to the grid's centre, in units of
+        ``image_scale``. Vignetting follows it. The axis is alike in all views; the view's mean
+        direction is not.
+    entry_distance : (rays,) float32
+        Where a ray enters the grid, along its direction from the grid's centre.
     midpoint : (S, 3) float32
         From the grid's centre.
     length : (S,) float32
     voxel : (S,) integer
         The unknown that each segment crosses.
     centre : (unknowns, 3) float32
-        Of the unknowns' voxels, from the grid's centre.
+        Centres of the unknowns' voxels, from the grid's centre.
     spacing : (3,) float32
-    shortest : float
-        Edge of the grid.
-    tells_views : bool
-        Whether views have numbers of their own, and pixels their place in the image: with few
-        views what is particular to each would be memorised instead of what is common to all.
-    widest : (float, float)
-        What counts as one in ``place`` and ``off_axis``: the largest of the rays trained with.
+    shortest_edge : float
+        The grid's shortest edge.
+    per_view : bool
+        Whether views have parameters, and pixels a position in the image. With few views the
+        encoder would memorise each view instead of finding what all have in common.
+    image_scale : (float, float)
+        Units of ``image_position`` and ``off_axis``: their largest values among the training rays.
     """
 
     start: torch.Tensor
     count: torch.Tensor
     view: torch.Tensor
     direction: torch.Tensor
-    place: torch.Tensor
+    image_position: torch.Tensor
     off_axis: torch.Tensor
-    entry: torch.Tensor
+    entry_distance: torch.Tensor
     midpoint: torch.Tensor
     length: torch.Tensor
     voxel: torch.Tensor
     centre: torch.Tensor
     spacing: torch.Tensor
-    shortest: float
-    tells_views: bool
-    widest: tuple[float, float]
+    shortest_edge: float
+    per_view: bool
+    image_scale: tuple[float, float]
 
     @classmethod
     def of(
@@ -97,12 +101,18 @@ class RayFeatures:
         projector: Projector,
         device: torch.device | str = "cpu",
         *,
-        tells_views: bool = True,
-        widest: tuple[float, float] | None = None,
+        per_view: bool = True,
+        image_scale: tuple[float, float] | None = None,
     ) -> RayFeatures:
         """Return the features of a stored projector whose segments have midpoints.
 
-        ``widest`` is that of the rays that weights were learned from; of these rays when None.
+        Parameters
+        ----------
+        projector : Projector
+        device : torch.device or str
+        per_view : bool
+        image_scale : (float, float), optional
+            That of the rays that weights were learned from; that of these rays when None.
 
         Raises
         ------
@@ -116,22 +126,22 @@ class RayFeatures:
             )
         if len(segments) == 0:
             raise ValueError("segments: found none, expected at least one ray through the grid")
-        # a view at a time: a pixel without a direction of its own takes that of a near one
+        # View by view: a pixel without a direction of its own takes that of a neighbour.
         direction = np.concatenate(
             [ray_directions(projector.view(v).segments) for v in range(projector.n_views)]
         )
-        place = _places(direction, projector.view_ptr)
+        position = _image_positions(direction, projector.view_ptr)
         half = (np.asarray(grid.upper) - np.asarray(grid.lower)) / 2
         view = np.repeat(np.arange(projector.n_views), np.diff(projector.view_ptr))
         first = segments.midpoint[np.minimum(segments.ptr[:-1], len(segments) - 1)]
-        crosses = np.diff(segments.ptr)[:, None] > 0  # no other has a point of its own
-        off_axis = squared_tangents(first, np.where(crosses, direction, 0), projector.view_ptr)
-        if widest is None:
-            widest = float(np.abs(place).max()) or 1.0, float(off_axis.max()) or 1.0
-        place, off_axis = place / widest[0], off_axis / widest[1]
+        nonempty = np.diff(segments.ptr)[:, None] > 0  # an empty ray has no point of its own
+        off_axis = squared_tangents(first, np.where(nonempty, direction, 0), projector.view_ptr)
+        if image_scale is None:
+            image_scale = float(np.abs(position).max()) or 1.0, float(off_axis.max()) or 1.0
+        position, off_axis = position / image_scale[0], off_axis / image_scale[1]
         index = np.arange(grid.size) if projector.active.all else projector.active.index
-        places = np.stack(np.unravel_index(index, grid.shape), axis=1)
-        centre = (places - (np.asarray(grid.shape) - 1) / 2) * np.asarray(grid.spacing)
+        indices = np.stack(np.unravel_index(index, grid.shape), axis=1)  # (unknowns, 3)
+        centre = (indices - (np.asarray(grid.shape) - 1) / 2) * np.asarray(grid.spacing)
 
         def move(array: NDArray, kind: type = np.float32) -> torch.Tensor:
             return torch.from_numpy(np.ascontiguousarray(array, kind)).to(device)
@@ -141,17 +151,17 @@ class RayFeatures:
             count=move(np.diff(segments.ptr), np.int64),
             view=move(view, np.int64),
             direction=move(direction),
-            place=move(place if tells_views else np.zeros_like(place)),
-            off_axis=move(off_axis if tells_views else np.zeros_like(off_axis)),
-            entry=move(_entries(first.astype(np.float64), direction, half)),
+            image_position=move(position if per_view else np.zeros_like(position)),
+            off_axis=move(off_axis if per_view else np.zeros_like(off_axis)),
+            entry_distance=move(_entry_distances(first.astype(np.float64), direction, half)),
             midpoint=move(segments.midpoint),
             length=move(segments.length),
             voxel=move(segments.voxel, segments.voxel.dtype.type),
             centre=move(centre),
             spacing=move(np.asarray(grid.spacing)),
-            shortest=float(2 * half.min()),
-            tells_views=tells_views,
-            widest=widest,
+            shortest_edge=float(2 * half.min()),
+            per_view=per_view,
+            image_scale=image_scale,
         )
 
     def __repr__(self) -> str:
@@ -162,48 +172,48 @@ class RayFeatures:
         """Return the number of rays, those without a segment included."""
         return len(self.start)
 
-    def packed(self, rays: torch.Tensor, front: torch.Tensor) -> tuple[Packing, torch.Tensor]:
+    def packed(self, rays: torch.Tensor, upstream: torch.Tensor) -> tuple[Packing, torch.Tensor]:
         """Return the packing of some rays and the features of their segments: ``(E, 13)``.
 
         Parameters
         ----------
         rays : (B,) int64
             Each with at least one segment.
-        front : (S,) float32
-            What `emission_in_front` returned.
+        upstream : (S,) float32
+            Upstream emission of all segments, see `upstream_emission`.
         """
         packing = Packing.of(self.start[rays], self.count[rays])
-        entry = packing.entry
-        midpoint = self.midpoint[entry]
+        segment = packing.segment
+        midpoint = self.midpoint[segment]
         direction = packing.per_segment(self.direction[rays])
-        place = packing.per_segment(self.place[rays])
+        position = packing.per_segment(self.image_position[rays])
         features = [
-            2 * (midpoint - self.centre[self.voxel[entry].long()]) / self.spacing,
+            2 * (midpoint - self.centre[self.voxel[segment].long()]) / self.spacing,
             direction,
-            self.depth[entry][:, None],
-            (self.length[entry] / self.spacing.log().mean().exp() - 0.5)[:, None],
-            place,
-            place.square(),
-            front[entry][:, None],
+            self.depth[segment][:, None],
+            (self.length[segment] / self.spacing.log().mean().exp() - 0.5)[:, None],
+            position,
+            position.square(),
+            upstream[segment][:, None],
         ]
         return packing, torch.cat(features, dim=1)
 
     @cached_property
     def depth(self) -> torch.Tensor:
-        """How deep in the grid segments lie, from -1 to 1 over its shortest edge: ``(S,)``."""
+        """Depth of segments in the grid, from -1 to 1 over its shortest edge: ``(S,)``."""
         direction = torch.repeat_interleave(self.direction, self.count, dim=0)
-        entry = torch.repeat_interleave(self.entry, self.count)
-        return 2 * ((self.midpoint * direction).sum(dim=1) - entry) / self.shortest - 1
+        entry = torch.repeat_interleave(self.entry_distance, self.count)
+        return 2 * ((self.midpoint * direction).sum(dim=1) - entry) / self.shortest_edge - 1
 
-    def trends(self, front: torch.Tensor) -> tuple[NDArray[np.float32], ...]:
-        """Return `TRENDS` of all segments, ``(S,)`` each."""
+    def terms(self, upstream: torch.Tensor) -> tuple[NDArray[np.float32], ...]:
+        """Return the values of `TERMS` for all segments, ``(S,)`` each."""
         off_axis = torch.repeat_interleave(self.off_axis, self.count)
-        return tuple(each.cpu().numpy() for each in (self.depth, front, off_axis))
+        return tuple(each.cpu().numpy() for each in (self.depth, upstream, off_axis))
 
-    def emission_in_front(self, volume: NDArray[np.float32], unit: float) -> torch.Tensor:
-        """Return the emission between each segment's middle and the camera: ``(S,)`` float32.
+    def upstream_emission(self, volume: NDArray[np.float32], unit: float) -> torch.Tensor:
+        """Return the emission between the camera and each segment's middle: ``(S,)`` float32.
 
-        The sum of ``length x volume`` along the ray up to there, half of the segment's own
+        It is the sum of ``length x volume`` along the ray up to there, half of the segment's own
         included, over ``unit``.
 
         Parameters
@@ -212,21 +222,21 @@ class RayFeatures:
         unit : float
             A typical pixel; above zero.
         """
-        crossings = (self.start, self.count, self.voxel, self.length)
-        front = np.zeros(len(self.voxel), np.float32)
-        along_rays.emission_in_front(
-            *(tensor.cpu().numpy() for tensor in crossings),
+        segments = (self.start, self.count, self.voxel, self.length)
+        upstream = np.zeros(len(self.voxel), np.float32)
+        ray_kernels.upstream_emission(
+            *(tensor.cpu().numpy() for tensor in segments),
             np.ascontiguousarray(volume, np.float32),
             float(unit),
-            front,
+            upstream,
         )
-        return torch.from_numpy(front).to(self.length.device)
+        return torch.from_numpy(upstream).to(self.length.device)
 
 
-def _entries(
+def _entry_distances(
     point: NDArray[np.float64], direction: NDArray[np.float64], half: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return where along ``direction`` rays through ``point`` enter the box ``±half``."""
+    """Return where along ``direction`` rays through ``point`` enter the box ``±half``: (rays,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         back = (point + np.where(direction > 0, half, -half)) / direction  # (rays, 3)
     back = np.where(direction == 0, np.inf, back).min(axis=1)
@@ -234,9 +244,11 @@ def _entries(
     return (point * direction).sum(axis=1) - back
 
 
-def _places(direction: NDArray[np.float64], view_ptr: NDArray[np.int64]) -> NDArray[np.float64]:
+def _image_positions(
+    direction: NDArray[np.float64], view_ptr: NDArray[np.int64]
+) -> NDArray[np.float64]:
     """Return the tangents of each ray's angles from its view's mean direction, ``(rays, 2)``."""
-    place = np.zeros((len(direction), 2))
+    position = np.zeros((len(direction), 2))
     for start, stop in itertools.pairwise(view_ptr):
         own = direction[start:stop]
         mean = own.sum(axis=0)
@@ -247,5 +259,5 @@ def _places(direction: NDArray[np.float64], view_ptr: NDArray[np.int64]) -> NDAr
         across = np.cross(mean, up)
         across /= np.linalg.norm(across)
         axes = np.stack([across, np.cross(mean, across)], axis=1)  # (3, 2)
-        place[start:stop] = (own @ axes) / np.maximum(own @ mean, 0.1)[:, None]
-    return place
+        position[start:stop] = (own @ axes) / np.maximum(own @ mean, 0.1)[:, None]
+    return position

@@ -1,4 +1,4 @@
-"""Learned ray-voxel weights, as a projector like any other."""
+"""Learned ray weights, as a projector like any other."""
 
 from __future__ import annotations
 
@@ -9,42 +9,43 @@ import torch
 from numpy.typing import NDArray
 
 from tomo.operators import Projector
-from tomo.wernet.default import along_rays
-from tomo.wernet.default.correction import CorrectionEncoder, ViewTokens
-from tomo.wernet.default.fast_forward import streamed_corrections
+from tomo.wernet.default import ray_kernels
+from tomo.wernet.default.compiled_forward import compiled_corrections
+from tomo.wernet.default.correction import CorrectionEncoder, ViewParameters
 from tomo.wernet.default.ray_features import RayFeatures
-from tomo.wernet.micro_batches import Map, cut, on_cores
+from tomo.wernet.micro_batches import ChunkMap, chunk_map, micro_batches
 from tomo.wernet.packing import Packing
 
 
 @dataclass(frozen=True, eq=False)
 class RayWeights:
-    """Weights ``length (1 + c)²`` with the correction ``c`` of an encoder.
+    """Weights ``length (1 + c)²`` with learned corrections ``c``.
 
     Attributes
     ----------
     encoder : CorrectionEncoder
-    tokens : ViewTokens
-        Of the views that it was trained with.
+    view_parameters : ViewParameters
+        Gains, coefficients and embeddings of the training views.
     volume : (unknowns,) float32
-        Of what it takes the emission in front.
+        The emission that the upstream emission is computed from.
     unit : float
-        In which that emission is counted.
-    tells_views : bool
-    widest : (float, float), optional
-        See `RayFeatures`. Without it the widest of the rays that weights are asked for counts.
+        Unit of the upstream emission.
+    per_view : bool
+    image_scale : (float, float), optional
+        See `RayFeatures`; that of the rays that weights are asked for when None.
     """
 
     encoder: CorrectionEncoder
-    tokens: ViewTokens
+    view_parameters: ViewParameters
     volume: NDArray[np.float32]
     unit: float
-    tells_views: bool
-    widest: tuple[float, float] | None = None
+    per_view: bool
+    image_scale: tuple[float, float] | None = None
 
     def __repr__(self) -> str:
         """Name the sizes."""
-        return f"<RayWeights: {len(self.tokens.level)} views, {self.encoder.settings}>"
+        views = len(self.view_parameters.log_gain)
+        return f"<RayWeights: {views} views, {self.encoder.settings}>"
 
     def projector(self, projector: Projector, *, same_views: bool = True) -> Projector:
         """Return the projector of the same rays with the learned weights.
@@ -52,76 +53,90 @@ class RayWeights:
         Parameters
         ----------
         projector : Projector
-            Of chord lengths, its segments with midpoints; on the active voxels of ``volume``.
+            Its entries are segment lengths and its segments have midpoints; its unknowns are those
+            of ``volume``.
         same_views : bool
-            Whether its views are those trained with; others take the mean token.
+            Whether its views are those of the training; others take the mean view parameters.
         """
-        device = self.tokens.level.device
+        device = self.view_parameters.log_gain.device
         features = RayFeatures.of(
-            projector, device, tells_views=self.tells_views, widest=self.widest
+            projector, device, per_view=self.per_view, image_scale=self.image_scale
         )
-        tokens = self.tokens if same_views else self.tokens.mean(projector.n_views)
-        front = features.emission_in_front(self.volume, self.unit)
-        with on_cores(device) as over_parts:
-            correction = corrections(self.encoder, tokens, features, front, over_parts)
+        parameters = self.view_parameters
+        if not same_views:
+            parameters = parameters.mean(projector.n_views)
+        upstream = features.upstream_emission(self.volume, self.unit)
+        with chunk_map(device) as map_chunks:
+            correction = corrections(self.encoder, parameters, features, upstream, map_chunks)
         return reweighted(projector, correction)
 
 
-def correction_of(
+def packed_corrections(
     encoder: CorrectionEncoder,
-    tokens: ViewTokens,
+    view_parameters: ViewParameters,
     features: RayFeatures,
-    front: torch.Tensor,
+    upstream: torch.Tensor,
     rays: torch.Tensor,
 ) -> tuple[Packing, torch.Tensor]:
     """Return the packing of some rays and the corrections of their segments, ``(E,)``.
 
-    With ``e`` of the encoder, levels and trends multiply: ``1 + c = (1 + e) exp(trend + level)``.
-    Gains and light that dims along its way are products of such factors exactly.
+    Notes
+    -----
+    With ``e`` of the encoder, the coefficients ``k`` of the terms ``t``, and the logarithm ``g``
+    of the view's gain::
+
+        1 + c = (1 + e) exp(k . t + g)
+
+    Gains, absorption and vignetting are exactly factors of this form.
     """
-    packing, described = features.packed(rays, front)
+    packing, described = features.packed(rays, upstream)
+    segment = packing.segment
     view = packing.per_segment(features.view[rays])
-    rows = encoder(packing.spread(described), packing.inside, packing.spread(tokens.hidden[view]))
+    embedding = packing.to_rows(view_parameters.embedding[view])
+    rows = encoder(packing.to_rows(described), packing.mask, embedding)
     off_axis = packing.per_segment(features.off_axis[rays])
-    trends = torch.stack((features.depth[packing.entry], front[packing.entry], off_axis), dim=1)
-    exponent = trends @ tokens.trend + tokens.level[view]
+    terms = torch.stack((features.depth[segment], upstream[segment], off_axis), dim=1)
+    exponent = terms @ view_parameters.coefficients + view_parameters.log_gain[view]
     return packing, (1 + rows[packing.row]) * exponent.exp() - 1
 
 
-def trend_corrections(
-    tokens: ViewTokens, features: RayFeatures, front: torch.Tensor
+def parametric_corrections(
+    view_parameters: ViewParameters, features: RayFeatures, upstream: torch.Tensor
 ) -> NDArray[np.float32]:
-    """Return the corrections that an encoder of zeros leaves: trends and levels, ``(S,)``."""
+    """Return the corrections by gains and global terms alone, the encoder's being zero: (S,)."""
     found = np.zeros(len(features.voxel), np.float32)
     tensors = (
-        features.start, features.count, features.view, features.depth, front, features.off_axis,
-        tokens.trend.detach(), tokens.level.detach(),
+        features.start, features.count, features.view, features.depth, upstream,
+        features.off_axis, view_parameters.coefficients.detach(),
+        view_parameters.log_gain.detach(),
     )  # fmt: skip
-    along_rays.trend_corrections(*(tensor.cpu().numpy() for tensor in tensors), found)
+    ray_kernels.parametric_corrections(*(tensor.cpu().numpy() for tensor in tensors), found)
     return found
 
 
 def corrections(
     encoder: CorrectionEncoder,
-    tokens: ViewTokens,
+    view_parameters: ViewParameters,
     features: RayFeatures,
-    front: torch.Tensor,
-    over_parts: Map,
+    upstream: torch.Tensor,
+    map_chunks: ChunkMap,
 ) -> NDArray[np.float32]:
     """Return the correction of every segment, ``(S,)``."""
     if encoder.is_zero:
-        return trend_corrections(tokens, features, front)
+        return parametric_corrections(view_parameters, features, upstream)
     if features.length.device.type == "cpu":
-        return streamed_corrections(encoder, tokens, features, front)
+        return compiled_corrections(encoder, view_parameters, features, upstream)
     found = np.zeros(len(features.voxel), np.float32)
-    crossing = features.count.nonzero()[:, 0]
+    nonempty = features.count.nonzero()[:, 0]
 
-    def fill(part: slice) -> None:
+    def fill(chunk: slice) -> None:
         with torch.no_grad():
-            packing, values = correction_of(encoder, tokens, features, front, crossing[part])
-        found[packing.entry.cpu().numpy()] = values.cpu().numpy()
+            packing, values = packed_corrections(
+                encoder, view_parameters, features, upstream, nonempty[chunk]
+            )
+        found[packing.segment.cpu().numpy()] = values.cpu().numpy()
 
-    over_parts(fill, cut(features.count[crossing]))
+    map_chunks(fill, micro_batches(features.count[nonempty]))
     return found
 
 

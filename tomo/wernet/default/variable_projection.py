@@ -1,4 +1,4 @@
-"""A first guess of what weights a scene needs: few numbers, with the voxels eliminated."""
+"""Gains and global terms of a scene, found with the voxels eliminated."""
 
 from __future__ import annotations
 
@@ -13,234 +13,244 @@ from numpy.typing import NDArray
 
 from tomo._compute.reductions import dot
 from tomo.selection import Choice, choose_by_held_out_views
-from tomo.wernet.default.correction import ViewTokens
-from tomo.wernet.default.linearised import Linearised, Thinned
-from tomo.wernet.default.patch_noise import beyond_noise, chance_of_a_trend
-from tomo.wernet.default.patch_validation import residuals_of_left_out_patches
-from tomo.wernet.default.ray_features import TRENDS
+from tomo.wernet.default.correction import ViewParameters
+from tomo.wernet.default.linearisation import Linearisation, PixelSubset
+from tomo.wernet.default.patch_validation import left_out_patch_residuals
+from tomo.wernet.default.patches import beyond_noise, noise_along_a_term
+from tomo.wernet.default.ray_features import TERMS
 
 if TYPE_CHECKING:
     from tomo.operators import ProjectionOperator
 
 STEPS = 6
-PIXELS_AN_UNKNOWN = 12
+"""Gauss-Newton steps at most; a fit settles in two or three."""
+
+PIXELS_PER_UNKNOWN = 12
+"""Pixels an unknown above which some are skipped. Fewer: less exact terms. More: time."""
+
 PRIOR = 0.3
-"""Standard deviation of the correction that one number may make, before the images are asked."""
+"""Prior standard deviation of the logarithm of a weight. Smaller: true terms are shrunk. Larger:
+terms of dark views become arbitrary."""
 
 SETTLED = 0.995
-"""Steps end when the next would leave more than this share of the patches' misfit."""
+"""Steps end when the next is predicted to leave more than this fraction of the patch misfit."""
 
-OFF_AXIS = len(TRENDS) - 1
+GAINS = len(TERMS)
+"""Number of the views' gains among the candidates, after those of the terms."""
+
+VIGNETTING = len(TERMS) - 1
 FINE = 16
-"""Pixels a patch. A lens that darkens is sought among finer ones alone: voxels imitate all but a
-three hundredth of it, and pixels as coarse as voxels look like it."""
-
-LEVELS = len(TRENDS)
-"""The levels of the views, beside the numbers of the trends, as what may be looked for."""
+"""Pixels a patch from which on vignetting is a candidate. Voxels imitate nearly all of it; with
+fewer pixels the error of coarse pixels looks like it."""
 
 PROMISING = {1: 0.975, 2: 0.92}
-"""What would, by its first step, leave more than this share of the patches' misfit is not tried:
-a part alone, or two trends. A lens that takes 40 % from the corners leaves 0.955 to 0.970 on a jet
-of 33 views, and the trend of one that does not 0.998. With gains, defocus and all else at once a
-jet's own absorption leaves 0.96, as does its lens, but both together leave 0.91; of two trends
-that are not there 0.966. Eleven views once left 0.93, of two 0.924: left-out views have to
-agree."""
+"""Skip a candidate term if its first Gauss-Newton step is predicted to reduce the patch misfit by
+less than 2.5 % (8 % for a pair). Larger reductions miss vignetting; smaller ones try terms that
+are not there."""
 
-WORTH_OF_LEVELS, WORTH_OF_TRENDS = 0.85, 0.94
-"""What is kept must lower the residual of left-out views, summed over patches, to this share.
-Levels are many: they make 0.86 of noise alone, by chance, with a dozen views. A trend is one
-number: what it explains of all views counts as well, and the product of both shares must be as
-low. Left-out views alone see little of some: a lens that darkens explains 0.6 of what is left of
-the turbulent flame's images, and of left-out views, where other things err more, 0.02."""
+WORTH_OF_GAINS = 0.85
+"""Factor to which gains must lower the patch residual of left-out views. Larger: a dozen views'
+gains fit noise. Smaller: true gains are refused."""
+
+WORTH_OF_A_TERM = 0.94
+"""The same for a term, its effect on the misfit of all views multiplied in: left-out views alone
+hardly show vignetting."""
 
 NO_WORSE = 1.05
-"""By so much, at most, a trend may predict left-out views worse, if it explains enough of all. A
-jet's own absorption beside all else, found as it is, makes 1.02 to 1.04, in clean images as well;
-what the volume errs by for want of views changes by that much."""
+"""Factor by which a term may predict left-out views worse if it explains enough of all views. The
+error of volumes from few views changes by as much."""
 
 
 class Step(NamedTuple):
-    """What a step changes; what of the patches' misfit is known beyond noise, before and after.
+    """A Gauss-Newton step, and the patch misfit beyond noise before and after it.
 
-    Of the noise less than all: what trends and levels explain of that by chance they have.
+    The noise counts less what terms and gains explain of it by chance.
     """
 
-    trends: dict[int, float]
-    levels: NDArray[np.float64]
+    coefficients: dict[int, float]
+    log_gains: NDArray[np.float64]
     before: float
     after: float
 
 
-def first_guess(
+def fit_parametric_terms(
     projector: ProjectionOperator,
     measured: NDArray[np.float32],
     choice: Choice,
     unit: float,
-    widest: tuple[float, float] | None = None,
-) -> ViewTokens | None:
-    """Return levels of the views and trends along the rays that predict left-out views best.
-
-    What dims along a ray, by depth or by the emission in front, the voxels imitate almost: the
-    images hardly change, the volume does. Steps of the encoder at fixed voxels see none of that
-    and come near very slowly. These few numbers are therefore found with the voxels eliminated:
-    Gauss-Newton steps on the residual of `tomo.wernet.default.linearised`, summed over patches.
-    Shares of misfits are of what is known of them beyond noise
-    (`tomo.wernet.default.patch_noise`): it does not cancel within patches, rules the misfit of 2 %
-    noisy images, and is explained by nothing. Levels and trends are added one by one, or two
-    trends at once where neither stands out alone, of those whose first step promises to explain
-    something, as long as left-out views, patch by patch (`tomo.wernet.default.patch_validation`),
-    speak for it. Levels have no right of way: some three dozen numbers take most of what one trend
-    explains, and predict nothing for it. None where nothing is worth it.
+    image_scale: tuple[float, float] | None = None,
+) -> ViewParameters | None:
+    """Return the gains and coefficients that predict left-out views best; None if none does.
 
     Parameters
     ----------
     projector : ProjectionOperator
-        Of chord lengths, with midpoints.
+        Its entries are segment lengths and its segments have midpoints.
     measured : (pixels,) float32
     choice : Choice
-        How to solve for the voxels at first: what still disagrees asks for more smoothness than
-        what is left once it is explained.
+        How to solve for the voxels at first. Once a term explains a disagreement of the views,
+        the solve that is chosen anew is less smooth.
     unit : float
-        Of the emission in front.
-    widest : (float, float), optional
-        In which places in the image are counted, see `RayFeatures`.
+        Unit of the upstream emission.
+    image_scale : (float, float), optional
+        Unit of positions in the image, see `RayFeatures`.
+
+    Notes
+    -----
+    Voxels imitate almost all of a dimming along rays: the images hardly change, the volume does.
+    Training at fixed voxels would come near to it very slowly. These few numbers are therefore
+    found by Gauss-Newton steps on the residual with the voxels eliminated
+    (`tomo.wernet.default.linearisation`), summed over patches. Misfits count beyond the noise,
+    which does not cancel within patches and which no term explains.
+
+    Candidates are the views' gains and each of `TERMS`, or two terms together where none stands
+    out alone. Each that promises to explain something is fitted. The best is kept as long as
+    left-out views are predicted better with it, patch by patch
+    (`tomo.wernet.default.patch_validation`). Gains have no priority: some three dozen numbers
+    explain most of what one term does, and predict nothing for it.
     """
-    stride = max(projector.shape[0] // (PIXELS_AN_UNKNOWN * max(projector.shape[1], 1)), 1)
+    stride = max(projector.shape[0] // (PIXELS_PER_UNKNOWN * max(projector.shape[1], 1)), 1)
     if not projector.rows_are_single_rays:
         stride = 1  # every pixel needs the rays of its neighbours
-    some = Thinned.of(projector, measured, stride, unit, widest)
-    best, chosen = ViewTokens(projector.n_views, 1), ()
-    now = some.at(best, choice)
-    residuals = residuals_of_left_out_patches(some, some.projector, choice)
+    subset = PixelSubset.of(projector, measured, stride, unit, image_scale)
+    best, chosen = ViewParameters(projector.n_views, 1), ()
+    now = subset.linearise(best, choice)
+    residuals = left_out_patch_residuals(subset, subset.projector, choice)
     while promising := _promising(now, best, chosen):
-        trials, before = [], _step(now, best, chosen).after or 1.0
-        for parts in promising:
-            tokens = copy.deepcopy(best)
-            fitted = _fit(tokens, now, (*chosen, *parts))
-            worth, beyond = WORTH_OF_LEVELS, 0
-            if LEVELS not in parts:
-                unexplained = _step(fitted, tokens, (*chosen, *parts)).after / before
-                worth, beyond = min(WORTH_OF_TRENDS / (unexplained or 1.0), NO_WORSE), 1
-            trials.append((*_judged(fitted, residuals, worth, beyond), parts, tokens, fitted))
-        share, left, choice, parts, tokens, fitted = min(trials, key=lambda trial: trial[0])
-        if not share < 1:
+        fits, before = [], _step(now, best, chosen).after or 1.0
+        for terms in promising:
+            parameters = copy.deepcopy(best)
+            fitted = _fit(parameters, now, (*chosen, *terms))
+            worth, beyond = WORTH_OF_GAINS, 0
+            if GAINS not in terms:
+                unexplained = _step(fitted, parameters, (*chosen, *terms)).after / before
+                worth, beyond = min(WORTH_OF_A_TERM / (unexplained or 1.0), NO_WORSE), 1
+            fits.append((*_evaluate(fitted, residuals, worth, beyond), terms, parameters, fitted))
+        ratio, left, choice, terms, parameters, fitted = min(fits, key=lambda fit: fit[0])
+        if not ratio < 1:
             break
-        best, chosen, residuals = tokens, (*chosen, *parts), left
-        now = fitted if choice is fitted.choice else some.at(best, choice)
+        best, chosen, residuals = parameters, (*chosen, *terms), left
+        now = fitted if choice is fitted.choice else subset.linearise(best, choice)
     return best if chosen else None
 
 
-def _judged(
-    fitted: Linearised, others: NDArray[np.float64], worth: float, beyond: int
+def _evaluate(
+    fitted: Linearisation, others: NDArray[np.float64], worth: float, beyond: int
 ) -> tuple[float, NDArray[np.float64], Choice]:
-    """Return the residuals of left-out patches with what was fitted, and how to solve for them.
+    """Return the residuals of left-out patches with a fit, and how to solve for them.
 
-    Before them, their share of ``others`` over that which is worth it, as they are or ``beyond``
-    the noise. Solved as before or as suits what was fitted, whichever predicts patches better:
-    pixels, by which the latter is chosen, may ask for another smoothness than patches.
+    The first value is their ratio to ``others`` over the ratio that is ``worth`` it, of the whole
+    residual or ``beyond`` the noise. The solve is the one before or a new choice, whichever
+    predicts patches better: the choice goes by pixels, which may ask for another smoothness.
     """
-    some, trials, before = fitted.some, [], fitted.choice
-    anew = choose_by_held_out_views(fitted.learned, some.measured)
+    subset, solves, before = fitted.subset, [], fitted.choice
+    anew = choose_by_held_out_views(fitted.weighted, subset.measured)
     for choice in (before,) if anew.solves_as(before) else (before, anew):
-        left = residuals_of_left_out_patches(some, fitted.learned, choice)
-        trials.append((_share(left[beyond], others[beyond]) / worth, left, choice))
-    return min(trials, key=lambda trial: trial[0])
+        left = left_out_patch_residuals(subset, fitted.weighted, choice)
+        solves.append((_least_ratio(left[beyond], others[beyond]) / worth, left, choice))
+    return min(solves, key=lambda solve: solve[0])
 
 
-def _share(residuals: NDArray[np.float64], others: NDArray[np.float64]) -> float:
-    """Return to what share of the others residuals fall where they fall most."""
+def _least_ratio(residuals: NDArray[np.float64], others: NDArray[np.float64]) -> float:
+    """Return the least of the ratios of residuals to others."""
     return float(np.min(residuals / np.where(others, others, 1.0)))
 
 
 def _promising(
-    now: Linearised, tokens: ViewTokens, chosen: Sequence[int]
+    now: Linearisation, view_parameters: ViewParameters, chosen: Sequence[int]
 ) -> list[tuple[int, ...]]:
-    """Return the trends, and `LEVELS`, not yet chosen that the patches' residuals ask for.
+    """Return the terms and `GAINS` not yet chosen whose first step promises enough.
 
-    One each, or pairs of trends where none alone is asked for: each may hide the other.
+    They come one by one, or as pairs of terms where none alone does: each may hide the other.
     """
-    parts = {*range(len(TRENDS)), LEVELS}.difference(chosen)
-    if now.some.patches.pixels_each < FINE:
-        parts.discard(OFF_AXIS)
-    chance = chance_of_a_trend(dot(now.noise, now.noise), len(now.noise))
+    candidates = {*range(len(TERMS)), GAINS}.difference(chosen)
+    if now.subset.patches.pixels_per_patch < FINE:
+        candidates.discard(VIGNETTING)
+    chance = noise_along_a_term(dot(now.noise, now.noise), len(now.noise))
 
-    def asked_for(*some: int) -> bool:
-        # Gains hide a trend where levels are not fitted beside it, or take it where they are.
-        for others in {tuple(chosen), tuple(sorted({*chosen, LEVELS}.difference(some)))}:
-            without = _step(now, tokens, others).after
-            trends, _, _, left = _step(now, tokens, (*others, *some))
-            # Light dims on its way: brightening is what coarse voxels and pixels look like.
-            dims = all(trends[part] < 0 for part in some if part != LEVELS)
-            clear = LEVELS in some or without**2 - left**2 > len(some) * chance
-            if dims and clear and left < PROMISING[len(some)] * without:
+    def promises(*terms: int) -> bool:
+        # Gains hide a term where they are not fitted with it, or take its effect where they are.
+        for others in {tuple(chosen), tuple(sorted({*chosen, GAINS}.difference(terms)))}:
+            without = _step(now, view_parameters, others).after
+            coefficients, _, _, left = _step(now, view_parameters, (*others, *terms))
+            # Light dims on its way. A brightening is an error of coarse voxels and pixels.
+            dims = all(coefficients[term] < 0 for term in terms if term != GAINS)
+            clear = GAINS in terms or without**2 - left**2 > len(terms) * chance
+            if dims and clear and left < PROMISING[len(terms)] * without:
                 return True
         return False
 
-    alone = [(part,) for part in sorted(parts) if asked_for(part)]
-    pairs = itertools.combinations(sorted(parts - {LEVELS}), 2)
-    return alone or [pair for pair in pairs if asked_for(*pair)]
+    alone = [(term,) for term in sorted(candidates) if promises(term)]
+    pairs = itertools.combinations(sorted(candidates - {GAINS}), 2)
+    return alone or [pair for pair in pairs if promises(*pair)]
 
 
-def _fit(tokens: ViewTokens, now: Linearised, parts: Sequence[int]) -> Linearised:
-    """Fit ``parts`` of the tokens to the images, in place, from ``now``; return how things are."""
-    some, choice = now.some, now.choice
+def _fit(
+    view_parameters: ViewParameters, now: Linearisation, terms: Sequence[int]
+) -> Linearisation:
+    """Fit ``terms`` in place, starting from ``now``; return the last linearisation."""
+    subset, choice = now.subset, now.choice
     for _ in range(STEPS):
-        trends, levels, before, after = _step(now, tokens, parts)
+        coefficients, log_gains, before, after = _step(now, view_parameters, terms)
         if after > SETTLED * before:
             break
         with torch.no_grad():
-            for k, change in trends.items():
-                tokens.trend[k] = min(float(tokens.trend[k]) + change, 0.0)
-            levels = tokens.level.numpy() + levels
-            tokens.level.copy_(torch.from_numpy((levels - levels.mean()).astype(np.float32)))
-        now = some.at(tokens, choice)
+            for k, change in coefficients.items():
+                view_parameters.coefficients[k] = min(
+                    float(view_parameters.coefficients[k]) + change, 0.0
+                )
+            log_gains = view_parameters.log_gain.numpy() + log_gains
+            view_parameters.log_gain.copy_(
+                torch.from_numpy((log_gains - log_gains.mean()).astype(np.float32))
+            )
+        now = subset.linearise(view_parameters, choice)
     return now
 
 
-def _step(now: Linearised, tokens: ViewTokens, parts: Sequence[int]) -> Step:
-    """Return a step of ``parts``; other trends and levels stay as they are."""
-    trends = [part for part in parts if part != LEVELS]
-    rows = [now.row(k) for k in trends]
-    level = now.level if LEVELS in parts else np.zeros_like(now.level)
+def _step(now: Linearisation, view_parameters: ViewParameters, terms: Sequence[int]) -> Step:
+    """Return a step of ``terms``; the other coefficients and gains stay as they are."""
+    numbers = [term for term in terms if term != GAINS]
+    columns = [now.column(k) for k in numbers]
+    gain_change = now.gain_change if GAINS in terms else np.zeros_like(now.gain_change)
 
     def fitted(misfit: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        step = _gauss_newton(rows, level, now.view, misfit, tokens)
-        left = misfit - step[len(rows) :][now.view] * level
-        for row, change in zip(rows, step, strict=False):
-            left = left - change * row
+        step = _gauss_newton(columns, gain_change, now.view, misfit, len(view_parameters.log_gain))
+        left = misfit - step[len(columns) :][now.view] * gain_change
+        for column, change in zip(columns, step, strict=False):
+            left = left - change * column
         return step, left
 
     step, left = fitted(now.residual)
     noise = fitted(now.noise)[1]
-    changes = {k: float(c) / now.scale(k) for k, c in zip(trends, step, strict=False)}
+    changes = {k: float(c) / now.scale(k) for k, c in zip(numbers, step, strict=False)}
     before, after = (
         beyond_noise(dot(misfit, misfit), dot(noise, noise), len(noise))
         for misfit in (now.residual, left)
     )
-    return Step(changes, step[len(rows) :], before, after)
+    return Step(changes, step[len(columns) :], before, after)
 
 
 def _gauss_newton(
-    rows: Sequence[NDArray[np.float64]],
-    level: NDArray[np.float64],
+    columns: Sequence[NDArray[np.float64]],
+    gain_change: NDArray[np.float64],
     view: NDArray[np.integer],
     residual: NDArray[np.float64],
-    tokens: ViewTokens,
+    views: int,
 ) -> NDArray[np.float64]:
-    """Return the change of each trend, in units of its column's size, and of each level.
+    """Return the change of each coefficient, in units of its term, and of each log-gain.
 
-    All but the tokens have one number a patch, ``(patches,)``.
+    Arguments but the number of ``views`` have one number a patch, ``(patches,)``.
     """
-    n, views = len(rows), len(tokens.level)
+    n = len(columns)
     normal, right = np.zeros((n + views, n + views)), np.zeros(n + views)
-    places = np.arange(n, n + views)
-    normal[places, places] = np.bincount(view, level * level, views)
-    right[n:] = np.bincount(view, level * residual, views)
-    for i, row in enumerate(rows):
-        normal[i, n:] = normal[n:, i] = np.bincount(view, level * row, views)
-        right[i] = dot(row, residual)
-        for j, other in enumerate(rows):
-            normal[i, j] = dot(row, other)
-    least = 1e-30 * float(normal.diagonal().max()) or 1.0  # dark views leave rows of nothing
+    gains = np.arange(n, n + views)
+    normal[gains, gains] = np.bincount(view, gain_change * gain_change, views)
+    right[n:] = np.bincount(view, gain_change * residual, views)
+    for i, column in enumerate(columns):
+        normal[i, n:] = normal[n:, i] = np.bincount(view, gain_change * column, views)
+        right[i] = dot(column, residual)
+        for j, other in enumerate(columns):
+            normal[i, j] = dot(column, other)
+    least = 1e-30 * float(normal.diagonal().max()) or 1.0  # a dark view leaves a row of zeros
     ridge = max(float(np.mean(residual**2)) / PRIOR**2, least)
     return np.linalg.solve(normal + ridge * np.eye(n + views), right)

@@ -1,4 +1,4 @@
-"""What stands between two convolutions of packed rays, in few passes over the rows."""
+"""Leaky ReLU and batch normalisation of packed rays, in few passes over the rows."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def normalised_rectified(
     ----------
     rows : (N, C) float
     weight, bias : (C,) float
-        What each channel's standard deviation and mean become.
+        Standard deviation and mean of each channel afterwards.
     empty : (E,) int64
         The numbers of the empty rows, which do not count.
     epsilon : float

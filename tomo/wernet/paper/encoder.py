@@ -8,7 +8,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from tomo.wernet.convolution import packed_convolution
+from tomo.wernet.convolution import packed_convolution, seeded_convolution
 from tomo.wernet.paper.activation import SLOPE, normalised_rectified, rectified
 
 VARIANTS = ("no-bias", "bias-mask", "batch-norm")
@@ -72,14 +72,14 @@ class WeightEncoder(nn.Module):
     Parameters
     ----------
     variant : {"batch-norm", "bias-mask", "no-bias"}
-        What stands between a convolution and its Leaky ReLU: batch normalisation, a bias, or
-        nothing. The last convolution has a bias except with "no-bias".
+        Batch normalisation, a bias or nothing between a convolution and its Leaky ReLU. The last
+        convolution has a bias except with "no-bias".
     blocks : int
         Number of hidden blocks.
     channels : int
         Channels of the hidden blocks (the paper: 32).
     seed : int
-        Of the initial weights (PyTorch's uniform distribution for convolutions). The global
+        Seed of the initial weights (PyTorch's uniform distribution for convolutions). The global
         random state is neither read nor changed.
 
     Notes
@@ -109,17 +109,17 @@ class WeightEncoder(nn.Module):
         generator = torch.Generator().manual_seed(seed)
         widths = [6] + [self.channels] * self.blocks
         self.hidden = nn.ModuleList(
-            convolution(before, after, variant == "bias-mask", generator)
+            seeded_convolution(before, after, variant == "bias-mask", generator)
             for before, after in pairwise(widths)
         )
         self.norms = nn.ModuleList(
             _MaskedBatchNorm(width) for width in widths[1:] if variant == "batch-norm"
         )
-        self.last = convolution(widths[-1], 1, variant != "no-bias", generator)
+        self.last = seeded_convolution(widths[-1], 1, variant != "no-bias", generator)
 
     @property
     def settings(self) -> dict[str, int | str]:
-        """What it takes to build it again."""
+        """The arguments that build an encoder of this shape."""
         return {"variant": self.variant, "blocks": self.blocks, "channels": self.channels}
 
     def forward(self, features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
@@ -165,13 +165,3 @@ class WeightEncoder(nn.Module):
     def couples_rays(self) -> bool:
         """Whether a ray's weights depend on its batch: the statistics of batch normalisation."""
         return self.variant == "batch-norm" and self.training
-
-
-def convolution(before: int, after: int, bias: bool, generator: torch.Generator) -> nn.Conv1d:
-    """Return a convolution of kernel three with PyTorch's uniform initial weights, seeded."""
-    # skip_init: the ordinary constructor draws from the global random state.
-    layer = nn.utils.skip_init(nn.Conv1d, before, after, 3, padding=1, bias=bias)
-    bound = (3 * before) ** -0.5
-    for parameter in layer.parameters():
-        nn.init.uniform_(parameter, -bound, bound, generator=generator)
-    return layer

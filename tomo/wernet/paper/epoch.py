@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import torch
 
-from tomo.wernet.micro_batches import Map, add_gradients, cut
+from tomo.wernet.micro_batches import ChunkMap, micro_batches, set_summed_gradients
 from tomo.wernet.paper.model import WERNet
 from tomo.wernet.paper.samples import PackedBatch, RaySamples, SampleBatch
 
@@ -19,30 +19,45 @@ def train_epoch(
     batches: Iterator[torch.Tensor],
     optimiser: torch.optim.Optimizer,
     nonnegative: bool,
-    over_parts: Map,
+    map_chunks: ChunkMap,
 ) -> float:
     """Use every ray once; return the relative residual of the predictions made on the way.
 
-    As soon as a loss is not finite it gives up and returns NaN, the bad step not taken.
+    At a loss that is not finite the epoch ends without that step, and the result is NaN.
+
+    Parameters
+    ----------
+    model : WERNet
+    samples : RaySamples
+    take : callable
+        ``samples.packed`` or ``samples.padded``.
+    batches : iterator of (B,) int64
+        The rays of each step.
+    optimiser : torch.optim.Optimizer
+        Its groups hold the parameters to train.
+    nonnegative : bool
+        Set negative voxels to zero after every step.
+    map_chunks : ChunkMap
+        See `tomo.wernet.micro_batches.chunk_map`.
     """
     trained = [parameter for group in optimiser.param_groups for parameter in group["params"]]
     squared_error = 0.0
     for rays in batches:
 
-        def of_part(some: torch.Tensor, size: int = len(rays)) -> tuple[float, Sequence]:
+        def of_rays(some: torch.Tensor, size: int = len(rays)) -> tuple[float, Sequence]:
             batch = take(some)
             loss = (model(batch) - batch.measured).square().sum() / size
             return loss.item(), torch.autograd.grad(loss, trained)
 
         if model.encoder.couples_rays or take == samples.padded:
-            done = [of_part(rays)]
+            done = [of_rays(rays)]
         else:
-            parts = [rays[part] for part in cut(samples.count[rays])]
-            done = over_parts(of_part, parts)
+            chunks = [rays[chunk] for chunk in micro_batches(samples.count[rays])]
+            done = map_chunks(of_rays, chunks)
         value = sum(loss for loss, _ in done)
         if not np.isfinite(value):
             return float("nan")
-        add_gradients(trained, [gradients for _, gradients in done])
+        set_summed_gradients(trained, [gradients for _, gradients in done])
         optimiser.step()
         if nonnegative:
             with torch.no_grad():

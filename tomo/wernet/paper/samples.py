@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.trace import Segments
-from tomo.wernet.default.directions import ray_directions
 from tomo.wernet.packing import Packing
 from tomo.wernet.paper.encoder import WeightEncoder
 from tomo.wernet.paper.product import packed_sum, weighted_sum
+from tomo.wernet.ray_directions import ray_directions
 
 INPUTS = ("absolute", "relative")
 
@@ -34,7 +34,7 @@ class SampleBatch:
     mask : (rays, 1, width) float32
         One on a segment, zero on the padding.
     measured : (rays,) float32
-        What each ray's pixel measured.
+        The pixel of each ray.
     """
 
     features: torch.Tensor
@@ -62,7 +62,7 @@ class PackedBatch:
     Attributes
     ----------
     packing : Packing
-        Of ``E`` segments.
+        The places of the ``E`` segments.
     features : (E + rays + 1, 6) float32
         See `RaySamples`; zero in the empty rows.
     voxel : (E,) int64
@@ -83,7 +83,7 @@ class PackedBatch:
         self, encoder: WeightEncoder, voxels: torch.Tensor, normalise_gradient: bool = True
     ) -> torch.Tensor:
         """Return the rays' projections of ``voxels`` (voxels,) by the encoder's weights."""
-        weights = encoder(self.features, self.packing.inside)[self.packing.row]
+        weights = encoder(self.features, self.packing.mask)[self.packing.row]
         return packed_sum(weights, voxels, self.voxel, self.packing, normalise_gradient)
 
 
@@ -173,8 +173,8 @@ class RaySamples:
         Raises
         ------
         ValueError
-            If there are no midpoints, no segments at all, the sizes do not match, or there are no
-            such inputs.
+            If there are no midpoints or no segments, the sizes do not match, or the inputs are
+            unknown.
         """
         if inputs not in INPUTS:
             raise ValueError(f"inputs: found {inputs!r}, expected one of {', '.join(INPUTS)}")
@@ -225,17 +225,17 @@ class RaySamples:
         """Return the rays numbered ``rays`` ``(B,)``, in ``0 .. len(self) - 1``."""
         rays = rays.to(self.start.device)
         packing = Packing.of(self.start[rays], self.count[rays])
-        voxel = self.voxel[packing.entry].long()
+        voxel = self.voxel[packing.segment].long()
         direction = None
         if self.direction is not None:
             direction = packing.per_segment(self.direction[rays])
-        features = self._features(packing.entry, voxel, direction)
-        return PackedBatch(packing, packing.spread(features), voxel, self.measured[rays])
+        features = self._features(packing.segment, voxel, direction)
+        return PackedBatch(packing, packing.to_rows(features), voxel, self.measured[rays])
 
     def _features(
-        self, entry: torch.Tensor, voxel: torch.Tensor, direction: torch.Tensor | None
+        self, segment: torch.Tensor, voxel: torch.Tensor, direction: torch.Tensor | None
     ) -> torch.Tensor:
-        index, midpoint = self.index[voxel], self.midpoint[entry]
+        index, midpoint = self.index[voxel], self.midpoint[segment]
         if direction is None:
             return torch.cat([index, midpoint], dim=-1)
         return torch.cat([(midpoint - index) * (2 * self.half), direction], dim=-1)
@@ -257,12 +257,12 @@ class RaySamples:
             raise ValueError(f"width: found {width}, expected at least {longest}")
         columns = torch.arange(width or longest, device=count.device)
         inside = columns < count  # (B, width)
-        entry = self.start[rays][:, None] + torch.minimum(columns, count - 1)
-        voxel = self.voxel[entry].long()
+        segment = self.start[rays][:, None] + torch.minimum(columns, count - 1)
+        voxel = self.voxel[segment].long()
         direction = None
         if self.direction is not None:
             direction = self.direction[rays][:, None].expand(-1, columns.numel(), -1)
-        features = self._features(entry, voxel, direction)  # (B, width, 6)
+        features = self._features(segment, voxel, direction)  # (B, width, 6)
         mask = inside.to(features.dtype)[:, None, :]
         return SampleBatch(
             features=features.transpose(1, 2) * mask,

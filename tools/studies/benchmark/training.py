@@ -20,9 +20,9 @@ from studies.common.problems import problem
 from studies.common.study import Request, Tables
 from studies.common.timing import in_turn
 from tomo.wernet.device import adam
-from tomo.wernet.micro_batches import on_cores
+from tomo.wernet.micro_batches import chunk_map
 from tomo.wernet.paper import RaySamples, WeightEncoder, WERNet
-from tomo.wernet.paper.wernet_paper import train_epoch
+from tomo.wernet.paper.epoch import train_epoch
 
 FORMS = (("padded", False, "cpu"), ("packed", False, "cpu"), ("packed", True, "cpu"))
 """How rays lie in memory, whether dark pixels and voxels are skipped, and where training runs; the
@@ -128,8 +128,8 @@ def _trainer(
     take = getattr(samples, layout)
 
     def train() -> float:
-        with on_cores(place) as over_parts:
-            return train_epoch(model, samples, take, iter(steps), optimiser, True, over_parts)
+        with chunk_map(place) as map_chunks:
+            return train_epoch(model, samples, take, iter(steps), optimiser, True, map_chunks)
 
     return train
 

@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 from studies.paper.cases import SEED, case
 from studies.paper.sizes import Problem
 from tomo import metrics
-from tomo.wernet.paper import TrainingDivergedError, WeightEncoder, wernet_paper
-
-_OF_ENCODER = ("variant", "blocks", "first_bias")
+from tomo.wernet.paper import (
+    PaperSettings,
+    TrainingDivergedError,
+    WeightEncoder,
+    wernet_paper,
+)
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class Reading:
     Attributes
     ----------
     variant, inputs, blocks, samples_per_batch, normalise_gradient
-        Of `tomo.wernet.paper.wernet_paper`.
+        As in `tomo.wernet.paper.PaperSettings`.
     voxel_learning_rate, encoder_learning_rate
         The paper's are 0.01 and 0.0005.
     first_bias : float or None
@@ -52,9 +55,10 @@ class Reading:
                 encoder.last.bias.fill_(self.first_bias)
         return encoder
 
-    def options(self) -> dict[str, Any]:
-        """Return what `wernet_paper` takes in addition to the encoder."""
-        return {name: v for name, v in asdict(self).items() if name not in _OF_ENCODER}
+    def settings(self) -> PaperSettings:
+        """Return the settings of the training; the encoder is built by `encoder`."""
+        own = {name: value for name, value in asdict(self).items() if name != "first_bias"}
+        return PaperSettings(**own)
 
 
 @dataclass(frozen=True)
@@ -130,7 +134,7 @@ def row_and_encoder(
             encoder=encoder,
             freeze_encoder=freeze,
             seed=SEED,
-            **reading.options(),
+            settings=reading.settings(),
         )
         end, encoder = found.stop_reason, found.encoder or encoder
     except TrainingDivergedError as error:

@@ -1,4 +1,4 @@
-"""Training that was interrupted goes on as if it had not been."""
+"""An interrupted run resumes to the same result."""
 
 import signal
 import subprocess
@@ -17,7 +17,7 @@ from tomo.wernet import save_encoder
 from tomo.wernet.default import CorrectionEncoder, wernet
 
 GAINS = Effects(gain_spread=0.1)
-ROUNDS = 4
+ITERATIONS = 4
 KILLED = """
 import importlib.util, os, signal, sys
 spec = importlib.util.spec_from_file_location("scenes", sys.argv[1])
@@ -44,7 +44,7 @@ class _InterruptedError(Exception):
 @lru_cache
 def _uninterrupted(make):
     one = make(effects=GAINS)
-    return wernet(one.projector, one.measured, iterations=ROUNDS)
+    return wernet(one.projector, one.measured, iterations=ITERATIONS)
 
 
 def _interrupt_after(number):
@@ -82,7 +82,7 @@ def test_a_run_that_was_killed_goes_on_to_the_same_bits(scene, checkpoint):
     found = wernet(
         one.projector,
         one.measured,
-        iterations=ROUNDS,
+        iterations=ITERATIONS,
         checkpoint=checkpoint,
         resume=True,
         callback=lambda index, volume, residual: seen.append(index),
@@ -96,22 +96,25 @@ def test_a_run_that_was_killed_goes_on_to_the_same_bits(scene, checkpoint):
 
 @pytest.mark.parametrize(
     ("effects", "after"),
-    [*((GAINS, after) for after in (0, 1, 3, ROUNDS)), *((None, after) for after in (0, 1, 3))],
+    [
+        *((GAINS, after) for after in (0, 1, 3, ITERATIONS)),
+        *((None, after) for after in (0, 1, 3)),
+    ],
 )
 def test_wherever_it_stopped_it_goes_on_to_the_same_bits(scene, checkpoint, effects, after):
     one = scene(effects=effects)
-    arguments = {"iterations": ROUNDS, "checkpoint": checkpoint}
+    arguments = {"iterations": ITERATIONS, "checkpoint": checkpoint}
     with pytest.raises(_InterruptedError):
         wernet(one.projector, one.measured, callback=_interrupt_after(after), **arguments)
     assert checkpoint.exists() == (after > 0)
     found = wernet(one.projector, one.measured, resume=True, **arguments)
-    expected = wernet(one.projector, one.measured, iterations=ROUNDS)
+    expected = wernet(one.projector, one.measured, iterations=ITERATIONS)
     _assert_same(found, expected, one.projector)
 
 
 def test_the_history_of_what_went_on_ascends(scene, checkpoint):
-    one = scene()  # the classic solve is what is returned, and stands last
-    arguments = {"iterations": ROUNDS, "checkpoint": checkpoint}
+    one = scene()  # the classic solve is returned, and stands last
+    arguments = {"iterations": ITERATIONS, "checkpoint": checkpoint}
     with pytest.raises(_InterruptedError):
         wernet(one.projector, one.measured, callback=_interrupt_after(1), **arguments)
     found = wernet(one.projector, one.measured, resume=True, **arguments)
@@ -121,7 +124,7 @@ def test_the_history_of_what_went_on_ascends(scene, checkpoint):
 
 def test_a_run_that_was_done_is_done(scene, checkpoint):
     one = scene(effects=GAINS)
-    arguments = {"iterations": ROUNDS, "checkpoint": checkpoint}
+    arguments = {"iterations": ITERATIONS, "checkpoint": checkpoint}
     whole = wernet(one.projector, one.measured, **arguments)
     _assert_same(whole, _uninterrupted(scene), one.projector)
     again = wernet(one.projector, one.measured, resume=True, **arguments)
@@ -129,11 +132,11 @@ def test_a_run_that_was_done_is_done(scene, checkpoint):
 
 
 def test_a_run_that_had_settled_has_settled(scene, checkpoint):
-    """Training that ended before its last round is not taken up again."""
+    """Training that ended before its last outer iteration is not resumed."""
     one = scene()
     arguments = {"iterations": 8, "checkpoint": checkpoint}
     whole = wernet(one.projector, one.measured, **arguments)
-    assert "rounds done" not in whole.stop_reason
+    assert "iterations done" not in whole.stop_reason
     seen = []
     again = wernet(
         one.projector,
@@ -164,7 +167,7 @@ def test_without_resume_it_begins_anew(scene, checkpoint):
 def test_resuming_what_never_began_begins(scene, checkpoint):
     one = scene(effects=GAINS)
     found = wernet(
-        one.projector, one.measured, iterations=ROUNDS, checkpoint=checkpoint, resume=True
+        one.projector, one.measured, iterations=ITERATIONS, checkpoint=checkpoint, resume=True
     )
     _assert_same(found, _uninterrupted(scene), one.projector)
 

@@ -2,8 +2,8 @@ import pytest
 import torch
 
 from tomo.wernet import Packing
-from tomo.wernet.default import CorrectionEncoder, ViewTokens
-from tomo.wernet.default.ray_features import NAMES
+from tomo.wernet.default import CorrectionEncoder, ViewParameters
+from tomo.wernet.default.ray_features import FEATURES
 
 
 def _trained(seed=0, **settings):
@@ -17,15 +17,15 @@ def _rays(counts=(9, 4, 1), seed=0):
     counts = torch.tensor(counts)
     packing = Packing.of(torch.cumsum(counts, 0) - counts, counts)
     generator = torch.Generator().manual_seed(seed)
-    described = torch.randn(int(counts.sum()), len(NAMES), generator=generator)
+    described = torch.randn(int(counts.sum()), len(FEATURES), generator=generator)
     return packing, described
 
 
 @pytest.mark.parametrize("settings", [{}, {"blocks": 1, "channels": 3}, {"blocks": 4}])
 def test_a_new_encoder_corrects_nothing(settings):
     packing, described = _rays()
-    correction = CorrectionEncoder(**settings)(packing.spread(described), packing.inside)
-    assert correction.shape == (len(packing.inside),)
+    correction = CorrectionEncoder(**settings)(packing.to_rows(described), packing.mask)
+    assert correction.shape == (len(packing.mask),)
     assert not correction.any()
 
 
@@ -33,31 +33,31 @@ def test_a_new_encoder_can_learn():
     # zero in the last layer only: its gradient is not zero, and then neither are the others'
     packing, described = _rays()
     encoder = CorrectionEncoder()
-    encoder(packing.spread(described), packing.inside).square().sum().backward()
-    encoder(packing.spread(described), packing.inside).sum().backward()
+    encoder(packing.to_rows(described), packing.mask).square().sum().backward()
+    encoder(packing.to_rows(described), packing.mask).sum().backward()
     assert encoder.last.weight.grad.abs().max() > 0
     encoder = _trained()
-    encoder(packing.spread(described), packing.inside).sum().backward()
+    encoder(packing.to_rows(described), packing.mask).sum().backward()
     assert all(p.grad.abs().max() > 0 for p in encoder.parameters())
 
 
 def test_a_ray_s_correction_depends_on_that_ray_alone():
     encoder = _trained()
     packing, described = _rays()
-    together = encoder(packing.spread(described), packing.inside)[packing.row]
+    together = encoder(packing.to_rows(described), packing.mask)[packing.row]
     alone = Packing.of(torch.tensor([9]), torch.tensor([4]))
-    found = encoder(alone.spread(described[9:13]), alone.inside)[alone.row]
+    found = encoder(alone.to_rows(described[9:13]), alone.mask)[alone.row]
     torch.testing.assert_close(found, together[9:13], rtol=1e-5, atol=1e-6)
 
 
 def test_what_is_hidden_changes_nothing_and_stays_hidden_in_training():
     encoder, (packing, described) = _trained(), _rays()
-    encoder.look_at(("chord", "depth in the grid"))
-    shown = [name in ("chord", "depth in the grid") for name in NAMES]
+    encoder.show_only(("segment length", "depth in the grid"))
+    shown = [name in ("segment length", "depth in the grid") for name in FEATURES]
     other = torch.where(torch.tensor(shown), described, torch.randn(described.shape))
 
     def correction(features):
-        return encoder(packing.spread(features), packing.inside)[packing.row]
+        return encoder(packing.to_rows(features), packing.mask)[packing.row]
 
     torch.testing.assert_close(correction(described), correction(other))
     before = encoder.hidden[0].weight.detach().clone()
@@ -76,7 +76,7 @@ def test_a_correction_sees_one_neighbour_more_with_every_layer(blocks, reach):
     encoder = _trained(blocks=blocks)
     packing, described = _rays((21,))
     described.requires_grad_()
-    encoder(packing.spread(described), packing.inside)[packing.row][10].backward()
+    encoder(packing.to_rows(described), packing.mask)[packing.row][10].backward()
     seen = described.grad.abs().sum(dim=1).nonzero()[:, 0]
     assert seen.tolist() == list(range(10 - reach, 10 + reach + 1))
 
@@ -84,17 +84,17 @@ def test_a_correction_sees_one_neighbour_more_with_every_layer(blocks, reach):
 def test_a_token_is_added_to_the_first_layer():
     encoder = _trained(blocks=1)
     packing, described = _rays()
-    rows = packing.spread(described)
-    token = torch.zeros(len(rows), encoder.channels)
-    plain = encoder(rows, packing.inside)
-    assert torch.equal(encoder(rows, packing.inside, token), plain)
+    rows = packing.to_rows(described)
+    embedding = torch.zeros(len(rows), encoder.channels)
+    plain = encoder(rows, packing.mask)
+    assert torch.equal(encoder(rows, packing.mask, embedding), plain)
     with torch.no_grad():
         encoder.hidden[0].bias += 0.5
-    shifted = encoder(rows, packing.inside)
+    shifted = encoder(rows, packing.mask)
     with torch.no_grad():
         encoder.hidden[0].bias -= 0.5
     torch.testing.assert_close(
-        encoder(rows, packing.inside, token + 0.5), shifted, rtol=1e-5, atol=1e-6
+        encoder(rows, packing.mask, embedding + 0.5), shifted, rtol=1e-5, atol=1e-6
     )
     assert (shifted - plain).abs().max() > 0.01
 
@@ -121,28 +121,28 @@ def test_bad_arguments_are_named(arguments, message):
 
 
 def test_views_not_trained_with_take_the_mean():
-    tokens = ViewTokens(3, 4)
-    assert not tokens.hidden.any()
-    assert not tokens.level.any()
+    view_parameters = ViewParameters(3, 4)
+    assert not view_parameters.embedding.any()
+    assert not view_parameters.log_gain.any()
     with torch.no_grad():
-        tokens.hidden += torch.arange(12.0).reshape(3, 4)
-        tokens.level += torch.tensor([1.0, 2.0, 6.0])
-        tokens.trend += torch.tensor([-0.5, 0.25, -0.125])
-    other = tokens.mean(5)
-    assert other.trend.tolist() == [-0.5, 0.25, -0.125]  # the scene's, whichever the views
-    assert other.hidden.tolist() == [[4.0, 5.0, 6.0, 7.0]] * 5
-    assert other.level.tolist() == [3.0] * 5
-    assert tokens.level.tolist() == [1.0, 2.0, 6.0]
+        view_parameters.embedding += torch.arange(12.0).reshape(3, 4)
+        view_parameters.log_gain += torch.tensor([1.0, 2.0, 6.0])
+        view_parameters.coefficients += torch.tensor([-0.5, 0.25, -0.125])
+    other = view_parameters.mean(5)
+    assert other.coefficients.tolist() == [-0.5, 0.25, -0.125]  # the scene's, whichever the views
+    assert other.embedding.tolist() == [[4.0, 5.0, 6.0, 7.0]] * 5
+    assert other.log_gain.tolist() == [3.0] * 5
+    assert view_parameters.log_gain.tolist() == [1.0, 2.0, 6.0]
 
 
 def test_levels_and_trends_are_taken_up_and_the_rest_stays():
-    tokens, guess = ViewTokens(3, 4), ViewTokens(3, 1)
+    view_parameters, guess = ViewParameters(3, 4), ViewParameters(3, 1)
     with torch.no_grad():
-        guess.level += torch.tensor([1.0, 2.0, 6.0])
-        guess.trend += torch.tensor([-0.5, 0.25, -0.125])
-        guess.hidden += 7
-    tokens.take(guess)
-    assert tokens.level.tolist() == [1.0, 2.0, 6.0]
-    assert tokens.trend.tolist() == [-0.5, 0.25, -0.125]
-    assert not tokens.hidden.any()
-    assert all(parameter.requires_grad for parameter in tokens.parameters())
+        guess.log_gain += torch.tensor([1.0, 2.0, 6.0])
+        guess.coefficients += torch.tensor([-0.5, 0.25, -0.125])
+        guess.embedding += 7
+    view_parameters.copy_terms(guess)
+    assert view_parameters.log_gain.tolist() == [1.0, 2.0, 6.0]
+    assert view_parameters.coefficients.tolist() == [-0.5, 0.25, -0.125]
+    assert not view_parameters.embedding.any()
+    assert all(parameter.requires_grad for parameter in view_parameters.parameters())

@@ -85,8 +85,8 @@ def test_an_encoder_trained_on_one_flame_does_another_no_harm(scene):
     found = wernet(other.projector, other.measured, encoder=encoder, freeze_encoder=True)
     assert found.settings["freeze_encoder"] is True
     residual = found.settings["held_out_residual"]
-    assert residual["learned"] != residual["chords"]
-    assert residual["learned"] < 1.1 * residual["chords"]
+    assert residual["learned"] != residual["segment_lengths"]
+    assert residual["learned"] < 1.1 * residual["segment_lengths"]
     assert cosine_distance(found.volume, other.truth) < 1.02 * cosine_distance(
         lengths.volume, other.truth
     )
@@ -109,7 +109,7 @@ def test_a_frozen_encoder_is_evaluated_and_solved_as_segment_lengths_were(scene,
         monkeypatch.setattr(module, "choose_by_held_out_views", noted)
     found = wernet(one.projector, one.measured, encoder=encoder, freeze_encoder=True)
     assert len(made) == 1
-    assert found.settings["held_out_residual"]["chords"] == made[0].held_out_residual
+    assert found.settings["held_out_residual"]["segment_lengths"] == made[0].held_out_residual
     assert found.settings["solved_by"]["iterations"] == made[0].iterations
 
 

@@ -9,7 +9,7 @@ from tomo.grid import ActiveVoxels
 from tomo.rays.ray_box import enter_box
 from tomo.trace import Segments, trace
 from tomo.wernet.default import RayFeatures
-from tomo.wernet.default.ray_features import NAMES
+from tomo.wernet.default.ray_features import FEATURES
 
 PLACE, DIRECTION, IMAGE = slice(0, 3), slice(3, 6), slice(8, 12)
 DEPTH, CHORD, FRONT = 6, 7, 12
@@ -19,14 +19,14 @@ def _all(projector, volume=None, unit=1.0):
     """Return packing and features of every ray that crosses the grid."""
     features = RayFeatures.of(projector)
     volume = np.ones(projector.shape[1], np.float32) if volume is None else volume
-    front = features.emission_in_front(volume, unit)
-    packing, described = features.packed(features.count.nonzero()[:, 0], front)
+    upstream = features.upstream_emission(volume, unit)
+    packing, described = features.packed(features.count.nonzero()[:, 0], upstream)
     return packing, described.numpy()
 
 
 def _same(found, expected):
-    """Check that features are equal, angles in the image to a share of the field of view."""
-    others = np.setdiff1d(np.arange(len(NAMES)), np.r_[IMAGE])
+    """Check that features are equal, angles in the image to a fraction of the field of view."""
+    others = np.setdiff1d(np.arange(len(FEATURES)), np.r_[IMAGE])
     np.testing.assert_allclose(found[:, others], expected[:, others], atol=1e-5)
     # a short ray's two middles, in single precision, give its angle to a millionth or so
     np.testing.assert_allclose(found[:, IMAGE], expected[:, IMAGE], atol=1e-4)
@@ -69,7 +69,7 @@ def test_the_order_of_the_views_changes_no_ray_s_features(scene):
 
 
 @pytest.mark.parametrize("spacing", [0.5, (0.5, 1.0, 0.25)])
-def test_the_place_in_the_voxel_is_that_of_the_midpoint(spacing):
+def test_the_position_in_the_voxel_is_that_of_the_midpoint(spacing):
     grid = VoxelGrid((4, 6, 5), spacing, (1.0, 2.0, 3.0))
     origins = np.random.default_rng(0).normal(size=(300, 3)) * 20 + grid.center
     targets = grid.lower + np.random.default_rng(1).random((300, 3)) * grid.extent
@@ -100,13 +100,13 @@ def test_depth_grows_along_a_ray_from_minus_one_where_it_enters(scene):
     assert len(long) > 1000
     for ray in long[::17]:
         own = depth[starts[ray] : starts[ray] + counts[ray]]
-        chord = segments.length[starts[ray] : starts[ray] + counts[ray]].astype(np.float64)
-        # the sum of the chords from the entry on, which needs neither direction nor box
-        expected = np.cumsum(chord) - chord / 2
+        length = segments.length[starts[ray] : starts[ray] + counts[ray]].astype(np.float64)
+        # the sum of the segment lengths from the entry on, which needs neither direction nor box
+        expected = np.cumsum(length) - length / 2
         np.testing.assert_allclose(own, expected, atol=2e-4)
         assert (np.diff(own) > 0).all()
-        assert own[-1] + chord[-1] / 2 == pytest.approx(inside.length[ray], abs=2e-4)
-    # the first middle is half a chord behind the face of the box
+        assert own[-1] + length[-1] / 2 == pytest.approx(inside.length[ray], abs=2e-4)
+    # the first middle is half a length behind the face of the box
     first = depth[starts[long]] - segments.length[starts[long]] / 2
     np.testing.assert_allclose(first, 0, atol=2e-4)
 
@@ -116,12 +116,12 @@ def test_a_ray_through_a_box_of_one_voxel_has_its_depth():
     origins = np.array([[-10.0, 0.0, 0.0], [-10.0, 0.5, 0.0]])
     segments = trace(Rays.from_lines(origins, np.array([[1.0, 0, 0]] * 2)), grid, midpoints=True)
     _, found = _all(Projector(segments, grid))
-    # a single crossing each gives no direction: depth is then that of the box's middle
+    # a single segment each gives no direction: depth is then that of the box's middle
     assert not found[:, DIRECTION].any()
     assert np.isfinite(found).all()
 
 
-def test_a_single_crossing_takes_the_direction_and_depth_of_its_neighbour():
+def test_a_single_segment_takes_the_direction_and_depth_of_its_neighbour():
     grid = VoxelGrid((4, 4, 4), 1.0)
     # along x through the grid, and through one voxel at its corner in nearly the same direction
     origins = np.array([[-50.0, 0.3, 0.2], [-50.0, 1.9, 1.9]])
@@ -139,7 +139,7 @@ def test_a_single_crossing_takes_the_direction_and_depth_of_its_neighbour():
 
 
 @pytest.mark.parametrize("weighted", [False, True])
-def test_emission_in_front_is_what_a_loop_sums(scene, weighted):
+def test_upstream_emission_is_the_sum_of_a_loop(scene, weighted):
     one = scene(views=3)
     segments = one.projector.segments
     random = np.random.default_rng(0)
@@ -148,7 +148,7 @@ def test_emission_in_front_is_what_a_loop_sums(scene, weighted):
     features = RayFeatures.of(one.projector)
     if weighted:
         features = replace(features, length=torch.from_numpy(weight))
-    found = features.emission_in_front(volume, 2.5).numpy()
+    found = features.upstream_emission(volume, 2.5).numpy()
     assert found.dtype == np.float32
     length = weight if weighted else segments.length
     for pixel in range(0, segments.n_pixels, 13):
@@ -172,20 +172,20 @@ def test_active_voxels_give_the_features_of_the_whole_grid(scene):
     assert 0 < kept.sum() < len(kept)
     for columns in (PLACE, CHORD, FRONT):
         np.testing.assert_allclose(found[:, columns], whole[kept][:, columns], atol=1e-5)
-    # fewer crossings leave a direction less well known, but hardly
+    # fewer segments leave a direction less well known, but hardly
     same = (found[:, DIRECTION] * whole[kept][:, DIRECTION]).sum(axis=1)
     assert np.median(np.abs(1 - same)) < 1e-6
     near = np.repeat(np.diff(part.segments.ptr) >= 4, np.diff(part.segments.ptr))
     np.testing.assert_allclose(found[near][:, DEPTH], whole[kept][near][:, DEPTH], atol=1e-3)
 
 
-def test_the_place_in_the_image_is_symmetric_and_one_at_most(scene):
+def test_the_position_in_the_image_is_symmetric_and_one_at_most(scene):
     one = scene()
     packing, found = _all(one.projector)
     across, up = found[:, IMAGE.start], found[:, IMAGE.start + 1]
     assert max(np.abs(across).max(), np.abs(up).max()) == pytest.approx(1)
     np.testing.assert_allclose(found[:, 10:12], found[:, 8:10] ** 2, atol=1e-6)
-    # columns of the image are told apart by "across" alone, rows by "up"
+    # columns of the image are distinguished by "across" alone, rows by "up"
     first = one.projector.view_ptr[1]
     pixels = one.system.pixels[0]
     width = one.rig[0].image_size[0]
@@ -205,10 +205,10 @@ def test_pixels_that_see_nothing_turn_no_camera(scene):
     assert torch.equal(whole.off_axis[crosses], RayFeatures.of(one.projector).off_axis)
 
 
-def test_views_are_told_apart_only_where_asked_for(scene):
-    features = RayFeatures.of(scene().projector, tells_views=False)
-    assert not features.place.any()
-    assert RayFeatures.of(scene().projector).place.any()
+def test_views_are_distinguished_only_where_asked_for(scene):
+    features = RayFeatures.of(scene().projector, per_view=False)
+    assert not features.image_position.any()
+    assert RayFeatures.of(scene().projector).image_position.any()
 
 
 def test_segments_without_midpoints_are_refused(scene):

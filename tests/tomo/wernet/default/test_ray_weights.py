@@ -8,24 +8,24 @@ from tomo import Projector
 from tomo.grid import ActiveVoxels
 from tomo.operators import dot_test
 from tomo.trace import Segments
-from tomo.wernet.default import CorrectionEncoder, RayFeatures, RayWeights, ViewTokens
-from tomo.wernet.default.fast_forward import streamed_corrections
-from tomo.wernet.default.ray_weights import correction_of, reweighted, trend_corrections
-from tomo.wernet.micro_batches import SEGMENTS_A_PART
+from tomo.wernet.default import CorrectionEncoder, RayFeatures, RayWeights, ViewParameters
+from tomo.wernet.default.compiled_forward import compiled_corrections
+from tomo.wernet.default.ray_weights import packed_corrections, parametric_corrections, reweighted
+from tomo.wernet.micro_batches import CPU_SEGMENTS
 
 
-def _weights(projector, trained=True, tells_views=True):
+def _weights(projector, trained=True, per_view=True):
     encoder = CorrectionEncoder(blocks=1, channels=8, seed=1)
-    tokens = ViewTokens(projector.n_views, 8)
+    view_parameters = ViewParameters(projector.n_views, 8)
     if trained:
         generator = torch.Generator().manual_seed(0)
         torch.nn.init.normal_(encoder.last.weight, 0, 0.3, generator=generator)
-        torch.nn.init.normal_(tokens.trend, 0, 0.05, generator=generator)
-        if tells_views:
-            torch.nn.init.normal_(tokens.hidden, 0, 0.3, generator=generator)
-            torch.nn.init.normal_(tokens.level, 0, 0.1, generator=generator)
+        torch.nn.init.normal_(view_parameters.coefficients, 0, 0.05, generator=generator)
+        if per_view:
+            torch.nn.init.normal_(view_parameters.embedding, 0, 0.3, generator=generator)
+            torch.nn.init.normal_(view_parameters.log_gain, 0, 0.1, generator=generator)
     volume = np.random.default_rng(2).random(projector.shape[1]).astype(np.float32)
-    return RayWeights(encoder, tokens, volume, 8.0, tells_views)
+    return RayWeights(encoder, view_parameters, volume, 8.0, per_view)
 
 
 def test_a_new_encoder_gives_the_chord_projector_itself(scene):
@@ -52,28 +52,33 @@ def test_weights_are_chords_times_one_plus_the_correction_squared(scene):
     chords = scene().projector
     weights = _weights(chords)
     features = RayFeatures.of(chords)
-    front = features.emission_in_front(weights.volume, weights.unit)
+    upstream = features.upstream_emission(weights.volume, weights.unit)
     learned = weights.projector(chords)
     for ray in range(0, len(features), 131):
         one = torch.tensor([ray])
-        packing, described = features.packed(one, front)
+        packing, described = features.packed(one, upstream)
         view = int(features.view[ray])
-        token = torch.zeros(len(packing.inside), 8) + weights.tokens.hidden[view]
-        rows = packing.spread(described)
+        embedding = torch.zeros(len(packing.mask), 8) + weights.view_parameters.embedding[view]
+        rows = packing.to_rows(described)
         with torch.no_grad():
-            correction = weights.encoder(rows, packing.inside, token)[packing.row]
-            trends = (
+            correction = weights.encoder(rows, packing.mask, embedding)[packing.row]
+            terms = (
                 described[:, 6],
                 described[:, 12],
                 features.off_axis[ray].expand(len(described)),
             )
-            exponent = weights.tokens.level[view] + torch.stack(trends, 1) @ weights.tokens.trend
+            exponent = (
+                weights.view_parameters.log_gain[view]
+                + torch.stack(terms, 1) @ weights.view_parameters.coefficients
+            )
             correction = (1 + correction) * torch.exp(exponent) - 1
-        expected = chords.segments.length[packing.entry] * (1 + correction.numpy()) ** 2
-        found = learned.segments.length[packing.entry]
+        expected = chords.segments.length[packing.segment] * (1 + correction.numpy()) ** 2
+        found = learned.segments.length[packing.segment]
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
         with torch.no_grad():
-            _, again = correction_of(weights.encoder, weights.tokens, features, front, one)
+            _, again = packed_corrections(
+                weights.encoder, weights.view_parameters, features, upstream, one
+            )
         np.testing.assert_allclose(again, correction, rtol=1e-4, atol=1e-6)
 
 
@@ -81,18 +86,23 @@ def test_weights_are_chords_times_one_plus_the_correction_squared(scene):
 def test_ray_by_ray_the_encoder_gives_what_it_gives_in_training(scene, blocks, channels):
     chords = scene().projector
     features = RayFeatures.of(chords)
-    encoder, tokens = CorrectionEncoder(blocks=blocks, channels=channels), ViewTokens(12, channels)
+    encoder, view_parameters = (
+        CorrectionEncoder(blocks=blocks, channels=channels),
+        ViewParameters(12, channels),
+    )
     generator = torch.Generator().manual_seed(3)
-    for parameter in (encoder.last.weight, encoder.last.bias, *tokens.parameters()):
+    for parameter in (encoder.last.weight, encoder.last.bias, *view_parameters.parameters()):
         torch.nn.init.normal_(parameter, 0, 0.2, generator=generator)
     with torch.no_grad():
         encoder.hidden[0].weight[:, [2, 7]] = 0  # features that are not looked at
     volume = np.random.default_rng(2).random(chords.shape[1]).astype(np.float32)
-    front = features.emission_in_front(volume, 8.0)
+    upstream = features.upstream_emission(volume, 8.0)
     crossing = features.count.nonzero()[:, 0]
     with torch.no_grad():
-        packing, expected = correction_of(encoder, tokens, features, front, crossing)
-    found = streamed_corrections(encoder, tokens, features, front)[packing.entry]
+        packing, expected = packed_corrections(
+            encoder, view_parameters, features, upstream, crossing
+        )
+    found = compiled_corrections(encoder, view_parameters, features, upstream)[packing.segment]
     assert found.std() > 0.1
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5)
 
@@ -101,20 +111,22 @@ def test_an_encoder_of_zeros_leaves_trends_and_levels(scene):
     chords = scene().projector
     weights = _weights(chords)
     features = RayFeatures.of(chords)
-    front = features.emission_in_front(weights.volume, weights.unit)
+    upstream = features.upstream_emission(weights.volume, weights.unit)
     plain = CorrectionEncoder(blocks=1, channels=8)
     crossing = features.count.nonzero()[:, 0]
     with torch.no_grad():
-        packing, expected = correction_of(plain, weights.tokens, features, front, crossing)
+        packing, expected = packed_corrections(
+            plain, weights.view_parameters, features, upstream, crossing
+        )
     assert expected.abs().max() > 0.1
-    found = trend_corrections(weights.tokens, features, front)[packing.entry]
+    found = parametric_corrections(weights.view_parameters, features, upstream)[packing.segment]
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
-    simple = RayWeights(plain, weights.tokens, weights.volume, weights.unit, True)
-    lengths = chords.segments.length[packing.entry] * (1 + expected.numpy()) ** 2
-    found = simple.projector(chords).segments.length[packing.entry]
+    simple = RayWeights(plain, weights.view_parameters, weights.volume, weights.unit, True)
+    lengths = chords.segments.length[packing.segment] * (1 + expected.numpy()) ** 2
+    found = simple.projector(chords).segments.length[packing.segment]
     np.testing.assert_allclose(found, lengths, rtol=1e-4, atol=1e-6)
-    _, described = features.packed(crossing, front)
-    depth, emission, off_axis = (trend[packing.entry] for trend in features.trends(front))
+    _, described = features.packed(crossing, upstream)
+    depth, emission, off_axis = (term[packing.segment] for term in features.terms(upstream))
     np.testing.assert_allclose(depth, described[:, 6], atol=1e-5)
     np.testing.assert_allclose(emission, described[:, 12], atol=1e-5)
     assert np.array_equal(off_axis, packing.per_segment(features.off_axis[crossing]))
@@ -135,7 +147,7 @@ def test_weights_are_at_least_zero():
 
 def test_the_same_bits_for_any_number_of_threads(scene, on_threads):
     chords = scene(image_size=(21, 30)).projector
-    assert chords.n_segments > 4 * SEGMENTS_A_PART
+    assert chords.n_segments > 4 * CPU_SEGMENTS
     found = []
     for threads in (1, 2, 4):
         with on_threads(threads):
@@ -147,7 +159,7 @@ def test_the_same_bits_for_any_number_of_threads(scene, on_threads):
 def test_other_views_take_the_mean_of_what_is_each_view_s_own(scene):
     chords = scene().projector
     weights = _weights(chords)
-    mean = weights.tokens.mean(chords.n_views)
+    mean = weights.view_parameters.mean(chords.n_views)
     expected = RayWeights(weights.encoder, mean, weights.volume, weights.unit, True)
     found = weights.projector(chords, same_views=False).segments.length
     assert np.array_equal(found, expected.projector(chords).segments.length)
@@ -158,7 +170,7 @@ def test_other_views_take_the_mean_of_what_is_each_view_s_own(scene):
 
 def test_a_view_s_weights_do_not_depend_on_the_views_beside_it(scene):
     chords = scene().projector
-    weights = replace(_weights(chords), widest=RayFeatures.of(chords).widest)
+    weights = replace(_weights(chords), image_scale=RayFeatures.of(chords).image_scale)
     whole = weights.projector(chords, same_views=False)
     for view in (0, 1):
         alone = weights.projector(chords.subset([view]), same_views=False).segments.length
@@ -167,7 +179,7 @@ def test_a_view_s_weights_do_not_depend_on_the_views_beside_it(scene):
 
 def test_without_numbers_of_their_own_views_do_not_matter(scene):
     chords = scene().projector
-    weights = _weights(chords, tells_views=False)
+    weights = _weights(chords, per_view=False)
     whole = weights.projector(chords)
     some = [7, 2]
     for same_views in (True, False):
@@ -188,9 +200,9 @@ def test_pixels_that_cross_nothing_stay_empty(scene):
         np.concatenate([[0], np.cumsum(counts)]), s.voxel[kept], s.length[kept], s.midpoint[kept]
     )
     chords = Projector(some, one.grid, one.projector.view_ptr)
-    learned = _weights(chords, tells_views=False).projector(chords)
+    learned = _weights(chords, per_view=False).projector(chords)
     assert np.array_equal(learned.segments.ptr, some.ptr)
-    whole = _weights(chords, tells_views=False).projector(one.projector)
+    whole = _weights(chords, per_view=False).projector(one.projector)
     np.testing.assert_allclose(
         learned.segments.length, whole.segments.length[kept], rtol=1e-5, atol=1e-7
     )

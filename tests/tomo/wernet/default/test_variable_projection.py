@@ -7,115 +7,116 @@ from tomo.selection import Choice, choose_by_held_out_views
 from tomo.selection.choose import residual_of_left_out_views
 from tomo.selection.cross_validation import views_to_leave_out
 from tomo.simulation.effects import Effects
-from tomo.wernet.default import CorrectionEncoder, RayFeatures, RayWeights, ViewTokens
-from tomo.wernet.default.linearised import Patches, Thinned
-from tomo.wernet.default.patch_validation import residuals_of_left_out_patches
+from tomo.wernet.default import CorrectionEncoder, RayFeatures, RayWeights, ViewParameters
+from tomo.wernet.default.linearisation import PixelSubset
+from tomo.wernet.default.patch_validation import left_out_patch_residuals
+from tomo.wernet.default.patches import Patches
 from tomo.wernet.default.variable_projection import (
-    LEVELS,
+    GAINS,
     PRIOR,
     _gauss_newton,
     _promising,
-    first_guess,
+    fit_parametric_terms,
 )
 
 
-def _guess(one):
+def _found(one):
     choice = choose_by_held_out_views(one.projector, one.measured)
     unit = float(np.sqrt(np.mean(one.measured**2)))
-    return first_guess(one.projector, one.measured, choice, unit), unit
+    return fit_parametric_terms(one.projector, one.measured, choice, unit), unit
 
 
-def _linearised(one, tokens, stride=1):
+def _linearised(one, view_parameters, stride=1):
     unit = float(np.sqrt(np.mean(one.measured**2)))
-    some = Thinned.of(one.projector, one.measured, stride, unit)
-    return some.at(tokens, Choice("nnls", 0.0, 40, 0.1))
+    some = PixelSubset.of(one.projector, one.measured, stride, unit)
+    return some.linearise(view_parameters, Choice("nnls", 0.0, 40, 0.1))
 
 
-def test_rows_are_the_change_of_the_residual_that_voxels_leave(scene):
-    one, tokens = scene(), ViewTokens(12, 1)
-    now, small = _linearised(one, tokens), 0.02
-    moved = ViewTokens(12, 1)
+def test_columns_are_the_change_of_the_residual_that_voxels_leave(scene):
+    one, view_parameters = scene(), ViewParameters(12, 1)
+    now, small = _linearised(one, view_parameters), 0.02
+    moved = ViewParameters(12, 1)
     with torch.no_grad():
-        moved.trend[0] -= small
+        moved.coefficients[0] -= small
     change = (_linearised(one, moved).residual - now.residual) / (small * now.scale(0))
-    apart = np.linalg.norm(now.row(0) - change) / np.linalg.norm(change)
+    apart = np.linalg.norm(now.column(0) - change) / np.linalg.norm(change)
     assert apart < 0.2  # of which the step's size leaves a tenth
-    moved = ViewTokens(12, 1)
+    moved = ViewParameters(12, 1)
     with torch.no_grad():
-        moved.level[3] -= small
+        moved.log_gain[3] -= small
     own = now.view == 3
     change = (_linearised(one, moved).residual - now.residual)[own] / small
-    # of a level voxels imitate as much as one view of twelve weighs
-    share = change @ now.level[own] / (now.level[own] @ now.level[own])
-    assert 0.6 < share < 1
+    # voxels imitate about the part of a gain that one view of twelve has in them
+    ratio = change @ now.gain_change[own] / (now.gain_change[own] @ now.gain_change[own])
+    assert 0.6 < ratio < 1
 
 
 @pytest.mark.parametrize(
     ("effects", "finer", "asked"),
     [
         (None, 2, set()),
-        (Effects(gain_spread=0.1), 2, {LEVELS}),
+        (Effects(gain_spread=0.1), 2, {GAINS}),
         (Effects(absorption=0.1), 2, {0}),
         (Effects(self_absorption=0.2), 1, {1}),
     ],
-    ids=["chords", "gains", "even", "own"],
+    ids=["segment_lengths", "gains", "even", "own"],
 )
-def test_what_is_tried_is_what_the_residuals_ask_for(scene, effects, finer, asked):
-    tokens = ViewTokens(12, 1)
-    now = _linearised(scene(effects=effects, finer=finer), tokens)
-    promising = {part for parts in _promising(now, tokens, ()) for part in parts}
+def test_candidates_are_the_terms_that_the_residuals_show(scene, effects, finer, asked):
+    view_parameters = ViewParameters(12, 1)
+    now = _linearised(scene(effects=effects, finer=finer), view_parameters)
+    promising = {part for parts in _promising(now, view_parameters, ()) for part in parts}
     assert asked <= promising
-    if not asked - {LEVELS}:
-        assert not promising - {LEVELS}  # no trend but where there is one
+    if not asked - {GAINS}:
+        assert not promising - {GAINS}  # no term but where there is one
 
 
 def test_the_gains_of_the_cameras_are_found(scene):
     effects = Effects(gain_spread=0.1)
-    tokens, _ = _guess(scene(effects=effects))
-    found = np.exp(2 * tokens.level.detach().numpy())
+    view_parameters, _ = _found(scene(effects=effects))
+    found = np.exp(2 * view_parameters.log_gain.detach().numpy())
     true = effects.gains(12, 3)
     assert np.corrcoef(found, true)[0, 1] > 0.98
     assert np.std(found / true) < 0.3 * np.std(true)
-    assert abs(float(tokens.level.detach().mean())) < 1e-6
-    assert tokens.trend.abs().max() < 0.02
+    assert abs(float(view_parameters.log_gain.detach().mean())) < 1e-6
+    assert view_parameters.coefficients.abs().max() < 0.02
 
 
-def test_how_gas_takes_up_its_own_light_is_found(scene):
+def test_self_absorption_is_found(scene):
     strength = 0.2
-    tokens, unit = _guess(scene(effects=Effects(self_absorption=strength)))
-    depth, front, _ = tokens.trend.tolist()
+    view_parameters, unit = _found(scene(effects=Effects(self_absorption=strength)))
+    depth, upstream, _ = view_parameters.coefficients.tolist()
     # exp(-q I) = (1 + c)² with ln(1 + c) = -q I / 2
-    assert front == pytest.approx(-strength * unit / 2, rel=0.4)
+    assert upstream == pytest.approx(-strength * unit / 2, rel=0.4)
     assert abs(depth) < 0.02
-    assert not tokens.level.any()  # they would take most of it, and predict nothing
+    assert not view_parameters.log_gain.any()  # gains would predict nothing
 
 
-def test_how_gas_takes_up_light_evenly_is_found(scene):
+def test_even_absorption_is_found(scene):
     strength, one = 0.1, scene(effects=Effects(absorption=0.1))
-    tokens, _ = _guess(one)
-    depth, front, _ = tokens.trend.tolist()
+    view_parameters, _ = _found(one)
+    depth, upstream, _ = view_parameters.coefficients.tolist()
     # exp(-k d) of what has d to go to the camera; the depth feature is 2 d / edge - 1
     assert depth == pytest.approx(-strength * one.grid.extent.min() / 4, rel=0.3)
-    assert abs(front) < 0.02
+    assert abs(upstream) < 0.02
 
 
-def test_lenses_that_darken_are_found_where_pixels_are_fine(scene):
+def test_vignetting_is_found_where_pixels_are_fine(scene):
     lens = Effects(vignetting=0.4)
     one = scene(effects=lens, finer=2, image_size=(42, 60))
-    tokens, _ = _guess(one)
-    depth, front, off_axis = tokens.trend.tolist()
-    assert depth == front == 0
-    assert not tokens.level.any()
+    view_parameters, _ = _found(one)
+    depth, upstream, off_axis = view_parameters.coefficients.tolist()
+    assert depth == upstream == 0
+    assert not view_parameters.log_gain.any()
     # (1 + k r²)^-2 of the light is left, (1 + c)² with ln(1 + c) = -k r² near the axis
     camera, pixels = one.rig[0], one.system.pixels[0]
     width = camera.image_size[0]
     least = lens.falloff(camera, np.stack([pixels % width, pixels // width], 1)).min()
     assert -off_axis == pytest.approx(least**-0.5 - 1, rel=0.2)
-    plain, _ = _guess(scene(finer=2, image_size=(42, 60)))
+    plain, _ = _found(scene(finer=2, image_size=(42, 60)))
     assert plain is None
 
 
-def test_what_changes_from_pixel_to_pixel_cancels_within_a_patch(scene):
+def test_a_change_of_sign_from_pixel_to_pixel_cancels_within_a_patch(scene):
     one = scene(image_size=(42, 60))
     patches = Patches.of(one.projector, RayFeatures.of(one.projector))
     random = np.random.default_rng(0)
@@ -131,27 +132,27 @@ def test_what_changes_from_pixel_to_pixel_cancels_within_a_patch(scene):
     assert not patches.tents[one_view][:, : one.projector.view_ptr[5]].nnz
 
 
-def test_noise_that_rules_single_pixels_hides_no_trend(scene):
+def test_noise_of_single_pixels_hides_no_term(scene):
     one = scene(effects=Effects(self_absorption=0.2), image_size=(42, 60))
     random = np.random.default_rng(5)
     noisy = one.measured + 0.02 * one.measured.max() * random.standard_normal(len(one.measured))
     noisy = noisy.astype(np.float32)
     choice = choose_by_held_out_views(one.projector, noisy)
     unit = float(np.sqrt(np.mean(noisy**2)))
-    tokens = first_guess(one.projector, noisy, choice, unit)
-    assert tokens.trend[1].item() < -0.02
+    view_parameters = fit_parametric_terms(one.projector, noisy, choice, unit)
+    assert view_parameters.coefficients[1].item() < -0.02
     volume = one.projector.active.compress(one.truth)
-    weights = RayWeights(CorrectionEncoder(channels=1), tokens, volume, unit, True)
+    weights = RayWeights(CorrectionEncoder(channels=1), view_parameters, volume, unit, True)
     both = one.projector, weights.projector(one.projector)
     pixels = [residual_of_left_out_views(each, noisy, choice) for each in both]
-    some = Thinned.of(one.projector, noisy, 1, unit)
-    patches = [residuals_of_left_out_patches(some, each, choice)[0, 0] for each in both]
+    some = PixelSubset.of(one.projector, noisy, 1, unit)
+    patches = [left_out_patch_residuals(some, each, choice)[0, 0] for each in both]
     assert 1 - patches[1] / patches[0] > 2 * (1 - pixels[1] / pixels[0])
 
 
-def test_what_left_out_views_see_is_judged_up_to_a_factor(scene):
+def test_left_out_views_are_evaluated_up_to_a_factor(scene):
     one = scene()
-    some = Thinned.of(one.projector, one.measured, 1, 1.0)
+    some = PixelSubset.of(one.projector, one.measured, 1, 1.0)
     choice = Choice("nnls", 0.0, 40, 0.1)
 
     def residuals(view, change):
@@ -159,7 +160,7 @@ def test_what_left_out_views_see_is_judged_up_to_a_factor(scene):
         ptr, rows = one.projector.segments.ptr, one.projector.pixels_of([view])
         within = slice(ptr[rows[0]], ptr[rows[-1] + 1])
         length[within] *= change(np.linspace(-1, 1, within.stop - within.start))
-        return residuals_of_left_out_patches(some, one.projector.with_lengths(length), choice)
+        return left_out_patch_residuals(some, one.projector.with_lengths(length), choice)
 
     as_it_is = residuals(0, np.ones_like)
     left_out, trained = 2, 3
@@ -170,15 +171,15 @@ def test_what_left_out_views_see_is_judged_up_to_a_factor(scene):
 
 
 @pytest.mark.parametrize("finer", [1, 2])
-def test_true_chords_leave_nothing_to_guess(scene, finer):
-    tokens, _ = _guess(scene(finer=finer))
-    assert tokens is None
+def test_true_segment_lengths_leave_no_term_to_find(scene, finer):
+    view_parameters, _ = _found(scene(finer=finer))
+    assert view_parameters is None
 
 
 def test_the_same_bits_again_and_the_global_state_is_left_alone(scene):
     one = scene(effects=Effects(gain_spread=0.1))
     state = torch.get_rng_state()
-    (first, _), (second, _) = _guess(one), _guess(one)
+    (first, _), (second, _) = _found(one), _found(one)
     assert torch.equal(torch.get_rng_state(), state)
     for name, value in first.state_dict().items():
         assert torch.equal(value, second.state_dict()[name])
@@ -189,7 +190,7 @@ def test_one_step_solves_the_normal_equations_in_sums_that_no_thread_changes():
     view = np.repeat(np.arange(3), 20_000)
     row, other, residual = random.standard_normal((3, len(view)))
     level = random.standard_normal(len(view))
-    found = _gauss_newton([row, other], level, view, residual, ViewTokens(3, 1))
+    found = _gauss_newton([row, other], level, view, residual, 3)
     columns = np.zeros((len(view), 5))
     columns[:, 0], columns[:, 1] = row, other
     columns[np.arange(len(view)), 2 + view] = level
@@ -212,17 +213,17 @@ def test_one_step_solves_the_normal_equations_in_sums_that_no_thread_changes():
 def test_a_step_knows_no_smallest_intensity(factor):
     random = np.random.default_rng(4)
     row, level, residual = random.random((3, 60))
-    view, tokens = np.repeat(np.arange(5), 12), ViewTokens(5, 1)
-    step = _gauss_newton([row], level, view, 1e-3 * residual, tokens)
-    scaled = _gauss_newton([factor * row], factor * level, view, factor * 1e-3 * residual, tokens)
+    view = np.repeat(np.arange(5), 12)
+    step = _gauss_newton([row], level, view, 1e-3 * residual, 5)
+    scaled = _gauss_newton([factor * row], factor * level, view, factor * 1e-3 * residual, 5)
     np.testing.assert_array_equal(scaled, step)
 
 
-def test_dark_views_leave_their_levels_as_they_are():
-    view, tokens, dark = np.repeat(np.arange(3), 4), ViewTokens(3, 1), np.zeros(12)
-    assert not _gauss_newton([dark], dark, view, dark, tokens).any()
+def test_dark_views_keep_their_gains():
+    view, dark = np.repeat(np.arange(3), 4), np.zeros(12)
+    assert not _gauss_newton([dark], dark, view, dark, 3).any()
     level = np.where(view == 1, 0.0, 1.0)
-    step = _gauss_newton([dark], level, view, 0.1 * level, tokens)
+    step = _gauss_newton([dark], level, view, 0.1 * level, 3)
     assert step[2] == 0
     ridge = np.mean((0.1 * level) ** 2) / PRIOR**2
     np.testing.assert_allclose(step[[1, 3]], 0.4 / (4 + ridge))

@@ -13,8 +13,8 @@ from tomo.selection.choose import solve_as_chosen
 from tomo.simulation.effects import Effects
 from tomo.trace import Segments
 from tomo.wernet.default import RayWeights, wernet
-from tomo.wernet.default.ray_features import NAMES
-from tomo.wernet.default.wernet import SEEN_OF_FEW_VIEWS
+from tomo.wernet.default.ray_features import FEATURES
+from tomo.wernet.default.wernet import FEW_VIEW_FEATURES
 
 GAINS = Effects(gain_spread=0.1)
 ABSORPTION = Effects(absorption=0.1)
@@ -33,23 +33,23 @@ def _classic(one):
 
 
 def _assert_classic(found, one):
-    """Check that a result is the classic solve to the bit, and says so."""
+    """Check that a result is the classic solve to the bit, and that it is reported."""
     classic = _classic(one)
     np.testing.assert_array_equal(found.volume, classic.volume)
     assert found.weights is None
     assert found.settings["method"] == "wernet"
     assert found.settings["learned"] is False
-    assert "the classic solve stays" in found.stop_reason
+    assert "segment lengths are kept" in found.stop_reason
 
 
 @pytest.mark.parametrize("effects", [GAINS, ABSORPTION, OWN_LIGHT], ids=["gains", "even", "own"])
-def test_what_chords_do_not_know_is_learned(scene, effects):
+def test_effects_beyond_segment_lengths_are_learned(scene, effects):
     one = scene(effects=effects)
     found, classic = _shared(scene, effects), _classic(one)
     assert found.settings["learned"] is True
     assert isinstance(found.weights, RayWeights)
-    judged = found.settings["held_out_residual"]
-    assert judged["learned"] < 0.7 * judged["chords"]
+    evaluated = found.settings["held_out_residual"]
+    assert evaluated["learned"] < 0.7 * evaluated["segment_lengths"]
     assert found.relative_residual < 0.7 * classic.relative_residual
     apart = cosine_distance(found.volume, one.truth)
     assert apart < 0.3 * cosine_distance(classic.volume, one.truth)
@@ -57,14 +57,14 @@ def test_what_chords_do_not_know_is_learned(scene, effects):
     assert found.volume.min() >= 0
 
 
-def test_what_is_returned_belongs_together(scene):
+def test_volume_and_weights_of_a_solution_belong_together(scene):
     one, found = scene(effects=GAINS), _shared(scene, GAINS)
     learned = found.weights.projector(one.projector)
     misfit = learned @ one.projector.active.compress(found.volume) - one.measured
     residual = np.linalg.norm(misfit) / np.linalg.norm(one.measured)
     assert residual == pytest.approx(found.relative_residual, rel=1e-3)
-    chords = one.projector @ one.projector.active.compress(found.volume) - one.measured
-    assert np.linalg.norm(misfit) < 0.5 * np.linalg.norm(chords)
+    plain = one.projector @ one.projector.active.compress(found.volume) - one.measured
+    assert np.linalg.norm(misfit) < 0.5 * np.linalg.norm(plain)
 
 
 def test_the_cameras_gains_are_found(scene):
@@ -85,14 +85,15 @@ def test_the_scale_of_the_volume_is_kept(scene):
     assert found.volume.sum() == pytest.approx(one.truth.sum(), rel=0.05)
 
 
-def test_true_chords_stay_to_the_bit(scene):
+def test_true_segment_lengths_are_kept_to_the_bit(scene):
     one, found = scene(), _shared(scene, None)
     _assert_classic(found, one)
-    judged = found.settings["held_out_residual"]
+    evaluated = found.settings["held_out_residual"]
     assert (
-        judged["chords"] == choose_by_held_out_views(one.projector, one.measured).held_out_residual
+        evaluated["segment_lengths"]
+        == choose_by_held_out_views(one.projector, one.measured).held_out_residual
     )
-    assert not judged["learned"] < 0.98 * judged["chords"]
+    assert not evaluated["learned"] < 0.98 * evaluated["segment_lengths"]
 
 
 @pytest.mark.parametrize("views", [12, 16])
@@ -130,12 +131,12 @@ def test_the_seed_decides_and_the_global_state_is_left_alone(scene):
     assert np.array_equal(np.random.get_state()[1], drawn)  # noqa: NPY002
     np.testing.assert_array_equal(first.volume, second.volume)
     residuals = [[entry.relative_residual for entry in each.history] for each in (first, other)]
-    assert residuals[0][:2] == residuals[1][:2]  # the classic solve and the first guess
+    assert residuals[0][:2] == residuals[1][:2]  # the classic solve and that with terms
     assert residuals[0][2] != residuals[1][2]
 
 
 @pytest.mark.parametrize("views", [1, 2])
-def test_with_too_few_views_to_judge_by_the_classic_solve_stays(scene, views):
+def test_with_too_few_views_to_leave_out_segment_lengths_are_kept(scene, views):
     one = scene(views=views)
     found = wernet(one.projector, one.measured)
     _assert_classic(found, one)
@@ -169,15 +170,17 @@ def test_rays_that_all_miss_the_grid_are_refused(scene):
         wernet(blind, one.measured)
 
 
-def test_few_views_have_no_numbers_of_their_own_nor_names(scene):
+def test_few_views_have_no_parameters_of_their_own(scene):
     one = scene(views=6, effects=ABSORPTION)
     weights = wernet(one.projector, one.measured, iterations=2).weights
-    assert not weights.tells_views
-    assert not weights.tokens.level.any()
+    assert not weights.per_view
+    assert not weights.view_parameters.log_gain.any()
     seen = weights.encoder.hidden[0].weight.abs().amax(dim=(0, 2)) > 0
-    assert {name for name, some in zip(NAMES, seen, strict=True) if some} == set(SEEN_OF_FEW_VIEWS)
+    assert {name for name, some in zip(FEATURES, seen, strict=True) if some} == set(
+        FEW_VIEW_FEATURES
+    )
     many = _shared(scene, OWN_LIGHT).weights
-    assert many.tells_views
+    assert many.per_view
     assert many.encoder.hidden[0].weight.abs().amax(dim=(0, 2)).all()
 
 
@@ -194,7 +197,7 @@ def test_active_voxels_alone_are_solved_for(scene):
 
 
 @pytest.mark.parametrize("last", [0, 1, 2])
-def test_the_callback_sees_every_round_and_stops(scene, last):
+def test_the_callback_sees_every_outer_iteration_and_stops(scene, last):
     one, seen = scene(effects=GAINS), []
 
     def callback(index, volume, residual):
@@ -203,7 +206,7 @@ def test_the_callback_sees_every_round_and_stops(scene, last):
 
     found = wernet(one.projector, one.measured, callback=callback)
     assert "stopped by the callback" in found.stop_reason
-    # the rounds up to there; and what is returned, should that be another one
+    # the iterations up to there, and the returned volume where that is another
     assert [entry[0] for entry in seen] == [entry.index for entry in found.history]
     assert [entry[2] for entry in seen] == [entry.relative_residual for entry in found.history]
     assert len(seen) - (last + 1) in (0, 1)
@@ -227,14 +230,14 @@ def test_the_history_is_that_of_the_volume_returned(scene):
         assert found.relative_residual == pytest.approx(residual, rel=1e-3)
 
 
-def test_no_round_at_all_is_the_classic_solve(scene):
+def test_no_outer_iteration_is_the_classic_solve(scene):
     one = scene(effects=GAINS)
     found = wernet(one.projector, one.measured, iterations=0)
     np.testing.assert_array_equal(found.volume, _classic(one).volume)
     assert found.weights is None
 
 
-def test_a_start_is_where_the_first_round_begins(scene):
+def test_a_start_is_where_the_first_outer_iteration_begins(scene):
     one = scene(effects=GAINS)
     start = np.where(one.truth > 0, 0.5 + one.truth, 0.0).astype(np.float32)
     before = start.copy()

@@ -87,7 +87,7 @@ def test_packed_rays_give_the_padded_ones_weights_and_gradients(variant, trainin
     features = torch.randn(60, 6, 25, generator=generator) * mask
     upstream = torch.randn(int(counts.sum()), generator=generator)
     packing = Packing.of(torch.cumsum(counts, 0) - counts, counts)
-    rows = packing.spread(features.transpose(1, 2)[inside])
+    rows = packing.to_rows(features.transpose(1, 2)[inside])
 
     def results(packed):
         encoder = WeightEncoder(variant, seed=1)
@@ -95,8 +95,8 @@ def test_packed_rays_give_the_padded_ones_weights_and_gradients(variant, trainin
             encoder(3 * features + 1, mask)
         encoder.train(training)
         if packed:
-            weights = encoder(rows, packing.inside)
-            assert not weights[packing.inside[:, 0] == 0].any()
+            weights = encoder(rows, packing.mask)
+            assert not weights[packing.mask[:, 0] == 0].any()
             weights = weights[packing.row]
         else:
             weights = encoder(features, mask)[inside]

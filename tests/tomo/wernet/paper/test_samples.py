@@ -60,7 +60,7 @@ def test_relative_inputs_are_the_place_in_the_voxel_and_the_direction(scene):
     relative = RaySamples.from_segments(*given, inputs="relative")
     rays = torch.arange(0, len(relative), 7)
     batch = relative.packed(rays)
-    entry = batch.packing.entry.numpy()
+    entry = batch.packing.segment.numpy()
     midpoint = one.projector.segments.midpoint[entry].astype(np.float64)
     centre = one.grid.centers().reshape(-1, 3)[batch.voxel.numpy()] - one.grid.center
     place = 2 * (midpoint - centre) / one.grid.spacing
@@ -87,7 +87,7 @@ def test_padded_and_packed_batches_hold_the_same(scene, inputs):
     assert torch.equal(padded.measured, packed.measured)
     rows = packed.features[packed.packing.row]
     assert torch.equal(padded.features.transpose(1, 2)[inside], rows)
-    assert not packed.features[packed.packing.inside[:, 0] == 0].any()
+    assert not packed.features[packed.packing.mask[:, 0] == 0].any()
     assert repr(packed) == f"<PackedBatch: 50 rays, {len(packed.voxel)} segments>"
     assert repr(padded) == f"<SampleBatch: 50 rays, padded to {inside.shape[1]} segments>"
 

@@ -1,4 +1,5 @@
 import sys
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -10,10 +11,23 @@ from tomo.operators import Projector
 from tomo.rays import Rays
 from tomo.trace import Segments, trace
 from tomo.wernet import load_encoder, save_encoder
-from tomo.wernet.paper import VARIANTS, TrainingDivergedError, WeightEncoder, wernet_paper
+from tomo.wernet.paper import (
+    VARIANTS,
+    PaperSettings,
+    TrainingDivergedError,
+    WeightEncoder,
+    wernet_paper,
+)
 
 GRID = VoxelGrid((10, 12, 10), 0.5, (3.0, -2.0, 1.0))
 SMALL_STEPS = {"samples_per_batch": 1, "rays_per_sample": 50}
+
+
+def train(projector, measured, **options):
+    """Train with some options of the solver and some of `PaperSettings`."""
+    names = options.keys() & {field.name for field in fields(PaperSettings)}
+    settings = PaperSettings(**{name: options.pop(name) for name in names})
+    return wernet_paper(projector, measured, settings=settings, **options)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +72,7 @@ def measured(projector, truth):
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_training_finds_the_phantom_roughly(projector, measured, truth, variant):
-    result = wernet_paper(projector, measured, iterations=8, variant=variant, **SMALL_STEPS)
+    result = train(projector, measured, iterations=8, variant=variant, **SMALL_STEPS)
     flat = cosine_distance(np.ones(GRID.shape), truth)
     assert cosine_distance(result.volume, truth) < 0.3 * flat
     residuals = [entry.relative_residual for entry in result.history]
@@ -78,8 +92,7 @@ def test_packed_and_padded_rays_lead_to_the_same_volume(projector, measured, var
     """One step in double precision would be the same; rounding grows a little with each."""
     arguments = {"iterations": 1, "variant": variant, "inputs": inputs, **SMALL_STEPS}
     packed, padded = (
-        wernet_paper(projector, measured, layout=layout, **arguments)
-        for layout in ("packed", "padded")
+        train(projector, measured, layout=layout, **arguments) for layout in ("packed", "padded")
     )
     assert np.abs(packed.volume - padded.volume).max() < 2e-3 * padded.volume.max()
     assert packed.relative_residual == pytest.approx(padded.relative_residual, rel=1e-4)
@@ -90,11 +103,11 @@ def test_packed_and_padded_rays_lead_to_the_same_volume(projector, measured, var
 def test_where_rays_are_apart_the_number_of_threads_changes_no_bit(
     projector, measured, variant, monkeypatch, on_threads
 ):
-    monkeypatch.setattr("tomo.wernet.micro_batches.SEGMENTS_A_PART", 200)  # several parts a step
+    monkeypatch.setattr("tomo.wernet.micro_batches.CPU_SEGMENTS", 200)  # several parts a step
     volumes = []
     for threads in (1, 2, 4):
         with on_threads(threads):
-            found = wernet_paper(projector, measured, iterations=1, variant=variant, **SMALL_STEPS)
+            found = train(projector, measured, iterations=1, variant=variant, **SMALL_STEPS)
             assert torch.get_num_threads() == threads
         volumes.append(found.volume)
     assert all(np.array_equal(volumes[0], other) for other in volumes[1:])
@@ -102,9 +115,9 @@ def test_where_rays_are_apart_the_number_of_threads_changes_no_bit(
 
 def test_parts_of_a_step_are_the_step(projector, measured, monkeypatch):
     arguments = {"iterations": 1, "variant": "bias-mask", **SMALL_STEPS}
-    whole = wernet_paper(projector, measured, **arguments)
-    monkeypatch.setattr("tomo.wernet.micro_batches.SEGMENTS_A_PART", 100)
-    parts = wernet_paper(projector, measured, **arguments)
+    whole = train(projector, measured, **arguments)
+    monkeypatch.setattr("tomo.wernet.micro_batches.CPU_SEGMENTS", 100)
+    parts = train(projector, measured, **arguments)
     assert np.abs(parts.volume - whole.volume).max() < 2e-3 * whole.volume.max()
 
 
@@ -115,7 +128,7 @@ def test_active_voxels_alone_are_trained(projector, measured, truth):
     )
     seen = part @ active.compress(truth)
     volumes = []
-    found = wernet_paper(
+    found = train(
         part,
         seen,
         iterations=2,
@@ -128,16 +141,16 @@ def test_active_voxels_alone_are_trained(projector, measured, truth):
 
 
 def test_where_the_grid_stands_changes_nothing(projector, measured):
-    here = wernet_paper(projector, measured, iterations=1, **SMALL_STEPS)
+    here = train(projector, measured, iterations=1, **SMALL_STEPS)
     far = VoxelGrid(GRID.shape, GRID.spacing, (1e4, -3e5, 50.0))
     moved = Projector(projector.segments, far)  # midpoints count from the grid's centre
-    there = wernet_paper(moved, measured, iterations=1, **SMALL_STEPS)
+    there = train(moved, measured, iterations=1, **SMALL_STEPS)
     np.testing.assert_array_equal(there.volume, here.volume)
 
 
 def test_the_result_scales_with_the_unit_of_the_measurement(projector, measured):
-    one = wernet_paper(projector, measured, iterations=1, **SMALL_STEPS)
-    thousand = wernet_paper(projector, 1024 * measured, iterations=1, **SMALL_STEPS)
+    one = train(projector, measured, iterations=1, **SMALL_STEPS)
+    thousand = train(projector, 1024 * measured, iterations=1, **SMALL_STEPS)
     np.testing.assert_array_equal(thousand.volume, 1024 * one.volume)
 
 
@@ -150,17 +163,15 @@ def test_the_unit_of_length_changes_nothing_but_the_unit(projector, measured, tr
         return Projector(segments, grid)
 
     start = np.random.default_rng(0).random(GRID.shape)
-    mm = wernet_paper(projector, measured, iterations=1, start=start, **SMALL_STEPS)
-    m = wernet_paper(
-        in_other_unit(1 / 1024), measured, iterations=1, start=1024 * start, **SMALL_STEPS
-    )
+    mm = train(projector, measured, iterations=1, start=start, **SMALL_STEPS)
+    m = train(in_other_unit(1 / 1024), measured, iterations=1, start=1024 * start, **SMALL_STEPS)
     np.testing.assert_allclose(m.volume, 1024 * mm.volume, rtol=1e-2, atol=10)
     assert np.abs(mm.volume).max() > 0.1  # so that the tolerance above is one per cent of it
 
 
 def test_the_seed_decides_every_bit_and_leaves_the_global_state(projector, measured):
     def run(seed):
-        return wernet_paper(projector, measured, iterations=2, seed=seed, **SMALL_STEPS)
+        return train(projector, measured, iterations=2, seed=seed, **SMALL_STEPS)
 
     state = torch.get_rng_state()
     first = run(1)
@@ -170,19 +181,19 @@ def test_the_seed_decides_every_bit_and_leaves_the_global_state(projector, measu
 
 
 def test_a_frozen_encoder_is_left_as_it_is_and_helps(projector, measured, truth, tmp_path):
-    trained = wernet_paper(projector, measured, iterations=6, blocks=2, **SMALL_STEPS).encoder
+    trained = train(projector, measured, iterations=6, blocks=2, **SMALL_STEPS).encoder
     path = tmp_path / "encoder.pt"
     save_encoder(trained, path)
     before = {name: value.clone() for name, value in trained.state_dict().items()}
     arguments = {"iterations": 3, "freeze_encoder": True, **SMALL_STEPS}
-    frozen = wernet_paper(projector, measured, encoder=trained, **arguments)
+    frozen = train(projector, measured, encoder=trained, **arguments)
     for after in (trained.state_dict(), frozen.encoder.state_dict()):
         assert all(torch.equal(before[name], after[name]) for name in before)
     # From a file it is the same encoder, and the file stays as it is.
-    from_file = wernet_paper(projector, measured, encoder=path, **arguments)
+    from_file = train(projector, measured, encoder=path, **arguments)
     np.testing.assert_array_equal(from_file.volume, frozen.volume)
     assert all(torch.equal(load_encoder(path).state_dict()[name], before[name]) for name in before)
-    scratch = wernet_paper(projector, measured, iterations=3, blocks=2, **SMALL_STEPS)
+    scratch = train(projector, measured, iterations=3, blocks=2, **SMALL_STEPS)
     assert frozen.relative_residual < scratch.relative_residual
     assert frozen.settings["blocks"] == 2
 
@@ -190,7 +201,7 @@ def test_a_frozen_encoder_is_left_as_it_is_and_helps(projector, measured, truth,
 def test_an_encoder_in_memory_is_copied_and_the_trained_one_returned(projector, measured):
     encoder = WeightEncoder(blocks=1)
     before = encoder.last.weight.clone()
-    found = wernet_paper(projector, measured, iterations=1, encoder=encoder, **SMALL_STEPS)
+    found = train(projector, measured, iterations=1, encoder=encoder, **SMALL_STEPS)
     assert torch.equal(encoder.last.weight, before)
     assert not torch.equal(found.encoder.last.weight, before)
 
@@ -200,7 +211,7 @@ def test_learning_rates_are_halved(projector, measured):
     # volumes hardly move; halved never, they do.
     def moved(halve_every):
         volumes = []
-        wernet_paper(
+        train(
             projector,
             measured,
             iterations=8,
@@ -220,7 +231,7 @@ def test_the_callback_sees_every_epoch_and_stops(projector, measured):
         seen.append((index, volume, relative_residual))
         return index == 2
 
-    result = wernet_paper(projector, measured, iterations=5, callback=callback, **SMALL_STEPS)
+    result = train(projector, measured, iterations=5, callback=callback, **SMALL_STEPS)
     assert [entry[0] for entry in seen] == [1, 2]
     assert seen[1][1].shape == (GRID.size,)
     np.testing.assert_array_equal(seen[1][1].reshape(GRID.shape), result.volume)
@@ -230,7 +241,7 @@ def test_the_callback_sees_every_epoch_and_stops(projector, measured):
 
 def test_a_loss_that_is_not_finite_stops_with_a_clear_error(projector, measured):
     with pytest.raises(TrainingDivergedError, match=r"epoch 1: loss.*smaller learning rates"):
-        wernet_paper(projector, measured, voxel_learning_rate=1e30, iterations=2, **SMALL_STEPS)
+        train(projector, measured, voxel_learning_rate=1e30, iterations=2, **SMALL_STEPS)
 
 
 def test_divergence_after_an_epoch_keeps_the_volume_of_the_epoch_before(
@@ -245,7 +256,7 @@ def test_divergence_after_an_epoch_keeps_the_volume_of_the_epoch_before(
         return train_epoch(model, *arguments)
 
     monkeypatch.setattr(module, "train_epoch", spoil_the_third)
-    result = wernet_paper(
+    result = train(
         projector,
         measured,
         iterations=5,
@@ -260,13 +271,13 @@ def test_divergence_after_an_epoch_keeps_the_volume_of_the_epoch_before(
 
 def test_dark_images_give_an_empty_volume(projector):
     dark = np.zeros(projector.shape[0])
-    result = wernet_paper(projector, dark, iterations=1, **SMALL_STEPS)
+    result = train(projector, dark, iterations=1, **SMALL_STEPS)
     assert not result.volume.any()
 
 
 def test_voxels_that_no_ray_crosses_stay_empty(projector, measured):
     few = projector.rows(0, 225)  # one view
-    result = wernet_paper(few, measured[:225], iterations=1, **SMALL_STEPS)
+    result = train(few, measured[:225], iterations=1, **SMALL_STEPS)
     unseen = few.column_sums.reshape(GRID.shape) == 0
     assert unseen.any()
     assert not result.volume[unseen].any()
@@ -295,7 +306,7 @@ def test_voxels_that_no_ray_crosses_stay_empty(projector, measured):
 )
 def test_bad_arguments_are_named_in_one_line(projector, measured, arguments, message):
     with pytest.raises(ValueError, match=message) as caught:
-        wernet_paper(projector, **{"measured": measured, **arguments})
+        train(projector, **{"measured": measured, **arguments})
     assert "\n" not in str(caught.value)
 
 
@@ -303,4 +314,4 @@ def test_segments_without_midpoints_are_refused(projector, measured):
     s = projector.segments
     plain = Projector(Segments(s.ptr, s.voxel, s.length), GRID)
     with pytest.raises(ValueError, match="trace with midpoints=True"):
-        wernet_paper(plain, measured)
+        train(plain, measured)

@@ -1,4 +1,9 @@
-"""What the default encoder gives, ray by ray, in one pass: no layer of all segments is stored."""
+"""The encoder's forward pass, compiled: no layer of all segments is stored.
+
+It is the twin of `tomo.wernet.default.ray_weights.packed_corrections` in PyTorch, which training
+needs for its gradients. On two cores it took 0.34 s for 2.2 million segments where PyTorch took
+0.80 s.
+"""
 
 from __future__ import annotations
 
@@ -10,40 +15,40 @@ import torch
 from numpy.typing import NDArray
 
 from tomo._compute.jit import compiled
-from tomo.wernet.default.correction import SLOPE, CorrectionEncoder, ViewTokens
+from tomo.wernet.default.correction import SLOPE, CorrectionEncoder, ViewParameters
 
 if TYPE_CHECKING:
     from tomo.wernet.default.ray_features import RayFeatures
 
 RAYS_AT_A_TIME = 64
-"""Their layers stay near the core."""
+"""Rays whose layers one thread holds. More: they leave the core's cache. Fewer: rows get too short
+for SIMD."""
 
 
-def streamed_corrections(
+def compiled_corrections(
     encoder: CorrectionEncoder,
-    tokens: ViewTokens,
+    view_parameters: ViewParameters,
     features: RayFeatures,
-    front: torch.Tensor,
+    upstream: torch.Tensor,
 ) -> NDArray[np.float32]:
-    """Return the correction of every segment, ``(S,)``: `ray_weights.correction_of`, compiled.
+    """Return the correction of every segment, ``(S,)``.
 
-    Its slow twin is PyTorch's, which training needs for the gradients. Features whose weights are
-    zero are left out.
+    Features whose weights are zero are skipped.
     """
     kernels = [_numbers(layer.weight) for layer in encoder.hidden]  # (out, in, 3)
     used = np.flatnonzero(kernels[0].any(axis=(0, 2)))
     kernels[0] = kernels[0][:, used]
     widest = max(len(used), encoder.channels)
     weight = np.zeros((len(kernels), encoder.channels, widest, 3), np.float32)
-    for of_layer, kernel in zip(weight, kernels, strict=True):
-        of_layer[:, : kernel.shape[1]] = kernel
+    for layer, kernel in zip(weight, kernels, strict=True):
+        layer[:, : kernel.shape[1]] = kernel
     found = np.zeros(len(features.voxel), np.float32)
     spacing = features.spacing
     described = (
-        features.direction, features.place, features.midpoint, features.length, features.voxel,
-        features.centre, spacing, features.depth, front,
+        features.direction, features.image_position, features.midpoint, features.length,
+        features.voxel, features.centre, spacing, features.depth, upstream,
     )  # fmt: skip
-    _follow(
+    _run_encoder(
         *(_numbers(each) for each in (features.start, features.count, features.view)),
         tuple(_numbers(each) for each in described),
         np.float32(spacing.log().mean().exp().item()),
@@ -52,9 +57,9 @@ def streamed_corrections(
         np.stack([_numbers(layer.bias) for layer in encoder.hidden]),
         _numbers(encoder.last.weight)[0],  # (channels, 3)
         np.float32(encoder.last.bias.item()),
-        _numbers(tokens.hidden),
-        _numbers(tokens.trend),
-        _numbers(tokens.level),
+        _numbers(view_parameters.embedding),
+        _numbers(view_parameters.coefficients),
+        _numbers(view_parameters.log_gain),
         _numbers(features.off_axis),
         found,
     )
@@ -66,9 +71,9 @@ def _numbers(tensor: torch.Tensor) -> NDArray:
 
 
 @compiled(inline=True)
-def _describe(number, ray, begin, end, described, edge, out):
-    """Write one of `ray_features.NAMES` of a ray's segments to ``out``."""
-    direction, place, midpoint, length, voxel, centre, spacing, depth, front = described
+def _write_feature(number, ray, begin, end, described, edge, out):
+    """Write one of `ray_features.FEATURES` of a ray's segments to ``out`` (count,)."""
+    direction, position, midpoint, length, voxel, centre, spacing, depth, upstream = described
     if number < 3:
         for s in range(begin, end):
             out[s - begin] = 2 * (midpoint[s, number] - centre[voxel[s], number]) / spacing[number]
@@ -80,16 +85,16 @@ def _describe(number, ray, begin, end, described, edge, out):
         for s in range(begin, end):
             out[s - begin] = length[s] / edge - np.float32(0.5)
     elif number < 10:
-        out[:] = place[ray, number - 8]
+        out[:] = position[ray, number - 8]
     elif number < 12:
-        out[:] = place[ray, number - 10] * place[ray, number - 10]
+        out[:] = position[ray, number - 10] * position[ray, number - 10]
     else:
-        out[:] = front[begin:end]
+        out[:] = upstream[begin:end]
 
 
 @compiled(inline=True)
 def _convolve(before, weight, bias, after, rows):
-    """Write to a row of ``after`` what one output channel makes of ``before`` (inputs, rows)."""
+    """Write one output channel, ``after`` (rows,), of a convolution of ``before`` (in, rows)."""
     after[:] = bias
     inner = after[1 : rows - 1]
     for i in range(weight.shape[0]):
@@ -100,14 +105,14 @@ def _convolve(before, weight, bias, after, rows):
 
 
 @compiled(parallel=True, reassociate=True)
-def _follow(
-    start, count, view, described, edge, used, weight, bias, last, last_bias, token, trend,
-    level, off_axis, found,
+def _run_encoder(
+    start, count, view, described, edge, used, weight, bias, last, last_bias, embedding,
+    coefficients, log_gain, off_axis, found,
 ):  # fmt: skip
-    """Write to ``found`` (S,). Rays stand one behind another, an empty row around each."""
-    channels, depth, front = bias.shape[1], described[7], described[8]
-    for part in numba.prange((len(start) + RAYS_AT_A_TIME - 1) // RAYS_AT_A_TIME):
-        rays = range(part * RAYS_AT_A_TIME, min((part + 1) * RAYS_AT_A_TIME, len(start)))
+    """Write all corrections to ``found`` (S,). Rays are packed, with an empty row around each."""
+    channels, depth, upstream = bias.shape[1], described[7], described[8]
+    for chunk in numba.prange((len(start) + RAYS_AT_A_TIME - 1) // RAYS_AT_A_TIME):
+        rays = range(chunk * RAYS_AT_A_TIME, min((chunk + 1) * RAYS_AT_A_TIME, len(start)))
         rows = 1
         for ray in rays:
             rows += count[ray] + 1
@@ -118,7 +123,7 @@ def _follow(
             for ray in rays:
                 begin, end = start[ray], start[ray] + count[ray]
                 out = before[i, row : row + count[ray]]
-                _describe(used[i], ray, begin, end, described, edge, out)
+                _write_feature(used[i], ray, begin, end, described, edge, out)
                 row += count[ray] + 1
         width = len(used)
         for layer in range(len(weight)):
@@ -128,7 +133,7 @@ def _follow(
                 row = 1
                 out[0] = 0
                 for ray in rays:
-                    own = token[view[ray], c] if layer == 0 else np.float32(0)
+                    own = embedding[view[ray], c] if layer == 0 else np.float32(0)
                     for r in range(row, row + count[ray]):
                         out[r] = max(out[r] + own, np.float32(SLOPE) * (out[r] + own))
                     row += count[ray] + 1
@@ -139,9 +144,9 @@ def _follow(
         _convolve(before[:width], last, last_bias, out, rows)
         row = 1
         for ray in rays:
-            own = level[view[ray]] + trend[2] * off_axis[ray]
+            own = log_gain[view[ray]] + coefficients[2] * off_axis[ray]
             for s in range(start[ray], start[ray] + count[ray]):
-                exponent = trend[0] * depth[s] + trend[1] * front[s] + own
+                exponent = coefficients[0] * depth[s] + coefficients[1] * upstream[s] + own
                 found[s] = (1 + out[row]) * np.exp(exponent) - 1
                 row += 1
             row += 1

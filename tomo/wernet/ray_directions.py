@@ -1,4 +1,4 @@
-"""The direction of every pixel's rays and of their cameras, from their crossings alone."""
+"""The direction of every pixel's rays and of their cameras, from their segments alone."""
 
 from __future__ import annotations
 
@@ -9,29 +9,35 @@ from numpy.typing import NDArray
 
 from tomo.trace import Segments
 
-_SHORTEST = 1e-3  # of the longest run of midpoints: nearer ones give no direction
-_PARALLEL = 1e-10  # mean squared angle; single precision makes 1e-12 of none
+_SHORTEST_RUN = 1e-3
+"""Fraction of the longest run of midpoints. A shorter run gives no direction: single-precision
+midpoints would turn it by more than a milliradian. A larger bound drops pixels at the grid's
+edges."""
+
+_PARALLEL = 1e-10
+"""Mean squared angle between rays, radians, below which they count as parallel. Single precision
+makes 1e-12 of none; a larger bound takes long lenses for parallel rays."""
 
 
 def ray_directions(segments: Segments) -> NDArray[np.float64]:
-    """Return the unit vector from each pixel's first crossing to its last: ``(pixels, 3)``.
+    """Return the unit vector from each pixel's first segment to its last: ``(pixels, 3)``.
 
-    Crossings come in the order of travel, so the vectors point away from the camera. A pixel
-    with a single crossing, or with crossings too near one another, takes the direction of the
-    nearest pixel that has one; a set without any gets zeros.
+    Segments come in the order of travel, so the vectors point away from the camera. A pixel with
+    a single segment, or with segments too near one another, takes the direction of the nearest
+    pixel that has one; a set without any gets zeros.
     """
     first, last = segments.ptr[:-1], np.maximum(segments.ptr[1:] - 1, segments.ptr[:-1])
     directions = np.zeros((segments.n_pixels, 3))  # (pixels, 3)
-    crossing = np.flatnonzero(np.diff(segments.ptr))
-    if not len(crossing):
+    nonempty = np.flatnonzero(np.diff(segments.ptr))
+    if not len(nonempty):
         return directions
-    run = segments.midpoint[last[crossing]].astype(np.float64)
-    run -= segments.midpoint[first[crossing]]
+    run = segments.midpoint[last[nonempty]].astype(np.float64)
+    run -= segments.midpoint[first[nonempty]]
     length = np.linalg.norm(run, axis=1)
-    known = np.flatnonzero((length > _SHORTEST * length.max(initial=0.0)) & (length > 0))
+    known = np.flatnonzero((length > _SHORTEST_RUN * length.max(initial=0.0)) & (length > 0))
     if not len(known):
         return directions
-    pixel = crossing[known]
+    pixel = nonempty[known]
     unit = run[known] / length[known, None]
     right = np.clip(np.searchsorted(pixel, np.arange(segments.n_pixels)), 0, len(pixel) - 1)
     left = np.maximum(right - 1, 0)
@@ -45,14 +51,14 @@ def squared_tangents(
 ) -> NDArray[np.float64]:
     """Return how far rays are off their camera's axis: ``(rays,)``.
 
-    The square of the tangent of the angle between a ray and the line from its camera to the grid's
-    centre. The camera stands where the rays of a view meet best; of a view of parallel rays the
-    axis is one of them, and where all are parallel none is off it.
+    The value is the squared tangent of the angle between a ray and the line from its camera to the
+    grid's centre. The camera stands where the rays of a view meet best. A view of parallel rays
+    has one of them as its axis; where all views are parallel no ray is off its axis.
 
     Parameters
     ----------
     point : (rays, 3)
-        On each ray, from the grid's centre.
+        A point on each ray, from the grid's centre.
     direction : (rays, 3)
         Unit vectors, or zeros for a ray without any.
     view_ptr : (views + 1,)

@@ -3,7 +3,7 @@ import threading
 import pytest
 import torch
 
-from tomo.wernet.micro_batches import add_gradients, cut, on_cores
+from tomo.wernet.micro_batches import chunk_map, micro_batches, set_summed_gradients
 
 CPU = torch.device("cpu")
 
@@ -14,31 +14,31 @@ CPU = torch.device("cpu")
     ids=["even", "one", "long ones", "empty ones", "growing", "none", "one empty"],
 )
 @pytest.mark.parametrize("segments", [1, 7, 1000])
-def test_every_ray_is_in_one_part(counts, segments):
-    parts = cut(torch.tensor(counts, dtype=torch.int64), segments)
+def test_every_ray_is_in_one_micro_batch(counts, segments):
+    parts = micro_batches(torch.tensor(counts, dtype=torch.int64), segments)
     rays = torch.arange(len(counts))
     assert [ray for part in parts for ray in rays[part].tolist()] == rays.tolist()
     assert all(part.stop > part.start for part in parts)
 
 
-def test_parts_have_about_the_size_asked_for():
+def test_micro_batches_have_about_the_size_asked_for():
     counts = torch.randint(1, 30, (5000,), generator=torch.Generator().manual_seed(0))
-    sizes = torch.tensor([int(counts[part].sum()) for part in cut(counts, 1000)])
+    sizes = torch.tensor([int(counts[part].sum()) for part in micro_batches(counts, 1000)])
     assert int(sizes.max()) < 1000 + 30
     assert float(sizes[:-1].float().mean()) == pytest.approx(1000, rel=0.02)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 4])
-def test_parts_run_on_one_thread_each_and_the_number_comes_back(threads, on_threads):
+def test_chunks_run_on_one_thread_each_and_the_number_is_restored(threads, on_threads):
     with on_threads(threads):
-        with on_cores(CPU) as over_parts:
-            found = over_parts(lambda part: (part, torch.get_num_threads()), list(range(20)))
+        with chunk_map(CPU) as map_chunks:
+            found = map_chunks(lambda part: (part, torch.get_num_threads()), list(range(20)))
             assert found == [(part, 1) for part in range(20)]
         assert torch.get_num_threads() == threads
 
 
 @pytest.mark.parametrize("threads", [1, 2, 4])
-def test_an_exception_in_a_part_comes_out_and_the_number_comes_back(threads, on_threads):
+def test_an_exception_in_a_chunk_is_raised_and_the_number_restored(threads, on_threads):
     before = threading.active_count()
 
     def fail(part):
@@ -47,15 +47,15 @@ def test_an_exception_in_a_part_comes_out_and_the_number_comes_back(threads, on_
         return part
 
     with on_threads(threads):
-        with pytest.raises(ZeroDivisionError, match="part 3"), on_cores(CPU) as over_parts:
-            over_parts(fail, list(range(8)))
-        with pytest.raises(KeyError, match="in the block"), on_cores(CPU):
+        with pytest.raises(ZeroDivisionError, match="part 3"), chunk_map(CPU) as map_chunks:
+            map_chunks(fail, list(range(8)))
+        with pytest.raises(KeyError, match="in the block"), chunk_map(CPU):
             raise KeyError("in the block itself")
         assert torch.get_num_threads() == threads
     assert threading.active_count() == before
 
 
-def test_sums_over_parts_are_the_same_bits_for_any_number_of_threads(on_threads):
+def test_sums_over_chunks_are_the_same_bits_for_any_number_of_threads(on_threads):
     generator = torch.Generator().manual_seed(0)
     rows = torch.randn(60_000, 32, generator=generator)
     weight = torch.randn(32, 32, generator=generator).requires_grad_()
@@ -67,23 +67,23 @@ def test_sums_over_parts_are_the_same_bits_for_any_number_of_threads(on_threads)
 
     found = []
     for threads in (1, 2, 4):
-        with on_threads(threads), on_cores(CPU) as over_parts:
-            add_gradients([weight], over_parts(gradient, cut(counts, 4096)))
+        with on_threads(threads), chunk_map(CPU) as map_chunks:
+            set_summed_gradients([weight], map_chunks(gradient, micro_batches(counts, 4096)))
         found.append(weight.grad)
     assert all(torch.equal(found[0], other) for other in found[1:])
-    assert len(cut(counts, 4096)) > 4
+    assert len(micro_batches(counts, 4096)) > 4
 
 
-def test_on_other_devices_parts_follow_one_another():
-    with on_cores(torch.device("meta")) as over_parts:
-        found = over_parts(lambda part: threading.current_thread().name, [0, 1])
+def test_on_other_devices_chunks_follow_one_another():
+    with chunk_map(torch.device("meta")) as map_chunks:
+        found = map_chunks(lambda part: threading.current_thread().name, [0, 1])
     assert found == [threading.current_thread().name] * 2
 
 
-def test_gradients_are_added_in_the_order_of_the_parts():
+def test_gradients_are_added_in_the_order_of_the_chunks():
     parameter = torch.nn.Parameter(torch.zeros(1))
     parts = [[torch.tensor([1e8])], [torch.tensor([1.0])], [torch.tensor([-1e8])]]
-    add_gradients([parameter], parts)
+    set_summed_gradients([parameter], parts)
     assert parameter.grad.item() == 0.0  # the other order gives 1
-    add_gradients([parameter], parts[1:2])
+    set_summed_gradients([parameter], parts[1:2])
     assert parameter.grad.item() == 1.0  # set, not added to what was there

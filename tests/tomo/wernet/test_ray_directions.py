@@ -3,7 +3,7 @@ import pytest
 
 from tomo import Rays
 from tomo.trace import Segments
-from tomo.wernet.default.directions import ray_directions, squared_tangents
+from tomo.wernet.ray_directions import ray_directions, squared_tangents
 
 
 def _segments(*rays):

@@ -11,7 +11,7 @@ from tomo.wernet.default import (
     LearnedWeights,
     RayFeatures,
     RayWeights,
-    ViewTokens,
+    ViewParameters,
 )
 from tomo.wernet.default.ray_weights import reweighted
 
@@ -40,12 +40,12 @@ def volume():
 @pytest.fixture(scope="module")
 def sum_up(system, volume):
     """Return a function that sums up weights of these relative sizes ``(S,)``."""
-    chords = system.projector
-    weights = RayWeights(CorrectionEncoder(), ViewTokens(5, 16), volume.ravel(), 1.0, True)
+    lengths = system.projector
+    weights = RayWeights(CorrectionEncoder(), ViewParameters(5, 16), volume.ravel(), 1.0, True)
 
     def of(ratio, volume=volume, **more):
-        learned = reweighted(chords, np.sqrt(ratio).astype(np.float32) - 1)
-        return LearnedWeights.of(weights, chords, learned, volume, system.rig.names, **more)
+        learned = reweighted(lengths, np.sqrt(ratio).astype(np.float32) - 1)
+        return LearnedWeights.of(weights, lengths, learned, volume, system.rig.names, **more)
 
     return of
 
@@ -76,7 +76,7 @@ def attenuated(system):
 
 
 def test_gains_are_found_by_camera_and_nowhere_else(sum_up, of_views, system, volume):
-    found = sum_up(of_views, held_out_residual={"chords": 0.1, "learned": 0.05})
+    found = sum_up(of_views, held_out_residual={"segment_lengths": 0.1, "learned": 0.05})
     np.testing.assert_allclose(found.by_camera, GAINS, rtol=1e-5)
     assert found.cameras == system.rig.names
     segments = system.projector.segments
@@ -93,30 +93,30 @@ def test_the_bins_hold_all_light_and_average_to_the_mean(sum_up, of_views, atten
     found = sum_up(of_views * attenuated)
     assert len(found.profiles) == 6
     for profile in found.profiles:
-        assert profile.share.sum() == pytest.approx(1)
+        assert profile.light.sum() == pytest.approx(1)
         dim = ~np.isfinite(profile.weight)
-        assert (profile.share[dim] < 1e-3).all()
-        mean = np.nansum(profile.share * profile.weight)
-        assert mean == pytest.approx(found.mean, rel=2 * profile.share[dim].sum() + 1e-5)
+        assert (profile.light[dim] < 1e-3).all()
+        mean = np.nansum(profile.light * profile.weight)
+        assert mean == pytest.approx(found.mean, rel=2 * profile.light[dim].sum() + 1e-5)
 
 
 def test_absorption_is_seen_by_depth(sum_up, attenuated):
     depth = sum_up(attenuated).profiles[0]
     assert (depth.quantity, depth.unit) == ("depth in the grid", "length")
-    lit = depth.share > 0.02
+    lit = depth.light > 0.02
     np.testing.assert_allclose(depth.weight[lit], np.exp(-0.1 * depth.centre[lit]), rtol=0.01)
 
 
-def test_place_in_the_voxel_is_from_half_a_voxel_below_to_half_above(sum_up, system):
+def test_position_in_the_voxel_is_from_half_a_voxel_below_to_half_above(sum_up, system):
     segments = system.projector.segments
     index = np.stack(np.unravel_index(segments.voxel, GRID.shape), axis=1)
     centre = (index - (np.array(GRID.shape) - 1) / 2) * GRID.spacing
-    place = (segments.midpoint - centre) / GRID.spacing  # (S, 3)
-    found = sum_up(1 + 0.5 * place[:, 2])
+    position = (segments.midpoint - centre) / GRID.spacing  # (S, 3)
+    found = sum_up(1 + 0.5 * position[:, 2])
     profile = found.profiles[-1]
-    assert profile.quantity == "place in the voxel, z"
+    assert profile.quantity == "position in the voxel, z"
     np.testing.assert_allclose(profile.edges[[0, -1]], [-0.5, 0.5])
-    lit = profile.share > 0.01
+    lit = profile.light > 0.01
     np.testing.assert_allclose(profile.weight[lit], 1 + 0.5 * profile.centre[lit], atol=0.02)
 
 
@@ -125,12 +125,12 @@ def test_what_no_light_takes_does_not_count(sum_up, attenuated, system, volume):
     hollow[:, :, 3:] = 0
     dark = hollow.ravel()[system.projector.segments.voxel] == 0
 
-    def told(ratio, volume):
+    def report_of(ratio, volume):
         return json.dumps(sum_up(ratio, volume).report())
 
-    report = told(attenuated, hollow)
-    assert told(np.where(dark, 7.0, attenuated), hollow) == report
-    assert told(attenuated, volume) != report
+    report = report_of(attenuated, hollow)
+    assert report_of(np.where(dark, 7.0, attenuated), hollow) == report
+    assert report_of(attenuated, volume) != report
 
 
 def test_a_common_factor_of_the_truth_says_nothing(sum_up, of_views, attenuated):
@@ -140,30 +140,30 @@ def test_a_common_factor_of_the_truth_says_nothing(sum_up, of_views, attenuated)
     np.testing.assert_allclose(found.true_by_camera, found.by_camera, rtol=1e-5)
     for profile in found.profiles:
         np.testing.assert_allclose(profile.truth, profile.weight, rtol=1e-5)
-    chords = np.ones_like(ratio)
-    assert sum_up(chords, truth=ratio).explained == pytest.approx(0, abs=1e-9)
+    lengths = np.ones_like(ratio)
+    assert sum_up(lengths, truth=ratio).explained == pytest.approx(0, abs=1e-9)
     part = sum_up(attenuated, truth=ratio).explained
     assert 0.2 < part < 0.9
     assert sum_up(1 / ratio, truth=ratio).explained < 0
-    assert sum_up(ratio, truth=chords).explained is None  # there was nothing to learn
+    assert sum_up(ratio, truth=lengths).explained is None  # there was nothing to learn
 
 
 def test_the_report_is_plain(sum_up, of_views, attenuated):
-    found = sum_up(attenuated, truth=of_views, held_out_residual={"chords": 0.1})
+    found = sum_up(attenuated, truth=of_views, held_out_residual={"segment_lengths": 0.1})
     report = json.loads(json.dumps(found.report()))
     assert list(report["cameras"]) == list(found.cameras)
-    assert report["held_out_residual"] == {"chords": 0.1}
+    assert report["held_out_residual"] == {"segment_lengths": 0.1}
     assert report["explained"] == found.explained
-    column = report["profiles"]["emission in front"]
+    column = report["profiles"]["upstream emission"]
     assert len(column["centre"]) == len(column["truth"]) == len(column["weight"])
     assert "LearnedWeights: 5 cameras" in repr(found)
 
 
-def test_of_many_crossings_some_rays_are_enough(sum_up, of_views, attenuated, monkeypatch):
-    from tomo.wernet.default import summary
+def test_some_rays_stand_for_many_segments(sum_up, of_views, attenuated, monkeypatch):
+    from tomo.wernet.default import learned_weights
 
     whole = sum_up(of_views * attenuated)
-    monkeypatch.setattr(summary, "CROSSINGS", 4000)
+    monkeypatch.setattr(learned_weights, "MOST_SEGMENTS", 4000)
     some = sum_up(of_views * attenuated)
     assert some.mean != whole.mean
     assert some.mean == pytest.approx(whole.mean, rel=0.03)
@@ -173,13 +173,13 @@ def test_of_many_crossings_some_rays_are_enough(sum_up, of_views, attenuated, mo
 def test_what_does_not_fit_is_refused(sum_up, attenuated, system, volume):
     with pytest.raises(ValueError, match="truth: found 3 segments, expected"):
         sum_up(attenuated, truth=np.ones(3))
-    chords = system.projector
-    weights = RayWeights(CorrectionEncoder(), ViewTokens(5, 16), volume.ravel(), 1.0, True)
+    lengths = system.projector
+    weights = RayWeights(CorrectionEncoder(), ViewParameters(5, 16), volume.ravel(), 1.0, True)
     with pytest.raises(ValueError, match="cameras: found 1 names, expected 5"):
-        LearnedWeights.of(weights, chords, chords, volume, ["a"])
-    part = chords.view(0)
+        LearnedWeights.of(weights, lengths, lengths, volume, ["a"])
+    part = lengths.view(0)
     with pytest.raises(ValueError, match="learned: found"):
-        LearnedWeights.of(weights, chords, part, volume, system.rig.names)
+        LearnedWeights.of(weights, lengths, part, volume, system.rig.names)
 
 
 def test_directions_are_those_of_the_view_s_own_rays():
@@ -192,8 +192,8 @@ def test_directions_are_those_of_the_view_s_own_rays():
         cosine = features.direction.numpy()[start:stop] @ camera.R[2]
         assert cosine.min() > 0.999
     assert (features.count == 1).any()
-    assert np.abs(features.place.numpy()).max() == pytest.approx(1)
-    assert np.quantile(np.abs(features.place.numpy()), 0.9) > 0.5
+    assert np.abs(features.image_position.numpy()).max() == pytest.approx(1)
+    assert np.quantile(np.abs(features.image_position.numpy()), 0.9) > 0.5
 
 
 def test_sizes_do_not_hang_on_the_scale_of_the_emission(sum_up, attenuated, volume):
