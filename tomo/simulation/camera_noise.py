@@ -1,4 +1,4 @@
-"""What cameras do to images: noise, a finite number of grey levels, saturation.
+"""Effects of cameras on images: noise, a finite number of grey levels, saturation.
 
 Every function takes one array of any shape or a list of arrays (images of cameras of different
 sizes) and gives back the same. A "maximum" is the maximum over all of them: cameras of one rig
@@ -97,8 +97,8 @@ def poisson(
 def quantise(images: Images, bits: int, full_scale: float) -> Images:
     """Return the images as the integers of a camera, ``round(v / full_scale · (2^bits - 1))``.
 
-    Values below zero become 0 and those above ``full_scale`` the highest integer. What is lost in
-    between is at most half a step, see :func:`dequantise`.
+    Values below zero become 0 and those above ``full_scale`` the highest integer. In between the
+    error is at most half a step, see :func:`dequantise`.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def saturate(images: Images, level: float) -> Images:
 
 
 def _open(images: Images, dtype: np.dtype | None = None):
-    """Return the images as float64 arrays, and what turns results back into the input's form.
+    """Return the images as float64 arrays, and a function that gives results the input's form.
 
     Results have ``dtype``, or when None the floating type that came in, float32 for integers.
     """
@@ -156,12 +156,12 @@ def _open(images: Images, dtype: np.dtype | None = None):
             dtype or (image.dtype if image.dtype.kind == "f" else np.dtype(np.float32))
             for image in originals
         ]
-        with np.errstate(over="ignore"):  # too large a number is told as infinity below
+        with np.errstate(over="ignore"):  # an overflow is reported as infinity below
             typed = [result.astype(kind) for result, kind in zip(results, kinds, strict=True)]
         for kind, image in zip(kinds, typed, strict=True):
             if not np.isfinite(image).all():
                 raise ValueError(
-                    f"noise: found intensities with it that overflow {kind}, expected less noise"
+                    f"noise: found noisy intensities that overflow {kind}, expected less noise"
                 )
         return typed[0] if single else typed
 

@@ -1,8 +1,8 @@
-"""What gas and cameras do to light that chord lengths leave out.
+"""Effects of gas and cameras on light that the segment lengths leave out.
 
-Chords say that every voxel's light reaches the image undiminished and that a pixel looks along
-one line. Real gas absorbs, real lenses have an aperture and darken towards the corners, and no
-two cameras have the same gain.
+The model of segment lengths says that every voxel's light reaches the image undiminished and that
+a pixel looks along one line. Real gas absorbs, real lenses have an aperture and darken towards the
+corners, and no two cameras have the same gain.
 """
 
 from __future__ import annotations
@@ -25,36 +25,35 @@ if TYPE_CHECKING:
 
 _STRENGTHS = ("gain_spread", "absorption", "self_absorption", "vignetting", "aperture")
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
-_GAIN_STREAM = 1  # gains are drawn beside the noise: one does not change the other
+_GAIN_STREAM = 1  # a stream of its own: gains and noise do not change each other
 
 
 @dataclass(frozen=True)
 class Effects:
-    """Physics that a simulation may have and a reconstruction is not told of.
+    """Effects of a simulation that a reconstruction does not know.
 
     Parameters
     ----------
     gain_spread : float
         Relative standard deviation of the cameras' gains; their mean is one.
     absorption : float
-        ``k``, in 1 / length: the box of the grid absorbs evenly, and of a segment's light
-        ``exp(-k d)`` remains after the distance ``d`` to where its ray leaves the box towards the
-        camera.
+        ``k``, in 1 / length: the box of the grid absorbs evenly, and ``exp(-k d)`` of a segment's
+        light remains after the distance ``d`` to where its ray leaves the box towards the camera.
     self_absorption : float
-        ``q``, in 1 / (emission * length): the gas absorbs where it emits, and ``exp(-q I)``
-        remains of a segment's light, ``I`` being the integral of the emission between segment
-        and camera.
+        ``q``, in 1 / (emission * length): the gas absorbs where it emits, and ``exp(-q I)`` of a
+        segment's light remains, with the integral ``I`` of the emission between segment and
+        camera.
     vignetting : float
-        Share of the light that is lost at the image's corners, >= 0 and < 1. The pixel at a
-        share ``r`` of the way from the image's middle to its corner receives
+        Fraction of the light that is lost at the image's corners, >= 0 and < 1. The pixel at a
+        fraction ``r`` of the way from the image's middle to its corner receives
         ``(1 + c r²)^-2``: the fourth power of the cosine of a field angle.
     aperture : float
         Diameter of the entrance pupil, in the rig's length unit; 0 is a pinhole.
     focus_distance : float, optional
-        From the centre of projection to the plane in focus, along the optical axis; that of the
-        camera's `rigs.Optics` when None.
+        Distance along the optical axis from the centre of projection to the plane in focus; that
+        of the camera's `rigs.Optics` when None.
     aperture_rays : int
-        How many rays a pixel at least has when there is an aperture.
+        Least number of rays of a pixel where there is an aperture.
 
     Raises
     ------
@@ -83,7 +82,7 @@ focus_distance=None, aperture_rays=32)
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: found {value}, expected a number >= 0")
         if self.vignetting >= 1:
-            raise ValueError(f"vignetting: found {self.vignetting}, expected a share below 1")
+            raise ValueError(f"vignetting: found {self.vignetting}, expected a fraction below 1")
         distance = self.focus_distance
         if distance is not None and not (math.isfinite(distance) and distance > 0):
             raise ValueError(f"focus_distance: found {distance}, expected a number > 0")
@@ -103,9 +102,9 @@ focus_distance=None, aperture_rays=32)
         return self.absorption > 0 or self.self_absorption > 0
 
     def gains(self, cameras: int, seed: int = 0) -> NDArray[np.float64]:
-        """Return the gains of so many cameras: log-normal, scaled to a mean of exactly one.
+        """Return the gains, ``(cameras,)``: log-normal, scaled to a mean of exactly one.
 
-        The same seed gives the same gains, whatever noise is drawn from it beside them.
+        The same seed gives the same gains, whatever noise is drawn from it.
         """
         stream = np.random.SeedSequence(seed, spawn_key=(_GAIN_STREAM,))
         width = math.sqrt(math.log1p(self.gain_spread**2))
@@ -113,14 +112,14 @@ focus_distance=None, aperture_rays=32)
         return gains / gains.mean()
 
     def falloff(self, camera: Camera, uv: ArrayLike) -> NDArray[np.float64]:
-        """Return the share of the light that vignetting leaves at pixel coordinates ``(N, 2)``."""
+        """Return the fraction of light, ``(N,)``, that vignetting leaves at pixels ``(N, 2)``."""
         size = np.asarray(camera.image_size, np.float64)
         square = (np.square(np.asarray(uv) - (size - 1) / 2)).sum(axis=-1)
         steepness = (1 - self.vignetting) ** -0.5 - 1
         return (1 + steepness * square / np.square(size / 2).sum()) ** -2
 
     def rays_per_pixel(self, supersample: int = 1) -> int:
-        """Return how many rays a pixel has: a multiple of ``supersample`` squared."""
+        """Return the number of rays of a pixel: a multiple of ``supersample`` squared."""
         return supersample**2 * self._lens_points(supersample)
 
     def rays(
@@ -130,8 +129,8 @@ focus_distance=None, aperture_rays=32)
 
         A finite lens spreads each line of sight over points of the entrance pupil; all pass
         through the point where the line meets the plane in focus. The points lie on a sunflower's
-        spiral, one of equal share of the pupil each (Vogel, Mathematical Biosciences 44, 1979);
-        lines of one pixel take turns along it.
+        spiral, each for an equal area of the pupil (Vogel, Mathematical Biosciences 44, 1979).
+        Lines of one pixel take turns along it.
 
         Raises
         ------
@@ -146,12 +145,12 @@ focus_distance=None, aperture_rays=32)
         ahead = lines.directions @ axis
         if (ahead <= 1e-3).any():
             raise ValueError(
-                f"aperture: camera {camera.name}: found a pixel that looks beside the plane in "
-                "focus, expected all to look ahead"
+                f"aperture: camera {camera.name}: found a pixel that does not look at the "
+                "plane in focus, expected all to look ahead"
             )
         count = self._lens_points(supersample)
         first = np.repeat(lines.pixel_ptr[:-1], np.diff(lines.pixel_ptr))
-        turn = np.arange(len(lines)) - first  # (lines,): which of its pixel's
+        turn = np.arange(len(lines)) - first  # (lines,): number within its pixel
         point = turn[:, None] + supersample**2 * np.arange(count)  # (lines, count)
         radius = self.aperture / 2 * np.sqrt((point + 0.5) / (supersample**2 * count))
         angle = _GOLDEN_ANGLE * point
@@ -181,24 +180,24 @@ focus_distance=None, aperture_rays=32)
     def trace(
         self, rays: Rays, grid: VoxelGrid, emission: NDArray[np.floating], tracer: str = "march"
     ) -> Segments:
-        """Return the crossings of a camera's rays; lengths are chords times what gets through.
+        """Return the segments of a camera's rays, their lengths times the transmission.
 
         Parameters
         ----------
         rays : Rays
-            Whole ones, from the camera on.
+            Rays from the camera on.
         grid : VoxelGrid
         emission : (nx, ny, nz) or flat
-            Of the gas on the grid, for self-absorption.
+            Emission of the gas on the grid, for self-absorption.
         tracer : str
             See `tomo.trace.trace`.
         """
         if not self.absorbs:
             return trace(rays, grid, tracer)
         single = replace(rays, pixel_ptr=np.arange(len(rays) + 1))
-        chords = trace(single, grid, tracer, midpoints=True)
-        through = self._transmission(chords, single, grid, emission)
-        return Segments(chords.ptr[rays.pixel_ptr], chords.voxel, chords.length * through)
+        plain = trace(single, grid, tracer, midpoints=True)
+        transmitted = self._transmission(plain, single, grid, emission)
+        return Segments(plain.ptr[rays.pixel_ptr], plain.voxel, plain.length * transmitted)
 
     def weight_ratio(
         self,
@@ -209,10 +208,10 @@ focus_distance=None, aperture_rays=32)
         *,
         gain: float = 1.0,
     ) -> NDArray[np.float64]:
-        """Return the true weight of every segment over its chord: what is there to be learnt.
+        """Return the true weight of every segment over its length, ``(S,)``.
 
-        Gain, falloff and absorption; the blur of an aperture is no factor of single segments and
-        is left out.
+        It is the product of gain, vignetting and absorption. The blur of an aperture is no factor
+        of single segments and is left out.
 
         Parameters
         ----------
@@ -220,11 +219,11 @@ focus_distance=None, aperture_rays=32)
         segments : Segments
             One pixel of the camera a row, one ray a pixel, with midpoints.
         grid : VoxelGrid
-            Which the midpoints are measured from.
+            The midpoints are measured from its centre.
         emission : (voxels,), optional
             One value for each of the voxel numbers of ``segments``; needed for self-absorption.
         gain : float
-            The camera's, see `gains`.
+            The camera's gain, see `gains`.
 
         Raises
         ------
@@ -235,14 +234,14 @@ focus_distance=None, aperture_rays=32)
             raise ValueError("segments midpoint: found none, expected midpoints")
         if self.self_absorption > 0 and emission is None:
             raise ValueError("emission: found none, expected it: self_absorption needs it")
-        seeing, _ = segments.without_empty()
-        last = seeing.midpoint[seeing.ptr[1:] - 1] + np.asarray(grid.center)  # (rays, 3)
-        counts = np.diff(seeing.ptr)
+        nonempty, _ = segments.without_empty()
+        last = nonempty.midpoint[nonempty.ptr[1:] - 1] + np.asarray(grid.center)  # (rays, 3)
+        counts = np.diff(nonempty.ptr)
         ratio = np.repeat(gain * self.falloff(camera, camera.project(last)[0]), counts)
         if self.absorbs:
             position = np.tile(camera.position, (len(last), 1))
             lines = Rays.from_lines(position, last - position)
-            ratio *= self._transmission(seeing, lines, grid, emission)
+            ratio *= self._transmission(nonempty, lines, grid, emission)
         return ratio
 
     def _transmission(
@@ -264,7 +263,7 @@ focus_distance=None, aperture_rays=32)
             known = camera.optics.focus_distance
         if known is None:
             raise ValueError(
-                f"focus_distance: camera {camera.name}: found none beside an aperture of "
+                f"focus_distance: camera {camera.name}: found none with an aperture of "
                 f"{self.aperture}, expected one"
             )
         return known

@@ -25,7 +25,7 @@ from tomo.simulation.effects import Effects
 if TYPE_CHECKING:
     from rigs import Rig
 
-_CROSSINGS_AT_ONCE = 8_000_000  # 100 MiB of segments, 300 with absorption, at any images' size
+_SEGMENTS_AT_ONCE = 8_000_000  # 100 MiB of segments, 300 with absorption, for any image size
 _RAYS_AT_ONCE = 2**19
 _BYTES_PER_VOXEL = 12  # the volume, and the double-precision means of the truth
 _SMALLEST_REFINEMENT = 2  # sub-points along a fine voxel's edge for its mean
@@ -101,14 +101,14 @@ def simulate(
     """Return the images that a rig takes of a field.
 
     The field is averaged over the voxels of ``grid.refined(refine)`` and projected from there:
-    with ``refine`` above 1 and several rays a pixel, a reconstruction on ``grid`` is no inversion
-    of the simulation's own matrix.
+    with ``refine`` above 1 and several rays a pixel, a reconstruction on ``grid`` does not invert
+    the simulation's own matrix.
 
     Parameters
     ----------
     rig : Rig
     field : callable
-        Maps points ``(N, 3)`` to emission ``(N,)``; what lies outside the grid is not seen.
+        Maps points ``(N, 3)`` to emission ``(N,)``; emission outside the grid is ignored.
     grid : VoxelGrid
         Where the truth is stored.
     supersample : int
@@ -116,7 +116,7 @@ def simulate(
     refine : int
         How many times finer the projected voxels are.
     effects : Effects, optional
-        What gas and cameras do to the light on its way; nothing when None. Noise comes after.
+        Effects of gas and cameras on the light; none when None. Noise is added afterwards.
     noise : float
         Standard deviation of white noise, as a fraction of the maximum of all images.
     photons : float, optional
@@ -124,9 +124,9 @@ def simulate(
     read_noise : float
         Electrons of read-out noise; only with ``photons``.
     bits : int, optional
-        Quantise to integers of so many bits; full scale is the maximum of all images.
+        Quantise to integers of this many bits; full scale is the maximum of all images.
     seed : int
-        Of the noise and the gains; equal seeds give bit-identical images.
+        Seed of noise and gains; equal seeds give bit-identical images.
     tracer : str
         See `tomo.trace.trace`.
     progress : callable, optional
@@ -203,8 +203,8 @@ def simulate(
 
 
 def _chunks(pixels: NDArray, grid: VoxelGrid, rays_per_pixel: int) -> Iterator[NDArray]:
-    """Cut ``pixels`` so that the rays of each part cross a bounded number of voxels."""
-    rays = min(_CROSSINGS_AT_ONCE // sum(grid.shape), _RAYS_AT_ONCE)
+    """Cut ``pixels`` into chunks whose rays cross a bounded number of voxels."""
+    rays = min(_SEGMENTS_AT_ONCE // sum(grid.shape), _RAYS_AT_ONCE)
     size = max(1, rays // rays_per_pixel)
     for start in range(0, len(pixels), size):
         yield pixels[start : start + size]
@@ -233,7 +233,7 @@ def _check(
     bits: int | None,
     seed: int,
 ) -> None:
-    """Check what would otherwise only fail after all the tracing."""
+    """Check the arguments before any ray is traced."""
     if supersample < 1 or supersample != int(supersample):
         raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
     if not isinstance(seed, Integral) or seed < 0:
@@ -245,6 +245,6 @@ def _check(
     if not (math.isfinite(read_noise) and read_noise >= 0):
         raise ValueError(f"read_noise: found {read_noise}, expected electrons >= 0")
     if read_noise and photons is None:
-        raise ValueError("read_noise: found no photons beside it, expected both or none")
+        raise ValueError("read_noise: found it without photons, expected both or none")
     if bits is not None and bits not in range(1, 17):
         raise ValueError(f"bits: found {bits}, expected a whole number from 1 to 16")

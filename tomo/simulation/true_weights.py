@@ -1,4 +1,4 @@
-"""The true weights of simulated images, for what was learned to be compared with."""
+"""True weights of simulated images, to compare learned ones with."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tomo.selfcal.gains import Gains
 from tomo.simulation.effects import Effects
 
 TrueEffects = tuple[Effects, Mapping[str, float]]
-"""What the images were simulated with, and the gains of the cameras; one where none is named."""
+"""Effects of the simulation, and the gains of the cameras; one where none is named."""
 
 
 def true_effects(scan: Scan) -> TrueEffects | None:
-    """Return what a scan says that it was simulated with; None where it says nothing.
+    """Return the effects that a scan was simulated with; None where it names none.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def true_ratios(
     truth: NDArray[np.float32] | None,
     corrected: Gains | None = None,
 ) -> NDArray[np.float64] | None:
-    """Return the true weight of every segment over its chord, ``(S,)``; None if not known.
+    """Return the true weight of every segment over its length, ``(S,)``; None if not known.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def true_ratios(
     truth : (nx, ny, nz), optional
         Needed where the gas absorbs its own light.
     corrected : Gains, optional
-        What the images were corrected by before anything was learned.
+        Gains by which the images were corrected before weights were learned.
     """
     if known is None or (known[0].self_absorption > 0 and truth is None):
         return None

@@ -34,7 +34,7 @@ EVERYTHING = Effects(
 )  # fmt: skip
 
 
-def chords(one):
+def lengths(one):
     width, height = one.image_size
     return enter_box(Rays.from_camera(one), GRID).length.reshape(height, width)
 
@@ -48,7 +48,7 @@ def test_absorption_in_even_gas_has_its_closed_form(k, q):
     for refine in (1, 2, 4):
         scan = simulate(RIG, EVEN, GRID, refine=refine, effects=effects)
         differences = [
-            scan.images[one.name] - emission * -np.expm1(-decay * chords(one)) / decay
+            scan.images[one.name] - emission * -np.expm1(-decay * lengths(one)) / decay
             for one in RIG
         ]
         errors.append(max(np.abs(difference).max() for difference in differences))
@@ -71,7 +71,7 @@ def test_light_from_the_far_side_has_further_to_go():
         assert light == pytest.approx(np.exp(-0.4 * (5.5 - layer)), rel=1e-5)
 
 
-def test_gas_beside_and_behind_the_light_dims_nothing():
+def test_gas_aside_and_behind_the_light_dims_nothing():
     volume = np.zeros(GRID.shape)
     volume[:, :, 3] = 1.0
     alone = SampledField(volume.copy(), GRID)
@@ -93,8 +93,8 @@ def slow_transmission(segments, rays, grid, k, q, emission):
     through = []
     for ray in range(len(rays)):
         inside = slice(segments.ptr[ray], segments.ptr[ray + 1])
-        chord = segments.length[inside] / rays.weight[ray]
-        depth = q * emission[segments.voxel[inside]] * chord
+        length = segments.length[inside] / rays.weight[ray]
+        depth = q * emission[segments.voxel[inside]] * length
         entry = rays.origins[ray] + rays.directions[ray] * entry_time(rays, grid, ray)
         way = np.linalg.norm(segments.midpoint[inside] + grid.center - entry, axis=1)
         through.append(np.exp(-k * way - np.cumsum(depth) + depth / 2))
@@ -263,28 +263,28 @@ def test_no_pixel_that_a_lens_blurs_the_box_into_is_left_out():
 
 def test_the_focus_distance_may_be_the_lens_s():
     lens = camera("lens", (310.0, 43.0, 17.0), optics=Optics(focus_distance=250.0))
-    told = Effects(aperture=20.0, focus_distance=250.0).rays(RIG[0], np.array([600]))
+    stated = Effects(aperture=20.0, focus_distance=250.0).rays(RIG[0], np.array([600]))
     known = Effects(aperture=20.0).rays(lens, np.array([600]))
-    np.testing.assert_array_equal(known.directions, told.directions)
-    with pytest.raises(ValueError, match="focus_distance: camera side: found none beside an ap"):
+    np.testing.assert_array_equal(known.directions, stated.directions)
+    with pytest.raises(ValueError, match="focus_distance: camera side: found none with an ap"):
         simulate(RIG, BLOBS, GRID, effects=Effects(aperture=20.0))
 
 
-def test_a_pixel_that_looks_beside_the_plane_in_focus_is_refused():
+def test_a_pixel_that_does_not_look_at_the_plane_in_focus_is_refused():
     wide = camera("wide", (9.0, 1.0, 2.0), focal=0.004)
-    with pytest.raises(ValueError, match="aperture: camera wide: found a pixel that looks beside"):
+    with pytest.raises(ValueError, match="camera wide: found a pixel that does not look at"):
         Effects(aperture=1.0, focus_distance=5.0).rays(wide)
 
 
-@pytest.mark.parametrize("all_live", [True, False])
-def test_chords_times_the_true_ratio_project_to_the_images(all_live):
-    """The ratio is what a learned correction of the chords should come to."""
+@pytest.mark.parametrize("all_active", [True, False])
+def test_lengths_times_the_true_ratio_project_to_the_images(all_active):
+    """A learned correction of the segment lengths should come to this ratio."""
     effects = replace(EVERYTHING, aperture=0.0, gain_spread=0.2)
     volume = sample(BLOBS, GRID, 2)
-    if not all_live:
+    if not all_active:
         volume[volume < 0.05] = 0
     scan = simulate(RIG, SampledField(volume, GRID), GRID, effects=effects, seed=4)
-    active = ActiveVoxels.from_mask(GRID, np.ones(GRID.shape) if all_live else volume > 0)
+    active = ActiveVoxels.from_mask(GRID, np.ones(GRID.shape) if all_active else volume > 0)
     system = LinearSystem.from_rig(RIG, GRID, midpoints=True, active=active)
     emission = active.compress(volume)
     gains = effects.gains(2, seed=4)
@@ -296,7 +296,7 @@ def test_chords_times_the_true_ratio_project_to_the_images(all_live):
         length = (segments.length * ratio).astype(np.float32)
         images.append(Projector(replace(segments, length=length), GRID, active=active) @ emission)
     measured = system.flatten(list(scan.images.values()))
-    assert active.size < GRID.size or all_live
+    assert active.size < GRID.size or all_active
     np.testing.assert_allclose(np.concatenate(images), measured, rtol=1e-4, atol=1e-5)
 
 
@@ -315,7 +315,7 @@ def test_the_ratio_needs_midpoints_and_for_self_absorption_the_emission():
 
 def test_chunks_do_not_show_and_seeds_repeat(monkeypatch):
     whole = simulate(RIG, BLOBS, GRID, supersample=2, effects=EVERYTHING, seed=2)
-    monkeypatch.setattr(sys.modules["tomo.simulation.simulate"], "_CROSSINGS_AT_ONCE", 20_000)
+    monkeypatch.setattr(sys.modules["tomo.simulation.simulate"], "_SEGMENTS_AT_ONCE", 20_000)
     parts = simulate(RIG, BLOBS, GRID, supersample=2, effects=EVERYTHING, seed=2)
     for name, image in whole.images.items():
         np.testing.assert_array_equal(parts.images[name], image)
@@ -337,7 +337,7 @@ def test_effects_print_as_what_they_are():
         ({"gain_spread": -0.1}, "gain_spread: found -0.1, expected a number >= 0"),
         ({"absorption": float("nan")}, "absorption: found nan"),
         ({"self_absorption": -1}, "self_absorption: found -1"),
-        ({"vignetting": 1.0}, "vignetting: found 1.0, expected a share below 1"),
+        ({"vignetting": 1.0}, "vignetting: found 1.0, expected a fraction below 1"),
         ({"aperture": float("inf")}, "aperture: found inf"),
         ({"focus_distance": 0}, "focus_distance: found 0, expected a number > 0"),
         ({"aperture_rays": 0}, "aperture_rays: found 0, expected a whole number >= 1"),

@@ -72,8 +72,8 @@ def test_a_stored_volume_projects_to_itself():
     # brightness of a ray through an even volume is its length in the box
     even = simulate(RIG, SampledField(np.ones(GRID.shape), GRID), GRID)
     for one in RIG:
-        chord = enter_box(Rays.from_camera(one), GRID).length
-        np.testing.assert_allclose(even.images[one.name].ravel(), chord, rtol=1e-5, atol=1e-5)
+        length = enter_box(Rays.from_camera(one), GRID).length
+        np.testing.assert_allclose(even.images[one.name].ravel(), length, rtol=1e-5, atol=1e-5)
 
 
 def test_no_pixel_that_sees_the_box_is_left_out():
@@ -90,7 +90,7 @@ def test_no_pixel_that_sees_the_box_is_left_out():
 
 def test_chunks_do_not_show(monkeypatch):
     whole = simulate(RIG, BLOBS, GRID, supersample=2)
-    monkeypatch.setattr(sys.modules["tomo.simulation.simulate"], "_CROSSINGS_AT_ONCE", 5000)
+    monkeypatch.setattr(sys.modules["tomo.simulation.simulate"], "_SEGMENTS_AT_ONCE", 5000)
     calls = []
     parts = simulate(RIG, BLOBS, GRID, supersample=2, progress=lambda *a: calls.append(a))
     for name in whole.images:
@@ -144,7 +144,7 @@ def test_a_saved_scan_gives_back_images_and_truth(tmp_path, bits):
         ({"noise": -1}, "noise: found -1"),
         ({"seed": -1}, "seed: found -1"),
         ({"photons": 0}, "photons: found 0"),
-        ({"read_noise": 1}, "read_noise: found no photons"),
+        ({"read_noise": 1}, "read_noise: found it without photons"),
         ({"bits": 17}, "bits: found 17"),
         ({"tracer": "foo"}, "tracer: found 'foo'"),
         ({"supersample": 0}, "supersample: found 0"),

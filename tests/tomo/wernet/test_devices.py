@@ -61,8 +61,8 @@ def test_gradients_are_alike(scene, layout, dtype, bound, normalised):
 
 @pytest.mark.parametrize("per_view", [True, False])
 def test_learned_weights_are_alike(scene, per_view):
-    chords = scene().projector
-    encoder, view_parameters = CorrectionEncoder(seed=1), ViewParameters(chords.n_views, 16)
+    unweighted = scene().projector
+    encoder, view_parameters = CorrectionEncoder(seed=1), ViewParameters(unweighted.n_views, 16)
     generator = torch.Generator().manual_seed(0)
     for parameter in (
         encoder.last.weight,
@@ -71,14 +71,15 @@ def test_learned_weights_are_alike(scene, per_view):
         view_parameters.log_gain,
     ):
         torch.nn.init.normal_(parameter, 0, 0.1, generator=generator)
-    volume = np.random.default_rng(2).random(chords.shape[1]).astype(np.float32)
+    volume = np.random.default_rng(2).random(unweighted.shape[1]).astype(np.float32)
     here = RayWeights(encoder, view_parameters, volume, 8.0, per_view)
     there = RayWeights(
         copy.deepcopy(encoder).cuda(), copy.deepcopy(view_parameters).cuda(), volume, 8.0, per_view
     )
     for same_views in (True, False):
         lengths = [
-            each.projector(chords, same_views=same_views).segments.length for each in (here, there)
+            each.projector(unweighted, same_views=same_views).segments.length
+            for each in (here, there)
         ]
         np.testing.assert_allclose(*lengths, rtol=1e-4, atol=1e-6)
 

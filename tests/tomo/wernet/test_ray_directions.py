@@ -77,7 +77,7 @@ def test_how_far_off_the_axis_rays_are_is_seen_from_the_rays_alone(scene):
         true.append(np.square(np.stack([pixels % width, pixels // width], 1) - middle).sum(1))
     true = np.concatenate(true)
     np.testing.assert_allclose(found / found.max(), true / true.max(), atol=1e-6)
-    few = np.array([0, 1])  # of one ray nothing is told
+    few = np.array([0, 1])  # one ray alone gives no axis
     np.testing.assert_array_equal(squared_tangents(point[:1], direction[:1], few), [0])
 
 

@@ -150,7 +150,11 @@ class Checkpoint:
         content = load_tensors(self.path, "a checkpoint")
         if not isinstance(content, dict) or content.get("format") != _FORMAT:
             raise ValueError(f"{self.path}: format: found no {_FORMAT!r}, expected a checkpoint")
-        if content.get("version") != _VERSION or content.get("problem") != self.problem:
+        if content.get("version") != _VERSION:
+            raise ValueError(
+                f"{self.path}: version: found {content.get('version')!r}, expected {_VERSION}"
+            )
+        if content.get("problem") != self.problem:
             raise ValueError(
                 f"{self.path}: problem: found a checkpoint of other images, rays or settings, "
                 "expected the one that was interrupted"

@@ -42,7 +42,7 @@ SETTLED = 0.99
 """Iterations end when the residual of left-out views falls by less than to this factor."""
 
 LARGEST_CORRECTION = 1e3
-"""Corrections above it are taken for divergence: weights are then a million times the segment
+"""Corrections above it count as divergence: weights are then a million times the segment
 lengths. Squares of much larger ones overflow single precision."""
 
 PROMISING = 0.99

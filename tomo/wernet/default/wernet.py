@@ -32,7 +32,7 @@ FEW_VIEW_ITERATIONS = 2
 
 WIDEST_WITH_FEW_VIEWS = 1.0
 """Width of the smooth basis, in voxels, above which few views teach nothing: most of the residual
-is then detail that the basis lacks, and would be taken for optics."""
+is then detail that the basis lacks, and would be learned as optics."""
 
 FEW_VIEW_FEATURES = ("depth in the grid", "segment length", "upstream emission")
 """Features that a new encoder sees with few views: the same from every side. Directions and
@@ -152,7 +152,7 @@ def wernet(
     if math.isnan(baseline.held_out_residual):
         stop_reason = f"no views to evaluate weights by: {baseline.reason}"
     elif not per_view and baseline.width > WIDEST_WITH_FEW_VIEWS and not freeze_encoder:
-        stop_reason = "the few views allow no detail: smoothness would be taken for optics"
+        stop_reason = "the few views allow no detail: smoothness would be learned as optics"
 
     with chunk_map(place) as map_chunks:
         training = EncoderTraining(

@@ -42,8 +42,8 @@ class _InterruptedError(Exception):
 
 
 @lru_cache
-def _uninterrupted(make):
-    one = make(effects=GAINS)
+def _uninterrupted(make, effects=GAINS):
+    one = make(effects=effects)
     return wernet(one.projector, one.measured, iterations=ITERATIONS)
 
 
@@ -68,6 +68,22 @@ def _assert_same(found, expected, projector):
 @pytest.fixture
 def checkpoint(tmp_path):
     return tmp_path / "deep" / "checkpoint.pt"
+
+
+@pytest.fixture(scope="module")
+def written(scene, tmp_path_factory):
+    """Return the content of a checkpoint of one outer iteration."""
+    one, path = scene(effects=GAINS), tmp_path_factory.mktemp("written") / "checkpoint.pt"
+    wernet(one.projector, one.measured, iterations=1, checkpoint=path)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def present(checkpoint, written):
+    """Return the path of such a checkpoint."""
+    checkpoint.parent.mkdir()
+    checkpoint.write_bytes(written)
+    return checkpoint
 
 
 def test_a_run_that_was_killed_goes_on_to_the_same_bits(scene, checkpoint):
@@ -108,8 +124,7 @@ def test_wherever_it_stopped_it_goes_on_to_the_same_bits(scene, checkpoint, effe
         wernet(one.projector, one.measured, callback=_interrupt_after(after), **arguments)
     assert checkpoint.exists() == (after > 0)
     found = wernet(one.projector, one.measured, resume=True, **arguments)
-    expected = wernet(one.projector, one.measured, iterations=ITERATIONS)
-    _assert_same(found, expected, one.projector)
+    _assert_same(found, _uninterrupted(scene, effects), one.projector)
 
 
 def test_the_history_of_what_went_on_ascends(scene, checkpoint):
@@ -203,24 +218,21 @@ def _through_a_lens(one):
 @pytest.mark.parametrize(
     "change", [_other_images, _other_rays, _other_lengths, _other_views, _through_a_lens]
 )
-def test_a_checkpoint_of_another_problem_is_refused(scene, checkpoint, change):
+def test_a_checkpoint_of_another_problem_is_refused(scene, present, written, change):
     one = scene(effects=GAINS)
-    wernet(one.projector, one.measured, iterations=1, checkpoint=checkpoint)
-    before = checkpoint.read_bytes()
     with pytest.raises(ValueError, match=r"problem: found a checkpoint of other images") as caught:
-        wernet(*change(one), iterations=1, checkpoint=checkpoint, resume=True)
-    assert str(checkpoint) in str(caught.value)
+        wernet(*change(one), iterations=1, checkpoint=present, resume=True)
+    assert str(present) in str(caught.value)
     assert "\n" not in str(caught.value)
-    assert checkpoint.read_bytes() == before
+    assert present.read_bytes() == written
 
 
 @pytest.mark.parametrize(
     "settings", [{"seed": 1}, {"iterations": 2}, {"channels": 8}, {"blocks": 1}, {"start": True}]
 )
-def test_a_checkpoint_of_other_settings_is_refused(scene, checkpoint, settings):
+def test_a_checkpoint_of_other_settings_is_refused(scene, present, settings):
     one = scene(effects=GAINS)
-    wernet(one.projector, one.measured, iterations=1, checkpoint=checkpoint)
-    arguments = {"iterations": 1, "checkpoint": checkpoint, "resume": True, **settings}
+    arguments = {"iterations": 1, "checkpoint": present, "resume": True, **settings}
     if "start" in settings:
         arguments["start"] = one.truth
     with pytest.raises(ValueError, match="problem: found a checkpoint of other"):
@@ -257,16 +269,15 @@ def _a_folder(path):
 
 
 @pytest.mark.parametrize(
-    "spoil", [_truncated, _empty, _text, _an_encoder, _a_list, _another_version, _a_folder]
+    "damage", [_truncated, _empty, _text, _an_encoder, _a_list, _another_version, _a_folder]
 )
-def test_a_file_that_is_no_checkpoint_is_refused(scene, checkpoint, spoil):
+def test_a_file_that_is_no_checkpoint_is_refused(scene, present, damage):
     one = scene(effects=GAINS)
-    wernet(one.projector, one.measured, iterations=1, checkpoint=checkpoint)
-    spoil(checkpoint)
+    damage(present)
     with pytest.raises(ValueError, match=r"checkpoint\.pt: .*found .*expected") as caught:
-        wernet(one.projector, one.measured, iterations=1, checkpoint=checkpoint, resume=True)
+        wernet(one.projector, one.measured, iterations=1, checkpoint=present, resume=True)
     assert "\n" not in str(caught.value)
-    assert [path.name for path in checkpoint.parent.iterdir()] == [checkpoint.name]
+    assert [path.name for path in present.parent.iterdir()] == [present.name]
 
 
 def test_an_encoder_frozen_leaves_no_checkpoint(scene, checkpoint):

@@ -136,12 +136,12 @@ def test_views_not_trained_with_take_the_mean():
 
 
 def test_levels_and_trends_are_taken_up_and_the_rest_stays():
-    view_parameters, guess = ViewParameters(3, 4), ViewParameters(3, 1)
+    view_parameters, other = ViewParameters(3, 4), ViewParameters(3, 1)
     with torch.no_grad():
-        guess.log_gain += torch.tensor([1.0, 2.0, 6.0])
-        guess.coefficients += torch.tensor([-0.5, 0.25, -0.125])
-        guess.embedding += 7
-    view_parameters.copy_terms(guess)
+        other.log_gain += torch.tensor([1.0, 2.0, 6.0])
+        other.coefficients += torch.tensor([-0.5, 0.25, -0.125])
+        other.embedding += 7
+    view_parameters.copy_terms(other)
     assert view_parameters.log_gain.tolist() == [1.0, 2.0, 6.0]
     assert view_parameters.coefficients.tolist() == [-0.5, 0.25, -0.125]
     assert not view_parameters.embedding.any()

@@ -28,32 +28,32 @@ def _weights(projector, trained=True, per_view=True):
     return RayWeights(encoder, view_parameters, volume, 8.0, per_view)
 
 
-def test_a_new_encoder_gives_the_chord_projector_itself(scene):
-    chords = scene().projector
-    learned = _weights(chords, trained=False).projector(chords)
-    assert np.array_equal(learned.segments.length, chords.segments.length)
-    assert learned.segments.length.dtype == chords.segments.length.dtype
-    assert np.array_equal(learned.segments.voxel, chords.segments.voxel)
-    assert np.array_equal(learned.view_ptr, chords.view_ptr)
+def test_a_new_encoder_gives_the_projector_of_segment_lengths(scene):
+    unweighted = scene().projector
+    learned = _weights(unweighted, trained=False).projector(unweighted)
+    assert np.array_equal(learned.segments.length, unweighted.segments.length)
+    assert learned.segments.length.dtype == unweighted.segments.length.dtype
+    assert np.array_equal(learned.segments.voxel, unweighted.segments.voxel)
+    assert np.array_equal(learned.view_ptr, unweighted.view_ptr)
     volume = scene().truth.ravel()
-    assert np.array_equal(learned @ volume, chords @ volume)
+    assert np.array_equal(learned @ volume, unweighted @ volume)
 
 
 @pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-6)])
 def test_the_learned_projector_has_its_adjoint(scene, dtype, bound):
-    chords = scene().projector
-    learned = _weights(chords).projector(chords)
-    assert np.abs(learned.segments.length / chords.segments.length - 1).max() > 0.1
+    unweighted = scene().projector
+    learned = _weights(unweighted).projector(unweighted)
+    assert np.abs(learned.segments.length / unweighted.segments.length - 1).max() > 0.1
     for operator in (learned, learned.subset([2, 0]), learned.take(np.arange(0, 3000, 7))):
         assert max(dot_test(operator, seed, dtype) for seed in range(20)) < bound
 
 
-def test_weights_are_chords_times_one_plus_the_correction_squared(scene):
-    chords = scene().projector
-    weights = _weights(chords)
-    features = RayFeatures.of(chords)
+def test_weights_are_lengths_times_one_plus_the_correction_squared(scene):
+    unweighted = scene().projector
+    weights = _weights(unweighted)
+    features = RayFeatures.of(unweighted)
     upstream = features.upstream_emission(weights.volume, weights.unit)
-    learned = weights.projector(chords)
+    learned = weights.projector(unweighted)
     for ray in range(0, len(features), 131):
         one = torch.tensor([ray])
         packing, described = features.packed(one, upstream)
@@ -72,7 +72,7 @@ def test_weights_are_chords_times_one_plus_the_correction_squared(scene):
                 + torch.stack(terms, 1) @ weights.view_parameters.coefficients
             )
             correction = (1 + correction) * torch.exp(exponent) - 1
-        expected = chords.segments.length[packing.segment] * (1 + correction.numpy()) ** 2
+        expected = unweighted.segments.length[packing.segment] * (1 + correction.numpy()) ** 2
         found = learned.segments.length[packing.segment]
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
         with torch.no_grad():
@@ -84,8 +84,8 @@ def test_weights_are_chords_times_one_plus_the_correction_squared(scene):
 
 @pytest.mark.parametrize(("blocks", "channels"), [(1, 8), (2, 16), (3, 5)])
 def test_ray_by_ray_the_encoder_gives_what_it_gives_in_training(scene, blocks, channels):
-    chords = scene().projector
-    features = RayFeatures.of(chords)
+    unweighted = scene().projector
+    features = RayFeatures.of(unweighted)
     encoder, view_parameters = (
         CorrectionEncoder(blocks=blocks, channels=channels),
         ViewParameters(12, channels),
@@ -95,7 +95,7 @@ def test_ray_by_ray_the_encoder_gives_what_it_gives_in_training(scene, blocks, c
         torch.nn.init.normal_(parameter, 0, 0.2, generator=generator)
     with torch.no_grad():
         encoder.hidden[0].weight[:, [2, 7]] = 0  # features that are not looked at
-    volume = np.random.default_rng(2).random(chords.shape[1]).astype(np.float32)
+    volume = np.random.default_rng(2).random(unweighted.shape[1]).astype(np.float32)
     upstream = features.upstream_emission(volume, 8.0)
     crossing = features.count.nonzero()[:, 0]
     with torch.no_grad():
@@ -108,9 +108,9 @@ def test_ray_by_ray_the_encoder_gives_what_it_gives_in_training(scene, blocks, c
 
 
 def test_an_encoder_of_zeros_leaves_trends_and_levels(scene):
-    chords = scene().projector
-    weights = _weights(chords)
-    features = RayFeatures.of(chords)
+    unweighted = scene().projector
+    weights = _weights(unweighted)
+    features = RayFeatures.of(unweighted)
     upstream = features.upstream_emission(weights.volume, weights.unit)
     plain = CorrectionEncoder(blocks=1, channels=8)
     crossing = features.count.nonzero()[:, 0]
@@ -122,8 +122,8 @@ def test_an_encoder_of_zeros_leaves_trends_and_levels(scene):
     found = parametric_corrections(weights.view_parameters, features, upstream)[packing.segment]
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
     simple = RayWeights(plain, weights.view_parameters, weights.volume, weights.unit, True)
-    lengths = chords.segments.length[packing.segment] * (1 + expected.numpy()) ** 2
-    found = simple.projector(chords).segments.length[packing.segment]
+    lengths = unweighted.segments.length[packing.segment] * (1 + expected.numpy()) ** 2
+    found = simple.projector(unweighted).segments.length[packing.segment]
     np.testing.assert_allclose(found, lengths, rtol=1e-4, atol=1e-6)
     _, described = features.packed(crossing, upstream)
     depth, emission, off_axis = (term[packing.segment] for term in features.terms(upstream))
@@ -139,51 +139,51 @@ def test_weights_are_at_least_zero():
     )  # fmt: skip
     from tomo.grid import VoxelGrid
 
-    chords = Projector(segments, VoxelGrid((3, 1, 1), 1.0))
-    found = reweighted(chords, np.array([-3.0, -1.0, 0.5], np.float32))
+    unweighted = Projector(segments, VoxelGrid((3, 1, 1), 1.0))
+    found = reweighted(unweighted, np.array([-3.0, -1.0, 0.5], np.float32))
     assert found.segments.length.tolist() == [4.0, 0.0, 2.25]
-    assert chords.segments.length.tolist() == [1.0, 1.0, 1.0]
+    assert unweighted.segments.length.tolist() == [1.0, 1.0, 1.0]
 
 
 def test_the_same_bits_for_any_number_of_threads(scene, on_threads):
-    chords = scene(image_size=(21, 30)).projector
-    assert chords.n_segments > 4 * CPU_SEGMENTS
+    unweighted = scene(image_size=(21, 30)).projector
+    assert unweighted.n_segments > 4 * CPU_SEGMENTS
     found = []
     for threads in (1, 2, 4):
         with on_threads(threads):
-            found.append(_weights(chords).projector(chords).segments.length)
+            found.append(_weights(unweighted).projector(unweighted).segments.length)
             assert torch.get_num_threads() == threads
     assert all(np.array_equal(found[0], other) for other in found[1:])
 
 
 def test_other_views_take_the_mean_of_what_is_each_view_s_own(scene):
-    chords = scene().projector
-    weights = _weights(chords)
-    mean = weights.view_parameters.mean(chords.n_views)
+    unweighted = scene().projector
+    weights = _weights(unweighted)
+    mean = weights.view_parameters.mean(unweighted.n_views)
     expected = RayWeights(weights.encoder, mean, weights.volume, weights.unit, True)
-    found = weights.projector(chords, same_views=False).segments.length
-    assert np.array_equal(found, expected.projector(chords).segments.length)
-    assert not np.array_equal(found, weights.projector(chords).segments.length)
-    fewer = chords.subset([1, 4])
+    found = weights.projector(unweighted, same_views=False).segments.length
+    assert np.array_equal(found, expected.projector(unweighted).segments.length)
+    assert not np.array_equal(found, weights.projector(unweighted).segments.length)
+    fewer = unweighted.subset([1, 4])
     assert weights.projector(fewer, same_views=False).n_views == 2
 
 
 def test_a_view_s_weights_do_not_depend_on_the_views_beside_it(scene):
-    chords = scene().projector
-    weights = replace(_weights(chords), image_scale=RayFeatures.of(chords).image_scale)
-    whole = weights.projector(chords, same_views=False)
+    unweighted = scene().projector
+    weights = replace(_weights(unweighted), image_scale=RayFeatures.of(unweighted).image_scale)
+    whole = weights.projector(unweighted, same_views=False)
     for view in (0, 1):
-        alone = weights.projector(chords.subset([view]), same_views=False).segments.length
+        alone = weights.projector(unweighted.subset([view]), same_views=False).segments.length
         np.testing.assert_allclose(alone, whole.subset([view]).segments.length, rtol=1e-5)
 
 
 def test_without_numbers_of_their_own_views_do_not_matter(scene):
-    chords = scene().projector
-    weights = _weights(chords, per_view=False)
-    whole = weights.projector(chords)
+    unweighted = scene().projector
+    weights = _weights(unweighted, per_view=False)
+    whole = weights.projector(unweighted)
     some = [7, 2]
     for same_views in (True, False):
-        found = weights.projector(chords.subset(some), same_views=same_views)
+        found = weights.projector(unweighted.subset(some), same_views=same_views)
         np.testing.assert_allclose(
             found.segments.length, whole.subset(some).segments.length, rtol=1e-5, atol=1e-7
         )
@@ -199,10 +199,10 @@ def test_pixels_that_cross_nothing_stay_empty(scene):
     some = Segments(
         np.concatenate([[0], np.cumsum(counts)]), s.voxel[kept], s.length[kept], s.midpoint[kept]
     )
-    chords = Projector(some, one.grid, one.projector.view_ptr)
-    learned = _weights(chords, per_view=False).projector(chords)
+    unweighted = Projector(some, one.grid, one.projector.view_ptr)
+    learned = _weights(unweighted, per_view=False).projector(unweighted)
     assert np.array_equal(learned.segments.ptr, some.ptr)
-    whole = _weights(chords, per_view=False).projector(one.projector)
+    whole = _weights(unweighted, per_view=False).projector(one.projector)
     np.testing.assert_allclose(
         learned.segments.length, whole.segments.length[kept], rtol=1e-5, atol=1e-7
     )
@@ -212,10 +212,10 @@ def test_active_voxels_stay(scene):
     one = scene()
     active = ActiveVoxels.from_mask(one.grid, one.truth > 0.05)
     part = one.projector.segments.renumbered(active.number)
-    chords = Projector(part, one.grid, one.projector.view_ptr, active)
-    learned = _weights(chords).projector(chords)
+    unweighted = Projector(part, one.grid, one.projector.view_ptr, active)
+    learned = _weights(unweighted).projector(unweighted)
     assert learned.active is active
-    assert learned.shape == chords.shape
+    assert learned.shape == unweighted.shape
     assert max(dot_test(learned, seed) for seed in range(5)) < 1e-12
 
 

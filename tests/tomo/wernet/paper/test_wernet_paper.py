@@ -214,7 +214,7 @@ def test_learning_rates_are_halved(projector, measured):
         train(
             projector,
             measured,
-            iterations=8,
+            iterations=5,
             halve_every=halve_every,
             callback=lambda index, volume, residual: volumes.append(volume),
             **SMALL_STEPS,
@@ -250,12 +250,12 @@ def test_divergence_after_an_epoch_keeps_the_volume_of_the_epoch_before(
     module, volumes = sys.modules["tomo.wernet.paper.wernet_paper"], []
     train_epoch = module.train_epoch
 
-    def spoil_the_third(model, *arguments):
+    def diverge_in_the_third(model, *arguments):
         if len(volumes) == 2:
             model.encoder.last.bias.data.fill_(np.nan)
         return train_epoch(model, *arguments)
 
-    monkeypatch.setattr(module, "train_epoch", spoil_the_third)
+    monkeypatch.setattr(module, "train_epoch", diverge_in_the_third)
     result = train(
         projector,
         measured,
