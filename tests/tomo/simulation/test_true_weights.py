@@ -1,4 +1,4 @@
-"""True weights of simulated scans, and the report of learned ones beside them."""
+"""True weights of simulated scans, and the report of learned ones."""
 
 import json
 from dataclasses import replace

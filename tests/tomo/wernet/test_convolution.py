@@ -43,7 +43,7 @@ def test_only_the_gradients_asked_for_are_there_and_are_the_same(wanted):
             assert one.grad is None
 
 
-def test_rows_beside_an_empty_one_do_not_see_past_it():
+def test_rows_next_to_an_empty_one_do_not_see_past_it():
     x, weight, bias = _case(7)
     with torch.no_grad():
         x[3] = 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -292,32 +291,3 @@ class OuterIterations:
     def _below_baseline(self, residual: float, factor: float) -> bool:
         """Return whether a residual of left-out views is below ``factor`` times the baseline's."""
         return residual < factor * self.baseline.held_out_residual
-
-
-def stop_message(
-    stop_reason: str, kept: EvaluatedWeights | None, residuals: Sequence[float]
-) -> str:
-    """Return in a line why the iterations ended and which weights are kept.
-
-    Parameters
-    ----------
-    stop_reason : str
-    kept : EvaluatedWeights or None
-        None for the classic solve with segment lengths.
-    residuals : (float, float)
-        Relative residuals of left-out views, with segment lengths and with learned weights.
-    """
-    lengths, learned = residuals
-    both = f"{learned:.4f}, segment lengths {lengths:.4f}"
-    if kept is None and math.isnan(learned):
-        return f"{stop_reason}; segment lengths are kept"
-    if kept is None:
-        return (
-            f"{stop_reason}; segment lengths are kept: learned weights do not predict left-out "
-            f"views clearly better (relative residual {both})"
-        )
-    source = f"of outer iteration {kept.index}" if kept.index else "by parametric terms"
-    return (
-        f"{stop_reason}; learned weights {source} are kept (relative residual of left-out views "
-        f"{both})"
-    )

@@ -6,12 +6,13 @@ import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
+import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from tomo._compute.jit import compiled
 from tomo.operators import Projector
-from tomo.wernet.default import ray_kernels
 from tomo.wernet.packing import Packing
 from tomo.wernet.ray_directions import ray_directions, squared_tangents
 
@@ -224,7 +225,7 @@ class RayFeatures:
         """
         segments = (self.start, self.count, self.voxel, self.length)
         upstream = np.zeros(len(self.voxel), np.float32)
-        ray_kernels.upstream_emission(
+        _sum_upstream(
             *(tensor.cpu().numpy() for tensor in segments),
             np.ascontiguousarray(volume, np.float32),
             float(unit),
@@ -261,3 +262,14 @@ def _image_positions(
         axes = np.stack([across, np.cross(mean, across)], axis=1)  # (3, 2)
         position[start:stop] = (own @ axes) / np.maximum(own @ mean, 0.1)[:, None]
     return position
+
+
+@compiled(parallel=True)
+def _sum_upstream(start, count, voxel, length, volume, unit, upstream) -> None:
+    """Write the emission between the camera and each segment's middle to ``upstream`` (S,)."""
+    for ray in numba.prange(len(start)):
+        before = 0.0
+        for s in range(start[ray], start[ray] + count[ray]):
+            own = np.float64(length[s]) * np.float64(volume[voxel[s]])
+            upstream[s] = (before + own / 2) / unit
+            before += own

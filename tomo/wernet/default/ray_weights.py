@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from tomo._compute.jit import compiled
 from tomo.operators import Projector
-from tomo.wernet.default import ray_kernels
 from tomo.wernet.default.compiled_forward import compiled_corrections
 from tomo.wernet.default.correction import CorrectionEncoder, ViewParameters
 from tomo.wernet.default.ray_features import RayFeatures
@@ -110,7 +111,7 @@ def parametric_corrections(
         features.off_axis, view_parameters.coefficients.detach(),
         view_parameters.log_gain.detach(),
     )  # fmt: skip
-    ray_kernels.parametric_corrections(*(tensor.cpu().numpy() for tensor in tensors), found)
+    _correct(*(tensor.cpu().numpy() for tensor in tensors), found)
     return found
 
 
@@ -143,3 +144,15 @@ def corrections(
 def reweighted(projector: Projector, correction: NDArray[np.float32]) -> Projector:
     """Return a stored projector with ``length (1 + correction)²`` in place of its lengths."""
     return projector.with_lengths(projector.segments.length * np.square(1 + correction))
+
+
+@compiled(parallel=True)
+def _correct(
+    start, count, view, depth, upstream, off_axis, coefficients, log_gain, correction
+) -> None:
+    """Write ``exp(coefficients . terms + log_gain) - 1`` to ``correction`` (S,)."""
+    by_depth, by_upstream = np.float64(coefficients[0]), np.float64(coefficients[1])
+    for ray in numba.prange(len(start)):
+        own = np.float64(log_gain[view[ray]]) + np.float64(coefficients[2]) * off_axis[ray]
+        for s in range(start[ray], start[ray] + count[ray]):
+            correction[s] = np.expm1(by_depth * depth[s] + by_upstream * upstream[s] + own)

@@ -10,19 +10,20 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from tomo.operators import VOXEL, ProjectionOperator
+from tomo.operators import ProjectionOperator
 from tomo.operators.vectors import additive_start, check_measured, check_weights
 from tomo.selection import choose_by_held_out_views
 from tomo.selection.choose import FEW_VIEWS, solve_as_chosen
-from tomo.solvers import Iteration, Solution
+from tomo.solvers import Solution
 from tomo.solvers.solution import Callback
 from tomo.wernet.default.checkpoint import Checkpoint
 from tomo.wernet.default.correction import CorrectionEncoder, ViewParameters
 from tomo.wernet.default.encoder_training import EncoderTraining
-from tomo.wernet.default.outer_iterations import OuterIterations, stop_message
+from tomo.wernet.default.outer_iterations import OuterIterations
 from tomo.wernet.default.ray_features import RayFeatures
+from tomo.wernet.default.run import Record, run, stop_message
 from tomo.wernet.device import usable_device
 from tomo.wernet.encoder_file import load_encoder
 from tomo.wernet.micro_batches import chunk_map
@@ -118,20 +119,18 @@ def wernet(
     Pan, Li, Xu, "Weight Encode Reconstruction Network for Computed Tomography in a Semi-Case-Wise
     and Learning-Based Way", arXiv 2010.00893.
     """
-    record = _Record(callback)
+    record = Record(callback)
     _check(iterations, encoder, freeze_encoder)
     measured = check_measured(projector, measured)
     place = usable_device(device)
     per_view = np.count_nonzero(np.diff(projector.view_ptr)) > FEW_VIEWS
     features = RayFeatures.of(projector, place, per_view=per_view)
-    settings: dict[str, Any] = {
+    settings = {
         "method": "wernet",
         "iterations": 0 if freeze_encoder else int(iterations),
         "start": start is not None,
         "weighted": weights is not None,
-        "encoder": "in memory"
-        if isinstance(encoder, CorrectionEncoder)
-        else encoder and str(encoder),
+        "encoder": _name(encoder),
         "freeze_encoder": freeze_encoder,
         "device": str(device),
         "seed": seed,
@@ -176,7 +175,7 @@ def wernet(
             weights=weights,
         )
         saved = Checkpoint.of(checkpoint, settings, projector, measured)
-        _run(
+        run(
             outer,
             record,
             saved,
@@ -187,26 +186,18 @@ def wernet(
     return _solution(outer, record, classic, settings)
 
 
-class _Record:
-    """The history of a run, and the callback that sees it."""
-
-    def __init__(self, callback: Callback | None) -> None:
-        self.began, self.callback = time.perf_counter(), callback
-        self.history: list[Iteration] = []
-        self.volume: NDArray[np.float32] | None = None
-
-    def add(self, index: int, volume: NDArray[np.float32], residual: float) -> bool:
-        """Add a volume (unknowns,); return whether the callback stops the run."""
-        self.volume = volume
-        self.history.append(Iteration(index, residual, time.perf_counter() - self.began))
-        return bool(self.callback and self.callback(index, volume, residual))
-
-
 def _check(iterations: int, encoder: object, freeze_encoder: bool) -> None:
     if iterations < 0 or iterations != int(iterations):
         raise ValueError(f"iterations: found {iterations}, expected a whole number >= 0")
     if freeze_encoder and encoder is None:
         raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder as well")
+
+
+def _name(encoder: str | Path | CorrectionEncoder | None) -> str | None:
+    """Return the file of a given encoder for the record of settings."""
+    if isinstance(encoder, CorrectionEncoder):
+        return "in memory"
+    return encoder and str(encoder)
 
 
 def _own_encoder(
@@ -227,42 +218,8 @@ def _own_encoder(
     return load_encoder(given, CorrectionEncoder)
 
 
-def _run(
-    outer: OuterIterations,
-    record: _Record,
-    saved: Checkpoint | None,
-    *,
-    resume: bool,
-    train: bool,
-    started: bool,
-) -> None:
-    """Find parametric terms and do the outer iterations, until one of them says why they end."""
-    state = saved.load() if saved and resume and not outer.stop_reason else None
-    if state is not None:
-        with saved.damages():
-            outer.restore(state)
-    elif outer.training.features.per_view and outer.limit and not outer.stop_reason:
-        found = outer.find_terms()
-        residual = outer.solve_with_terms() if found and not started else math.nan
-        if saved:
-            saved.save(outer.state())
-        if not math.isnan(residual) and record.add(1, outer.volume, residual):
-            outer.stop_reason = "stopped by the callback after the parametric terms"
-    blurred = outer.projector.basis == VOXEL and not outer.projector.rows_are_single_rays
-    if blurred and train and not outer.stop_reason:
-        outer.stop_reason = "no encoder is trained through a lens blur"
-    while not outer.stop_reason and (outer.done < outer.limit or not (train or outer.done)):
-        residual = outer.iterate(train=train)
-        if math.isnan(residual):
-            break
-        if saved and train:
-            saved.save(outer.state())
-        if record.add(outer.done + outer.has_terms, outer.volume, residual):
-            outer.stop_reason = f"stopped by the callback after outer iteration {outer.done}"
-
-
 def _solution(
-    outer: OuterIterations, record: _Record, classic: Solution, settings: dict[str, Any]
+    outer: OuterIterations, record: Record, classic: Solution, settings: dict[str, Any]
 ) -> Solution:
     """Return the solution with the weights that are kept, or the classic one."""
     kept = outer.kept()

@@ -15,7 +15,7 @@ class PaperSettings:
     Parameters
     ----------
     variant : {"batch-norm", "bias-mask", "no-bias"}
-        Of a new encoder, see `WeightEncoder`.
+        Variant of a new encoder, see `WeightEncoder`.
     blocks : int
         Hidden blocks of a new encoder.
     inputs : {"absolute", "relative"}
@@ -27,7 +27,7 @@ class PaperSettings:
     normalise_gradient : bool
         See `tomo.wernet.paper.weighted_sum`.
     voxel_learning_rate, encoder_learning_rate : float
-        Of Adam in the first epochs, for a measurement scaled to a maximum of one.
+        Learning rates of Adam in the first epochs, for a measurement scaled to a maximum of one.
     halve_every : int
         Epochs between two halvings of both learning rates.
     samples_per_batch, rays_per_sample : int

@@ -168,7 +168,7 @@ def test_other_views_take_the_mean_of_what_is_each_view_s_own(scene):
     assert weights.projector(fewer, same_views=False).n_views == 2
 
 
-def test_a_view_s_weights_do_not_depend_on_the_views_beside_it(scene):
+def test_a_view_s_weights_do_not_depend_on_other_views(scene):
     unweighted = scene().projector
     weights = replace(_weights(unweighted), image_scale=RayFeatures.of(unweighted).image_scale)
     whole = weights.projector(unweighted, same_views=False)

@@ -1,0 +1,94 @@
+"""One run of the default WERNet from its first volume to the reason why it ended."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.operators import VOXEL
+from tomo.solvers import Iteration
+from tomo.solvers.solution import Callback
+from tomo.wernet.default.checkpoint import Checkpoint, EvaluatedWeights
+from tomo.wernet.default.outer_iterations import OuterIterations
+
+
+class Record:
+    """The history of a run, and the callback that sees it."""
+
+    def __init__(self, callback: Callback | None) -> None:
+        self.began, self.callback = time.perf_counter(), callback
+        self.history: list[Iteration] = []
+        self.volume: NDArray[np.float32] | None = None
+
+    def add(self, index: int, volume: NDArray[np.float32], residual: float) -> bool:
+        """Add a volume (unknowns,); return whether the callback stops the run."""
+        self.volume = volume
+        self.history.append(Iteration(index, residual, time.perf_counter() - self.began))
+        return bool(self.callback and self.callback(index, volume, residual))
+
+
+def run(
+    outer: OuterIterations,
+    record: Record,
+    saved: Checkpoint | None,
+    *,
+    resume: bool,
+    train: bool,
+    started: bool,
+) -> None:
+    """Find parametric terms and do the outer iterations, until one of them says why they end."""
+    state = saved.load() if saved and resume and not outer.stop_reason else None
+    if state is not None:
+        with saved.damages():
+            outer.restore(state)
+    elif outer.training.features.per_view and outer.limit and not outer.stop_reason:
+        found = outer.find_terms()
+        residual = outer.solve_with_terms() if found and not started else math.nan
+        if saved:
+            saved.save(outer.state())
+        if not math.isnan(residual) and record.add(1, outer.volume, residual):
+            outer.stop_reason = "stopped by the callback after the parametric terms"
+    blurred = outer.projector.basis == VOXEL and not outer.projector.rows_are_single_rays
+    if blurred and train and not outer.stop_reason:
+        outer.stop_reason = "no encoder is trained through a lens blur"
+    while not outer.stop_reason and (outer.done < outer.limit or not (train or outer.done)):
+        residual = outer.iterate(train=train)
+        if math.isnan(residual):
+            break
+        if saved and train:
+            saved.save(outer.state())
+        if record.add(outer.done + outer.has_terms, outer.volume, residual):
+            outer.stop_reason = f"stopped by the callback after outer iteration {outer.done}"
+
+
+def stop_message(
+    stop_reason: str, kept: EvaluatedWeights | None, residuals: Sequence[float]
+) -> str:
+    """Return in a line why the iterations ended and which weights are kept.
+
+    Parameters
+    ----------
+    stop_reason : str
+    kept : EvaluatedWeights or None
+        None for the classic solve with segment lengths.
+    residuals : (float, float)
+        Relative residuals of left-out views, with segment lengths and with learned weights.
+    """
+    lengths, learned = residuals
+    both = f"{learned:.4f}, segment lengths {lengths:.4f}"
+    if kept is None and math.isnan(learned):
+        return f"{stop_reason}; segment lengths are kept"
+    if kept is None:
+        return (
+            f"{stop_reason}; segment lengths are kept: learned weights do not predict left-out "
+            f"views clearly better (relative residual {both})"
+        )
+    source = f"of outer iteration {kept.index}" if kept.index else "by parametric terms"
+    return (
+        f"{stop_reason}; learned weights {source} are kept (relative residual of left-out views "
+        f"{both})"
+    )
