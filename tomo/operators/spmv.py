@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from tomo._compute.jit import compiled
 from tomo._compute.threads import threads_worth
-from tomo.operators._row_sum import CHAINS, LANES, row_sum
 
 MOST_PARTS = 16
 """Parts of the transposed product: fewer leave threads idle, more clear and add more volumes."""
@@ -35,15 +34,37 @@ ENTRIES_A_PRIVATE_VOXEL = 2
 ADDED_AT_ONCE = 2048
 """Voxels that a thread adds up at a time: they stay in its cache."""
 
-_AT_ONCE = CHAINS * LANES
+SUMS_AT_ONCE = 8
+"""Partial sums of a row, one entry each in turn: with one, each addition waits for the last."""
+
+
+@compiled(inline=True)
+def _term(volume, voxel, length, start, offset):
+    """Return one entry's product, rounded as its factors are, in double precision."""
+    s = start + np.uint64(offset)
+    return np.float64(length[s] * volume[voxel[s]])
 
 
 @compiled(inline=True)
 def row_product(volume, voxel, length, start, stop) -> float:
     """Return the entries ``start:stop`` (int64) times ``volume``, in double precision."""
-    total = row_sum(volume, voxel, length, start, stop - start)
-    for s in range(np.uint64(stop - (stop - start) % _AT_ONCE), np.uint64(stop)):
-        total += np.float64(length[s] * volume[voxel[s]])
+    s = np.uint64(start)
+    whole, end = np.uint64(stop - (stop - start) % SUMS_AT_ONCE), np.uint64(stop)
+    s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
+    while s < whole:
+        s0 += _term(volume, voxel, length, s, 0)
+        s1 += _term(volume, voxel, length, s, 1)
+        s2 += _term(volume, voxel, length, s, 2)
+        s3 += _term(volume, voxel, length, s, 3)
+        s4 += _term(volume, voxel, length, s, 4)
+        s5 += _term(volume, voxel, length, s, 5)
+        s6 += _term(volume, voxel, length, s, 6)
+        s7 += _term(volume, voxel, length, s, 7)
+        s += np.uint64(SUMS_AT_ONCE)
+    total = ((s0 + s4) + (s1 + s5)) + ((s2 + s6) + (s3 + s7))
+    while s < end:
+        total += _term(volume, voxel, length, s, 0)
+        s += np.uint64(1)
     return total
 
 

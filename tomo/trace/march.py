@@ -19,11 +19,10 @@ from numpy.typing import DTypeLike, NDArray
 
 from tomo._compute.index_types import numbering
 from tomo._compute.jit import compiled
-from tomo._compute.simd import LANES
 from tomo._compute.threads import share_range, threads_worth
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.rays import Rays
-from tomo.trace._packing import pack, pack_middles
+from tomo.trace._packing import SLABS, pack, pack_middles
 from tomo.trace._ray_setup import (
     RAYS_TOGETHER,
     WIDTH,
@@ -44,13 +43,13 @@ _COUNTING, _FILLING = 15.0, 150.0  # nanoseconds that a ray takes at least
 
 @compiled(inline=True)
 def _cut(start, origin, a, b, c, end, weight, pieces):
-    """Cut a ray in `LANES` layers from ``start`` on into three pieces each, some of no length.
+    """Cut a ray in `SLABS` layers from ``start`` on into three pieces each, some of no length.
 
-    ``pieces`` (9 * LANES,) takes, for all layers each, the lengths times ``weight`` of the first,
+    ``pieces`` (9 * SLABS,) takes, for all layers each, the lengths times ``weight`` of the first,
     second and third piece, then their voxels, then the times in their middles. One buffer, so
     that the compiler sees that nothing overlaps.
     """
-    for i in range(LANES):
+    for i in range(SLABS):
         layer = float(start + i)
         into = lesser(greater(passing(layer - 1, a), 0.0), end)
         out = lesser(passing(layer, a), end) if layer < a[3] else end
@@ -65,14 +64,14 @@ def _cut(start, origin, a, b, c, end, weight, pieces):
         first = origin + layer * a[4] + b0 * b[4] + c0 * c[4]
         step_b, step_c = (b1 - b0) * b[4], (c1 - c0) * c[4]
         pieces[i] = (sooner - into) * weight
-        pieces[LANES + i] = (later - sooner) * weight
-        pieces[2 * LANES + i] = (out - later) * weight
-        pieces[3 * LANES + i] = first
-        pieces[4 * LANES + i] = first + (step_b if at_b < at_c else step_c)
-        pieces[5 * LANES + i] = first + step_b + step_c
-        pieces[6 * LANES + i] = (into + sooner) / 2
-        pieces[7 * LANES + i] = (sooner + later) / 2
-        pieces[8 * LANES + i] = (later + out) / 2
+        pieces[SLABS + i] = (later - sooner) * weight
+        pieces[2 * SLABS + i] = (out - later) * weight
+        pieces[3 * SLABS + i] = first
+        pieces[4 * SLABS + i] = first + (step_b if at_b < at_c else step_c)
+        pieces[5 * SLABS + i] = first + step_b + step_c
+        pieces[6 * SLABS + i] = (into + sooner) / 2
+        pieces[7 * SLABS + i] = (sooner + later) / 2
+        pieces[8 * SLABS + i] = (later + out) / 2
 
 
 @compiled()
@@ -103,11 +102,10 @@ def _fill(
     middle : (room or 0, 3)
     """
     lower, upper, spacing, shape = box
-    pieces, courses = np.zeros(9 * LANES), np.zeros((WIDTH, RAYS_TOGETHER))
+    pieces, courses = np.zeros(9 * SLABS), np.zeros((WIDTH, RAYS_TOGETHER))
     starts, stops = np.zeros(RAYS_TOGETHER, np.int64), np.zeros(RAYS_TOGETHER, np.int64)
     for chunk in range(first_chunk, last_chunk):
         at, last = np.uint64(begin[chunk]), min((chunk + 1) * RAYS_A_CHUNK, len(counts))
-        room = np.uint64(begin[chunk + 1] if chunk + 1 < len(begin) else len(voxel))
         for first in range(chunk * RAYS_A_CHUNK, last, RAYS_TOGETHER):
             some = min(RAYS_TOGETHER, last - first)
             set_courses(
@@ -122,7 +120,7 @@ def _fill(
                 start, stop, before = starts[k], stops[k], at
                 origin, end, a, b, c = course_of(courses, k)
                 while start < stop:
-                    layers, found = min(LANES, stop - start), at
+                    layers, found = min(SLABS, stop - start), at
                     _cut(start, origin, a, b, c, end, weights[first + k], pieces)
                     start += layers
                     if len(middle) > 0:
@@ -130,7 +128,7 @@ def _fill(
                         pack_middles(
                             layers, pieces, number, at, entry, direction, spacing, shape, middle
                         )
-                    at = pack(layers, start == stop, pieces, number, at, room, voxel, length)
+                    at = pack(layers, start == stop, pieces, number, at, voxel, length)
                     while len(away) > 0 and at == found and start < stop:
                         clear = clear_ahead(away, start, origin, a, b, c, end)
                         if clear == 0:

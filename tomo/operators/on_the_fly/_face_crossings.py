@@ -10,23 +10,8 @@ that are entered and left cancel.
 from __future__ import annotations
 
 import numpy as np
-from numba.core import cgutils, types
-from numba.extending import intrinsic
 
 from tomo._compute.jit import compiled
-from tomo._compute.simd import (
-    LANES,
-    REAL,
-    REALS,
-    WIDE,
-    array,
-    call,
-    constant,
-    counting,
-    ir,
-    spread,
-    store,
-)
 from tomo.operators.on_the_fly.ray_setup import SLOPE_B, SLOPE_C, START_B, START_C
 
 
@@ -84,81 +69,53 @@ def within(place, t, layers):
     return np.int64(place + layer), t - layer
 
 
-def _changes(other_is_before):
-    """Return what writes the changes of column along one axis."""
-
-    @intrinsic
-    def write(typing_context, own, span, other, other_span, base, places, parts, at):
-        def generate(context, builder, signature, args):
-            own, span, other, other_span = (
-                cgutils.unpack_tuple(builder, value) for value in args[:4]
-            )
-            places, parts = (array(context, builder, signature, args, k) for k in (5, 6))
-            base, at = args[4], args[7]
-            first, last = span
-            count = builder.fptosi(builder.fsub(last, first), WIDE)
-            # the lower of two columns: where the axis is mirrored, that which is entered
-            lower = _smaller(builder, own[3], REAL(0.0))
-            line = builder.fadd(builder.fadd(base, lower), builder.fmul(first, own[3]))
-            stride = spread(builder, own[3])
-            line = call(builder, "fma", counting(REALS), stride, spread(builder, line))
-            plane = builder.fadd(first, REAL(1.0))
-            plane = builder.fadd(counting(REALS), spread(builder, plane))
-            plane, line = (cgutils.alloca_once_value(builder, some) for some in (plane, line))
-            start, _, per, _ = (spread(builder, value) for value in own)
-            to, slope, of, across = (spread(builder, value) for value in other)
-            lowest, highest = (spread(builder, value) for value in other_span)
-            step = builder.fmul(stride, constant(REALS, LANES))
-            kind = ir.VectorType(context.get_data_type(signature.args[5].dtype), LANES)
-            with cgutils.for_range_slice(builder, WIDE(0), count, WIDE(LANES)) as (m, _):
-                t = builder.fmul(builder.fsub(builder.load(plane), start), per)
-                layer = call(builder, "floor", t)
-                nearest = call(builder, "rint", call(builder, "fma", t, slope, to))
-                there = builder.fmul(builder.fsub(nearest, to), of)
-                ahead = builder.fcmp_ordered(">" if other_is_before else ">=", there, t)
-                voxel = builder.fsub(nearest, constant(REALS, 1.0))
-                voxel = builder.select(ahead, voxel, nearest)
-                voxel = _smaller(builder, _larger(builder, voxel, lowest), highest)
-                column = builder.fadd(builder.load(line), layer)
-                place = builder.fptosi(call(builder, "fma", voxel, across, column), kind)
-                here = builder.add(at, m)
-                store(builder, place, builder.gep(places.data, [here]))
-                store(builder, builder.fsub(t, layer), builder.gep(parts.data, [here]))
-                for value, more in ((plane, constant(REALS, LANES)), (line, step)):
-                    builder.store(builder.fadd(builder.load(value), more), value)
-            end = builder.add(at, count)
-            store(builder, constant(kind, 0), builder.gep(places.data, [end]))
-            return end
-
-        real, whole = types.float64, types.int64
-        line, two = types.UniTuple(real, 4), types.UniTuple(real, 2)
-        return whole(line, two, line, two, real, places, parts, whole), generate
-
-    return write
+@compiled(inline=True)
+def _changes(other_is_before, own, span, other, other_span, base, places, parts, at):
+    """Write the changes of column along one axis; see `changes_of_b`."""
+    start, _, per, stride = own
+    to, slope, of, across = other
+    lowest, highest = other_span
+    first, last = span
+    count = np.int64(last - first)
+    # the lower of two columns: where the axis is mirrored, that which is entered
+    line = base + first * stride + (stride if stride < 0 else 0.0)
+    for m in range(count):
+        t = (first + 1.0 + m - start) * per
+        layer = np.floor(t)
+        nearest = np.rint(t * slope + to)
+        there = (nearest - to) * of
+        ahead = there > t if other_is_before else there >= t
+        voxel = nearest - 1.0 if ahead else nearest
+        voxel = lowest if voxel < lowest else voxel
+        voxel = highest if highest < voxel else voxel
+        here = np.uint64(at + m)
+        places[here] = np.int64(voxel * across + (line + m * stride + layer))
+        parts[here] = t - layer
+    return at + count
 
 
-def _larger(builder, one, other):
-    return builder.select(builder.fcmp_ordered("<", one, other), other, one)
+@compiled(inline=True)
+def changes_of_b(own, span, other, other_span, base, places, parts, at):
+    """Write the changes of column along b from ``at`` on, and return their end.
+
+    Parameters
+    ----------
+    own, other : (start, slope, layers a voxel, stride)
+        The line along the axis, and that along the other one.
+    span, other_span : (float64, float64)
+        Voxels along them between which the ray is.
+    base : float64
+    places : (end or more,) int32 or int64
+        Written: the place of ``S[k]`` in the lower of the two columns; that in the upper one is a
+        stride on.
+    parts : (end or more,) float64
+        Written: ``t - k``.
+    at : int
+    """
+    return _changes(True, own, span, other, other_span, base, places, parts, at)
 
 
-def _smaller(builder, one, other):
-    return builder.select(builder.fcmp_ordered("<", other, one), other, one)
-
-
-changes_of_b, changes_of_c = _changes(True), _changes(False)
-"""Write the changes of column along b, or c, from ``at`` on, and return their end.
-
-Parameters
-----------
-own, other : (start, slope, layers a voxel, stride)
-    The line along the axis, and that along the other one.
-span, other_span : (float64, float64)
-    Voxels along them between which the ray is.
-base : float64
-places : (end + 8 or more,) int32 or int64
-    Written: the place of ``S[k]`` in the lower of the two columns; that in the upper one is a
-    stride on. Zeros from the end on.
-parts : (end + 8 or more,) float64
-    Written: ``t - k``.
-at : int
-"""
+@compiled(inline=True)
+def changes_of_c(own, span, other, other_span, base, places, parts, at):
+    """Write the changes of column along c; see `changes_of_b`."""
+    return _changes(False, own, span, other, other_span, base, places, parts, at)

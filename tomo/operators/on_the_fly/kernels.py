@@ -19,7 +19,6 @@ from __future__ import annotations
 import numpy as np
 
 from tomo._compute.jit import compiled
-from tomo._compute.simd import LANES
 from tomo.operators.on_the_fly._face_crossings import (
     changes_of_b,
     changes_of_c,
@@ -28,21 +27,10 @@ from tomo.operators.on_the_fly._face_crossings import (
     voxels,
     within,
 )
-from tomo.operators.on_the_fly._line_pairs import (
-    add_pairs,
-    between_pairs,
-    prefetch_pairs,
-    shares,
-    subtract_pairs,
-    sum_of,
-)
 from tomo.operators.on_the_fly.ray_setup import ENTER, LEAVE, SCALE
 
 RAYS_TOGETHER = 32
 """Rays whose changes are all found before what they pass there is read."""
-
-FETCHED = 2
-"""Of so many rays, one has fetched beforehand what it reads: its neighbours read beside it."""
 
 
 @compiled(inline=True)
@@ -62,9 +50,9 @@ def _between_ends(sums, b, c, span_b, span_c, base, enter, leave, layers):
 
 
 @compiled(inline=True)
-def _lists(number, shape):
-    """Return room for the changes along b and c: places of sums, and parts of a layer."""
-    room_b, room_c = RAYS_TOGETHER * shape[1] + LANES, RAYS_TOGETHER * shape[2] + LANES
+def _lists(number, shape, rays):
+    """Return room for the changes of some rays along b and c: places of sums, parts of a layer."""
+    room_b, room_c = rays * shape[1], rays * shape[2]
     return (
         (np.zeros(room_b, number.dtype), np.zeros(room_b)),
         (np.zeros(room_c, number.dtype), np.zeros(room_c)),
@@ -87,17 +75,33 @@ def _write_changes(b, c, span_b, span_c, base, lists, at):
 
 
 @compiled(inline=True)
-def _prefetch(sums, lists, at, end, strides):
-    """Have fetched what the changes from ``at`` to ``end`` read."""
-    prefetch_pairs(sums, lists[0][0], at[0], end[0], strides[0])
-    prefetch_pairs(sums, lists[1][0], at[1], end[1], strides[1])
+def _between(sums, places, parts, end, step):
+    """Replace each part ``t - k`` of the lower column by ``F(t)`` there less that in the upper.
+
+    Differences of single numbers are taken as such: they lose nothing that the numbers' own
+    rounding has left.
+    """
+    for m in range(np.uint64(end)):
+        i, j = np.uint64(places[m]), np.uint64(np.int64(places[m]) + step)
+        low = np.float64(sums[i] - sums[j])
+        high = np.float64(sums[i + np.uint64(1)] - sums[j + np.uint64(1)])
+        parts[m] = parts[m] * (high - low) + low
 
 
 @compiled(inline=True)
 def _read_changes(sums, lists, end, strides):
     """Put differences where the parts of layers stand."""
-    between_pairs(sums, *lists[0], end[0], strides[0])
-    between_pairs(sums, *lists[1], end[1], strides[1])
+    _between(sums, *lists[0], end[0], strides[0])
+    _between(sums, *lists[1], end[1], strides[1])
+
+
+@compiled(inline=True, reassociate=True)
+def _total(terms, first, end):
+    """Return the sum of ``terms[first:end]``, taken in vectors: in an order of its own."""
+    total = 0.0
+    for m in range(np.uint64(first), np.uint64(end)):
+        total += terms[m]
+    return total
 
 
 @compiled()
@@ -118,7 +122,7 @@ def forward(courses, pixel_ptr, shape, number, single, double, images) -> None:
         kernel for both types takes half as long to compile as two.
     images : (P,) float64
     """
-    lists, strides = _lists(number, shape), _strides(shape)
+    lists, strides = _lists(number, shape, RAYS_TOGETHER), _strides(shape)
     ends, signs = np.zeros((RAYS_TOGETHER + 1, 2), np.int64), np.zeros((RAYS_TOGETHER, 2))
     rays, total = np.zeros(RAYS_TOGETHER, np.int64), np.zeros(RAYS_TOGETHER)
     pixel, ray, last_ray = 0, 0, pixel_ptr[len(images)]
@@ -133,14 +137,10 @@ def forward(courses, pixel_ptr, shape, number, single, double, images) -> None:
                 span_c = voxels(c, enter, leave, shape[2])
                 end = _write_changes(b, c, span_b, span_c, base, lists, at)
                 if len(single) > 0:
-                    if some % FETCHED == 0:
-                        _prefetch(single, lists, at, end, strides)
                     total[some] = _between_ends(
                         single, b, c, span_b, span_c, base, enter, leave, shape[0]
                     )
                 else:
-                    if some % FETCHED == 0:
-                        _prefetch(double, lists, at, end, strides)
                     total[some] = _between_ends(
                         double, b, c, span_b, span_c, base, enter, leave, shape[0]
                     )
@@ -153,8 +153,8 @@ def forward(courses, pixel_ptr, shape, number, single, double, images) -> None:
         else:
             _read_changes(double, lists, at, strides)
         for k in range(some):
-            sum_b = sum_of(lists[0][1], ends[k, 0], ends[k + 1, 0])
-            sum_c = sum_of(lists[1][1], ends[k, 1], ends[k + 1, 1])
+            sum_b = _total(lists[0][1], ends[k, 0], ends[k + 1, 0])
+            sum_c = _total(lists[1][1], ends[k, 1], ends[k + 1, 1])
             value = total[k] + (signs[k, 0] * sum_b + signs[k, 1] * sum_c)
             while rays[k] >= pixel_ptr[pixel + 1]:
                 pixel += 1
@@ -171,16 +171,17 @@ def _add_up_to(differences, place, t, layers, whole):
 
 
 @compiled(inline=True)
-def _add_changes(differences, lists, pairs, end, strides):
-    """Add what rays bring at their changes to the lower columns, subtract it from the upper.
-
-    One after the other: a processor that must read in one part what it has just written in two
-    waits for it, and the next change is near to where this one enters.
-    """
-    for axis in range(2):
-        places = lists[axis][0]
-        add_pairs(differences, places, pairs[axis], end[axis])
-        subtract_pairs(differences, places, pairs[axis], end[axis], strides[axis])
+def _add_changes(differences, places, parts, end, step, whole):
+    """Add what a ray brings at its changes to the lower columns, subtract it from the upper."""
+    scale = np.float64(whole)
+    for m in range(np.uint64(end)):
+        share = np.int64(np.rint(parts[m] * scale))
+        low, high = np.uint64(whole - share), np.uint64(share)
+        i, j = np.uint64(places[m]), np.uint64(np.int64(places[m]) + step)
+        differences[i] += low
+        differences[i + np.uint64(1)] += high
+        differences[j] -= low
+        differences[j + np.uint64(1)] -= high
 
 
 @compiled(inline=True)
@@ -208,12 +209,7 @@ def adjoint(
     Other parameters as in `forward`.
     """
     first_column = float(first_b * shape[2] * (shape[0] + 1))
-    lists, strides = _lists(number, shape), _strides(shape)
-    pairs = (
-        np.zeros((len(lists[0][0]), 2), np.int64),
-        np.zeros((len(lists[1][0]), 2), np.int64),
-    )
-    some, at = 0, (0, 0)
+    lists, strides = _lists(number, shape, 1), _strides(shape)
     for pixel in range(len(images)):
         for ray in range(pixel_ptr[pixel], pixel_ptr[pixel + 1] if images[pixel] != 0 else 0):
             enter, leave = courses[ray, ENTER], courses[ray, LEAVE]
@@ -237,13 +233,8 @@ def adjoint(
             _add_up_to(differences, place, leave, shape[0], whole)
             place = base + span_b[0] * b[3] + span_c[0] * c[3]
             _add_up_to(differences, place, enter, shape[0], -whole)
-            end = _write_changes(b, c, span_b, span_c, base, lists, at)
-            if some % FETCHED == 0:
-                _prefetch(differences, lists, at, end, strides)
-            shares(lists[0][1], at[0], end[0], -whole if b[3] < 0 else whole, pairs[0])
-            shares(lists[1][1], at[1], end[1], -whole if c[3] < 0 else whole, pairs[1])
-            at, some = end, some + 1
-            if some == RAYS_TOGETHER:
-                _add_changes(differences, lists, pairs, at, strides)
-                some, at = 0, (0, 0)
-    _add_changes(differences, lists, pairs, at, strides)
+            end = _write_changes(b, c, span_b, span_c, base, lists, (0, 0))
+            whole_b = -whole if b[3] < 0 else whole
+            whole_c = -whole if c[3] < 0 else whole
+            _add_changes(differences, *lists[0], end[0], strides[0], whole_b)
+            _add_changes(differences, *lists[1], end[1], strides[1], whole_c)
