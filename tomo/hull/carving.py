@@ -18,7 +18,7 @@ from tomo.hull.projection_lattice import Lattice
 from tomo.measurement import NoiseModel
 
 if TYPE_CHECKING:
-    from rigs import Camera
+    from rigs import CameraLike
 
 WORTH_IT = 0.95  # fraction of active voxels above which carving saves no time
 
@@ -78,7 +78,7 @@ class Carving:
 
 
 def carve(
-    cameras: Sequence[Camera],
+    cameras: Sequence[CameraLike],
     images: Sequence[NDArray[np.floating]],
     masks: Sequence[NDArray[np.bool_]] | None,
     grid: VoxelGrid,
@@ -93,7 +93,7 @@ def carve(
 
     Parameters
     ----------
-    cameras : sequence of Camera
+    cameras : sequence of CameraLike
     images : sequence of (height, width)
         Intensities, one image per camera.
     masks : sequence of (height, width) bool, optional
@@ -201,7 +201,7 @@ def _in_words(
 
 
 def _check(
-    cameras: Sequence[Camera],
+    cameras: Sequence[CameraLike],
     images: Sequence[NDArray],
     masks: Sequence[NDArray] | None,
     margin: float | str,

@@ -14,7 +14,7 @@ from tomo._compute.jit import compiled
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
-    from rigs import Camera
+    from rigs import CameraLike
 
 STEP = 4
 """Voxels along each edge of a brick: more cost accuracy, fewer cost projections."""
@@ -44,7 +44,7 @@ class Lattice:
     pixels_a_voxel: float
 
     @classmethod
-    def of(cls, camera: Camera, grid: VoxelGrid) -> Self:
+    def of(cls, camera: CameraLike, grid: VoxelGrid) -> Self:
         """Project the corners of a grid's bricks; the last ones may reach beyond the grid.
 
         Notes
@@ -55,7 +55,7 @@ class Lattice:
         return cls.of_all([camera], grid)[0]
 
     @classmethod
-    def of_all(cls, cameras: Sequence[Camera], grid: VoxelGrid) -> list[Self]:
+    def of_all(cls, cameras: Sequence[CameraLike], grid: VoxelGrid) -> list[Self]:
         """Return the lattice of each camera, see `of`."""
         bricks = bricks_of(grid.shape)
         some = [np.unique(np.linspace(0, n - 1, min(n, CHECKED)).astype(int)) for n in bricks]
@@ -89,7 +89,7 @@ def _points(grid: VoxelGrid, positions: list[NDArray]) -> NDArray[np.float64]:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
-def _projected(cameras: Sequence[Camera], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _projected(cameras: Sequence[CameraLike], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return pixel coordinates of points (N, 3), NaN where they are not seen: (views, N, 2)."""
     seen = np.full((len(cameras), len(points), 2), np.nan)
     pinholes, matrices = [], []

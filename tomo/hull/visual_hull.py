@@ -14,7 +14,7 @@ from tomo.hull.dark_votes import dark_votes, touched
 from tomo.hull.projection_lattice import Lattice
 
 if TYPE_CHECKING:
-    from rigs import Camera
+    from rigs import CameraLike
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class VisualHull:
 
 
 def visual_hull(
-    cameras: Sequence[Camera], silhouettes: Sequence[NDArray[np.bool_]], grid: VoxelGrid
+    cameras: Sequence[CameraLike], silhouettes: Sequence[NDArray[np.bool_]], grid: VoxelGrid
 ) -> VisualHull:
     """Carve away every voxel whose projected box lies wholly outside a silhouette.
 
@@ -60,7 +60,7 @@ def visual_hull(
 
     Parameters
     ----------
-    cameras : sequence of Camera
+    cameras : sequence of CameraLike
     silhouettes : sequence of (height, width) bool
         One a camera: True where it sees the object.
     grid : VoxelGrid

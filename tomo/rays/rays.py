@@ -13,7 +13,7 @@ from tomo._compute.grouping import take_groups
 from tomo.rays.pinhole import FINE, NOT_FINITE, NOT_LONG, NOT_UNIT, lines_of_sight, what_is_wrong
 
 if TYPE_CHECKING:
-    from rigs import Camera
+    from rigs import CameraLike
 
 _WRONG = {
     NOT_FINITE: "rays origins: found NaN or infinity, expected finite coordinates",
@@ -124,7 +124,7 @@ class Rays:
 
     @classmethod
     def from_camera(
-        cls, camera: Camera, pixels: NDArray[np.integer] | None = None, supersample: int = 1
+        cls, camera: CameraLike, pixels: NDArray[np.integer] | None = None, supersample: int = 1
     ) -> Rays:
         """Return the rays of a camera's pixels, ``supersample`` x ``supersample`` for each.
 
@@ -133,7 +133,7 @@ class Rays:
 
         Parameters
         ----------
-        camera : Camera
+        camera : CameraLike
         pixels : (P,) int, optional
             Flat pixel numbers ``row * width + column``; all pixels when None.
         supersample : int

@@ -13,12 +13,12 @@ from tomo.rays.ray_box import enter_box
 from tomo.rays.rays import Rays
 
 if TYPE_CHECKING:
-    from rigs import Camera
+    from rigs import CameraLike
 
 _RAYS_AT_ONCE = 2**19
 
 
-def pixels_that_see(camera: Camera, grid: VoxelGrid) -> NDArray[np.int64]:
+def pixels_that_see(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.int64]:
     """Return, ascending, the pixels ``row * width + column`` whose area may see the grid's box.
 
     Notes

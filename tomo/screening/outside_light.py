@@ -15,7 +15,7 @@ from tomo.measurement import NoiseModel
 from tomo.measurement.pixel_blocks import SIDE, blocks_of
 
 if TYPE_CHECKING:
-    from rigs import Camera
+    from rigs import CameraLike
 
 SIGMAS = 5.0  # standard deviations of a block's mean above which it counts as light
 BRIGHT = 0.03  # fraction of the brightest block's mean, added to that limit
@@ -27,7 +27,7 @@ CELLS = 16
 
 
 def light_outside(
-    cameras: Sequence[Camera],
+    cameras: Sequence[CameraLike],
     images: Sequence[NDArray[np.floating]],
     masks: Sequence[NDArray[np.bool_]],
     noise: Sequence[NoiseModel],
@@ -37,7 +37,7 @@ def light_outside(
 
     Parameters
     ----------
-    cameras : sequence of Camera
+    cameras : sequence of CameraLike
     images : sequence of (height, width)
     masks : sequence of (height, width) bool
         True where a pixel is usable.

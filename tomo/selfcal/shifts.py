@@ -21,7 +21,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera, Rig, image_motion
+from rigs import CameraLike, Rig, image_motion
 from tomo._compute.by_camera import by_name
 from tomo.grid import VoxelGrid
 from tomo.hull import carve
@@ -260,7 +260,7 @@ def _seen(
     return system, system.flatten(coarse.images)
 
 
-def _motion(camera: Camera, grid: VoxelGrid) -> NDArray[np.float64]:
+def _motion(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.float64]:
     """Return how far the image of the grid's middle moves as the world does: ``(2, 3)``."""
     step = 1e-3 * float(np.min(np.asarray(grid.shape) * grid.spacing))
     middle = np.tile(grid.center, (3, 1))

@@ -21,7 +21,7 @@ from tomo.rays.visible_pixels import pixels_that_see
 from tomo.trace import Segments, trace
 
 if TYPE_CHECKING:
-    from rigs import Camera
+    from rigs import CameraLike
 
 _STRENGTHS = ("gain_spread", "absorption", "self_absorption", "vignetting", "aperture")
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
@@ -111,7 +111,7 @@ focus_distance=None, aperture_rays=32)
         gains = np.exp(width * np.random.default_rng(stream).standard_normal(cameras))
         return gains / gains.mean()
 
-    def falloff(self, camera: Camera, uv: ArrayLike) -> NDArray[np.float64]:
+    def falloff(self, camera: CameraLike, uv: ArrayLike) -> NDArray[np.float64]:
         """Return the fraction of light, ``(N,)``, that vignetting leaves at pixels ``(N, 2)``."""
         size = np.asarray(camera.image_size, np.float64)
         square = (np.square(np.asarray(uv) - (size - 1) / 2)).sum(axis=-1)
@@ -123,7 +123,7 @@ focus_distance=None, aperture_rays=32)
         return supersample**2 * self._lens_points(supersample)
 
     def rays(
-        self, camera: Camera, pixels: NDArray[np.integer] | None = None, supersample: int = 1
+        self, camera: CameraLike, pixels: NDArray[np.integer] | None = None, supersample: int = 1
     ) -> Rays:
         """Return the rays of a camera's pixels, as `Rays.from_camera` but for the aperture.
 
@@ -167,7 +167,7 @@ focus_distance=None, aperture_rays=32)
             lines.pixel_ptr * count,
         )
 
-    def pixels_that_see(self, camera: Camera, grid: VoxelGrid) -> NDArray[np.int64]:
+    def pixels_that_see(self, camera: CameraLike, grid: VoxelGrid) -> NDArray[np.int64]:
         """Return, ascending, the pixels that may see the grid's box, however blurred."""
         if self.aperture > 0:
             ends = zip(grid.lower, grid.upper, strict=True)
@@ -201,7 +201,7 @@ focus_distance=None, aperture_rays=32)
 
     def weight_ratio(
         self,
-        camera: Camera,
+        camera: CameraLike,
         segments: Segments,
         grid: VoxelGrid,
         emission: NDArray[np.floating] | None = None,
@@ -215,7 +215,7 @@ focus_distance=None, aperture_rays=32)
 
         Parameters
         ----------
-        camera : Camera
+        camera : CameraLike
         segments : Segments
             One pixel of the camera a row, one ray a pixel, with midpoints.
         grid : VoxelGrid
@@ -257,7 +257,7 @@ focus_distance=None, aperture_rays=32)
     def _lens_points(self, supersample: int) -> int:
         return 1 if self.aperture == 0 else -(-self.aperture_rays // supersample**2)
 
-    def _focus_distance(self, camera: Camera) -> float:
+    def _focus_distance(self, camera: CameraLike) -> float:
         known = self.focus_distance
         if known is None and camera.optics is not None:
             known = camera.optics.focus_distance

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera, Rig
+from rigs import CameraLike, Rig
 from tomo.draw.page import embedded
 from tomo.draw.rig.direction_table import DirectionTable
 from tomo.draw.rig.rig_scene import Target, colour_of, up_of
@@ -96,7 +96,7 @@ def camera_views(
     )
 
 
-def _outlines(camera: Camera, grid: VoxelGrid) -> tuple[NDArray[np.float64], ...]:
+def _outlines(camera: CameraLike, grid: VoxelGrid) -> tuple[NDArray[np.float64], ...]:
     """Return the edges of the grid's box in the image, as far as the lens maps them."""
     corners = box_corners(grid.lower, grid.upper)
     share = np.linspace(0, 1, _ALONG)[:, None]

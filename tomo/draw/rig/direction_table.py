@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs import Camera
+from rigs import CameraLike
 
 _CELLS = (3, 6, 12, 24, 48)  # along a side
 
@@ -40,7 +40,7 @@ class DirectionTable:
     origins: NDArray[np.float64] | None = None
 
     @classmethod
-    def of(cls, camera: Camera, tolerance: float = 0.05) -> DirectionTable:
+    def of(cls, camera: CameraLike, tolerance: float = 0.05) -> DirectionTable:
         """Return the smallest table that is right to ``tolerance`` pixels between its nodes.
 
         A pinhole needs 4 x 4 nodes; a lens that would need more than 49 x 49 keeps that many.
@@ -60,7 +60,7 @@ class DirectionTable:
         found = np.where(np.isfinite(found), found, straight)
         return found / np.linalg.norm(found, axis=1, keepdims=True)
 
-    def _error(self, camera: Camera, cells: int) -> float:
+    def _error(self, camera: CameraLike, cells: int) -> float:
         """Return the largest error half way between nodes, in pixels of the image's middle."""
         steps = np.arange(2 * cells + 1) / (2 * cells)
         u, v = np.meshgrid(steps, steps)
@@ -97,7 +97,7 @@ def _lagrange(place: NDArray, nodes: int) -> NDArray[np.float64]:
     return weights
 
 
-def _nodes(camera: Camera, cells: int) -> tuple[NDArray, NDArray | None]:
+def _nodes(camera: CameraLike, cells: int) -> tuple[NDArray, NDArray | None]:
     """Return directions at a table's nodes, ``(cells + 1, cells + 1, 3)``, and origins if many."""
     steps = np.arange(cells + 1) / cells
     u, v = np.meshgrid(steps, steps)

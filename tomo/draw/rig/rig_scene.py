@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera, Rig, nearest_point
+from rigs import CameraLike, Rig, nearest_point
 from tomo.draw import shapes
 from tomo.draw.frame import EYE, Up
 from tomo.draw.scene import Colour, Label, Mesh, Scene, rgb
@@ -54,7 +54,7 @@ def up_of(rig: Rig) -> Up:
     return Up(axis, -1 if upward[axis] < -1e-9 else 1)
 
 
-def border_rays(camera: Camera, per_side: int = 1) -> NDArray[np.float64]:
+def border_rays(camera: CameraLike, per_side: int = 1) -> NDArray[np.float64]:
     """Return unit directions ``(4 per_side, 3)`` through the image's outer border, clockwise.
 
     Starts at the outer corner of the top-left pixel. Where the lens maps no direction to a border
@@ -77,12 +77,12 @@ def border_rays(camera: Camera, per_side: int = 1) -> NDArray[np.float64]:
     return np.where(np.isfinite(directions), directions, camera.R[2])
 
 
-def frustum(camera: Camera, depth: float, per_side: int = 1, widen: float = 1.0) -> NDArray:
+def frustum(camera: CameraLike, depth: float, per_side: int = 1, widen: float = 1.0) -> NDArray:
     """Return where the image's border cuts the plane ``depth`` before the camera.
 
     Parameters
     ----------
-    camera : Camera
+    camera : CameraLike
     depth : float
         Along the optical axis.
     per_side : int
@@ -99,7 +99,7 @@ def frustum(camera: Camera, depth: float, per_side: int = 1, widen: float = 1.0)
     return _at_depth(camera, border_rays(camera, per_side), depth, widen)
 
 
-def _at_depth(camera: Camera, directions: NDArray, depth: float, widen: float) -> NDArray:
+def _at_depth(camera: CameraLike, directions: NDArray, depth: float, widen: float) -> NDArray:
     """Return where ``directions`` ``(N, 3)``, opened by ``widen``, cut a plane, ``(N, 3)``."""
     forward = camera.R[2]
     cosine = np.maximum(directions @ forward, 0.05)  # a fisheye's border may lie beside it
@@ -144,7 +144,7 @@ def rig_scene(
     return scene
 
 
-def facing_camera(rig: Rig, up: Up) -> Camera:
+def facing_camera(rig: Rig, up: Up) -> CameraLike:
     """Return the camera whose image plane is seen least edge-on in pictures."""
     eye = up.eye_direction(*EYE)
     return max(rig, key=lambda camera: abs(float(camera.R[2] @ eye)))
@@ -156,26 +156,26 @@ def volume_scene(grid: VoxelGrid, length_unit: str = "mm") -> Scene:
     return Scene((Mesh("volume box", "box", *wires, _BOX),), length_unit=length_unit)
 
 
-def colour_of(camera: Camera, target: Target, up: Up) -> tuple[str, Colour]:
+def colour_of(camera: CameraLike, target: Target, up: Up) -> tuple[str, Colour]:
     """Return whether the camera stands above, level with or below the target, and the colour."""
     elevation = elevation_of(camera, target, up)
     word = "level" if abs(elevation) < _LEVEL_WITHIN else "above" if elevation > 0 else "below"
     return word, _COLOURS[word]
 
 
-def elevation_of(camera: Camera, target: Target, up: Up) -> float:
+def elevation_of(camera: CameraLike, target: Target, up: Up) -> float:
     """Return the angle in degrees at which the camera stands above the target's level."""
     away = camera.position - target.center
     return float(np.degrees(np.arcsin(away @ up.vector / max(np.linalg.norm(away), 1e-300))))
 
 
-def symbol_widening(camera: Camera) -> float:
+def symbol_widening(camera: CameraLike) -> float:
     """Return by how much a camera's symbol is opened so that it can be seen; 1 for wide lenses."""
     corners = frustum(camera, 1.0) - camera.position - camera.R[2]
     return max(1.0, _SYMBOL_SPREAD / max(float(np.linalg.norm(corners, axis=1).max()), 1e-12))
 
 
-def on_symbol(camera: Camera, directions: NDArray, length: float) -> NDArray[np.float64]:
+def on_symbol(camera: CameraLike, directions: NDArray, length: float) -> NDArray[np.float64]:
     """Return where unit ``directions`` ``(N, 3)`` lie in the face of a camera's symbol."""
     return _at_depth(camera, directions, 1.01 * length, symbol_widening(camera))
 
@@ -191,7 +191,7 @@ def typical_distance(rig: Rig, target: Target) -> float:
     return float(np.median(distances)) or 1.0
 
 
-def _camera_scene(camera: Camera, target: Target, typical: float, up: Up) -> Scene:
+def _camera_scene(camera: CameraLike, target: Target, typical: float, up: Up) -> Scene:
     """Return one camera's symbol, name, and line of sight up to the target's surroundings."""
     _, colour = colour_of(camera, target, up)
     position, forward = camera.position, camera.R[2]
@@ -244,7 +244,7 @@ def floor_height(rig: Rig, target: Target, typical: float, up: Up) -> float:
     return up.sign * float(lowest - 0.28 * typical)
 
 
-def _arrow(camera: Camera, target: Target, grid: VoxelGrid, up: Up) -> Scene:
+def _arrow(camera: CameraLike, target: Target, grid: VoxelGrid, up: Up) -> Scene:
     """Return an arrow along the optical axis that stops short of the box, named at its tail."""
     _, colour = colour_of(camera, target, up)
     position, forward = camera.position, camera.R[2]
@@ -265,7 +265,7 @@ def _arrow(camera: Camera, target: Target, grid: VoxelGrid, up: Up) -> Scene:
     return Scene((Mesh(camera.name, "arrows", *shaft, colour),), (label,))
 
 
-def _field_of_view(camera: Camera, target: Target) -> Scene:
+def _field_of_view(camera: CameraLike, target: Target) -> Scene:
     """Return what the camera's image covers in the plane through the target."""
     depth = float((target.center - camera.position) @ camera.R[2])
     if depth <= 0:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera, Rig
+from rigs import CameraLike, Rig
 from rigs.recordings import IMAGE_SUFFIXES, luminance, read_pixels
 from tomo.draw.rig.rig_scene import Target, on_symbol, symbol_length
 from tomo.draw.scene import ColourScale, Mesh, Scene
@@ -121,7 +121,7 @@ def _file_of(folder: Path, camera: str, frame: str | None) -> Path | None:
     return None
 
 
-def _read(path: Path, camera: Camera) -> NDArray[np.float32]:
+def _read(path: Path, camera: CameraLike) -> NDArray[np.float32]:
     """Return a photograph as grey levels."""
     try:
         image = luminance(read_pixels(path))
@@ -131,7 +131,7 @@ def _read(path: Path, camera: Camera) -> NDArray[np.float32]:
     return np.nan_to_num(image.astype(np.float32), posinf=0.0, neginf=0.0)
 
 
-def _check_size(path: Path, size: tuple[int, int], camera: Camera) -> None:
+def _check_size(path: Path, size: tuple[int, int], camera: CameraLike) -> None:
     if tuple(size) != camera.image_size:
         raise ValueError(
             f"{path}: camera {camera.name}: found an image of {size[0]} x {size[1]} pixels, "

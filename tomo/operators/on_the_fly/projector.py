@@ -11,7 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs import Camera
+from rigs import CameraLike
 from tomo._compute.index_types import numbering
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.on_the_fly import kernels
@@ -80,7 +80,7 @@ class OnTheFlyProjector(ProjectionOperator):
     @classmethod
     def from_cameras(
         cls,
-        cameras: Sequence[Camera],
+        cameras: Sequence[CameraLike],
         pixels: Sequence[NDArray[np.integer] | None] | None,
         grid: VoxelGrid,
         supersample: int = 1,
@@ -92,7 +92,7 @@ class OnTheFlyProjector(ProjectionOperator):
 
         Parameters
         ----------
-        cameras : sequence of Camera or RayTable
+        cameras : sequence of CameraLike
         pixels : sequence of (P_v,) int, optional
             For each camera its flat pixel numbers ``row * width + column``; all where None.
         grid : VoxelGrid
