@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.camera_protocol import CameraLike
-from rigs.check.lines_of_sight import ray_distances
+from rigs.check.lines_of_sight import finite_rms, ray_distances
 from rigs.files.units import in_unit
 from rigs.rig import Rig
 
@@ -126,7 +126,9 @@ def compare_rigs(
             first.without(*set(first.names) - set(names)), moved, points
         )  # (C, N)
     differences = tuple(
-        _difference(first[name], moved[name], math.nan if miss is None else _rms(miss[number]))
+        _difference(
+            first[name], moved[name], math.nan if miss is None else finite_rms(miss[number])
+        )
         for number, name in enumerate(names)
     )
     return RigDifference(
@@ -138,7 +140,7 @@ def compare_rigs(
         _angle(R),
         float(np.linalg.norm(R @ middle + t - middle)),
         scale,
-        math.nan if miss is None else _rms(miss),
+        math.nan if miss is None else finite_rms(miss),
         moved,
     )
 
@@ -198,18 +200,13 @@ def _lenses(one: CameraLike, other: CameraLike) -> tuple[float, float]:
     valid = valid & np.isfinite(directions).all(axis=1)
     there = elsewhere @ other.camera_matrix[:2, :2].T + other.camera_matrix[:2, 2]
     alone = (elsewhere - plane) @ one.camera_matrix[:2, :2].T
-    return tuple(_rms(np.linalg.norm(off[valid], axis=1)) for off in (there - uv, alone))
+    return tuple(finite_rms(np.linalg.norm(off[valid], axis=1)) for off in (there - uv, alone))
 
 
 def _angle(R: NDArray) -> float:
     """Return the angle of a rotation in degrees, accurate for small ones too."""
     sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
     return float(np.degrees(np.arctan2(sine, (np.trace(R) - 1) / 2)))
-
-
-def _rms(values: NDArray) -> float:
-    values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(values**2))) if values.size else math.nan
 
 
 def _some(names: tuple[str, ...]) -> str:

@@ -55,9 +55,13 @@ def ray_distances(true: Rig, estimated: Rig, points: ArrayLike) -> NDArray[np.fl
 
 def ray_miss(true: Rig, estimated: Rig, points: ArrayLike) -> float:
     """Return the RMS of `ray_distances`, a rig's figure of merit; NaN where none is finite."""
-    distances = ray_distances(true, estimated, points)
-    squares = distances[np.isfinite(distances)] ** 2
-    return float(np.sqrt(squares.mean())) if squares.size else float("nan")
+    return finite_rms(ray_distances(true, estimated, points))
+
+
+def finite_rms(values: NDArray[np.float64]) -> float:
+    """Return the root mean square of the finite values; NaN without any."""
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
 def expected_ray_miss(

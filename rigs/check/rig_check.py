@@ -13,6 +13,7 @@ from rigs.camera_protocol import CameraLike
 from rigs.check.angular_gap import largest_gap
 from rigs.check.coverage import PIXEL_ACCURACY, Coverage, coverage
 from rigs.check.findings import findings
+from rigs.check.lines_of_sight import finite_rms
 from rigs.check.result import CameraFigures, RigCheck
 from rigs.geometry.points import evenly_spread
 from rigs.rig import Rig
@@ -63,7 +64,7 @@ def check_rig(
         )
     weights = weights / weights.sum()
     calibrated = calibrated_ray_miss(rig)
-    miss = calibrated if calibrated is not None else _rms(found.ray_miss)
+    miss = calibrated if calibrated is not None else finite_rms(found.ray_miss)
     check = RigCheck(
         found,
         extent,
@@ -141,12 +142,6 @@ def _gap_without(found: Coverage) -> NDArray[np.float64]:
         left[:, number] = False
         grown.append(np.median(largest_gap(directions, left)[0]) - gap)
     return np.maximum(grown, 0.0)
-
-
-def _rms(values: NDArray) -> float:
-    """Return the root mean square of the finite values; NaN without any."""
-    values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(values**2))) if values.size else math.nan
 
 
 def _nan(function: object, values: NDArray) -> float:
