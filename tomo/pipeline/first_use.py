@@ -13,7 +13,7 @@ from tomo.hull import carve
 from tomo.operators import STORED, Projector
 from tomo.operators.on_the_fly.projector import OnTheFlyProjector
 from tomo.rays import Rays
-from tomo.selfcal.registration import register, ways_to_shift
+from tomo.selfcal.registration import register, shift_motions
 from tomo.trace import trace
 
 
@@ -50,5 +50,5 @@ def warm_up_alignment() -> float:
     """Register a small image; return the seconds that it took."""
     started = time.perf_counter()
     image = np.outer(np.hanning(7), np.hanning(7))
-    register(image, image, image >= 0, ways_to_shift(image.shape))
+    register(image, image, image >= 0, shift_motions(image.shape))
     return time.perf_counter() - started

@@ -222,7 +222,7 @@ def _cameras_judged(prepared: Prepared, warnings: list[str]) -> Prepared:
     with as_warning("cameras: whether images agree with them was not found", warnings):
         _ = prepared.alignment.displacement
         return prepared
-    return replace(prepared, alignment=replace(prepared.alignment, judged=None))
+    return replace(prepared, alignment=replace(prepared.alignment, evaluated=None))
 
 
 def _traced(

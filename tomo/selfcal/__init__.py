@@ -1,1 +1,1 @@
-"""What the images say of the cameras: shifts, poses, focal lengths, gains."""
+"""Self-calibration: shifts, poses, focal lengths and gains of cameras from the images alone."""

@@ -1,12 +1,13 @@
-"""What the cameras' sensitivities and backgrounds are: ``b_v = g_v (A x)_v + o_v``.
+"""Per-view gains and offsets, estimated from the images: ``b_v = g_v (A x)_v + o_v``.
 
-All views of transparent gas see the same total light, whatever its shape: rays that fill a view
-integrate all of the volume. So the ratio of a view's total to what a first, crude volume predicts
-of it is the view's gain, to a tenth of a per cent, although that volume was made from the wrong
-gains; pixel by pixel, in contrast, a volume from few views reproduces every image, gains and all.
-Where the volume is dark the pixels show the offset alone.
+All views of a transparent gas record the same total light, whatever its shape, because the rays
+that fill a view integrate the whole volume. The ratio of a view's total to the total predicted
+from a first, crude volume is therefore the view's gain, to a tenth of a per cent, although that
+volume was solved for with wrong gains. Single pixels cannot show the gain: a volume from few
+views reproduces every image, wrong gains included. Pixels where the volume is dark show the
+offset alone.
 
-A common factor of all gains is one of the volume: their geometric mean is 1.
+A factor common to all gains is a factor of the volume, so the geometric mean of the gains is 1.
 """
 
 from __future__ import annotations
@@ -26,50 +27,68 @@ from tomo.solvers.initial_volume import mlos_start
 from tomo.solvers.subsets import interleaved
 
 DARK = 0.03
-"""Pixels are dark whose predicted light is below this share of the view's brightest."""
+"""Fraction of the view's brightest predicted pixel below which a pixel counts as dark. Higher,
+faint light enters the offset; lower, few pixels are left to measure it."""
 
 FEWEST_DARK = 50
-"""An offset is fitted only where so many pixels are dark."""
+"""Dark pixels that a fit of an offset needs at least. Fewer give an offset made of noise; asking
+for more leaves the offsets of small images at zero."""
 
-FAINTEST = 0.01
-"""A view with less than this share of the median view's light says nothing of its gain."""
+LEAST_LIGHT = 0.01
+"""Fraction of the median view's light below which a view's gain is not fitted. Lower, noise sets
+the gain; higher, views of a small part of the flame keep a gain of 1."""
 
-STRANGEST = 10.0
-"""Gains beyond this factor of the median are those of views that see something else."""
+LARGEST_RATIO = 10.0
+"""Factor from the median beyond which a gain is not accepted: the view shows another scene.
+Lower, very unlike cameras keep a gain of 1; higher, a wrong view distorts the mean gain."""
 
 MODEL_ERROR = 0.002
-"""Relative error of a view's total from voxels and cameras; bounds the gain's error below."""
+"""Least relative standard error of a gain, from voxel size and camera errors. Lower, equal cameras
+are reported as unequal; higher, small differences are missed."""
 
 BLOCKS = 24
-"""Parts of a view whose residuals count as independent."""
+"""Stretches of a view's pixels whose residuals count as independent. More, correlated residuals
+make the error too small; fewer, the error itself is uncertain."""
 
-NEGATIVE = 0.01
-"""Share of all light in negative pixels above which noise is not to be clipped away."""
+NEGATIVE_FRACTION = 0.01
+"""Fraction of all light in negative pixels above which the volume may be negative. Higher, clipped
+noise adds light; lower, clean images lose the positivity that steadies the volume."""
 
 ROUNDS = 2
+"""Outer iterations of an estimate. One leaves a larger error; a third costs time for nothing."""
+
 ITERATIONS = 6
+"""Iterations of each quick volume: fewer leave it too smooth, more fit the wrong gains."""
+
 WIDTH = 1.0
-CROSSINGS = 1_000_000
-"""Of an estimate without a volume: its rounds, the iterations of each, the width of the blobs, and
-the size that large systems are thinned to while a volume is made; all pixels are compared."""
+"""Width of the Gaussian blobs in voxels where noise makes many pixels negative."""
+
+SEGMENTS = 1_000_000
+"""Segments that large systems are thinned to for the quick volume. More take longer, fewer make
+the volume coarse; all pixels are compared in any case."""
 
 
 def fit_gains(
     projector: ProjectionOperator, measured: ArrayLike, volume: ArrayLike, *, offsets: bool = True
 ) -> Gains:
-    """Fit every view's gain and offset to what a volume predicts of it.
+    """Fit the gain and the offset of every view to the prediction from a volume.
 
-    The offset is the median of the dark pixels, the gain the ratio of the totals. Its standard
-    error comes from the residuals, summed over stretches of pixels so that neighbours may err
-    together, and is no less than `MODEL_ERROR`.
+    The offset is the median of the dark pixels. The gain is the ratio of the totals, measured
+    over predicted. Its standard error comes from residuals summed over stretches of pixels, which
+    allows for correlated neighbours, and is at least `MODEL_ERROR`.
 
     Parameters
     ----------
     projector : ProjectionOperator
     measured : (pixels,)
-    volume : (unknowns,) or of the grid
+    volume : (unknowns,) or (nx, ny, nz)
     offsets : bool
-        Whether to fit offsets; zero if not.
+        Whether to fit offsets. They are zero otherwise.
+
+    Returns
+    -------
+    Gains
+        A gain that the images do not determine is 1 and its standard error infinite.
 
     Raises
     ------
@@ -90,25 +109,25 @@ def fit_gains(
     gain_error, offset_error = np.full(n_views, np.inf), np.full(n_views, np.inf)
     for number in range(n_views):
         view = slice(*projector.view_ptr[number : number + 2])
-        seen, expected = measured[view], predicted[view]
+        recorded, expected = measured[view], predicted[view]
         if offsets:
-            offset[number], offset_error[number] = _offset(seen, expected)
+            offset[number], offset_error[number] = _offset(recorded, expected)
         total = expected.sum()
         if total > 0:
-            gain[number] = (seen - offset[number]).sum() / total
-            residual = seen - offset[number] - gain[number] * expected
+            gain[number] = (recorded - offset[number]).sum() / total
+            residual = recorded - offset[number] - gain[number] * expected
             gain_error[number] = _error_of_sum(residual) / total
     light = np.add.reduceat(np.append(predicted, 0.0), projector.view_ptr[:-1])
     light[np.diff(projector.view_ptr) == 0] = 0
     typical = float(np.median(light[light > 0])) if (light > 0).any() else 0.0
-    lit = np.isfinite(gain_error) & (gain > 0) & (light > FAINTEST * typical)
-    middle = float(np.median(gain[lit])) if lit.any() else 1.0
-    lit &= (gain < STRANGEST * middle) & (gain > middle / STRANGEST)
-    mean = geometric_mean(gain[lit])
+    determined = np.isfinite(gain_error) & (gain > 0) & (light > LEAST_LIGHT * typical)
+    median = float(np.median(gain[determined])) if determined.any() else 1.0
+    determined &= (gain < LARGEST_RATIO * median) & (gain > median / LARGEST_RATIO)
+    mean = geometric_mean(gain[determined])
     return Gains(
-        np.where(lit, gain / mean, 1.0),
+        np.where(determined, gain / mean, 1.0),
         offset,
-        np.where(lit, np.hypot(gain_error, MODEL_ERROR * gain) / mean, np.inf),
+        np.where(determined, np.hypot(gain_error, MODEL_ERROR * gain) / mean, np.inf),
         offset_error,
         float(measured.max(initial=0.0)) or 1.0,
     )
@@ -121,53 +140,63 @@ def estimate_gains(
     offsets: bool = True,
     rounds: int = ROUNDS,
 ) -> Gains:
-    """Return gains and offsets from the images alone, by a few quick iterations.
+    """Estimate gains and offsets from the images alone, with a few iterations of a solver.
 
-    Of MLEM; where noise makes many pixels negative, of CGLS on a smooth basis and free to go
-    below zero itself: noise then adds no light.
+    The solver is MLEM. Where noise makes many pixels negative it is CGLS on a smooth basis without
+    the constraint of positivity, because clipped noise would add light. Large systems are thinned
+    evenly before they are solved.
 
-    Whether they are worth correcting is `Gains.views_disagree`. Volumes of large systems are made
-    from evenly thinned pixels.
-    With fewer than two views there is nothing to compare: gains of 1.
+    Parameters
+    ----------
+    projector, measured, offsets
+        See `fit_gains`.
+    rounds : int
+        See `solve_with_gains`.
+
+    Returns
+    -------
+    Gains
+        `Gains.views_disagree` says whether correcting is worthwhile. All gains are 1 with fewer
+        than two views or with dark images, where nothing can be compared.
     """
     measured = check_measured(projector, measured)
     if np.count_nonzero(np.diff(projector.view_ptr)) < 2 or not measured.any():
         return Gains.none(projector.n_views)
-    stride = max(int(min(projector.n_segments // CROSSINGS, projector.shape[0] // 1000)), 1)
-    some = interleaved(projector.shape[0], stride)[0]
-    thinned = projector.take(some).packed() if stride > 1 else projector
+    stride = max(int(min(projector.n_segments // SEGMENTS, projector.shape[0] // 1000)), 1)
+    kept = interleaved(projector.shape[0], stride)[0]
+    thinned = projector.take(kept).packed() if stride > 1 else projector
 
     light = float(np.abs(measured).sum(dtype=np.float64))
-    darkness = -float(np.minimum(measured, 0).sum(dtype=np.float64)) / light
+    negative = -float(np.minimum(measured, 0).sum(dtype=np.float64)) / light
 
-    def quick(pixels: NDArray[np.float32]) -> Solution:
-        pixels = pixels[some]
-        if darkness < NEGATIVE:
+    def quick_solution(pixels: NDArray[np.float32]) -> Solution:
+        pixels = pixels[kept]
+        if negative < NEGATIVE_FRACTION:
             return mlem(thinned, pixels, iterations=ITERATIONS, start=mlos_start(thinned, pixels))
         basis = GaussianBasis(thinned, WIDTH)
         found = cgls(basis, pixels, iterations=ITERATIONS, nonnegative=False)
         return replace(found, volume=basis.volume(found.volume))
 
-    return solve_with_gains(quick, projector, measured, rounds=rounds, offsets=offsets)[1]
+    return solve_with_gains(quick_solution, projector, measured, rounds=rounds, offsets=offsets)[1]
 
 
 def gains_worth_correcting(
     projector: ProjectionOperator, measured: ArrayLike, wanted: bool | None = None
 ) -> Gains | None:
-    """Return the gains to correct the images by, None if none.
+    """Return the gains to correct the images with, or None where no correction is needed.
 
     Parameters
     ----------
     projector, measured
         See `fit_gains`.
     wanted : bool, optional
-        Whether to correct them; only when the views disagree if None.
+        Whether to correct the images. None corrects them only where the views disagree.
 
     Notes
     -----
-    Whether views disagree is judged by gains alone. An offset common to all views is told from
-    faint haze by dark pixels only, and where noise hides the haze those pixels are not quite dark.
-    One round tells: a second moves gains by a fiftieth of what they scatter.
+    Gains alone decide whether views disagree. Only dark pixels separate an offset common to all
+    views from faint haze, and where noise hides the haze those pixels are not quite dark. One
+    outer iteration is enough to decide.
     """
     if wanted is False:
         return None
@@ -186,17 +215,25 @@ def solve_with_gains(
     rounds: int = ROUNDS,
     offsets: bool = True,
 ) -> tuple[Solution, Gains]:
-    """Solve for volume and gains in turn: ``rounds`` times solve, fit and correct the images.
+    """Solve for volume and gains by alternating minimisation.
+
+    Each of ``rounds`` outer iterations corrects the images, solves for the volume and fits the
+    gains to it.
 
     Parameters
     ----------
     solver : callable
-        ``solver(measured)`` returns the volume of images ``(pixels,)`` corrected so far.
+        ``solver(measured)`` returns the `Solution` of the corrected images ``(pixels,)``.
     projector, measured, offsets
         See `fit_gains`.
     rounds : int
-        At least 1. The volume returned is that before the last fit; two rounds leave an error
-        of a tenth of a per cent.
+        Outer iterations, at least 1. Two leave an error of a tenth of a per cent.
+
+    Returns
+    -------
+    solution : Solution
+        The volume before the last fit of the gains.
+    gains : Gains
 
     Raises
     ------
@@ -214,14 +251,14 @@ def solve_with_gains(
     return found, gains
 
 
-def _offset(seen: NDArray[np.float64], expected: NDArray[np.float64]) -> tuple[float, float]:
+def _offset(recorded: NDArray[np.float64], expected: NDArray[np.float64]) -> tuple[float, float]:
     """Return the median of the pixels where no light is expected, and its standard error."""
-    dark = seen[np.abs(expected) <= DARK * expected.max(initial=0.0)]
+    dark = recorded[np.abs(expected) <= DARK * expected.max(initial=0.0)]
     if len(dark) < FEWEST_DARK:
         return 0.0, np.inf
-    middle = float(np.median(dark))
-    spread = 1.4826 * float(np.median(np.abs(dark - middle)))
-    return middle, 1.2533 * spread / np.sqrt(len(dark)) + np.finfo(np.float64).tiny
+    median = float(np.median(dark))
+    spread = 1.4826 * float(np.median(np.abs(dark - median)))
+    return median, 1.2533 * spread / np.sqrt(len(dark)) + np.finfo(np.float64).tiny
 
 
 def _error_of_sum(residual: NDArray[np.float64]) -> float:

@@ -1,4 +1,4 @@
-"""Where an image lies against a prediction of it: Gauss-Newton's method on what may move it."""
+"""Registration of a prediction with its image, by the Gauss-Newton method."""
 
 from __future__ import annotations
 
@@ -12,24 +12,30 @@ from numpy.typing import NDArray
 from tomo._compute.jit import compiled
 
 STEPS = 6
-LARGEST_STEP = 2.0  # pixels
+"""Gauss-Newton steps at most. Fewer stop short of shifts of several pixels; steps beyond
+convergence are not made."""
+
+LARGEST_STEP = 2.0
+"""Largest change of an amount in one step, in pixels. Larger steps leave the range in which the
+prediction is linear; smaller ones do not reach large shifts."""
 
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """What takes a prediction onto an image.
+    """The motion that brings a prediction onto an image.
 
     Attributes
     ----------
     amounts : (K,) float64
-        Of each way to move, in pixels.
+        The amount of each motion, in pixels.
     before, after : float
-        Squared errors as the prediction is, and moved; both with the gain that fits best.
+        Sums of squared residuals without and with the motion, each with the best-fitting gain.
     covariance : (K, K) float64
-        Of the amounts, if what is left is noise; infinite where nothing moves.
+        Covariance of the amounts in pixels squared, if the residuals are noise. Infinite where
+        the image does not determine an amount.
     squares : (K, K) float64
-        ``amounts @ squares @ amounts`` is the mean square, in pixels, by which what is seen is
-        moved: edges count, not what is even.
+        ``amounts @ squares @ amounts`` is the mean squared displacement in pixels squared,
+        weighted by the squared slope of the image: edges count, even areas do not.
     """
 
     amounts: NDArray[np.float64]
@@ -39,26 +45,29 @@ class Registration:
     squares: NDArray[np.float64]
 
 
-def ways_to_shift(shape: tuple[int, int]) -> NDArray[np.float64]:
-    """Return the ways to shift an image of ``shape``: right and down, ``(2, 2, rows, columns)``.
+def shift_motions(shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Return the motions that shift an image: right and down, ``(2, 2, rows, columns)``.
 
-    A way is how far each pixel moves right and down, for an amount of one pixel.
+    A motion is the displacement of each pixel, right and down, for an amount of one pixel.
     """
     one, none = np.ones(shape), np.zeros(shape)
     return np.array([[one, none], [none, one]])
 
 
-def ways_to_shift_and_zoom(shape: tuple[int, int]) -> NDArray[np.float64]:
-    """Return the ways to shift an image and to enlarge it, corners by a pixel: ``(3, 2, ...)``."""
+def shift_and_zoom_motions(shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Return the two shifts and a magnification, ``(3, 2, rows, columns)``.
+
+    A magnification of one pixel moves the corners by one pixel.
+    """
     rows, columns = np.indices(shape)
     down, right = rows - (shape[0] - 1) / 2, columns - (shape[1] - 1) / 2
     corner = max(float(np.hypot(down, right).max()), 1.0)
-    return np.concatenate([ways_to_shift(shape), np.array([[right, down]]) / corner])
+    return np.concatenate([shift_motions(shape), np.array([[right, down]]) / corner])
 
 
 @compiled(inline=True)
-def _between(image, row, column):
-    """Return the bilinear value at a place between pixels, 0 beyond the outermost centres."""
+def _bilinear(image, row, column):
+    """Return the image at a position between pixels; 0 beyond the outermost pixel centres."""
     rows, columns = image.shape
     if not (0 <= row <= rows - 1 and 0 <= column <= columns - 1):
         return 0.0
@@ -71,41 +80,42 @@ def _between(image, row, column):
 
 
 @compiled(reassociate=True)
-def _fit(predicted, image, mask, ways, amounts, moved):
-    """Write the prediction moved by ``amounts`` to ``moved``; return its gain and squared error.
+def _fit(predicted, image, mask, motions, amounts, moved):
+    """Write the prediction moved by ``amounts`` to ``moved``; return gain and squared error.
 
-    The gain is the one that fits best; pixels that are not usable are 0 and count for nothing.
+    The gain is the best-fitting one. Unusable pixels are set to 0 and do not contribute.
     """
-    energy = together = 0.0
+    energy = product = 0.0
     columns = image.shape[1]
     right, down = np.zeros(columns), np.zeros(columns)
     for row in range(image.shape[0]):
         right[:] = 0.0
         down[:] = 0.0
-        for way in range(len(ways)):
+        for motion in range(len(motions)):
             for column in range(columns):
-                right[column] += amounts[way] * ways[way, 0, row, column]
-                down[column] += amounts[way] * ways[way, 1, row, column]
+                right[column] += amounts[motion] * motions[motion, 0, row, column]
+                down[column] += amounts[motion] * motions[motion, 1, row, column]
         for column in range(columns):
-            value = _between(predicted, row - down[column], column - right[column])
+            value = _bilinear(predicted, row - down[column], column - right[column])
             moved[row, column] = value if mask[row, column] else 0.0
         for column in range(columns):
             energy += moved[row, column] * moved[row, column]
-            together += moved[row, column] * image[row, column]
-    gain = together / energy if energy > 0 else 1.0
+            product += moved[row, column] * image[row, column]
+    gain = product / energy if energy > 0 else 1.0
     error = 0.0
     for row in range(image.shape[0]):
         for column in range(columns):
-            left = image[row, column] - gain * moved[row, column]
-            error += left * left
+            residual = image[row, column] - gain * moved[row, column]
+            error += residual * residual
     return gain, error
 
 
 @compiled(inline=True)
 def _slopes(moved, mask, row, down, right) -> None:
-    """Write how an image changes down and right along a row, zero where it is not usable.
+    """Write the slopes of an image along a row, down and right; zero where it is not usable.
 
-    By central differences, one-sided at the edges; across a single row or column it does not.
+    Differences are central inside and one-sided at the edges. The slope across a single row or
+    column is zero.
     """
     rows, columns = moved.shape
     above, below = max(row - 1, 0), min(row + 1, rows - 1)
@@ -122,112 +132,120 @@ def _slopes(moved, mask, row, down, right) -> None:
 
 
 @compiled(reassociate=True)
-def _add_changes(moved, image, mask, ways, gain, normal, towards, squares) -> None:
-    """Add up how the moved prediction changes with its gain and with each way, where usable.
+def _add_normal_equations(moved, image, mask, motions, gain, normal, rhs, squares) -> None:
+    """Add up the normal equations of a gain and ``K`` motions over the usable pixels.
 
     Parameters
     ----------
     normal : (1 + K, 1 + K) float64
-        The products of the changes, the gain's first; the lower triangle.
-    towards : (1 + K,) float64
-        Theirs with what is left of the image.
+        Products of the derivatives of the prediction, the gain's first. Only the lower triangle
+        is written.
+    rhs : (1 + K,) float64
+        Products of the derivatives with the residual.
     squares : (1 + K, 1 + K) float64
-        The sum of the squared slopes first, then the products of the ways, so weighted.
+        The sum of the squared slopes first, then the products of the motions weighted by it. Only
+        the lower triangle is written.
     """
-    columns, count = image.shape[1], len(ways)
-    down, right, left = np.zeros(columns), np.zeros(columns), np.zeros(columns)
-    change = np.zeros((1 + count, columns))
+    columns, count = image.shape[1], len(motions)
+    down, right, residual = np.zeros(columns), np.zeros(columns), np.zeros(columns)
+    derivatives = np.zeros((1 + count, columns))
     for row in range(image.shape[0]):
         _slopes(moved, mask, row, down, right)
         for column in range(columns):
-            left[column] = image[row, column] - gain * moved[row, column]
-            change[0, column] = moved[row, column]
-        for way in range(count):
-            along, across = ways[way, 0, row], ways[way, 1, row]
+            residual[column] = image[row, column] - gain * moved[row, column]
+            derivatives[0, column] = moved[row, column]
+        for motion in range(count):
+            along, across = motions[motion, 0, row], motions[motion, 1, row]
             for column in range(columns):
-                turned = right[column] * along[column] + down[column] * across[column]
-                change[1 + way, column] = -gain * turned
-        for one in range(1 + count):
+                derivative = right[column] * along[column] + down[column] * across[column]
+                derivatives[1 + motion, column] = -gain * derivative
+        for row_index in range(1 + count):
             total = 0.0
             for column in range(columns):
-                total += change[one, column] * left[column]
-            towards[one] += total
-            for other in range(one + 1):
+                total += derivatives[row_index, column] * residual[column]
+            rhs[row_index] += total
+            for column_index in range(row_index + 1):
                 total = 0.0
                 for column in range(columns):
-                    total += change[one, column] * change[other, column]
-                normal[one, other] += total
+                    total += derivatives[row_index, column] * derivatives[column_index, column]
+                normal[row_index, column_index] += total
         for column in range(columns):
             down[column] = down[column] * down[column] + right[column] * right[column]
             squares[0, 0] += down[column]
-        for one in range(count):
-            for other in range(one + 1):
+        for row_index in range(count):
+            for column_index in range(row_index + 1):
                 total = 0.0
                 for column in range(columns):
                     total += down[column] * (
-                        ways[one, 0, row, column] * ways[other, 0, row, column]
-                        + ways[one, 1, row, column] * ways[other, 1, row, column]
+                        motions[row_index, 0, row, column] * motions[column_index, 0, row, column]
+                        + motions[row_index, 1, row, column]
+                        * motions[column_index, 1, row, column]
                     )
-                squares[1 + one, 1 + other] += total
+                squares[1 + row_index, 1 + column_index] += total
 
 
 def register(
     predicted: NDArray[np.floating],
     image: NDArray[np.floating],
     mask: NDArray[np.bool_],
-    ways: NDArray[np.float64],
+    motions: NDArray[np.float64],
 ) -> Registration:
-    """Return what takes a prediction onto an image.
+    """Find the motion that brings a prediction onto an image.
 
-    A brighter or darker camera is not one that looks elsewhere: a gain is fitted beside.
+    A gain is fitted together with the motion, so that a brighter or darker camera is not taken
+    for a displaced one.
 
     Parameters
     ----------
     predicted, image : (rows, columns)
     mask : (rows, columns) bool
-        Where the image is compared.
-    ways : (K, 2, rows, columns) float64
-        See `ways_to_shift`.
+        True where the image is compared.
+    motions : (K, 2, rows, columns) float64
+        See `shift_motions`.
+
+    Returns
+    -------
+    Registration
     """
     image = np.where(mask, image, 0).astype(np.float64)
-    # kernels are compiled anew for another order in memory
+    # contiguous, as a kernel would be compiled again for another memory order
     predicted = np.ascontiguousarray(predicted, np.float64)
-    mask, ways = np.ascontiguousarray(mask, np.bool_), np.ascontiguousarray(ways, np.float64)
-    amounts = np.zeros(len(ways))
-    best = _Fit.of(predicted, image, mask, ways, amounts)
+    mask, motions = np.ascontiguousarray(mask, np.bool_), np.ascontiguousarray(motions, np.float64)
+    amounts = np.zeros(len(motions))
+    best = _Fit.of(predicted, image, mask, motions, amounts)
     before = best.error
     for _ in range(STEPS):
-        normal, towards, _ = best.changes
+        normal, rhs, _ = best.normal_equations
         normal = normal + 1e-9 * np.trace(normal) * np.eye(len(normal))
         if not normal.any():
             break
-        step = np.linalg.solve(normal, towards)[1:]
-        trial = amounts + np.clip(step, -LARGEST_STEP, LARGEST_STEP)
-        found = _Fit.of(predicted, image, mask, ways, trial)
+        step = np.linalg.solve(normal, rhs)[1:]
+        candidate = amounts + np.clip(step, -LARGEST_STEP, LARGEST_STEP)
+        found = _Fit.of(predicted, image, mask, motions, candidate)
         if found.error >= best.error:
             break
-        amounts, best = trial, found
-    return Registration(amounts, before, best.error, best.covariance(), best.changes[2])
+        amounts, best = candidate, found
+    return Registration(amounts, before, best.error, best.covariance(), best.normal_equations[2])
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A moved prediction against the image.
+    """A moved prediction compared with the image.
 
     Attributes
     ----------
     image, moved : (rows, columns) float64
         Zero where they are not usable.
     mask : (rows, columns) bool
-    ways : (K, 2, rows, columns) float64
+    motions : (K, 2, rows, columns) float64
     gain, error : float
-        The gain that fits best, and the sum of the squared residuals with it.
+        The best-fitting gain, and the sum of the squared residuals with it.
     """
 
     image: NDArray[np.float64]
     moved: NDArray[np.float64]
     mask: NDArray[np.bool_]
-    ways: NDArray[np.float64]
+    motions: NDArray[np.float64]
     gain: float
     error: float
 
@@ -237,33 +255,35 @@ class _Fit:
         predicted: NDArray[np.float64],
         image: NDArray[np.float64],
         mask: NDArray[np.bool_],
-        ways: NDArray[np.float64],
+        motions: NDArray[np.float64],
         amounts: NDArray[np.float64],
     ) -> Self:
-        """Return that of an image that is zero where it is not usable."""
+        """Compare an image, zero where it is not usable, with the prediction so moved."""
         moved = np.zeros(image.shape)
-        gain, error = _fit(predicted, image, mask, ways, amounts, moved)
-        return cls(image, moved, mask, ways, gain, error)
+        gain, error = _fit(predicted, image, mask, motions, amounts, moved)
+        return cls(image, moved, mask, motions, gain, error)
 
     @cached_property
-    def changes(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """How the prediction changes with the gain and the amounts.
+    def normal_equations(
+        self,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Matrix, right-hand side and ``squares`` of the Gauss-Newton step.
 
-        The products of the changes ``(1 + K, 1 + K)``, theirs with the residual ``(1 + K,)``, and
-        the squares ``(K, K)`` of a `Registration`.
+        The matrix ``(1 + K, 1 + K)`` and the right-hand side ``(1 + K,)`` are those of the gain
+        and the amounts; for ``squares`` ``(K, K)`` see `Registration`.
         """
-        size = 1 + len(self.ways)
-        normal, squares, towards = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
-        _add_changes(
-            self.moved, self.image, self.mask, self.ways, self.gain, normal, towards, squares
+        size = 1 + len(self.motions)
+        normal, squares, rhs = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+        _add_normal_equations(
+            self.moved, self.image, self.mask, self.motions, self.gain, normal, rhs, squares
         )
-        return _whole(normal), towards, _whole(squares)[1:, 1:] / (squares[0, 0] or 1.0)
+        return _symmetric(normal), rhs, _symmetric(squares)[1:, 1:] / (squares[0, 0] or 1.0)
 
     def covariance(self) -> NDArray[np.float64]:
-        """Return that of the amounts, see `Registration`."""
-        normal = self.changes[0]
+        """Return the covariance of the amounts, see `Registration`."""
+        normal = self.normal_equations[0]
         size = np.sqrt(np.diag(normal))
-        infinite = np.full((len(self.ways),) * 2, np.inf)
+        infinite = np.full((len(self.motions),) * 2, np.inf)
         if not (size > 0).all():
             return infinite
         normal = normal / np.outer(size, size)
@@ -273,6 +293,6 @@ class _Fit:
         return variance * (np.linalg.inv(normal) / np.outer(size, size))[1:, 1:]
 
 
-def _whole(lower: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the symmetric matrix of which only the lower triangle is given."""
+def _symmetric(lower: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the symmetric matrix whose lower triangle is given."""
     return lower + np.tril(lower, -1).T

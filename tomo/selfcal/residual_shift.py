@@ -1,15 +1,16 @@
-"""How far views lie from where the other views predict them: whether cameras and images agree.
+"""The displacement of each view from its prediction: whether cameras and images agree.
 
-Cameras that are not as the rig says, be it pose, focal length, lens or where pixels are counted
-from, see things beside where the others do. A view left out, predicted from the others, is shifted
-and enlarged onto its image: how far that moves it, root mean square over its edges, is the figure.
-A wrong pose moves the whole image; focal length and most of a lens's distortion enlarge it.
+A camera whose pose, focal length, lens or pixel origin differs from the rig records an image
+displaced from where the other views predict it. Each left-out view is predicted from the other
+views, and the prediction is shifted and magnified onto the image. The displacement that this
+takes, root mean square over the image's edges, measures the disagreement. A wrong pose moves the
+whole image; a wrong focal length and most of a lens's distortion magnify it.
 
-What all views are enlarged by alike is none of the cameras' doing: few views, and noise, let
-predictions spread. It is taken out; a rig whose focal lengths are all wrong by one factor makes a
-larger or smaller volume, which no image contradicts. Few views on an arc spread unlike, those at
-its ends the most: how far the images of a volume lie from what is predicted of them, seen by
-cameras that are exactly as the rig says, is what exact cameras must be allowed.
+The magnification common to all views is subtracted. It is no error of the cameras: with few views,
+and with noise, predictions are too wide. Nor can images show a wrong factor common to all focal
+lengths, because it only scales the volume. On an arc of few views the excess width differs from
+view to view and is largest at the ends. The displacement that exact cameras would show is
+therefore simulated, and only a displacement beyond it counts.
 """
 
 from __future__ import annotations
@@ -23,45 +24,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compute.by_camera import by_name
-from tomo.selfcal.registration import register, ways_to_shift_and_zoom
+from tomo.selfcal.registration import register, shift_and_zoom_motions
 
 FEWEST_VIEWS = 4
-"""Fewer views predict each other's shapes too poorly."""
+"""Views that the comparison needs at least. Fewer views predict each other too poorly; asking for
+more leaves small rigs without the test."""
 
 TYPICAL, TYPICAL_NOISE = 0.6, 4.0
-"""Root mean square over all views, in pixels and in standard deviations, from which on the
-cameras are said to disagree with the images. Without any error of the cameras it stays below 0.5
-pixels up to noise of a tenth of the brightest pixel, and below 4 of those at twice that noise:
-predictions are noisy too."""
+"""Root mean square displacement over all views above which cameras disagree with the images, in
+pixels and in standard deviations of image noise. Lower, exact cameras raise a warning; higher,
+camera errors of a pixel go unnoticed."""
 
 SINGLE, SINGLE_NOISE = 1.5, 8.0
-"""The same for the worst of the views."""
+"""The same two limits for the worst single view. Both are higher than those of all views, because
+the largest of many displacements is larger by chance."""
 
-BEYOND = 1.25
-"""Times what exact cameras would show, above which either figure must lie as well. Exact cameras
-reached 1.1 times, four of them on an arc of 90 degrees before a smooth jet."""
+EXACT_MARGIN = 1.25
+"""Multiple of the simulated displacement of exact cameras that a displacement must exceed as well.
+Lower, exact cameras on an arc raise a warning; higher, real errors there go unnoticed."""
 
-EXACT = 1e-6
-"""Pixels: no image says better than this how much it is enlarged, whatever its covariance."""
+LEAST_ZOOM_ERROR = 1e-6
+"""Least standard error of a magnification, in pixels: it bounds the weight of a view in the common
+magnification. Lower, a view without residuals outweighs all others; higher, weights are equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Displacement:
-    """How far each view lies from where the others predict it.
+    """The displacement of each view from where the other views predict it.
 
     Attributes
     ----------
     pixels : (views,) float64
-        Root mean square over the image's edges, in recorded pixels; 0 where it shows nothing.
+        Root mean square over the image's edges, in recorded pixels; 0 where the image does not
+        determine it.
     noise : (views,) float64
-        What noise in the image alone makes of it, standard deviation; infinite there.
-    of_exact : (views,) float64, optional
-        What cameras that are exactly as the rig says would show; None where it was not looked for.
+        Standard deviation of ``pixels`` from image noise alone; infinite where the image does not
+        determine the displacement.
+    exact_cameras : (views,) float64, optional
+        The displacement that cameras exactly as in the rig would show, in recorded pixels; None
+        where it was not computed.
     """
 
     pixels: NDArray[np.float64]
     noise: NDArray[np.float64]
-    of_exact: NDArray[np.float64] | None = None
+    exact_cameras: NDArray[np.float64] | None = None
 
     @classmethod
     def of(
@@ -71,67 +77,75 @@ class Displacement:
         masks: Iterable[NDArray[np.bool_]],
         factor: int = 1,
     ) -> Self:
-        """Return that of predictions of all views against their images.
+        """Measure the displacements of all views from their predictions.
 
         Parameters
         ----------
         predicted, images, masks : sequences of (rows, columns)
             Masks are True where an image is usable.
         factor : int
-            Recorded pixels along a pixel's side.
+            Recorded pixels along the side of one of these pixels.
         """
         found = [
-            register(seen, image, mask, ways_to_shift_and_zoom(image.shape))
-            for seen, image, mask in zip(predicted, images, masks, strict=True)
+            register(prediction, image, mask, shift_and_zoom_motions(image.shape))
+            for prediction, image, mask in zip(predicted, images, masks, strict=True)
         ]
-        known = [one for one in found if np.isfinite(one.covariance).all()]
-        if known:
-            certain = [1 / max(one.covariance[2, 2], EXACT**2) for one in known]
-            spread = np.average([one.amounts[2] for one in known], weights=certain)
+        determined = [match for match in found if np.isfinite(match.covariance).all()]
+        if determined:
+            weights = [
+                1 / max(match.covariance[2, 2], LEAST_ZOOM_ERROR**2) for match in determined
+            ]
+            common_zoom = np.average([match.amounts[2] for match in determined], weights=weights)
         pixels, noise = np.zeros(len(found)), np.full(len(found), math.inf)
-        for number, one in enumerate(found):
-            if one in known:
-                own = one.amounts - (0, 0, spread)
-                pixels[number] = factor * math.sqrt(max(own @ one.squares @ own, 0.0))
-                noise[number] = factor * math.sqrt(np.trace(one.squares @ one.covariance))
+        for number, match in enumerate(found):
+            if match in determined:
+                amounts = match.amounts - (0, 0, common_zoom)
+                pixels[number] = factor * math.sqrt(max(amounts @ match.squares @ amounts, 0.0))
+                noise[number] = factor * math.sqrt(np.trace(match.squares @ match.covariance))
         return cls(pixels, noise)
 
     @property
     def typical(self) -> float:
-        """Root mean square over the views that show anything, in pixels."""
+        """Root mean square over the views with a finite ``noise``, in recorded pixels."""
         return self._typical(self.pixels)
 
     def _typical(self, figures: NDArray[np.float64]) -> float:
-        known = figures[np.isfinite(self.noise)]
-        return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+        determined = figures[np.isfinite(self.noise)]
+        return float(np.sqrt(np.mean(determined**2))) if len(determined) else 0.0
 
     @property
     def disagrees(self) -> bool:
-        """Whether the cameras are not where, or not as, the rig says."""
+        """Whether the displacements exceed noise and those of exact cameras."""
         if np.isfinite(self.noise).sum() < FEWEST_VIEWS:
             return False
-        allowed = np.zeros(len(self.pixels)) if self.of_exact is None else BEYOND * self.of_exact
-        together = self.typical > max(
+        allowed = (
+            np.zeros(len(self.pixels))
+            if self.exact_cameras is None
+            else EXACT_MARGIN * self.exact_cameras
+        )
+        all_views = self.typical > max(
             TYPICAL, TYPICAL_NOISE * self._typical(self.noise), self._typical(allowed)
         )
-        single = self.pixels > np.maximum(np.maximum(SINGLE, SINGLE_NOISE * self.noise), allowed)
-        return together or bool(single.any())
+        one_view = self.pixels > np.maximum(np.maximum(SINGLE, SINGLE_NOISE * self.noise), allowed)
+        return all_views or bool(one_view.any())
 
     def warning(self, names: Sequence[str], advice: str) -> str:
-        """Return what the user should know when they disagree, the cameras ``names``, and do."""
+        """Return the warning for cameras that disagree: finding, size, and ``advice``."""
         worst = int(np.argmax(self.pixels))
         return (
-            f"cameras and images disagree: camera {names[worst]} sees things "
-            f"{self.pixels[worst]:.1f} pixels from where the others predict them, a camera on "
-            f"average {self.typical:.1f}: {advice}"
+            f"cameras and images disagree: the image of camera {names[worst]} lies "
+            f"{self.pixels[worst]:.1f} pixels from where the other views predict it, the images "
+            f"of all cameras {self.typical:.1f} pixels (RMS): {advice}"
         )
 
     def report(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return what a report says of it: plain numbers; ``names`` are the cameras'."""
+        """Return the entries of the report as plain numbers, by the cameras' ``names``."""
         return {
             "pixels": by_name(names, self.pixels),
             "noise": by_name(names, self.noise),
-            "of_exact": None if self.of_exact is None else by_name(names, self.of_exact),
+            "exact_cameras": None
+            if self.exact_cameras is None
+            else by_name(names, self.exact_cameras),
             "typical": self.typical,
             "disagrees": self.disagrees,
         }

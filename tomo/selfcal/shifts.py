@@ -1,13 +1,14 @@
-"""Cameras that look a little beside where they are said to look: a shift of each image.
+"""Small pointing errors of cameras, corrected by a shift of each image.
 
-Half a pixel of error in where a camera points costs more than any choice of method: the views
-contradict each other, and what they cannot agree on is smeared out. A view left out is predicted
-from the others, and registered with its image: the shift that it takes is the camera's error
-against theirs. Turned by so little, a camera sees its image shifted as a whole, which is a shift
-of its principal point. A common motion of all the cameras is one of the volume and is taken out.
+A pointing error of half a pixel costs more than any choice of method: the views contradict each
+other, and the volume is blurred where they do. Each left-out view is predicted from the other
+views and registered with its image; the shift found is the camera's pointing error relative to
+the others. A camera turned by so small an angle records its image shifted as a whole, which is
+the same as a shift of its principal point. A motion common to all cameras is a motion of the
+volume and is subtracted.
 
-Nothing but the images takes part; when the shifts do not clearly improve the prediction of views
-left out, the cameras stay as they are.
+Only the images are used. The cameras stay as they are unless the shifts clearly improve the
+prediction of left-out views.
 """
 
 from __future__ import annotations
@@ -28,46 +29,54 @@ from tomo.hull import carve
 from tomo.operators import LinearSystem, choose_form
 from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.downsample import Coarser, coarsening
-from tomo.selfcal.registration import register, ways_to_shift
+from tomo.selfcal.registration import register, shift_motions
 from tomo.selfcal.residual_shift import Displacement
 from tomo.solvers.initial_volume import log_back_projections
 from tomo.solvers.quick_volume import quick_volume
 
-CROSSINGS = 2_000_000
-"""About the size of the coarser system that the shifts are found on."""
+SEGMENTS = 2_000_000
+"""Approximate segments of the coarser system on which the shifts are found. More take longer;
+fewer leave pixels too coarse for shifts of half a pixel."""
 
 ROUNDS = 2
+"""Corrections of the shifts at most: one leaves errors that a second removes; more take longer."""
+
 ITERATIONS = 2
-STEP = 0.8
-"""Share of the shifts found that is made each round: all views move at once."""
+"""Iterations of each quick volume: more take longer and fit the wrong shifts."""
+
+STEP_FRACTION = 0.8
+"""Fraction of the shifts found that is applied in a round. All views move at once, so that 1
+overshoots; a small fraction needs more rounds."""
 
 GROUPS = 4
-"""Up to six views are left out one at a time, more in so many interleaved groups."""
+"""Interleaved groups in which more than six views are left out; up to six are left out singly.
+More groups take longer; fewer predict each view from too few others."""
 
 WORTH_IT = 0.8
-"""Share of the squared error of views left out that shifts must leave at most to be believed."""
+"""Largest ratio of the squared errors of left-out views, with shifts over without, at which shifts
+are accepted. Higher, noise moves exact cameras; lower, real pointing errors stay."""
 
-FARTHEST = 0.1
-"""Of an image's shorter side: a camera farther off is not merely a little off. Half as much
-refused shifts after which views left out were predicted as well as by the right rig."""
+LARGEST_SHIFT = 0.1
+"""Largest accepted shift, as a fraction of the image's shorter side. Higher, a wrong match may be
+accepted; lower, good corrections of large pointing errors are refused."""
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """How the cameras' images are shifted against what the rig says.
+    """The shifts of the cameras' images relative to the rig.
 
     Attributes
     ----------
     shifts : (views, 2) float64
-        Right and down, in pixels: a point appears so far from where the rig says.
+        Right and down in pixels, from where the rig projects a point to where it is recorded.
     error_before, error_after : float
-        Relative error of views left out, without the shifts and with them.
+        Relative error of left-out views, without and with the shifts.
     accepted : bool
-        Whether the shifts are worth making.
+        Whether the shifts are to be applied.
     reason : str
-        In words.
-    judged : optional
-        What says how far views lie from where the others predict them, see `displacement`.
+        Why the shifts were accepted or not, as a sentence.
+    evaluated : optional
+        The data from which `displacement` is computed.
     """
 
     shifts: NDArray[np.float64]
@@ -75,25 +84,25 @@ class Alignment:
     error_after: float
     accepted: bool
     reason: str
-    judged: _Judged | None = None
+    evaluated: _Evaluated | None = None
 
     @cached_property
     def displacement(self) -> Displacement | None:
-        """How far views lie from where the others predict them, with shifts that were accepted.
+        """The displacements that remain with the accepted shifts, if any were accepted.
 
-        None where nothing could be predicted. Found when it is first asked for: no volume needs
-        it, and where views lie far off it takes longer than the shifts.
+        None where nothing could be predicted. It is computed when it is first read, because no
+        volume needs it and it may take longer than the shifts.
         """
-        return None if self.judged is None else self.judged.displacement()
+        return None if self.evaluated is None else self.evaluated.displacement()
 
     def rig(self, rig: Rig) -> Rig:
-        """Return the rig with its principal points shifted; as it is if not accepted."""
+        """Return the rig with shifted principal points, or unchanged if not accepted."""
         if not self.accepted:
             return rig
         return _shifted(rig, self.shifts)
 
     def report(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return what a report says of it: plain numbers and words; ``names`` are the cameras'."""
+        """Return the entries of the report as plain numbers, by the cameras' ``names``."""
         return {
             "shifts": by_name(names, self.shifts),
             "error_before": self.error_before,
@@ -111,13 +120,13 @@ def align_views(
     *,
     masks: Sequence[NDArray[np.bool_]] | None = None,
 ) -> Alignment:
-    """Find the shift of every view against the others.
+    """Find the shift of every view relative to the other views.
 
     Parameters
     ----------
     rig : Rig
     images : sequence of (height, width)
-        One a camera: only those that the reconstruction may use.
+        One image a camera, of the cameras that the reconstruction uses; held-out views excluded.
     grid : VoxelGrid
     masks : sequence of (height, width) bool, optional
         True where a pixel is usable.
@@ -125,62 +134,62 @@ def align_views(
     Raises
     ------
     ValueError
-        If there are not as many images as cameras.
+        If the number of images is not the number of cameras.
     """
     if len(images) != len(rig):
         raise ValueError(f"images: found {len(images)}, expected one for each of {len(rig)}")
     masks = [np.isfinite(image) for image in images] if masks is None else list(masks)
-    still = np.zeros((len(rig), 2))
+    zero_shifts = np.zeros((len(rig), 2))
     if len(rig) < 3:
-        return _refused(still, math.nan, math.nan, "too few views to leave any out")
-    coarse = Coarser.of(rig, images, masks, grid, coarsening(rig, grid, CROSSINGS))
-    choose_form(tuple(coarse.rig), coarse.grid)  # refuses what would not fit: carving does not
+        return _not_accepted(zero_shifts, "too few views: leaving one out takes at least 3")
+    coarse = Coarser.of(rig, images, masks, grid, coarsening(rig, grid, SEGMENTS))
+    choose_form(tuple(coarse.rig), coarse.grid)  # raises before carving where memory is too small
     motions = [_motion(camera, grid) for camera in coarse.rig]
 
-    shifts, rounds = [still], []
+    shifts, rounds = [zero_shifts], []
     for _ in range(ROUNDS + 1):
         try:
             found = _Round.of(coarse, shifts[-1])
         except VolumeNotSeenError:
-            return _refused(still, math.nan, math.nan, "the cameras do not see the volume")
+            return _not_accepted(zero_shifts, "the cameras do not see the volume")
         if not math.isfinite(found.error):
-            return _refused(still, math.nan, math.nan, "the images are dark")
+            return _not_accepted(zero_shifts, "the images are dark")
         rounds.append(found)
         if found.registered**2 > WORTH_IT * found.error**2 and len(rounds) == 1:
             break
-        shifts.append(_without_common_motion(shifts[-1] + STEP * found.shifts, motions))
-    errors = [one.error for one in rounds]
-    as_it_is, best = rounds[0], int(np.argmin(errors))
-    before, after = as_it_is.error, errors[best]
-    limits = [FARTHEST * min(camera.image_size) for camera in coarse.rig]
+        shifts.append(_without_common_motion(shifts[-1] + STEP_FRACTION * found.shifts, motions))
+    errors = [found.error for found in rounds]
+    first, best = rounds[0], int(np.argmin(errors))
+    before, after = first.error, errors[best]
+    limits = [LARGEST_SHIFT * min(camera.image_size) for camera in coarse.rig]
     if len(rounds) == 1:
-        after, reason = as_it_is.registered, "views left out lie where they are predicted"
+        after, reason = first.registered, "left-out views lie where the other views predict them"
     elif after**2 > WORTH_IT * before**2:
-        reason = "shifts hardly improve the views left out"
+        reason = "shifts do not clearly improve the prediction of left-out views"
     elif (np.abs(shifts[best]).max(axis=1) > limits).any():
-        reason = "the shifts found are too large to be believed"
+        reason = "the shifts found are too large for pointing errors"
     else:
-        reason = f"views left out are predicted to {after:.3f} instead of {before:.3f}"
-        judged = _Judged(rounds[best], coarse, shifts[best])
-        return Alignment(shifts[best] * coarse.factor, before, after, True, reason, judged)
-    judged = _Judged(as_it_is, coarse, still)
-    return Alignment(still, before, after, False, reason, judged)
+        reason = f"the relative error of left-out views falls from {before:.3f} to {after:.3f}"
+        evaluated = _Evaluated(rounds[best], coarse, shifts[best])
+        return Alignment(shifts[best] * coarse.factor, before, after, True, reason, evaluated)
+    evaluated = _Evaluated(first, coarse, zero_shifts)
+    return Alignment(zero_shifts, before, after, False, reason, evaluated)
 
 
-def _refused(shifts: NDArray, before: float, after: float, reason: str) -> Alignment:
-    return Alignment(shifts, before, after, False, reason)
+def _not_accepted(shifts: NDArray, reason: str) -> Alignment:
+    return Alignment(shifts, math.nan, math.nan, False, reason)
 
 
 @dataclass(frozen=True, eq=False)
 class _Round:
-    """What the views left out say of the cameras as they are.
+    """One round: every left-out view predicted and registered with its image.
 
     Attributes
     ----------
     shifts : (views, 2) float64
-        Of every view against the others.
+        The shift of every view relative to the other views, in pixels of the coarse images.
     error, registered : float
-        Relative errors of the predictions as they are, and as registration makes them.
+        Relative errors of the predictions before and after registration.
     predicted : tuple of (rows, columns) float32
     """
 
@@ -192,12 +201,12 @@ class _Round:
     @classmethod
     def of(cls, coarse: Coarser, shifts: NDArray[np.float64]) -> Self:
         images, masks = coarse.images, coarse.masks
-        system, measured = _seen(coarse, shifts)
+        system, measured = _carved_system(coarse, shifts)
         views = range(len(images))
         count = len(views) if len(views) <= 6 else GROUPS
-        further, predicted = np.zeros((len(views), 2)), {}
+        shifts_found, predicted = np.zeros((len(views), 2)), {}
         back_projections = log_back_projections(system.projector, measured)
-        raw = registered = light = 0.0
+        unregistered = registered = light = 0.0
         for group in range(count):
             left_out = list(views[group::count])
             kept = [view for view in views if view not in left_out]
@@ -208,52 +217,59 @@ class _Round:
                 iterations=ITERATIONS,
                 back_projections=back_projections,
             )
-            seen = system.images(system.projector @ volume)
+            reprojected = system.images(system.projector @ volume)
             for view in left_out:
-                image, mask, predicted[view] = images[view], masks[view], seen[view]
-                found = register(seen[view], image, mask, ways_to_shift(image.shape))
-                further[view] = found.amounts
-                raw += found.before
+                image, mask, predicted[view] = images[view], masks[view], reprojected[view]
+                found = register(reprojected[view], image, mask, shift_motions(image.shape))
+                shifts_found[view] = found.amounts
+                unregistered += found.before
                 registered += found.after
                 light += float(np.sum(np.square(image, dtype=np.float64)[mask]))
-        every = tuple(predicted[view] for view in views)
+        all_predicted = tuple(predicted[view] for view in views)
         if light == 0:
-            return cls(further, math.nan, math.nan, every)
-        return cls(further, math.sqrt(raw / light), math.sqrt(registered / light), every)
+            return cls(shifts_found, math.nan, math.nan, all_predicted)
+        return cls(
+            shifts_found,
+            math.sqrt(unregistered / light),
+            math.sqrt(registered / light),
+            all_predicted,
+        )
 
     def displacement(self, coarse: Coarser) -> Displacement:
         return Displacement.of(self.predicted, coarse.images, coarse.masks, coarse.factor)
 
 
 @dataclass(frozen=True, eq=False)
-class _Judged:
-    """A round at the shifts ``(views, 2)`` that stay, and the images that it was of."""
+class _Evaluated:
+    """The round at the final shifts ``(views, 2)``, and the coarse images that it compared."""
 
     round: _Round
     coarse: Coarser
     shifts: NDArray[np.float64]
 
     def displacement(self) -> Displacement:
-        """Return that of the round; where it is large, with what exact cameras would show."""
+        """Return the round's displacements; where they are large, with those of exact cameras."""
         found = self.round.displacement(self.coarse)
         if not found.disagrees:
             return found
-        system, measured = _seen(self.coarse, self.shifts)  # not kept while a volume is solved for
+        system, measured = _carved_system(
+            self.coarse, self.shifts
+        )  # traced again to save memory in between
         views = range(len(self.coarse.rig))
         volume = quick_volume(system.projector, measured, views, iterations=2 * ITERATIONS)
-        seen = system.images((system.projector @ volume).astype(np.float32))
-        bootstrapped = replace(self.coarse, images=tuple(seen))
+        reprojected = system.images((system.projector @ volume).astype(np.float32))
+        bootstrapped = replace(self.coarse, images=tuple(reprojected))
         try:
-            of_exact = _Round.of(bootstrapped, self.shifts).displacement(bootstrapped)
-        except VolumeNotSeenError:  # an empty volume says nothing of the cameras
+            exact_cameras = _Round.of(bootstrapped, self.shifts).displacement(bootstrapped)
+        except VolumeNotSeenError:  # an empty volume predicts nothing
             return found
-        return replace(found, of_exact=of_exact.pixels)
+        return replace(found, exact_cameras=exact_cameras.pixels)
 
 
-def _seen(
+def _carved_system(
     coarse: Coarser, shifts: NDArray[np.float64]
 ) -> tuple[LinearSystem, NDArray[np.float32]]:
-    """Return what shifted cameras see of voxels that may emit, and their pixels ``(pixels,)``."""
+    """Return the carved system of the shifted cameras and its measurement ``(pixels,)``."""
     rig = _shifted(coarse.rig, shifts)
     found = carve(tuple(rig), coarse.images, coarse.masks, coarse.grid)
     system = LinearSystem.from_rig(rig, coarse.grid, masks=found.pixels, active=found.active)
@@ -261,16 +277,16 @@ def _seen(
 
 
 def _motion(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.float64]:
-    """Return how far the image of the grid's middle moves as the world does: ``(2, 3)``."""
+    """Return the derivative of the image of the grid's centre by a world motion: ``(2, 3)``."""
     step = 1e-3 * float(np.min(np.asarray(grid.shape) * grid.spacing))
-    middle = np.tile(grid.center, (3, 1))
-    return np.nan_to_num(image_motion(camera, middle, step * np.eye(3)).T / step)
+    center = np.tile(grid.center, (3, 1))
+    return np.nan_to_num(image_motion(camera, center, step * np.eye(3)).T / step)
 
 
 def _without_common_motion(
     shifts: NDArray[np.float64], motions: Sequence[NDArray]
 ) -> NDArray[np.float64]:
-    """Return the shifts less those of the one motion of the volume that explains most of them."""
+    """Subtract the shifts of the volume's best-fitting motion: ``(views, 2)``."""
     stacked = np.concatenate(motions)  # (2 views, 3)
     motion = np.linalg.lstsq(stacked, shifts.ravel(), rcond=None)[0]
     return shifts - (stacked @ motion).reshape(shifts.shape)

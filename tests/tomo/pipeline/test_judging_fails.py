@@ -39,7 +39,7 @@ def broken(monkeypatch):
 @pytest.mark.parametrize(
     ("where", "name", "error", "said"),
     [
-        (shifts._Judged, "displacement", MemoryError(), "cameras: whether images agree"),
+        (shifts._Evaluated, "displacement", MemoryError(), "cameras: whether images agree"),
         (steps, "assess", OfALibraryError("two\nlines"), "condition: how far to trust"),
         (steps, "views_of", ValueError("wrong"), "re-projected images: not found: wrong"),
     ],

@@ -1,4 +1,4 @@
-"""Cameras that are not as the rig says are told of; those that are, are not."""
+"""Cameras that differ from the rig raise a warning; exact cameras raise none."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -29,7 +29,7 @@ def case(request):
 
 
 def warned(case, change, cameras=range(VIEWS)):
-    """Return what is said of a rig of which ``change(camera, sign)`` was made of some cameras."""
+    """Return the warnings for a rig with ``change(camera, sign)`` applied to some cameras."""
     wrong = tuple(
         change(camera, 1 if number % 3 else -1) if number in cameras else camera
         for number, camera in enumerate(case.rig)
@@ -41,9 +41,9 @@ def warned(case, change, cameras=range(VIEWS)):
     return [line for line in found.warnings if "disagree" in line or "beside" in line]
 
 
-def zoomed(camera, sign, share=0.05):
+def zoomed(camera, sign, fraction=0.05):
     matrix = camera.camera_matrix.copy()
-    matrix[[0, 1], [0, 1]] *= 1 + sign * share
+    matrix[[0, 1], [0, 1]] *= 1 + sign * fraction
     return replace(camera, camera_matrix=matrix)
 
 
@@ -58,15 +58,15 @@ def turned(camera, sign, pixels=1.2):
 
 
 @pytest.mark.parametrize("change", [zoomed, bent, turned])
-def test_cameras_that_are_off_by_pixels_are_told_of(case, change):
+def test_cameras_wrong_by_pixels_raise_a_warning(case, change):
     assert warned(case, change)
 
 
-def test_the_right_rig_is_not_doubted(case):
+def test_the_right_rig_raises_no_warning(case):
     assert warned(case, lambda camera, sign: camera) == []
 
 
-def test_half_a_pixel_is_nothing_to_doubt_a_rig_for(case):
+def test_a_third_of_a_pixel_raises_no_warning(case):
     assert warned(case, lambda camera, sign: turned(camera, sign, 0.3)) == []
 
 
@@ -81,28 +81,28 @@ def test_a_common_factor_of_all_focal_lengths_is_no_contradiction(case):
 
 
 @pytest.mark.parametrize(("pixels", "made"), [(4.0, True), (8.0, False)])
-def test_far_shifts_are_made_and_those_too_far_are_told_of(case, pixels, made):
+def test_large_shifts_are_accepted_and_too_large_ones_raise_a_warning(case, pixels, made):
     wrong = tuple(turned(camera, (-1) ** n, pixels) for n, camera in enumerate(case.rig))
     found = align_views(replace(case.rig, cameras=wrong), case.images, GRID)
     assert found.accepted == made
     assert found.displacement.disagrees != found.accepted
 
 
-@pytest.mark.parametrize("share", [0.0, 0.06])
-def test_what_exact_cameras_on_an_arc_would_show_is_allowed(share):
-    """Predictions of a smooth jet from few views on one side spread: no fault of the cameras."""
+@pytest.mark.parametrize("fraction", [0.0, 0.06])
+def test_what_exact_cameras_on_an_arc_would_show_is_allowed(fraction):
+    """Predictions of a smooth jet from few views on one side are too wide for exact cameras."""
     grid = VoxelGrid((20, 60, 20), 0.5)
     size = {"distance": 300.0, "image_size": (64, 120), "footprint": 0.3}
     rig = rigs.arc(4, span_degrees=90, pitch_degrees=[9.0, -5.0] * 2, **size)
     made = simulate(rig, phantoms.create("jet", seed=2, extent=grid.extent), grid, supersample=2)
-    wrong = tuple(zoomed(camera, 1 if n % 3 else -1, share) for n, camera in enumerate(rig))
+    wrong = tuple(zoomed(camera, 1 if n % 3 else -1, fraction) for n, camera in enumerate(rig))
     images = [made.images[name] for name in rig.names]
     found = align_views(replace(rig, cameras=wrong), images, grid).displacement
-    assert replace(found, of_exact=None).disagrees
-    assert found.disagrees == (share > 0)
+    assert replace(found, exact_cameras=None).disagrees
+    assert found.disagrees == (fraction > 0)
 
 
-def test_dark_views_say_nothing():
+def test_dark_views_show_no_displacement():
     dark = [np.zeros((20, 20), np.float32)] * 5
     found = Displacement.of(dark, dark, [np.ones((20, 20), bool)] * 5)
     assert not found.disagrees

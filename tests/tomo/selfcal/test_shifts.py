@@ -1,4 +1,4 @@
-"""Shifts of images: found where cameras look beside, none found where they do not."""
+"""Pointing errors of cameras are found as shifts of images; exact cameras get no shift."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -31,7 +31,7 @@ def case(request):
 
 
 def _wrong_rig(case, spread, seed=0):
-    """Return the rig that claims what is not so, and how far its images seem shifted."""
+    """Return a rig with pointing errors, and the resulting shifts of its images."""
     shifts = np.random.default_rng(seed).normal(0, spread, (len(case.rig), 2))
     return _shifted(case.rig, -shifts), shifts
 
@@ -41,10 +41,10 @@ def test_wrong_principal_points_are_found_but_for_a_motion_of_the_volume(case):
     found = align_views(wrong, case.images, case.grid)
     assert found.accepted
     assert found.error_after < found.error_before
-    told = found.report(wrong.names)
-    assert told["shifts"] == dict(zip(wrong.names, found.shifts.tolist(), strict=True))
-    assert list(told["displacement"]["pixels"]) == list(wrong.names)
-    # Three motions of the world shift the images as well: compare what is left of them.
+    report = found.report(wrong.names)
+    assert report["shifts"] == dict(zip(wrong.names, found.shifts.tolist(), strict=True))
+    assert list(report["displacement"]["pixels"]) == list(wrong.names)
+    # Three motions of the world shift the images too: compare the shifts without them.
     left = shifts - found.shifts
     motions = np.concatenate(
         [
@@ -91,7 +91,7 @@ def test_brighter_cameras_are_not_shifted():
     assert not align_views(case.rig, images, case.grid).accepted
 
 
-def test_unusable_pixels_take_no_part():
+def test_unusable_pixels_do_not_count():
     case = _case(5)
     wrong, _ = _wrong_rig(case, 2.0)
     masks = [np.ones(image.shape, bool) for image in case.images]
@@ -104,7 +104,7 @@ def test_unusable_pixels_take_no_part():
     np.testing.assert_array_equal(found.shifts, good.shifts)
 
 
-def test_nothing_to_compare_is_said():
+def test_the_reason_names_missing_views_and_dark_images():
     case = _case(5)
     two = replace(case.rig, cameras=tuple(case.rig)[:2])
     assert "too few" in align_views(two, case.images[:2], case.grid).reason

@@ -1,4 +1,4 @@
-"""Cameras refined from the images of the scene itself."""
+"""Refinement of poses, focal lengths and gains from the images of the scene itself."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""A quick volume of smooth blobs: what the cameras are refined against and judged by."""
+"""The quick volume on a smooth basis that cameras are refined against and evaluated with."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ from tomo.selection.choose import FEW_VIEWS
 from tomo.solvers.initial_volume import mlos_start
 
 WIDTH = 0.8
-"""Of the blobs, in voxels: the gradient of the volume has to be one of the flame."""
+"""Width of the Gaussian blobs in voxels. Narrower, the volume's gradient is noise; wider, edges of
+the flame vanish and cameras are hardly determined."""
 
 ITERATIONS = {"mlem": 12, "nnls": 20}
+"""Iterations by solver. Fewer leave the volume too smooth; more take longer and fit noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class FirstVolume:
-    """A volume and its basis.
+    """The coefficients of a volume and their basis.
 
     Attributes
     ----------
@@ -40,10 +42,15 @@ class FirstVolume:
 
 
 def first_volume(projector: ProjectionOperator, measured: NDArray[np.float32]) -> FirstVolume:
-    """Return a few iterations on a smooth basis.
+    """Solve for a volume with a few iterations on a smooth basis.
 
-    Of MLEM where views are few, which fills what they leave open with what all of them allow;
-    else of non-negative least squares.
+    The solver is MLEM for few views, since it stays smooth where they do not determine the volume,
+    and non-negative least squares otherwise.
+
+    Parameters
+    ----------
+    projector : ProjectionOperator
+    measured : (pixels,) float32
     """
     basis = GaussianBasis(projector, WIDTH)
     views = int(np.count_nonzero(np.diff(projector.view_ptr)))

@@ -1,4 +1,4 @@
-"""Rays that no refinement sees, and how well they are predicted from other views."""
+"""Held-out rays, excluded from the refinement, and their errors predicted from other views."""
 
 from __future__ import annotations
 
@@ -14,29 +14,30 @@ from tomo.operators import LinearSystem
 from tomo.selfcal.refine.first_volume import first_volume
 
 EVERY = 5
-"""One of so many tiles of each image is held out."""
+"""One tile in this many is held out of each image. Fewer tiles make the comparison noisy; more
+leave fewer rays for the refinement."""
 
 TILES = 16
-"""Along an image's shorter side."""
+"""Tiles along an image's shorter side. More, held-out rays have training rays next to them; fewer,
+their scatter is uncertain."""
 
 GROUPS = 4
-"""Up to six views are left out one at a time, more in so many interleaved groups."""
+"""Interleaved groups in which more than six views are left out; up to six are left out singly.
+More groups take longer; fewer predict each view from too few others."""
 
 SIGNIFICANT = 0.5
-"""Standard errors, from tile to tile, by which the held-out rays' squared error must fall: little,
-since what a volume from few views lacks scatters more than what any camera does."""
+"""Standard errors, over tiles, by which the squared error of held-out rays must fall. Higher, real
+improvements are refused, since errors of the volume scatter more than those of a camera; lower,
+chance is accepted."""
 
 WORTH_IT = 0.02
 WORTH_ALL_CAMERAS = 0.05
-"""And the share of it by which it must fall, at least and where all cameras move. By chance the
-best of all rounds is 3 % better, of cameras that are right too: a tenth of a pixel puts edges
-elsewhere between the voxels, and where a volume has got to when it is stopped makes two thirds of
-a percent, by the last bits of a processor's sums. Poses wrong by 0.16 to 0.24 pixel make 7 to
-13 %."""
+"""Fraction by which the squared error of held-out rays must fall: at least, and where all cameras
+move. Lower, exact cameras are moved by chance; higher, pose errors of 0.2 pixels stay."""
 
 
 def held_out_tiles(shapes: Sequence[tuple[int, int]]) -> list[NDArray[np.bool_]]:
-    """Return which pixels of each image are held out: tiles on diagonals, shifted by view."""
+    """Return the held-out pixels of each image: tiles on diagonals, shifted from view to view."""
     found = []
     for view, shape in enumerate(shapes):
         rows, columns = np.indices(shape) // _side(shape)
@@ -45,15 +46,15 @@ def held_out_tiles(shapes: Sequence[tuple[int, int]]) -> list[NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
-    """How well held-out rays are predicted.
+class HeldOutErrors:
+    """The errors of held-out rays predicted from other views.
 
     Attributes
     ----------
     squared_errors : (views, tiles) float64
-        Summed over the tiles of each view.
+        Sum of the squared errors in each tile.
     light : float
-        The held-out pixels' sum of squares.
+        Sum of the squared held-out pixels.
     """
 
     squared_errors: NDArray[np.float64]
@@ -61,72 +62,81 @@ class Judgement:
 
     @property
     def relative_error(self) -> float:
-        """Root of all squared errors over the light; NaN if that is zero."""
+        """Square root of the squared errors over the light; NaN for dark images."""
         return float(np.sqrt(self.squared_errors.sum() / self.light)) if self.light else np.nan
 
-    def is_improved_by(self, other: Judgement, moved: float = 1.0) -> bool:
-        """Whether the other's errors are smaller by more than chance, tile by tile.
+    def is_improved_by(self, other: HeldOutErrors, moved: float = 1.0) -> bool:
+        """Whether the other errors are smaller by more than chance.
 
-        ``moved`` is the share of the cameras that are not where they were: others bring nothing
-        by chance.
+        ``moved`` is the fraction of the cameras that were refined. The improvement expected by
+        chance grows with it.
         """
-        gained = (self.squared_errors - other.squared_errors).ravel()
+        gains = (self.squared_errors - other.squared_errors).ravel()
         worth = max(WORTH_ALL_CAMERAS * moved, WORTH_IT)
         if other.squared_errors.sum() > (1 - worth) * self.squared_errors.sum():
             return False
-        scatter = float(np.sqrt(np.sum(np.square(gained - gained.mean()))))
-        return bool(gained.sum() > SIGNIFICANT * scatter)
+        scatter = float(np.sqrt(np.sum(np.square(gains - gains.mean()))))
+        return bool(gains.sum() > SIGNIFICANT * scatter)
 
 
-def judge(
+def predict_held_out(
     rig: Rig,
     images: Sequence[NDArray[np.float32]],
     masks: Sequence[NDArray[np.bool_]],
     grid: VoxelGrid,
     active: ActiveVoxels,
-) -> Judgement:
-    """Predict the held-out rays of views left out, from the other rays of the others.
+) -> HeldOutErrors:
+    """Predict the held-out rays of left-out views from the training rays of the other views.
 
-    A view's prediction is scaled by the gain that fits its other rays best: a brighter camera is
-    not one that looks elsewhere.
+    The prediction of a view is scaled by the gain that fits its training rays best, so that a
+    brighter camera is not taken for a displaced one.
+
+    Parameters
+    ----------
+    rig : Rig
+    images, masks : sequence of (rows, columns)
+    grid : VoxelGrid
+    active : ActiveVoxels
     """
     held = held_out_tiles([image.shape for image in images])
-    # the pixels that a rig's rays through the volume miss count as predicted dark
+    # pixels whose rays miss the volume count as predicted dark
     system = LinearSystem.from_rig(rig, grid, masks=masks, active=active)
     measured = system.flatten(images)
-    trains = ~system.flatten([own.astype(np.float32) for own in held]).astype(bool)
+    training = ~system.flatten([tiles.astype(np.float32) for tiles in held]).astype(bool)
     pointer, views = system.projector.view_ptr, len(rig)
     groups = views if views <= 6 else GROUPS
     errors, light = np.zeros((views, 0)), 0.0
     for group in range(groups):
         left_out = range(group, views, groups)
-        chosen = trains.copy()
+        chosen = training.copy()
         for view in left_out:
             chosen[pointer[view] : pointer[view + 1]] = False
         rays = np.flatnonzero(chosen)
         volume = first_volume(system.projector.take(rays), measured[rays])
-        seen = system.images(system.projector @ volume.values)
+        reprojected = system.images(system.projector @ volume.values)
         for view in left_out:
-            image, mask, own = images[view], masks[view], held[view]
-            gain = _gain(seen[view][mask & ~own], image[mask & ~own])
-            residual = np.where(mask & own, image - gain * seen[view], 0).astype(np.float64)
+            image, mask, tiles = images[view], masks[view], held[view]
+            gain = _gain(reprojected[view][mask & ~tiles], image[mask & ~tiles])
+            residual = np.where(mask & tiles, image - gain * reprojected[view], 0).astype(
+                np.float64
+            )
             sums = _by_tile(residual**2)
             if errors.shape[1] < len(sums):
                 errors = np.pad(errors, ((0, 0), (0, len(sums) - errors.shape[1])))
             errors[view, : len(sums)] = sums
-            light += float(np.sum(np.square(image[mask & own], dtype=np.float64)))
-    return Judgement(errors, light)
+            light += float(np.sum(np.square(image[mask & tiles], dtype=np.float64)))
+    return HeldOutErrors(errors, light)
 
 
 def tiles_of(shape: tuple[int, int], count: int = TILES) -> NDArray[np.int64]:
-    """Return the number of the tile that each pixel is in, of the image's shape."""
+    """Return the tile number of each pixel, ``(rows, columns)``."""
     side = _side(shape, count)
     rows, columns = np.indices(shape) // side
     return rows * (shape[1] // side + 1) + columns
 
 
 def _side(shape: tuple[int, int], count: int = TILES) -> int:
-    """Return a tile's, in pixels, of an image."""
+    """Return the side of a tile in pixels."""
     return max(min(shape) // count, 2)
 
 

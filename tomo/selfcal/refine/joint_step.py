@@ -1,9 +1,9 @@
-"""One step of Gauss and Newton's method for cameras and volume at once.
+"""One Gauss-Newton step for cameras and volume together.
 
-A volume made from images with wrong cameras has taken in a part of the cameras' errors: what is
-left in the residuals understates them, and cameras corrected by residuals alone creep. So the
-volume is free in the step that moves the cameras: the part of a residual that another volume
-explains as well says nothing about them.
+A volume reconstructed with wrong cameras absorbs a part of the cameras' errors. The residuals then
+understate these errors, and corrections from residuals alone converge slowly. The volume is
+therefore free in the step that moves the cameras (variable projection): a residual that another
+volume explains as well is no evidence about the cameras.
 """
 
 from __future__ import annotations
@@ -18,43 +18,50 @@ from tomo._compute.reductions import dot
 from tomo.operators.operator import ProjectionOperator
 
 ITERATIONS = 30
-DONE = 1e-5
-"""Conjugate gradients end when the preconditioned residual has fallen to this share."""
+"""Iterations of conjugate gradients at most. Fewer give a short step; more take longer."""
+
+TOLERANCE = 1e-5
+"""Ratio to which the preconditioned residual must fall. Higher, the step is inexact; lower,
+iterations are spent on digits that the next step changes."""
 
 STIFFNESS = 1e-3
-"""Of the volume against change, as a share of what rays say of a typical voxel."""
+"""Prior strength of the volume's change, as a fraction of a typical diagonal of the normal matrix.
+Lower, undetermined voxels slow the solver; higher, the volume explains too little."""
 
 FAINTEST = 1e-50
-"""Intensity that no pixel is fainter than, in any unit; its square is one of double precision."""
+"""Lower bound of an intensity, in any unit. Lower, its square is no double; higher, images in
+faint units are cut off."""
 
 SMALLEST = 1e-9
-"""Share of a view's squared residuals that a weight is at least."""
+"""Lower bound of a weight, as a fraction of the view's squared residuals. Lower, the step becomes
+singular; higher, the prior holds cameras that fit exactly."""
 
 Vectors = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Coefficients ``(unknowns,)`` and the parameters of the cameras ``(cameras, 8)``."""
+"""Coefficients ``(unknowns,)`` and per-view parameters ``(cameras moved, 8)``."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointStep:
-    """The linear least squares of one step.
+    """The linear least-squares problem of one step.
 
-    ``|| r - A G c - sum_v J_v d_v ||² + w_v || d_v + p_v ||² + s || c ||²`` over the volume's
-    change ``c`` and the parameters' ``d``, in units of their priors' standard deviations.
+    It minimises ``|| r - A G c - sum_v J_v d_v ||² + w_v || d_v + p_v ||² + s || c ||²`` over the
+    change ``c`` of the volume and the change ``d`` of the per-view parameters, in units of the
+    standard deviations of their priors.
 
     Attributes
     ----------
     operator : ProjectionOperator
         ``A G``.
     free : (unknowns,) bool
-        Coefficients that may change: a voxel without light stays dark.
+        True for coefficients that may change. A dark voxel stays dark.
     views : sequence of int
         The cameras to move.
     derivatives : sequence of (8, pixels of the view) float64
         ``J_v``, one for each of ``views``.
     weights : (cameras moved,) float64
-        ``w_v``: the variance of what a pixel says of a parameter.
+        ``w_v``: the weight of the prior, the residual variance per pixel; see `weight_of`.
     departures : (cameras moved, 8) float64
-        ``p_v``: how far the parameters are from the prior's mean.
+        ``p_v``: the parameters' distance from the mean of the prior.
     """
 
     operator: ProjectionOperator
@@ -67,8 +74,12 @@ class JointStep:
     def solve(self, residual: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the step of the parameters, ``(cameras moved, 8)``.
 
-        By conjugate gradients, the coefficients preconditioned by a bound of their normal
-        matrix's diagonal, each camera's parameters by the inverse of their own block.
+        The solver is conjugate gradients. The preconditioner is a bound of the normal matrix's
+        diagonal for the coefficients, and the inverse of the diagonal block for each camera.
+
+        Parameters
+        ----------
+        residual : (pixels,) float64
         """
         if not self.free.any():
             return np.zeros_like(self.departures)
@@ -81,18 +92,18 @@ class JointStep:
             for own, weight in zip(self.derivatives, self.weights, strict=True)
         ]
 
-        def conditioned(g: Vectors) -> Vectors:
+        def preconditioned(g: Vectors) -> Vectors:
             parts = [block @ own for block, own in zip(blocks, g[1], strict=True)]
             return g[0] / (bound + stiffness), np.stack(parts)
 
         c, d = np.zeros(volume.shape[1]), np.zeros_like(self.departures)
-        downhill = self._adjoint(residual)
-        g = downhill[0], downhill[1] - self.weights[:, None] * self.departures
-        z = conditioned(g)
+        gradient = self._adjoint(residual)
+        g = gradient[0], gradient[1] - self.weights[:, None] * self.departures
+        z = preconditioned(g)
         direction, size = z, _dot(g, z)
         first = size
         for _ in range(ITERATIONS):
-            if not size > DONE**2 * first:
+            if not size > TOLERANCE**2 * first:
                 break
             h = self._adjoint(self._forward(direction))
             h = (
@@ -102,10 +113,10 @@ class JointStep:
             step = size / _dot(direction, h)
             c, d = c + step * direction[0], d + step * direction[1]
             g = g[0] - step * h[0], g[1] - step * h[1]
-            z = conditioned(g)
+            z = preconditioned(g)
             size, before = _dot(g, z), size
-            turn = size / before
-            direction = z[0] + turn * direction[0], z[1] + turn * direction[1]
+            beta = size / before
+            direction = z[0] + beta * direction[0], z[1] + beta * direction[1]
         return d
 
     def _forward(self, x: Vectors) -> NDArray[np.float64]:
@@ -128,18 +139,19 @@ class JointStep:
 def weight_of(
     derivatives: NDArray[np.float64], residual: NDArray[np.float64], tiles: NDArray[np.integer]
 ) -> float:
-    """Return the variance of what a pixel says of a parameter, residuals of a tile as one.
+    """Return the weight of a camera's prior: the residual variance per independent pixel.
 
-    ``mean_k sum_tiles (sum J_k r)² / sum J_k²``: the residuals' variance where they are noise;
-    where they come from the volume, the optics or the cameras they agree over stretches, and many
-    pixels say hardly more than one: the prior then counts for more.
+    It is ``mean_k sum_tiles (sum J_k r)² / sum J_k²``, in squared intensity. For residuals that
+    are noise this is their variance. Residuals from errors of the volume, the optics or the
+    cameras are correlated, and many pixels then carry little more information than one. The weight
+    of the prior is then larger.
 
     Parameters
     ----------
     derivatives : (parameters, pixels)
     residual : (pixels,)
     tiles : (pixels,) int
-        Which tile a pixel belongs to.
+        The tile number of each pixel. Residuals within a tile count as correlated.
     """
     ratios = []
     for own in derivatives:
@@ -147,12 +159,12 @@ def weight_of(
         if information > 0:
             ratios.append(np.sum(np.square(np.bincount(tiles, own * residual))) / information)
     found = float(np.mean(ratios)) if ratios else 0.0
-    # above zero, so that the prior decides where a camera sees nothing or all fits exactly
+    # above zero: the prior decides where a camera sees nothing or the fit is exact
     return max(found, SMALLEST * dot(residual, residual), FAINTEST**2)
 
 
 def _products(derivatives: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return ``J J^T`` whatever the number of threads."""
+    """Return ``J J^T``, with the same bits for any number of threads."""
     return np.array([[dot(a, b) for b in derivatives] for a in derivatives])
 
 

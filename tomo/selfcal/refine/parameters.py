@@ -1,9 +1,9 @@
-"""What of a camera is refined: position, turn, focal length, and the gain of its images.
+"""The refined parameters of a camera: position, rotation, focal length and gain.
 
-A camera's eight parameters are its motion in length units along its own axes right, down and
-forward (0 to 2), its turn about these axes in radians (3 to 5), the logarithms of its focal
-length's change (6) and of its gain (7). All are zero for the camera as it was given, and none
-depends on how far the images are shrunk.
+The eight parameters are the motion along the camera's own axes right, down and forward in length
+units (0 to 2), the rotation about these axes in radians (3 to 5), the logarithm of the ratio of
+focal lengths (6) and the logarithm of the gain (7). All are zero for the camera as given, and none
+depends on the size to which images are downsampled.
 """
 
 from __future__ import annotations
@@ -19,12 +19,17 @@ from rigs.geometry.rotation import matrix_of_vector
 from tomo.grid import VoxelGrid
 
 COUNT = 8
-PLACE = 7
+"""Parameters of a camera."""
+
+GEOMETRY = 7
+"""Number of leading parameters that change the geometry; the gain follows."""
+
 FOCAL, GAIN = 6, 7
+"""Indices of the logarithms of focal length and gain."""
 
 
 def moved(camera: Camera, parameters: NDArray[np.float64]) -> Camera:
-    """Return the camera with its position, turn and focal length changed."""
+    """Return the camera with its position, rotation and focal length changed."""
     R = matrix_of_vector(parameters[3:6]) @ camera.R
     position = camera.position + camera.R.T @ parameters[:3]
     matrix = np.array(camera.camera_matrix)
@@ -33,9 +38,9 @@ def moved(camera: Camera, parameters: NDArray[np.float64]) -> Camera:
 
 
 def moved_rig(rig: Rig, parameters: NDArray[np.float64]) -> Rig:
-    """Return the rig with every camera moved by its row of ``(cameras, 8)``; zeros move none."""
+    """Return the rig with each camera moved by its row of ``parameters`` ``(cameras, 8)``."""
     cameras = tuple(
-        moved(camera, own) if own[:PLACE].any() else camera
+        moved(camera, own) if own[:GEOMETRY].any() else camera
         for camera, own in zip(rig, parameters, strict=True)
     )
     return replace(rig, cameras=cameras)
@@ -47,22 +52,23 @@ def image_derivatives(
     gradient: NDArray[np.float64],
     centers: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return how a camera's prediction changes with its place: ``(7, pixels)``.
+    """Return the derivatives of a camera's prediction by its geometry: ``(7, pixels)``.
 
-    A camera that moves sees what it would see, unmoved, of a volume ``f`` that moves the other
-    way: in camera axes the emission at ``x`` changes by ``-v(x) . grad f``, where ``v`` is how
-    the parameter moves the points as the camera sees them: ``-e_k`` for its motion along axis k,
-    ``e_k x x`` for its turn about it, ``(x, y, 0)`` for its focal length. The derivative is the
-    projection of that volume, exact for smooth ``f``.
+    A moving camera records the same image as a fixed camera of a volume ``f`` that moves the other
+    way. In camera axes the emission at ``x`` then changes by ``-v(x) . grad f``. The velocity
+    ``v`` is ``-e_k`` for a motion along axis k, ``e_k x x`` for a rotation about it, and
+    ``(x, y, 0)`` for the focal length. The derivative is the projection of that volume, exact for
+    smooth ``f``.
 
     Parameters
     ----------
     project : callable
-        From unknowns ``(n,)`` to the pixels of the camera.
+        Projects unknowns ``(n,)`` to the pixels of the camera.
     camera : Camera
     gradient : (n, 3)
-        Of the emission along the world's axes, at ``centers`` ``(n, 3)``.
+        Gradient of the emission along the world axes at the ``centers``.
     centers : (n, 3)
+        World coordinates of the voxels.
     """
     x, y, z = (centers @ camera.R.T + camera.t).T
     gx, gy, gz = (gradient @ camera.R.T).T
@@ -79,7 +85,7 @@ def image_derivatives(
 
 
 def volume_gradient(volume: NDArray, grid: VoxelGrid) -> NDArray[np.float64]:
-    """Return central differences, zero emission around the grid: ``(voxels, 3)``."""
+    """Return the volume's central differences, zero outside the grid: ``(voxels, 3)``."""
     padded = np.pad(np.asarray(volume, np.float64).reshape(grid.shape), 1)
     inner = slice(1, -1)
     parts = []

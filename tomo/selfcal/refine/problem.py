@@ -1,4 +1,4 @@
-"""What is asked of a refinement: images, cameras, priors; and what becomes of its answer."""
+"""The input of a refinement (images, cameras, priors) and the result built from its parameters."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from rigs import Rig, box_points
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
 from tomo.scan.downsample import Coarser
-from tomo.selfcal.refine.held_out import Judgement, held_out_tiles
-from tomo.selfcal.refine.parameters import COUNT, PLACE, moved_rig
+from tomo.selfcal.refine.held_out import HeldOutErrors, held_out_tiles
+from tomo.selfcal.refine.parameters import COUNT, GEOMETRY, moved_rig
 from tomo.selfcal.refine.prior import GAIN_PRIOR, units
 from tomo.selfcal.refine.refinement import Refinement
 from tomo.selfcal.refine.resolution_level import Level
@@ -22,7 +22,7 @@ from tomo.selfcal.refine.resolution_level import Level
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What was asked for.
+    """The input of a refinement.
 
     Attributes
     ----------
@@ -30,10 +30,11 @@ class Task:
     images, masks : tuple of (height, width)
     grid : VoxelGrid
     chosen : tuple of int
-        The cameras to refine.
+        Indices of the cameras to refine.
     prior_pixels : (cameras,) float64
+        Standard deviations of the priors in pixels.
     skip : bool
-        Whether to carve.
+        Whether to carve away voxels that dark pixels show to be empty.
     """
 
     rig: Rig
@@ -46,60 +47,62 @@ class Task:
 
     @property
     def lengths(self) -> NDArray[np.float64]:
-        """The prior's standard deviations of all parameters, ``(cameras, 8)``."""
+        """Standard deviations of the priors of all parameters, ``(cameras, 8)``."""
         rows = []
         for camera, pixels in zip(self.rig, self.prior_pixels, strict=True):
-            sizes = np.r_[np.full(PLACE, pixels), GAIN_PRIOR]
+            sizes = np.r_[np.full(GEOMETRY, pixels), GAIN_PRIOR]
             rows.append(sizes * units(camera, self.grid))
         return np.array(rows)
 
     def level(self, factor: int) -> Level:
-        """Return images and grid ``factor`` times as coarse."""
+        """Return the problem with pixels and voxels ``factor`` times as coarse."""
         coarse = Coarser.of(self.rig, self.images, self.masks, self.grid, factor)
         rig, images, masks = coarse.rig, coarse.images, coarse.masks
         held = held_out_tiles([image.shape for image in images])
-        trains = [mask & ~own for mask, own in zip(masks, held, strict=True)]
+        training = [mask & ~tiles for mask, tiles in zip(masks, held, strict=True)]
         active = ActiveVoxels(coarse.grid)
         if self.skip:
-            active = carve(tuple(rig), images, trains, coarse.grid).active
-        return Level(rig, images, masks, trains, coarse.grid, active, self.chosen, self.lengths)
+            active = carve(tuple(rig), images, training, coarse.grid).active
+        return Level(rig, images, masks, training, coarse.grid, active, self.chosen, self.lengths)
 
     def size(self, step: NDArray[np.float64]) -> float:
-        """Return how far a step moves the volume's image, in pixels, RMS over the cameras."""
+        """Return the motion of the volume's image by a step, in pixels, RMS over the cameras."""
         moves = _moves(self.rig, moved_rig(self.rig, step), self.grid)[list(self.chosen)]
         return float(np.sqrt(np.mean(np.square(moves))))
 
-    def judged(
+    def result(
         self,
         parameters: NDArray[np.float64],
-        before: Judgement,
-        after: Judgement,
-        courses: Sequence[float],
+        before: HeldOutErrors,
+        after: HeldOutErrors,
+        errors_by_round: Sequence[float],
     ) -> Refinement:
         """Return the refinement with the best parameters found."""
         errors = before.relative_error, after.relative_error
         moved = len(self.chosen) / len(self.rig)
         accepted = bool(parameters.any()) and before.is_improved_by(after, moved)
         reason = (
-            f"held-out rays are predicted from other views to {errors[1]:.4f} instead of "
-            f"{errors[0]:.4f}"
+            f"the relative error of held-out rays falls from {errors[0]:.4f} to {errors[1]:.4f}"
             if accepted
-            else f"no refined cameras predict held-out rays clearly better than to {errors[0]:.4f}"
+            else "refined cameras do not clearly improve the prediction of held-out rays, whose "
+            f"relative error is {errors[0]:.4f}"
         )
         found = moved_rig(self.rig, parameters)
         moves = _moves(self.rig, found, self.grid)
-        return self._refinement(found, parameters, moves, *errors, courses, accepted, reason)
+        return self._refinement(
+            found, parameters, moves, *errors, errors_by_round, accepted, reason
+        )
 
-    def refused(self, reason: str) -> Refinement:
-        """Return the refinement that leaves all cameras as they are."""
-        still = np.zeros((len(self.rig), COUNT))
+    def unchanged(self, reason: str) -> Refinement:
+        """Return a refinement that leaves all cameras as given."""
+        zeros = np.zeros((len(self.rig), COUNT))
         zero = np.zeros(len(self.rig))
         return self._refinement(
-            self.rig, still, zero, math.nan, math.nan, (), accepted=False, reason=reason
+            self.rig, zeros, zero, math.nan, math.nan, (), accepted=False, reason=reason
         )
 
     def _refinement(
-        self, found, parameters, moves, before, after, courses, accepted, reason
+        self, found, parameters, moves, before, after, errors_by_round, accepted, reason
     ) -> Refinement:
         return Refinement(
             self.rig,
@@ -110,17 +113,17 @@ class Task:
             moves,
             before,
             after,
-            tuple(courses),
+            tuple(errors_by_round),
             accepted,
             reason,
         )
 
 
 def _moves(rig: Rig, other: Rig, grid: VoxelGrid) -> NDArray[np.float64]:
-    """Return how far points of the volume move in the images of each camera, RMS: (cameras,)."""
+    """Return the RMS motion in pixels of the volume's points in each image, ``(cameras,)``."""
     points, moves = box_points(grid.lower, grid.upper, 5), []
     for camera, changed in zip(rig, other, strict=True):
-        (here, _, valid), (there, _, still) = camera.project(points), changed.project(points)
-        apart = np.sum(np.square(there - here), axis=1)[valid & still]
+        (here, _, valid), (there, _, also_valid) = camera.project(points), changed.project(points)
+        apart = np.sum(np.square(there - here), axis=1)[valid & also_valid]
         moves.append(float(np.sqrt(np.mean(apart))) if len(apart) else math.nan)
     return np.array(moves)

@@ -1,4 +1,4 @@
-"""What a refinement found of the cameras, and whether it is believed."""
+"""The result of a refinement: cameras before and after, and whether they were accepted."""
 
 from __future__ import annotations
 
@@ -15,26 +15,28 @@ from tomo.selfcal.refine.parameters import FOCAL, GAIN
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """What a refinement found of the cameras, and whether it is used.
+    """The result of a refinement.
 
     Attributes
     ----------
     given, found : Rig
-        Before and after; see `rig` for which of them to use.
+        The rig before and after the refinement; `rig` is the one to use.
     cameras : tuple of str
-        Those that were refined; the others are as given.
+        Names of the refined cameras; the others are as given.
     parameters : (cameras of the rig, 8) float64
-        See `tomo.selfcal.refine.parameters`; zero for the others.
+        See `tomo.selfcal.refine.parameters`; zero for cameras that were not refined.
     prior_pixels : (cameras of the rig,) float64
-        The prior's standard deviation in pixels of each part of a camera's parameters.
+        Standard deviation of the prior of each parameter, in pixels.
     moved_pixels : (cameras of the rig,) float64
-        How far points of the volume move in each image, RMS.
+        RMS motion of the volume's points in each image.
     error_before, error_after : float
-        Relative error of rays held out, predicted from other views.
+        Relative error of held-out rays, predicted from other views.
     rounds : tuple of float
-        That error after each judged round.
+        The same error after each round.
     accepted : bool
+        Whether the refined rig is to be used.
     reason : str
+        Why the refined rig was accepted or not, as a sentence.
     """
 
     given: Rig
@@ -51,7 +53,7 @@ class Refinement:
 
     @property
     def rig(self) -> Rig:
-        """The rig to use: that found if it was accepted, else that given."""
+        """The rig to use: the refined one if it was accepted, else the given one."""
         return self.found if self.accepted else self.given
 
     def __repr__(self) -> str:
@@ -62,7 +64,7 @@ class Refinement:
         )
 
     def report(self) -> dict[str, Any]:
-        """Return what a report says of the refinement: plain numbers and words."""
+        """Return the entries of the report: plain numbers and words."""
         cameras = {}
         for index, camera in enumerate(self.given):
             if camera.name not in self.cameras:

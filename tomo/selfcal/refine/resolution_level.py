@@ -1,4 +1,4 @@
-"""Images with pixels and voxels of one size: a step of the cameras, and how good they are."""
+"""One resolution level of a refinement: a step of the cameras and their held-out errors."""
 
 from __future__ import annotations
 
@@ -12,25 +12,27 @@ from rigs import Rig
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.selfcal.refine.first_volume import first_volume
-from tomo.selfcal.refine.held_out import Judgement, judge, tiles_of
+from tomo.selfcal.refine.held_out import HeldOutErrors, predict_held_out, tiles_of
 from tomo.selfcal.refine.joint_step import JointStep, weight_of
 from tomo.selfcal.refine.parameters import GAIN, image_derivatives, moved_rig, volume_gradient
 
 COARSE_TILES = 8
-"""Along an image's shorter side: pixels of a tile count as one where their residuals agree."""
+"""Tiles along an image's shorter side within which residuals count as correlated. More tiles trust
+correlated residuals too much; fewer hold cameras at the prior."""
 
 DARK = 1e-3
-"""Share of the brightest coefficient below which a voxel counts as dark and stays so."""
+"""Fraction of the brightest coefficient below which a voxel stays dark. Higher, faint parts cannot
+change; lower, empty voxels absorb camera errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Cameras and images with pixels and voxels of one size.
+    """Cameras, images and grid at one resolution.
 
     Attributes
     ----------
     rig : Rig
-        As given: the cameras that parameters move.
+        The cameras as given, before they are moved by parameters.
     images, masks : sequence of (height, width)
     trains : sequence of (height, width) bool
         The usable pixels that are not held out.
@@ -45,21 +47,21 @@ class Level:
     rig: Rig
     images: Sequence[NDArray[np.float32]]
     masks: Sequence[NDArray[np.bool_]]
-    trains: Sequence[NDArray[np.bool_]]
+    training: Sequence[NDArray[np.bool_]]
     grid: VoxelGrid
     active: ActiveVoxels
     chosen: tuple[int, ...]
     lengths: NDArray[np.float64]
 
-    def judged(self, parameters: NDArray[np.float64]) -> Judgement:
-        """Return how well held-out rays are predicted with the cameras moved."""
+    def held_out_errors(self, parameters: NDArray[np.float64]) -> HeldOutErrors:
+        """Return the errors of held-out rays with the cameras moved."""
         rig = moved_rig(self.rig, parameters)
-        return judge(rig, self.images, self.masks, self.grid, self.active)
+        return predict_held_out(rig, self.images, self.masks, self.grid, self.active)
 
     def step(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the change of the parameters, ``(cameras, 8)``; zero for those not chosen."""
+        """Return the change of the parameters, ``(cameras, 8)``; zero for cameras not chosen."""
         rig = moved_rig(self.rig, parameters)
-        system = LinearSystem.from_rig(rig, self.grid, masks=self.trains, active=self.active)
+        system = LinearSystem.from_rig(rig, self.grid, masks=self.training, active=self.active)
         projector = system.projector
         counts = np.diff(projector.view_ptr)
         gain = np.repeat(np.exp(parameters[:, GAIN]), counts)
@@ -75,11 +77,11 @@ class Level:
         for view in self.chosen:
             block = projector.view(view)
             span = slice(*projector.view_ptr[view : view + 2])
-            place = image_derivatives(lambda f, A=block: A @ f, rig[view], gradient, centers)
-            own = np.vstack([place, predicted[span]]) * self.lengths[view][:, None]
+            geometry = image_derivatives(lambda f, A=block: A @ f, rig[view], gradient, centers)
+            scaled = np.vstack([geometry, predicted[span]]) * self.lengths[view][:, None]
             tiles = tiles_of(self.images[view].shape, COARSE_TILES).ravel()[system.pixels[view]]
-            derivatives.append(own)
-            weights.append(weight_of(own, residual[span], tiles))
+            derivatives.append(scaled)
+            weights.append(weight_of(scaled, residual[span], tiles))
             departures.append(parameters[view] / self.lengths[view])
         found = JointStep(
             volume.basis,

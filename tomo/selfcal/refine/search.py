@@ -1,16 +1,16 @@
-"""Refine cameras until they agree about the volume, and keep that only if it predicts better.
+"""Refinement of cameras in outer iterations, accepted only if held-out rays are predicted better.
 
-The images are predicted from a quick volume of all the cameras, and what is left of them is
-regressed on how each prediction changes with its camera's position, turn, focal length and gain,
-the volume free to change along (`tomo.selfcal.refine.joint_step`), and held back by the prior
-(`tomo.selfcal.refine.prior`). That is repeated while it helps. A fifth of all rays, in tiles,
-takes no part: predicted from other views, before and after, they say which rig is the better one
-and whether it is good enough to be believed.
+Each outer iteration predicts the images from a quick volume of all cameras. The residuals are
+fitted by changes of each camera's position, rotation, focal length and gain, together with a
+change of the volume (`tomo.selfcal.refine.joint_step`) and under a prior
+(`tomo.selfcal.refine.prior`). Iterations continue while they help. A fifth of all rays, in tiles,
+is held out. Predicted from other views before and after, the held-out rays decide which rig is
+better and whether it is accepted.
 
 Wieneke, "Volume self-calibration for 3D particle image velocimetry", Experiments in Fluids 45
 (2008), refines cameras from disparities of particles; Golub and Pereyra, "The differentiation of
 pseudo-inverses and nonlinear least squares problems whose variables separate", SIAM Journal on
-Numerical Analysis 10 (1973), for why the volume has to take part.
+Numerical Analysis 10 (1973), explain why the volume must be free in the step.
 """
 
 from __future__ import annotations
@@ -33,19 +33,23 @@ from tomo.selfcal.refine.refinement import Refinement
 
 Progress = Callable[[int, int, str], None]
 
-CROSSINGS = 6_000_000
-"""About the size of the finest system, before empty voxels are left out."""
+SEGMENTS = 6_000_000
+"""Approximate segments of the system, before empty voxels are carved away. More take time and
+memory; fewer leave pixels too coarse for small errors."""
 
 ROUNDS = 6
-"""Steps at most."""
+"""Outer iterations at most. Fewer stop before large errors are gone; more take longer."""
 
 SETTLED = 0.02
+"""Step below which the iterations end, in pixels, RMS over the cameras. Larger, errors remain;
+smaller, iterations are wasted."""
+
 PATIENCE = 2
-"""Smaller steps end the rounds, in pixels, RMS over the cameras, and so do so many rounds without
-a better prediction of held-out rays."""
+"""Outer iterations without a better prediction of held-out rays, after which they end. Fewer stop
+at a setback by chance; more take longer."""
 
 FEWEST = 3
-"""Views: two agree about nearly everything whatever their cameras."""
+"""Views that a refinement needs at least: two views agree with nearly any cameras."""
 
 
 def refine_cameras(
@@ -59,31 +63,31 @@ def refine_cameras(
     skip: bool = True,
     progress: Progress | None = None,
 ) -> Refinement:
-    """Refine position, turn, focal length and gain of some cameras.
+    """Refine position, rotation, focal length and gain of some cameras.
 
     Parameters
     ----------
     rig : Rig
     images : sequence of (height, width)
-        One a camera: only those that the reconstruction may use.
+        One image a camera, of the cameras that the reconstruction uses; held-out views excluded.
     grid : VoxelGrid
     cameras : sequence of str, optional
-        The names of those to refine; all when None. The others stay as they are.
+        Names of the cameras to refine; all when None. The others stay as given.
     masks : sequence of (height, width) bool, optional
         True where a pixel is usable.
     prior_pixels : float, optional
-        The prior's standard deviation in pixels for every camera; when None that of
-        `prior_lengths`: from the rig's calibration.
+        Standard deviation of the prior in pixels for every camera. When None it follows from
+        the rig's calibration, see `prior_lengths`.
     skip : bool
-        Whether to leave out voxels that dark pixels prove empty.
+        Whether to carve away voxels that dark pixels show to be empty.
     progress : callable, optional
         ``progress(done, total, where)``.
 
     Raises
     ------
     ValueError
-        If a name is unknown or that of a table of rays, there are fewer than three views, images
-        do not fit the cameras, or the prior is not positive.
+        If a name is unknown or belongs to a table of rays, if there are fewer than three views,
+        if images do not fit the cameras, or if the prior is not positive.
     """
     chosen = _chosen(rig, cameras)
     _check(rig, images, masks, prior_pixels)
@@ -94,13 +98,13 @@ def refine_cameras(
     )
     task = Task(rig, tuple(images), tuple(masks), grid, chosen, pixels, skip)
     if brightest <= 0:
-        return task.refused("the images are dark")
-    factor = coarsening(rig, grid, CROSSINGS)
+        return task.unchanged("the images are dark")
+    factor = coarsening(rig, grid, SEGMENTS)
     parameters = best = np.zeros((len(rig), COUNT))
-    courses, best_round = [], -1
+    errors_by_round, best_round = [], -1
     try:
         level = task.level(factor)
-        before = after = level.judged(parameters)
+        before = after = level.held_out_errors(parameters)
         for number in range(ROUNDS):
             if progress:
                 progress(number, ROUNDS, "refining cameras")
@@ -108,21 +112,21 @@ def refine_cameras(
             parameters = parameters + step
             if len(chosen) == len(rig):
                 parameters = without_common_motion(rig, grid, parameters, task.lengths)
-            found = level.judged(parameters)
-            courses.append(found.relative_error)
+            found = level.held_out_errors(parameters)
+            errors_by_round.append(found.relative_error)
             if found.squared_errors.sum() < after.squared_errors.sum():
                 best, after, best_round = parameters, found, number
             if task.size(step) < SETTLED * factor or number - best_round >= PATIENCE:
                 break
     except VolumeNotSeenError:
-        return task.refused("the cameras do not see the volume")
+        return task.unchanged("the cameras do not see the volume")
     if progress:
         progress(ROUNDS, ROUNDS, "")
-    return task.judged(best, before, after, courses)
+    return task.result(best, before, after, errors_by_round)
 
 
 def _chosen(rig: Rig, cameras: Sequence[str] | None) -> tuple[int, ...]:
-    """Return the places of the cameras to refine, in the rig's order."""
+    """Return the indices of the cameras to refine, in the rig's order."""
     if len(rig) < FEWEST:
         raise ValueError(
             f"refine_cameras: found {len(rig)} views to refine with, expected at least {FEWEST}"

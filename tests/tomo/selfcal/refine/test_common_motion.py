@@ -26,7 +26,7 @@ def lengths(rig):
 
 
 def shifts_of_points(rig, parameters):
-    """Where each point of the volume seems to be, ``(points, 3)`` from where it is."""
+    """Return the apparent shift of each point of the volume, ``(points, 3)``."""
     moves, slopes = [], []
     for before, after in zip(rig, moved_rig(rig, parameters), strict=True):
         here = before.project(POINTS)[0]
@@ -74,7 +74,7 @@ def test_what_no_common_motion_explains_stays(rig, lengths):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_volume_stays_where_it_is_however_far_cameras_come_nearer(rig, lengths, seed):
-    """Motion along the lines of sight is not seen and has no say in where the volume goes."""
+    """Motion along the lines of sight is not visible and must not shift the volume."""
     own = np.random.default_rng(seed).normal(size=(len(rig), COUNT)) * lengths
     own[:, 2] *= 5
     own[:, FOCAL] = 0
@@ -84,7 +84,7 @@ def test_the_volume_stays_where_it_is_however_far_cameras_come_nearer(rig, lengt
     assert np.linalg.norm(after) < 0.1 * min(GRID.spacing)
 
 
-def test_a_camera_that_sees_nothing_has_no_say_in_where_the_volume_is(rig, lengths):
+def test_a_camera_that_sees_nothing_does_not_move_the_volume(rig, lengths):
     away = replace(rig[2], t=rig[2].t + np.array([0, 0, -1000]))
     mixed = replace(rig, cameras=(*rig.cameras[:2], away, *rig.cameras[3:]))
     own = np.random.default_rng(0).normal(size=(len(rig), COUNT)) * lengths

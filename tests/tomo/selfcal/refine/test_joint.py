@@ -3,7 +3,7 @@ import pytest
 
 import rigs
 from tomo import LinearSystem, VoxelGrid
-from tomo.selfcal.refine.held_out import Judgement, held_out_tiles, tiles_of
+from tomo.selfcal.refine.held_out import HeldOutErrors, held_out_tiles, tiles_of
 from tomo.selfcal.refine.joint_step import STIFFNESS, JointStep, weight_of
 
 GRID = VoxelGrid((3, 4, 3), 1.0)
@@ -32,7 +32,7 @@ def test_the_step_is_that_of_dense_least_squares(seed, monkeypatch):
     from tomo.selfcal.refine import joint_step as module
 
     monkeypatch.setattr(module, "ITERATIONS", 500)
-    monkeypatch.setattr(module, "DONE", 1e-12)
+    monkeypatch.setattr(module, "TOLERANCE", 1e-12)
     joint, residual = step(seed)
     A = (joint.operator @ np.eye(GRID.size))[:, joint.free]  # (pixels, free)
     bound = joint.operator.T @ (joint.operator @ np.ones(GRID.size))
@@ -94,18 +94,18 @@ def test_a_fifth_of_the_pixels_is_held_out_in_whole_tiles():
 
 def test_an_improvement_has_to_exceed_chance():
     random = np.random.default_rng(0)
-    before = Judgement(random.random((4, 50)) + 1, 100.0)
-    assert before.is_improved_by(Judgement(0.9 * before.squared_errors, 100.0))
+    before = HeldOutErrors(random.random((4, 50)) + 1, 100.0)
+    assert before.is_improved_by(HeldOutErrors(0.9 * before.squared_errors, 100.0))
     assert not before.is_improved_by(before)
-    assert not before.is_improved_by(Judgement(0.99 * before.squared_errors, 100.0))
-    less = Judgement(0.97 * before.squared_errors, 100.0)  # as all cameras bring by chance
+    assert not before.is_improved_by(HeldOutErrors(0.99 * before.squared_errors, 100.0))
+    less = HeldOutErrors(0.97 * before.squared_errors, 100.0)  # as all cameras bring by chance
     assert not before.is_improved_by(less)
     assert before.is_improved_by(less, 0.4)
-    assert not before.is_improved_by(Judgement(0.99 * before.squared_errors, 100.0), 0.0)
+    assert not before.is_improved_by(HeldOutErrors(0.99 * before.squared_errors, 100.0), 0.0)
     # a 40th less in all, but by gains and losses of each tile that scatter far more
     scattered = random.normal(scale=2.0, size=(4, 50))
     scattered += before.squared_errors.sum() / 40 / scattered.size - scattered.mean()
-    assert not before.is_improved_by(Judgement(before.squared_errors - scattered, 100.0), 0.4)
+    assert not before.is_improved_by(HeldOutErrors(before.squared_errors - scattered, 100.0), 0.4)
 
 
 @pytest.mark.parametrize("scale", [1e-30, 1e-20, 1e20, 1e30])

@@ -16,7 +16,7 @@ def ring(count=5, size=(40, 56)):
 
 
 def blobs(points):
-    """Two Gaussians, well inside the grid, and how far along a line their light is known."""
+    """Return two Gaussians, well inside the grid, at the points."""
     middles, widths = np.array([[1.0, 2, -1], [-1.5, -2, 1]]), np.array([1.4, 1.1])
     apart = ((points[:, None] - middles) ** 2).sum(-1)
     return np.exp(-0.5 * apart / widths**2).sum(-1)

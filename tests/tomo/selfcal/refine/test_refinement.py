@@ -18,7 +18,7 @@ POINTS = box_points(GRID.lower, GRID.upper, 5)
 
 
 def disturbed(rig, seed, pixels=0.35):
-    """Each camera moved and turned at random, each part of it so many pixels."""
+    """Return the rig with random errors of position and rotation, each of ``pixels`` pixels."""
     random = np.random.default_rng(seed)
     steps = np.zeros((len(rig), COUNT))
     for index, camera in enumerate(rig):
@@ -27,7 +27,7 @@ def disturbed(rig, seed, pixels=0.35):
 
 
 def seen(seed):
-    """A flame seen with 2 % noise by twelve cameras, finer voxels and rays than reconstructed."""
+    """Return twelve cameras and their images of a flame with 2 % noise, from finer voxels."""
     rig = rigs.ring(
         12, distance=400, image_size=(40, 64), footprint=FOOTPRINT, pitch_degrees=[12, -12] * 6
     )
@@ -113,15 +113,15 @@ def test_a_short_prior_holds_the_cameras(scene):
 
 
 def test_held_out_rays_take_no_part_in_the_refinement(scene, monkeypatch):
-    """Whatever the held-out pixels show, the cameras are the same; only the judgement is not."""
+    """Held-out pixels change the held-out error and leave the cameras the same."""
     from tomo.selfcal.refine import search
     from tomo.selfcal.refine.held_out import held_out_tiles
 
     monkeypatch.setattr(search, "ROUNDS", 1)
     rig, images = scene
     held = held_out_tiles([image.shape for image in images])
-    spoilt = [np.where(own, 0.97 * i, i) for own, i in zip(held, images, strict=True)]
-    again = refine_cameras(disturbed(rig, 3), spoilt, GRID, skip=False)
+    changed = [np.where(own, 0.97 * i, i) for own, i in zip(held, images, strict=True)]
+    again = refine_cameras(disturbed(rig, 3), changed, GRID, skip=False)
     clean = refine_cameras(disturbed(rig, 3), images, GRID, skip=False)
     assert clean.parameters.any()
     assert np.array_equal(again.parameters, clean.parameters)
@@ -153,11 +153,11 @@ def test_masked_pixels_change_nothing(scene):
     rig, images = scene
     random = np.random.default_rng(1)
     masks = [random.random(image.shape) > 0.02 for image in images]
-    spoilt = [np.where(m, i, 1e6).astype(np.float32) for i, m in zip(images, masks, strict=True)]
+    changed = [np.where(m, i, 1e6).astype(np.float32) for i, m in zip(images, masks, strict=True)]
     bad = disturbed(rig, 3)
     names = ["cam00", "cam07"]
     one, other = (
-        refine_cameras(bad, some, GRID, cameras=names, masks=masks) for some in (images, spoilt)
+        refine_cameras(bad, some, GRID, cameras=names, masks=masks) for some in (images, changed)
     )
     assert np.array_equal(one.parameters, other.parameters)
 
