@@ -92,7 +92,7 @@ def visualize_rig(
                 from tomo.draw.rig import write_rig
 
                 shown = overlays.without("other names")  # the first rig has the same
-                write_rig(path, loaded, grid=voxels, volume=data, title=heading, beside=shown)
+                write_rig(path, loaded, grid=voxels, volume=data, title=heading, extra=shown)
                 continue
             scene = _scene(loaded, voxels, data, pictures) + overlays
             if suffix == ".glb":

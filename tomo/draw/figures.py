@@ -1,4 +1,4 @@
-"""Matplotlib figures without global state: made, filled, written, gone."""
+"""Matplotlib figures without global state: created, filled, written and dropped."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INK, MUTED = "#1b2733", "#5b6672"
-"""Of titles, and of what stands back behind them."""
+"""Colours of titles and of secondary text."""
 
 
 def new_figure(width: float, height: float, dpi: int = 160) -> Figure:
@@ -36,7 +36,7 @@ def thin_lines(axes: Axes) -> None:
 
 
 def plain(text: str) -> str:
-    """Return ``text`` such that matplotlib takes none of it as mathematics."""
+    """Return ``text`` escaped, so that matplotlib reads none of it as mathematics."""
     return text.replace("$", r"\$")
 
 

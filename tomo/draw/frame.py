@@ -44,7 +44,7 @@ class Up:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One edge with ticks: where each tick sits, its text, and which way texts stand off."""
+    """One edge with ticks: the ticks' positions, their texts, and the direction of the texts."""
 
     title: str
     edge: NDArray[np.float64]  # (2, 3)
@@ -74,7 +74,7 @@ def axes_around(
     length_unit: str,
     spacing: float = 70,
 ) -> tuple[Axis, ...]:
-    """Return the three edges of the box ``bounds`` ``(2, 3)`` that stand clear of what is inside.
+    """Return the three edges of the box ``bounds`` ``(2, 3)`` that do not cover its contents.
 
     The two level axes lie along the front edges of the floor, the upward one along the left
     silhouette. Ticks are about ``spacing`` pixels apart.

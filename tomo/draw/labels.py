@@ -20,8 +20,8 @@ _REACHES = (1.0, 2.5, 4.5, 7.0, 10.0)  # in gaps
 class LabelPlacer:
     """Places texts one by one on ``axes``, whose data coordinates are pixels, rows downward.
 
-    Each text goes as near to where it wants to be as the texts placed before it allow; one that
-    had to move far gets a thin line to its anchor. One that finds no free place is left out.
+    Each text is placed as near to its anchor as the earlier texts allow. A text far from its
+    anchor gets a thin line to it. A text without a free position is omitted.
     """
 
     axes: Axes
@@ -42,7 +42,7 @@ class LabelPlacer:
         reaches: tuple[float, ...] = _REACHES,
         **style: object,
     ) -> bool:
-        """Write ``text`` near pixel ``anchor``, moved ``outward``; tell if it found room."""
+        """Write ``text`` near pixel ``anchor``, moved ``outward``; return whether it fits."""
         from matplotlib.patheffects import withStroke
 
         norm = float(np.linalg.norm(outward))
@@ -96,7 +96,7 @@ class LabelPlacer:
         return tuple(np.ptp(corners, axis=0))
 
     def _is_free(self, box: tuple[float, float, float, float]) -> bool:
-        """Tell if ``box`` is inside the picture and touches no text."""
+        """Return whether ``box`` is inside the picture and touches no text."""
         left, top, right, bottom = box
         if left < 0 or top < 0 or right > self.size[0] or bottom > self.size[1]:
             return False

@@ -1,4 +1,4 @@
-"""What the HTML pages share: their look, their templates, pictures inside them."""
+"""Common parts of the HTML pages: templates and embedded pictures."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from importlib import resources
 
 
 def render(template: str, **values: object) -> str:
-    """Return the page that a template of this package makes of ``values``, escaped.
+    """Return the page rendered from a template of this package; ``values`` are escaped.
 
     Parameters
     ----------
@@ -30,5 +30,5 @@ def render(template: str, **values: object) -> str:
 
 
 def embedded(png: bytes) -> str:
-    """Return a PNG as text that an image's ``src`` takes."""
+    """Return a PNG as a data URL for an image's ``src``."""
     return "data:image/png;base64," + base64.b64encode(png).decode("ascii")

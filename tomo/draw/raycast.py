@@ -18,7 +18,7 @@ _HULL_ABOVE = 3000  # triangles; meshes with more are outlined by their convex h
 
 
 class _Caster:
-    """The scene's triangles in one RaycastingScene, with looks for each of them."""
+    """The scene's triangles in one RaycastingScene, with the colour and opacity of each mesh."""
 
     def __init__(self, scene: Scene, viewpoint: Viewpoint) -> None:
         import open3d as o3d
@@ -28,7 +28,7 @@ class _Caster:
         light = _LIGHT @ viewpoint.axes
         self._light = light / np.linalg.norm(light)
         self._triangles, self._normals, self._looks, self._colours = [], [], [], []
-        # Float32 is coarse far from zero, so that coordinates are counted from the eye.
+        # float32 is coarse far from zero: coordinates are relative to the eye
         for mesh in scene.meshes:
             if not len(mesh.triangles):
                 continue
@@ -43,7 +43,7 @@ class _Caster:
         self._looks = np.array(self._looks).reshape(-1, 4)
 
     def colours(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what rays from the eye see, ``(N, 4)``: colour times opacity, and opacity."""
+        """Return colour times opacity, and opacity, along rays from the eye: ``(N, 4)``."""
         seen = np.zeros((len(directions), 4))
         if not len(self._looks):
             return seen
@@ -81,10 +81,10 @@ class _Caster:
             mine = geometry == g
             corners = self._triangles[g][primitive[mine]]  # (N, 3 corners)
             u, v = uv[mine, 0], uv[mine, 1]
-            share = np.stack([1 - u - v, u, v], axis=1)[..., None]  # (N, 3 corners, 1)
-            normals[mine] = (self._normals[g][corners] * share).sum(axis=1)
+            fraction = np.stack([1 - u - v, u, v], axis=1)[..., None]  # (N, 3 corners, 1)
+            normals[mine] = (self._normals[g][corners] * fraction).sum(axis=1)
             if self._colours[g] is not None:
-                colours[mine] = (self._colours[g][corners] * share).sum(axis=1)
+                colours[mine] = (self._colours[g][corners] * fraction).sum(axis=1)
                 unlit[mine] = True
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         light = np.where(unlit, 1.0, _AMBIENT + _DIFFUSE * np.abs(normals @ self._light))
@@ -123,7 +123,7 @@ def render(scene: Scene, viewpoint: Viewpoint, supersample: int = 3) -> NDArray[
 
 
 def _may_see(scene: Scene, viewpoint: Viewpoint) -> NDArray[np.bool_]:
-    """Return the pixels ``(height, width)`` that may show a mesh: most of a picture is empty."""
+    """Return the pixels ``(height, width)`` that may show a mesh; rays are cast only there."""
     import cv2
 
     width, height = viewpoint.size

@@ -1,4 +1,4 @@
-"""What there is to see: named, coloured triangle meshes and labels, in world coordinates."""
+"""A scene to draw: named, coloured triangle meshes and labels in world coordinates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def rgb(colour: str) -> Colour:
 
 @dataclass(frozen=True)
 class ColourScale:
-    """How numbers become colours, and what they are.
+    """The colour scale of a quantity.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class ColourScale:
     lower, upper : float
         The numbers at the ends of the scale.
     colours : str
-        The name of a scale of matplotlib.
+        The name of a colour map of matplotlib.
     """
 
     title: str
@@ -37,7 +37,7 @@ class ColourScale:
 
     @classmethod
     def of(cls, title: str, values: NDArray, colours: str = "viridis") -> ColourScale:
-        """Return the scale that spans the finite values; one value alone stands in its middle."""
+        """Return the scale that spans the finite values; a single value is at its middle."""
         finite = values[np.isfinite(values)]
         lower, upper = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
         if upper - lower <= 1e-3 * max(abs(lower), abs(upper)):
@@ -50,8 +50,8 @@ class ColourScale:
         from matplotlib import colormaps
 
         values = np.asarray(values, np.float64)
-        share = (values - self.lower) / (self.upper - self.lower)
-        colours = np.array(colormaps[self.colours](np.nan_to_num(np.clip(share, 0, 1))))[..., :3]
+        ratio = (values - self.lower) / (self.upper - self.lower)
+        colours = np.array(colormaps[self.colours](np.nan_to_num(np.clip(ratio, 0, 1))))[..., :3]
         return np.where(np.isfinite(values)[..., None], colours, 0.8)
 
 
@@ -62,9 +62,9 @@ class Mesh:
     Attributes
     ----------
     name : str
-        What it shows, e.g. the camera's name.
+        The object shown, for example a camera's name.
     group : str
-        What it is switched on and off with, e.g. ``"cameras"``.
+        The layer that switches it on and off, for example ``"cameras"``.
     vertices : (V, 3) float64
         World coordinates.
     triangles : (T, 3) int
@@ -74,9 +74,9 @@ class Mesh:
     opacity : float
         1 is opaque.
     values : (V,) float, optional
-        Numbers that are shown as colours ...
+        Numbers shown as colours of ``scale``.
     scale : ColourScale, optional
-        ... by this scale; such a mesh is drawn without shading.
+        The colour scale of ``values``. A mesh with a scale is drawn without shading.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Mesh:
     scale: ColourScale | None = None
 
     def __repr__(self) -> str:
-        """Name the sizes: the arrays themselves are too long to print."""
+        """Return name, group and size; the arrays are too long to print."""
         return f"<Mesh {self.name!r} of {self.group!r}: {len(self.triangles)} triangles>"
 
     def normals(self) -> NDArray[np.float64]:
@@ -114,17 +114,17 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """A text at a point; moved by ``outward`` it stands clear of what it names.
+    """A text at a point, moved by ``outward`` from the object that it names.
 
     Attributes
     ----------
     text : str
     group : str
-        What it is switched on and off with, e.g. ``"names"``.
+        The layer that switches it on and off, for example ``"names"``.
     position : (3,) float64
         World coordinates.
     outward : (3,) float64
-        A world displacement; still pictures use its direction and count in pixels.
+        A world displacement. Still pictures use only its direction and a distance in pixels.
     colour : (3,) tuple
     """
 
@@ -137,14 +137,14 @@ class Label:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Meshes and labels in one world; what the three writers draw."""
+    """Meshes and labels in one world, the input of the three writers."""
 
     meshes: tuple[Mesh, ...] = ()
     labels: tuple[Label, ...] = ()
     length_unit: str = "mm"
 
     def __add__(self, other: Scene) -> Scene:
-        """Return the scene that holds both."""
+        """Return the scene with the meshes and labels of both."""
         return replace(self, meshes=self.meshes + other.meshes, labels=self.labels + other.labels)
 
     @property

@@ -79,7 +79,7 @@ def polyline(points: ArrayLike, radius: float, closed: bool = False) -> Triangle
 
 
 def box_corners(lower: ArrayLike, upper: ArrayLike) -> NDArray[np.float64]:
-    """Return a box's corners ``(8, 3)``; bit ``axis`` of the row tells lower or upper."""
+    """Return a box's corners ``(8, 3)``; bit ``axis`` of the row number selects lower or upper."""
     corners = np.stack([np.asarray(lower, np.float64), np.asarray(upper, np.float64)])
     return np.array([[corners[i >> axis & 1, axis] for axis in range(3)] for i in range(8)])
 

@@ -1,4 +1,4 @@
-"""One still picture of a scene on matplotlib axes: rendered, with its axes and names written."""
+"""A still picture of a scene on matplotlib axes, with coordinate axes and labels."""
 
 from __future__ import annotations
 

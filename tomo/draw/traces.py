@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 RAYS = "clicked rays"
-"""The layer of the rays that the page's reader asks for."""
+"""The layer of the rays of pixels that the reader clicked."""
 
 RAY_COLOUR = "#d4148c"
 
@@ -32,7 +32,7 @@ def group_traces(scene: Scene, group: str, visible: bool) -> list[go.Mesh3d]:
 
 
 def _trace(alike: list[Mesh], group: str, visible: bool, first: bool) -> go.Mesh3d:
-    """Return the trace of meshes that look alike; hovering tells which one it is."""
+    """Return the trace of meshes that look alike; hovering shows the mesh's name."""
     import plotly.graph_objects as go
 
     together = reduce(Mesh.merged, alike)
@@ -92,7 +92,7 @@ def css(colour: Colour) -> str:
 
 
 def steps(scale: ColourScale, count: int = 17) -> list[tuple[float, str]]:
-    """Return a colour scale as plotly takes it."""
-    shares = np.linspace(0, 1, count)
-    colours = scale(scale.lower + shares * (scale.upper - scale.lower))
-    return [(float(s), css(c)) for s, c in zip(shares, colours, strict=True)]
+    """Return a colour scale in plotly's form."""
+    fractions = np.linspace(0, 1, count)
+    colours = scale(scale.lower + fractions * (scale.upper - scale.lower))
+    return [(float(s), css(c)) for s, c in zip(fractions, colours, strict=True)]

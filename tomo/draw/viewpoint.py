@@ -1,4 +1,4 @@
-"""From where a scene is looked at: a plain perspective camera for pictures, not for measuring."""
+"""The viewpoint of a picture: a plain perspective camera for drawing, not for measuring."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Viewpoint:
         Parameters
         ----------
         points : (N, 3)
-            What has to be seen.
+            World coordinates that the picture must contain.
         toward, up : (3,)
             World directions from the points to the eye, and upward.
         size : (int, int)
@@ -54,7 +54,7 @@ class Viewpoint:
         margins : (left, right, top, bottom)
             Fractions of the width and the height that stay free.
         distance : float
-            Of the eye, in radii of the points: large is nearly parallel projection.
+            Distance of the eye in radii of the points. Large values approach parallel projection.
         """
         points = np.asarray(points, np.float64).reshape(-1, 3)
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -87,5 +87,5 @@ class Viewpoint:
         return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def pixel_at(self, point: ArrayLike) -> float:
-        """Return the length, in the world, that one pixel shows at ``point`` ``(3,)``."""
+        """Return the world length of one pixel at ``point`` ``(3,)``."""
         return float((np.asarray(point, np.float64) - self.eye) @ self.axes[2]) / self.focal

@@ -14,7 +14,7 @@ _METRES = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6,
 
 
 def metres_per(length_unit: str) -> float:
-    """Return how many metres a length unit is; 1 for a unit that is not known."""
+    """Return the metres in a length unit; 1 for an unknown unit."""
     return _METRES.get(length_unit.strip(), 1.0)
 
 
@@ -23,7 +23,7 @@ def write_glb(
 ) -> None:
     """Write the scene's meshes, one node each, named ``group/name``.
 
-    glTF counts in metres: every node carries the scale from the scene's length unit, so that a
+    glTF uses metres. Every node carries the scale from the scene's length unit, so that a
     rig given in millimetres has its true size. Axes are the world's own.
 
     Parameters
@@ -63,7 +63,7 @@ def write_glb(
 
 
 def _looks(mesh: Mesh) -> object:
-    """Return the mesh's colours as trimesh holds them: one material, or a colour a vertex."""
+    """Return the mesh's colours as trimesh holds them: one material, or one colour a vertex."""
     import trimesh
     from trimesh.visual.material import PBRMaterial
 

@@ -36,14 +36,14 @@ _ORDER = (
     RAYS,
     "box",
 )
-"""Layers that stand first in the list; the others follow as they come."""
+"""Layers that come first in the list; the others follow in the order of the scene."""
 
 HIDDEN_AT_FIRST = ("arrow names", "other names", "field of view", "images")
 
 
 @dataclass(frozen=True)
 class Table:
-    """Words and numbers beside the scene.
+    """A table of texts and numbers next to the scene.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Table:
     lines : tuple of (str, str)
         A kind (``fault``, ``warning``, ``note`` or ``""``) and a text each.
     head : tuple of str
-        Of the table; empty where there is none.
+        Headings of the columns; empty where there are no rows.
     rows : tuple of tuple of str
     """
 
@@ -75,14 +75,14 @@ def write_html(
     close_up: bool = False,
     leave_out: tuple[str, ...] = ("stems",),
 ) -> None:
-    """Write the page: every group is a layer to switch on and off, hovering tells names.
+    """Write the page: every group is a layer to switch on and off, hovering shows names.
 
     Parameters
     ----------
     path : path-like
     scene : Scene
     title : str
-        Of the page; plain text.
+        Title of the page; plain text.
     up : Up, optional
         Which axis points upward.
     grid : VoxelGrid, optional
@@ -92,7 +92,7 @@ def write_html(
     views : sequence of CameraView
         Adds a panel of their pictures; a pixel clicked there shows its ray.
     tables : sequence of Table
-        What stands below the layers.
+        Tables below the layers.
     shown : sequence of str
         Groups to show at first that are hidden otherwise: maps, images, names of arrows.
     close_up : bool
@@ -214,7 +214,7 @@ def _layout(unit: str, bounds: NDArray, up: Up) -> dict:
 
 
 def _layer(scene: Scene, group: str, visible: bool, traces: list[int]) -> dict:
-    """Return what the page knows of a group."""
+    """Return the page's data of a group."""
     parts = [part for part in (*scene.meshes, *scene.labels) if part.group == group]
     scale = next((mesh.scale for mesh in scene.meshes if mesh.group == group), None)
     if scale is None:
@@ -259,5 +259,5 @@ def _around(grid: VoxelGrid) -> NDArray[np.float64]:
 
 
 def _script_safe(text: str) -> str:
-    """Return JSON such that nothing in it ends a script element."""
+    """Return JSON escaped for a script element: nothing in it ends the element."""
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

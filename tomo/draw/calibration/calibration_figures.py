@@ -80,7 +80,7 @@ def draw_residuals(calibration: Calibration) -> Figure:
 
 
 def draw_coverage(calibration: Calibration) -> Figure:
-    """Return how many observations were used in each cell of each camera's image."""
+    """Return the number of observations used in each cell of each camera's image."""
     observations = calibration.observations
     figure, panels = _panels(observations)
     maps = []
@@ -95,14 +95,14 @@ def draw_coverage(calibration: Calibration) -> Figure:
             np.where(count > 0, count, np.nan), extent=cell.extent, cmap="GnBu", vmin=0,
             vmax=highest, interpolation="nearest",
         )  # fmt: skip
-        share = f"{np.mean(count > 0):.0%}"
-        axes.set_title(f"{plain(name)}: {share}", fontsize=8, color=INK, pad=3)
-    _bar(figure, shown, "observations in a cell; the title has the share of cells with any")
+        fraction = f"{np.mean(count > 0):.0%}"
+        axes.set_title(f"{plain(name)}: {fraction}", fontsize=8, color=INK, pad=3)
+    _bar(figure, shown, "observations per cell; titles give the fraction of cells with any")
     return figure
 
 
 def draw_depths(calibration: Calibration, grid: VoxelGrid | None = None) -> Figure:
-    """Return how far from each camera the target was, beside where the volume is."""
+    """Return the distances of the target from each camera, compared with the volume's."""
     observations, rig = calibration.observations, calibration.rig
     figure = new_figure(9.0, 0.7 + 0.26 * len(rig))
     axes = figure.add_axes(
@@ -241,10 +241,10 @@ class _Cells:
         return (column + 0.5) * self.side - 0.5, (row + 0.5) * self.side - 0.5
 
 
-def _quantile(maps: list[NDArray], share: float) -> float:
+def _quantile(maps: list[NDArray], fraction: float) -> float:
     """Return a quantile of the finite values of several maps; 1 where there are none."""
     values = np.concatenate([m[np.isfinite(m)] for m in maps])
-    return (float(np.quantile(values, share)) if values.size else 0.0) or 1.0
+    return (float(np.quantile(values, fraction)) if values.size else 0.0) or 1.0
 
 
 def _panels(observations: Observations) -> tuple[Figure, list[Axes]]:

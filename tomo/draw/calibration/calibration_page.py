@@ -1,4 +1,4 @@
-"""The page of a calibration: its assessment first, then what it rests on; loads nothing."""
+"""The page of a calibration: its assessment, then the evidence; it loads no other file."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def write_calibration_page(
     details : mapping, optional
         What the calibration was made from, in words.
     """
-    grid = grid_of(calibration.rig, grid) or _judged(calibration)
+    grid = grid_of(calibration.rig, grid) or _evaluated_box(calibration)
     figures = {
         "residuals": draw_residuals(calibration),
         "worst": None if image_of is None else draw_worst(calibration, image_of),
@@ -112,7 +112,7 @@ def write_calibration_page(
         temporary.write_text(text, encoding="utf-8")
 
 
-def _judged(calibration: Calibration) -> VoxelGrid | None:
+def _evaluated_box(calibration: Calibration) -> VoxelGrid | None:
     """Return the box of the points where ray-miss was evaluated; None where they have none."""
     points = calibration.quality.points
     if not len(points) or not (np.ptp(points, axis=0) > 0).all():
@@ -144,8 +144,8 @@ def _headline(calibration: Calibration) -> list[tuple[str, str, str]]:
     rows = []
     if math.isfinite(quality.predicted_ray_miss):
         miss = quality.predicted_ray_miss
-        share = miss / float(np.nanmedian(quality.footprint))
-        rows.append((f"{miss:.2g} {unit}", "predicted ray-miss", f"{share:.2g} of a pixel"))
+        fraction = miss / float(np.nanmedian(quality.footprint))
+        rows.append((f"{miss:.2g} {unit}", "predicted ray-miss", f"{fraction:.2g} of a pixel"))
     if math.isfinite(quality.cross_ray_miss):
         words = f"between halves of the frames; {quality.cross_expected:.2g} expected"
         rows.append((f"{quality.cross_ray_miss:.2g} {unit}", "cross-validated", words))
@@ -162,7 +162,7 @@ def _headline(calibration: Calibration) -> list[tuple[str, str, str]]:
 
 
 def _camera_rows(calibration: Calibration) -> list[dict[str, Any]]:
-    """Return one row a camera; the guilty ones are those that findings name."""
+    """Return one row a camera; cameras named in findings are marked."""
     quality, observations = calibration.quality, calibration.observations
     worst = _largest(quality.camera_rms)
     rows = []
@@ -227,7 +227,7 @@ def _frame_rows(calibration: Calibration) -> list[dict[str, Any]]:
 
 
 def _blamed(calibration: Calibration, what: str) -> bool:
-    """Say whether a finding begins with this camera or frame."""
+    """Return whether a finding begins with this camera or frame."""
     return any(finding.startswith((f"{what}:", f"{what},")) for finding in calibration.findings)
 
 

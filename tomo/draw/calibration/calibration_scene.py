@@ -37,8 +37,8 @@ def calibration_scene(calibration: Calibration, grid: VoxelGrid | None = None) -
         name = calibration.observations.frames[frame]
         R, t = calibration.target_R[frame], calibration.target_t[frame]
         border = corners @ R.T + t
-        share = (rms[frame] - low) / (high - low) if high > low else 0.0
-        colour = _between(share if np.isfinite(share) else 1.0)
+        fraction = (rms[frame] - low) / (high - low) if high > low else 0.0
+        colour = _between(fraction if np.isfinite(fraction) else 1.0)
         words = f"{name}: RMS {rms[frame]:.3g} px"
         outline = shapes.polyline(border, 0.004 * size, closed=True)
         meshes += [
@@ -56,5 +56,5 @@ def _outline(points: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-def _between(share: float) -> Colour:
-    return tuple(a + (b - a) * float(share) for a, b in zip(_GOOD, _BAD, strict=True))
+def _between(fraction: float) -> Colour:
+    return tuple(a + (b - a) * float(fraction) for a, b in zip(_GOOD, _BAD, strict=True))

@@ -1,4 +1,4 @@
-"""What a page shows of one camera: its picture, what lies where in it, and its pixels' rays."""
+"""One camera of a page: its picture, the objects in the picture, and the rays of its pixels."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class CameraView:
 
 
 def _flat(nodes: NDArray[np.float64]) -> list[float]:
-    """Return numbers as JSON holds them: what is missing is told beside them."""
+    """Return numbers for JSON, which has no NaN: missing ones are listed separately."""
     return [float(f"{value:.9g}") for value in np.nan_to_num(nodes).ravel()]
 
 
@@ -99,10 +99,10 @@ def camera_views(
 def _outlines(camera: CameraLike, grid: VoxelGrid) -> tuple[NDArray[np.float64], ...]:
     """Return the edges of the grid's box in the image, as far as the lens maps them."""
     corners = box_corners(grid.lower, grid.upper)
-    share = np.linspace(0, 1, _ALONG)[:, None]
+    fraction = np.linspace(0, 1, _ALONG)[:, None]
     lines = []
     for one, other in BOX_EDGES:
-        uv, _, valid = camera.project(corners[one] + share * (corners[other] - corners[one]))
+        uv, _, valid = camera.project(corners[one] + fraction * (corners[other] - corners[one]))
         if valid.all():
             lines.append(uv)
     return tuple(lines)

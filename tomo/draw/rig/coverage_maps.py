@@ -52,18 +52,18 @@ def coverage_grid(grid: VoxelGrid, most: int = _MOST_POINTS) -> VoxelGrid:
     """
     voxels = np.array(grid.shape)
     low, high = 0.0, 1.0
-    for _ in range(40):  # the share of the voxels along each edge, by bisection
-        share = (low + high) / 2
-        low, high = (share, high) if _points_along(voxels, share).prod() <= most else (low, share)
+    for _ in range(40):  # the ratio of the points to the voxels along each edge, by bisection
+        ratio = (low + high) / 2
+        low, high = (ratio, high) if _points_along(voxels, ratio).prod() <= most else (low, ratio)
     shape = _points_along(voxels, low)
     spacing = (voxels - 1) * grid.spacing / np.maximum(shape - 1, 1)
     spacing = np.where(shape > 1, spacing, grid.extent)
     return VoxelGrid(tuple(shape.tolist()), tuple(spacing.tolist()), grid.center)
 
 
-def _points_along(voxels: NDArray, share: float) -> NDArray[np.int64]:
+def _points_along(voxels: NDArray, ratio: float) -> NDArray[np.int64]:
     """Return the odd numbers of points along three edges."""
-    wanted = np.maximum(np.ceil(voxels * share), np.minimum(voxels, _LEAST_ALONG)).astype(np.int64)
+    wanted = np.maximum(np.ceil(voxels * ratio), np.minimum(voxels, _LEAST_ALONG)).astype(np.int64)
     return np.where(wanted > 2, wanted - (wanted % 2 == 0), wanted)
 
 
@@ -114,7 +114,7 @@ def draw_coverage(
     extent = grid.extent
     widths = np.array([extent[0], extent[2], extent[0]])
     heights = np.array([extent[1], extent[1], extent[2]])
-    inches = min(3.4 / widths.sum(), 2.3 / heights.max())  # room for two beside each other
+    inches = min(3.4 / widths.sum(), 2.3 / heights.max())  # room for two side by side
     columns = max(1, min(len(maps), math.floor(11.5 / (widths.sum() * inches + 2.3))))
     rows = math.ceil(len(maps) / columns)
     cell_width = float(widths.sum() * inches) + 2.3

@@ -70,8 +70,8 @@ class DirectionTable:
             return np.inf
         sine = np.linalg.norm(np.cross(self.directions(uv), true), axis=1)
         middle = np.array(self.size) / 2 - 0.5
-        beside = camera.rays(np.add(middle, [[0, 0], [1, 0], [0, 1]]))[1]
-        pixel = np.linalg.norm(beside[1:] - beside[0], axis=1).min()
+        neighbours = camera.rays(np.add(middle, [[0, 0], [1, 0], [0, 1]]))[1]
+        pixel = np.linalg.norm(neighbours[1:] - neighbours[0], axis=1).min()
         finite = sine[np.isfinite(sine)]
         return float(finite.max() / pixel) if finite.size else 0.0
 

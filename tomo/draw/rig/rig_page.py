@@ -1,4 +1,4 @@
-"""What can be shown of a rig beside its cameras: its coverage, its targets, another rig."""
+"""Further layers and tables of a rig's page: coverage, calibration targets, a second rig."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def other_rig_scene(rig: Rig, difference: RigDifference, grid: VoxelGrid | None 
 
 
 def target_scene(rig: Rig) -> Scene:
-    """Return the calibration targets as they were held, where the rig's calibration tells.
+    """Return the calibration targets as they were held, where the rig's calibration holds them.
 
     Reads ``calibration.target_poses``: a list of mappings with ``frame`` and ``corners``, the
     corners of the target in order, ``(N, 3)`` in the axes of ``camera``. Those of a camera that

@@ -1,4 +1,4 @@
-"""A rig's picture for paper: the whole rig, and the volume close up beside it."""
+"""A rig's picture for print: the whole rig, and a close-up of the volume."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def draw_rig(
     volume: NDArray | None = None,
     title: str = "",
     supersample: int = 3,
-    beside: Scene | None = None,
+    extra: Scene | None = None,
 ) -> Figure:
     """Return the figure: the rig at true scale on the left, the volume close up on the right.
 
@@ -59,7 +59,7 @@ def draw_rig(
         Stands above the picture.
     supersample : int
         Rays along each side of a pixel.
-    beside : Scene, optional
+    extra : Scene, optional
         What else to draw into the whole rig: another one, targets.
 
     Raises
@@ -69,7 +69,7 @@ def draw_rig(
     """
     up = up_of(rig) if len(rig) else frame.Up()
     scene = rig_scene(rig, grid, volume, up)
-    scene = scene if beside is None else scene + beside
+    scene = scene if extra is None else scene + extra
     grid = grid_of(rig, grid)
     width, height = (11.0, 6.0) if grid is not None else (7.5, 5.6)
     figure = new_figure(width, height, dpi=_DPI)
@@ -83,7 +83,7 @@ def draw_rig(
         )
     shows_field = grid is not None and _field_fits(scene)
     x = _captions(figure, rig, grid, volume, up, title, width, shows_field)
-    for mesh in {mesh.group: mesh for mesh in (beside.meshes if beside else ())}.values():
+    for mesh in {mesh.group: mesh for mesh in (extra.meshes if extra else ())}.values():
         _entry(figure, x, mesh.colour, mesh.group)
         x += _entry_width(mesh.group, width)
     return figure
@@ -98,8 +98,8 @@ def _panel(figure: Figure, rect: tuple) -> tuple[Axes, tuple[int, int]]:
     """Return axes whose data coordinates are the pixels of the finished picture."""
     axes = figure.add_axes(rect)
     size = tuple(
-        round(share * inches * figure.dpi)
-        for share, inches in zip(rect[2:], figure.get_size_inches(), strict=True)
+        round(fraction * inches * figure.dpi)
+        for fraction, inches in zip(rect[2:], figure.get_size_inches(), strict=True)
     )
     axes.set_axis_off()
     return axes, size
@@ -114,7 +114,7 @@ def _overview(
     up: frame.Up,
     supersample: int,
 ) -> tuple[Axes, Viewpoint]:
-    """Draw the whole rig; tell where it is seen from."""
+    """Draw the whole rig and return the viewpoint."""
     axes, size = _panel(figure, rect)
     whole = scene.without("arrows", "arrow names", "field of view")
     target = Target.of(rig, grid)
@@ -160,7 +160,7 @@ def _closeup(
 
 
 def _field_fits(scene: Scene) -> bool:
-    """Tell if the field of view is so small that the volume stays large beside it."""
+    """Return whether the field of view is small enough to be drawn with the volume."""
     field = scene.only(["field of view"])
     if not field.meshes:
         return False
@@ -207,7 +207,7 @@ def _captions(
     width: float,
     shows_field: bool,
 ) -> float:
-    """Write the title, what each half shows, and what the colours mean; tell where they end."""
+    """Write the title, what each half shows, and the meaning of colours; return where they end."""
     unit, target = rig.length_unit, Target.of(rig, grid)
     distances = [np.linalg.norm(camera.position - target.center) for camera in rig]
     heading = title or "Camera rig"
@@ -272,7 +272,7 @@ def _captions(
 
 
 def _entry_width(text: str, width: float) -> float:
-    """Return the share of a figure ``width`` inches wide that an entry takes."""
+    """Return the fraction of a figure ``width`` inches wide that an entry takes."""
     return (0.42 + 0.068 * len(text)) / width
 
 

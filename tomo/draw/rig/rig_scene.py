@@ -102,7 +102,7 @@ def frustum(camera: CameraLike, depth: float, per_side: int = 1, widen: float = 
 def _at_depth(camera: CameraLike, directions: NDArray, depth: float, widen: float) -> NDArray:
     """Return where ``directions`` ``(N, 3)``, opened by ``widen``, cut a plane, ``(N, 3)``."""
     forward = camera.R[2]
-    cosine = np.maximum(directions @ forward, 0.05)  # a fisheye's border may lie beside it
+    cosine = np.maximum(directions @ forward, 0.05)  # a fisheye's may be 0
     return camera.position + depth * (forward + widen * (directions / cosine[:, None] - forward))
 
 

@@ -1,4 +1,4 @@
-"""Small pictures of what cameras saw, beside a rig's geometry."""
+"""Thumbnails of the cameras' images, shown with a rig's geometry."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from tomo.draw.volume.isosurface import coarsened
 from tomo.grid import VoxelGrid
 
 MAP = "map: "
-"""Starts the names of groups of which one is shown at a time: they share the same planes."""
+"""Prefix of groups of which one is shown at a time, because they lie on the same planes."""
 
 
 def map_scene(

@@ -24,7 +24,7 @@ def middle_planes(data: NDArray, grid: VoxelGrid) -> list[tuple[NDArray, tuple, 
     """Return the three planes through the grid's middle, as `_VIEWS` orders them.
 
     Each is ``(values (upright, level), axes, extent, coordinate)``: an odd count shows the
-    middle voxels, an even one the mean of the two planes beside the middle.
+    middle voxels, an even one the mean of the two planes next to the middle.
     """
     planes = []
     for level, upright, across in _VIEWS:

@@ -1,4 +1,4 @@
-"""A volume's picture for paper: middle planes, line integrals and surfaces, all to scale."""
+"""A volume's picture for print: middle planes, line integrals and surfaces, all to scale."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _COLOURS = "inferno"
 _THIN = 0.2  # inches: a plane, of few voxels, with no room for words inside or numbers along it
 _SHORTEST_BAR = 0.7  # inches
 _BAR = 0.55  # inches: a colour scale between two pictures
-_APART = 4.0  # times as bright: on one scale the fainter picture would hardly be seen
+_APART = 4.0  # largest ratio of maxima on one scale: beyond it one picture is too faint
 
 
 def draw_volume(
@@ -191,7 +191,7 @@ def _named(axes: Axes, words: str, thin: bool) -> None:
 
 
 def _comparable(one: tuple, other: tuple) -> bool:
-    """Say whether two pictures can be read on one colour scale."""
+    """Return whether two pictures can be read on one colour scale."""
     highest = [float(np.abs(values).max()) for values, *_ in (one, other)]
     return max(highest) <= _APART * min(highest)
 
