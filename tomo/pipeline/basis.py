@@ -11,121 +11,125 @@ from numpy.typing import NDArray
 
 from tomo.operators import LINEAR, STORED, VOXEL, LinearSystem
 from tomo.pipeline.methods import AUTO, Method
-from tomo.pipeline.options import Options
 from tomo.selection.basis import error_ratio
 from tomo.selection.choose import FEW_VIEWS
 
 LARGEST_PIXEL = 0.62
-"""Voxel edges that are between two lines where splines are taken without being asked for. Of
-lines further apart a voxel's edges may fall between them or not, which no blur mends: 20 random
-scenes of turbulent flames with finer pixels all came nearer to the truth by splines, to 0.71 of
-the distance on average, 25 with larger ones to 0.96, eleven of them no nearer."""
+"""Largest pixel, in voxel edges, at which the linear basis is tried. With larger pixels rays miss
+voxel edges, which no blur mends; with a smaller bound flames lose accuracy."""
 
 MOST_WORK = 5
-"""Times that of boxes that splines may take without being asked for: a voxel's shadow is of many
-fine pixels, each of which gives some of its light to all of them."""
+"""Largest work of the linear basis over that of the voxel basis at which it is tried. Footprints
+of many fine pixels cost more; with a smaller bound flames in fine pixels lose accuracy."""
 
 
 @dataclass(frozen=True)
 class Basis:
-    """Boxes or splines, and why.
+    """The voxel basis or the linear basis, and why.
 
     Attributes
     ----------
     name : str
     reason : str
-    share : float
-        The squared error of left-out views by splines over that by boxes; NaN where not judged.
+    error_ratio : float
+        The squared error of left-out views by the linear basis over that by the voxel basis; NaN
+        where they were not compared.
     """
 
     name: str
     reason: str
-    share: float = math.nan
+    error_ratio: float = math.nan
 
     def report(self) -> dict[str, Any]:
         """Return plain values."""
-        share = None if math.isnan(self.share) else self.share
-        return {"name": self.name, "reason": self.reason, "share": share}
+        ratio = None if math.isnan(self.error_ratio) else self.error_ratio
+        return {"name": self.name, "reason": self.reason, "error_ratio": ratio}
 
 
-def of_basis(
-    system: LinearSystem, measured: NDArray[np.float32], options: Options, method: Method
+def in_basis(
+    system: LinearSystem,
+    measured: NDArray[np.float32],
+    asked: str,
+    supersample: int,
+    against: str,
 ) -> tuple[LinearSystem, Basis]:
-    """Return the system of the unknowns that options ask for, or that the images ask for.
+    """Return the system in the basis that is asked for, or that the images ask for.
 
     Parameters
     ----------
     system : LinearSystem
-        Of boxes.
+        In the voxel basis.
     measured : (pixels,) float32
-    options : Options
-    method : Method
-        That it is to be solved by.
+    asked : {"auto", "voxel", "linear"}
+    supersample : int
+        Rays along each side of a pixel.
+    against : str
+        Why ``auto`` keeps the voxel basis, see `reason_of_method`; empty: the images choose.
     """
-    if options.basis != AUTO:
-        given = Basis(options.basis, "as asked for")
-        splines = options.basis == LINEAR
-        return (system.with_linear_basis(options.supersample) if splines else system), given
-    against = _reason_against(system, options, method)
-    if against:
-        return system, Basis(VOXEL, against)
-    return better_of(system, measured, options.supersample)
+    if asked == LINEAR:
+        return system.with_linear_basis(supersample), Basis(LINEAR, "as asked for")
+    if asked != AUTO or against:
+        return system, Basis(VOXEL, against if asked == AUTO else "as asked for")
+    return better_basis(system, measured, supersample)
 
 
-def better_of(
+def better_basis(
     system: LinearSystem, measured: NDArray[np.float32], supersample: int = 1
 ) -> tuple[LinearSystem, Basis]:
-    """Return the system of the unknowns that predict left-out views better.
+    """Return the system in the basis that predicts left-out views better.
 
     Parameters
     ----------
     system : LinearSystem
-        Of boxes.
+        In the voxel basis.
     measured : (pixels,) float32
     supersample : int
         Rays along each side of a pixel.
     """
-    against = _reason_for_boxes(system, supersample)
+    against = _reason_of_system(system, supersample)
     if against:
         return system, Basis(VOXEL, against)
     try:
-        splines = system.with_linear_basis(supersample)
+        linear = system.with_linear_basis(supersample)
     except ValueError as error:  # too large, or a camera beside which the grid's centre lies
         return system, Basis(VOXEL, str(error))
-    share = error_ratio(splines.projector, system.projector, measured)
-    if math.isnan(share):
-        return system, Basis(VOXEL, "nothing to judge by")
-    left = f"splines leave {share:.2f} of the squared error of left-out views"
-    if share < 1:
-        return splines, Basis(LINEAR, left, share)
-    return system, Basis(VOXEL, left, share)
+    ratio = error_ratio(linear.projector, system.projector, measured)
+    if math.isnan(ratio):
+        return system, Basis(VOXEL, "too few views or dark images: the bases were not compared")
+    left = f"the linear basis leaves {ratio:.2f} of the squared error of left-out views"
+    if ratio < 1:
+        return linear, Basis(LINEAR, left, ratio)
+    return system, Basis(VOXEL, left, ratio)
 
 
-def _reason_against(system: LinearSystem, options: Options, method: Method) -> str:
-    """Return why what is asked for rules splines out; empty where it does not."""
+def reason_of_method(method: Method, n_views: int, *, encoder: bool, freeze_encoder: bool) -> str:
+    """Return why a method rules the linear basis out; empty where it does not.
+
+    ``encoder`` tells whether an encoder is given, ``freeze_encoder`` whether it is used as it is.
+    """
     if not method.through_lenses:
-        return f"{method.name} goes line by line"
-    if method.needs_midpoints and not options.freeze_encoder:
-        if options.encoder is not None:
-            return "encoders were trained on boxes"
-        if system.projector.n_views > FEW_VIEWS:
-            return "of many views the weights of boxes are learned"
+        return f"{method.name} goes ray by ray"
+    if method.needs_midpoints and not freeze_encoder:
+        if encoder:
+            return "encoders are trained in the voxel basis"
+        if n_views > FEW_VIEWS:
+            return "with many views weights are learned in the voxel basis"
     return ""
 
 
-def _reason_for_boxes(system: LinearSystem, supersample: int) -> str:
-    """Return why splines are not even tried; empty where they are."""
+def _reason_of_system(system: LinearSystem, supersample: int) -> str:
+    """Return why the linear basis is not even tried; empty where it is."""
     if not system.projector.rows_are_single_rays:
-        return "a lens's discs are told for boxes"
+        return "a lens's blur is known for voxels alone"
     if system.form != STORED:
-        return "on the fly splines would take more memory than all the rest"
+        return "on the fly the linear basis would take more memory than all the rest"
     grid = system.projector.grid
     apart = np.median(system.rig.footprint(grid.center)) / supersample
     edges = float(apart) / math.prod(grid.spacing) ** (1 / 3)
     if not edges <= LARGEST_PIXEL:
-        return f"lines are {edges:.2f} voxels apart, more than {LARGEST_PIXEL}"
-    across = 1 / (edges * supersample) + 1.5  # pixels, about, that a shadow reaches
+        return f"rays are {edges:.2f} voxels apart, more than {LARGEST_PIXEL}"
+    across = 1 / (edges * supersample) + 1.5  # pixels, about, that a footprint reaches
     work = 1 + across**2 * system.projector.shape[0] / system.projector.n_segments
     if work > MOST_WORK:
-        return f"in pixels so fine splines would be {work:.0f} times the work of boxes"
+        return f"in pixels so fine the linear basis would be {work:.0f} times the work"
     return ""

@@ -1,78 +1,177 @@
-"""What a reconstruction is judged by: truth, cameras held out, images beside re-projections."""
+"""Stage 6, evaluate: the volume against the truth, and images beside their re-projections.
+
+Nothing before this stage sees the truth. The images of held-out cameras are searched for outlier
+pixels with the others, and from there on seen here alone.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.recordings import is_integer_image
+from tomo import metrics
 from tomo.grid import VoxelGrid
 from tomo.io import read_volume
-from tomo.operators import LinearSystem
+from tomo.operators import LINEAR, LinearSystem
 from tomo.operators.system import VolumeNotSeenError
-from tomo.pipeline.reconstruction import View
+from tomo.operators.view_gains import Gains
+from tomo.pipeline.build import blind_warnings
+from tomo.pipeline.load import LoadedScan
+from tomo.pipeline.methods import method_named
+from tomo.pipeline.options import Options
+from tomo.pipeline.screen import ScreenedScan
+from tomo.pipeline.solve import Compared, Solved, Watch, with_learned_weights
+from tomo.pipeline.stage import Record, as_warning, timed
+from tomo.pipeline.view import View, quality
 from tomo.scan import Scan
 from tomo.scan.scan import Images, Masks
-from tomo.selfcal.gains import Gains
+from tomo.simulation.true_weights import TrueEffects, true_effects, true_ratios
 from tomo.solvers import Solution
 
 if TYPE_CHECKING:
     from tomo.wernet.default import LearnedWeights
 
 
-def read_truth(scan: Scan, grid: VoxelGrid) -> tuple[NDArray[np.float32] | None, list[str]]:
-    """Return the scan's truth if it lives on the grid, and a warning if it does not."""
-    if scan.truth is None:
-        return None, []
-    data, truth_grid, _ = read_volume(scan.truth)
-    apart = np.abs([truth_grid.lower - grid.lower, truth_grid.upper - grid.upper]).max()
-    if truth_grid.shape == grid.shape and apart <= 1e-6 * min(grid.spacing):
-        return data, []
-    return None, [f"{scan.truth.name}: the truth is on another grid: no quality figures"]
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The facts of a simulated scan that a reconstruction is compared with.
+
+    Attributes
+    ----------
+    truth : (nx, ny, nz) float32, optional
+    effects : optional
+        The effects that the images were simulated with.
+    record : Record
+    """
+
+    truth: NDArray[np.float32] | None
+    effects: TrueEffects | None
+    record: Record = Record()
+
+    @property
+    def watch(self) -> Watch | None:
+        """Return what measures the distance of a volume from the truth; None without one."""
+        if self.truth is None:
+            return None
+        return lambda volume: metrics.cosine_distance(volume, self.truth)
 
 
-def held_out_system(
-    judged: Scan | None, grid: VoxelGrid, masks: Masks, how: dict[str, Any]
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """The solutions with their figures, and every camera's image beside its re-projection.
+
+    Attributes
+    ----------
+    solution : Solution
+    comparisons : tuple of Solution
+    views : tuple of View
+        One a camera, in the rig's order.
+    data_range : float
+        The greatest difference that the images can have, for PSNR and SSIM.
+    learned : LearnedWeights, optional
+        The learned weights over the segment lengths.
+    record : Record
+    """
+
+    solution: Solution
+    comparisons: tuple[Solution, ...]
+    views: tuple[View, ...]
+    data_range: float
+    learned: LearnedWeights | None = None
+    record: Record = Record()
+
+
+def read_reference(scan: Scan, grid: VoxelGrid) -> Reference:
+    """Read the scan's truth and effects; a truth on another grid is a warning."""
+    with timed() as stage:
+        effects, truth = true_effects(scan), None
+        if scan.truth is not None:
+            data, truth_grid, _ = read_volume(scan.truth)
+            apart = np.abs([truth_grid.lower - grid.lower, truth_grid.upper - grid.upper]).max()
+            if truth_grid.shape == grid.shape and apart <= 1e-6 * min(grid.spacing):
+                truth = data
+            else:
+                stage.warnings.append(
+                    f"{scan.truth.name}: the truth is on another grid: no quality figures"
+                )
+    return Reference(truth, effects, stage.record)
+
+
+def trace_apart(
+    screened: ScreenedScan, system: LinearSystem, options: Options
 ) -> LinearSystem | None:
-    """Trace the cameras that are only judged, before anything is solved in vain."""
-    if judged is None:
+    """Trace the cameras that took no part; before the solve, so that nothing is solved in vain.
+
+    Raises
+    ------
+    VolumeNotSeenError
+        If none of them sees the volume.
+    """
+    if screened.apart is None:
         return None
     try:
-        return LinearSystem.from_rig(judged.rig, grid, masks=masks, **how)
+        return LinearSystem.from_rig(
+            screened.apart.rig,
+            system.projector.grid,
+            masks=screened.apart_masks,
+            active=system.projector.active,
+            midpoints=method_named(options.method).needs_midpoints,
+            tracer=options.tracer,
+            supersample=options.supersample,
+            form=options.projector,
+        )
     except VolumeNotSeenError as error:
         raise VolumeNotSeenError(
-            f"{judged.source}: hold_out: nothing to judge by: {error}"
+            f"{screened.apart.source}: hold_out: nothing to compare with: {error}"
         ) from None
 
 
-def as_learned(system: LinearSystem, found: Solution, same_views: bool) -> LinearSystem:
-    """Return the system with the weights that were learnt, where there are any."""
-    if found.weights is None:
-        return system
-    learned = found.weights.projector(system.projector, same_views=same_views)
-    return replace(system, projector=learned)
-
-
-def summed_up(
-    system: LinearSystem,
-    seeing: LinearSystem,
-    found: Solution,
-    ratios: NDArray[np.float64] | None,
-) -> LearnedWeights:
-    """Return what the weights of ``seeing`` are over the chords, beside the true ratios."""
-    from tomo.wernet.default import LearnedWeights
-
-    return LearnedWeights.of(
-        found.weights,
-        system.projector,
-        seeing.projector,
-        found.volume,
-        system.rig.names,
-        held_out_residual=found.settings.get("held_out_residual"),
-        truth=ratios,
+def evaluate(
+    loaded: LoadedScan,
+    screened: ScreenedScan,
+    solved: Solved,
+    compared: Compared,
+    apart: LinearSystem | None,
+    reference: Reference,
+    options: Options,
+) -> Evaluated:
+    """Compare the volume with the truth and its re-projections with the images."""
+    views, learned = [], None
+    with timed() as stage:
+        if apart is not None:
+            stage.warnings += blind_warnings(apart)
+        with as_warning("re-projected images: not found", stage.warnings):
+            found, built = solved.solution, solved.built
+            system = solved.system(same_views=True)
+            views += views_of(
+                system.on_voxel_means, found.volume, screened.images, screened.masks, built.gains
+            )
+            views += _views_apart(apart, solved, screened, options)
+            if found.weights is not None:
+                comparable = options.supersample == 1
+                ratios = (
+                    true_ratios(built.system, reference.effects, reference.truth, built.gains)
+                    if comparable
+                    else None
+                )
+                learned = _summary(built.system, system, found, ratios)
+        order = loaded.scan.rig.names
+        solutions = [
+            replace(one, quality=quality(one.volume, reference.truth))
+            for one in (solved.solution, *compared.solutions)
+        ]
+        spread = data_range(loaded.scan, loaded.frame, screened.not_excluded)
+    return Evaluated(
+        solutions[0],
+        tuple(solutions[1:]),
+        tuple(sorted(views, key=lambda view: order.index(view.name))),
+        spread,
+        learned,
+        stage.record,
     )
 
 
@@ -83,7 +182,7 @@ def views_of(
     masks: Masks,
     gains: Gains | None = None,
 ) -> list[View]:
-    """Return each camera's image beside what the volume would have shown it."""
+    """Return each camera's image beside the image that the volume would have shown it."""
     projected = system.projector @ system.projector.active.compress(volume)
     reprojected = system.images(gains.apply(system.projector, projected) if gains else projected)
     return [
@@ -98,3 +197,51 @@ def data_range(scan: Scan, frame: str | None, images: Images) -> float:
     if scan.corrections.gain is None and all(is_integer_image(path) for path in files):
         return 1.0
     return max(max(float(image.max()) for image in images), np.finfo(np.float32).tiny)
+
+
+def _views_apart(
+    apart: LinearSystem | None, solved: Solved, screened: ScreenedScan, options: Options
+) -> list[View]:
+    """Return the images that took no part beside the images that the volume would have shown."""
+    if apart is None:
+        return []
+    system: Any = apart
+    if options.blur:
+        system = system.with_lens_blur(options.blur)
+    if solved.built.basis.name == LINEAR:
+        system = system.with_linear_basis(options.supersample)
+    system = with_learned_weights(system, solved.solution, same_views=False)
+    found = views_of(
+        system.on_voxel_means,
+        solved.solution.volume,
+        screened.apart_images,
+        screened.apart_masks,
+    )
+    return [
+        replace(
+            view,
+            held_out=view.name in options.hold_out,
+            excluded=view.name in screened.excluded,
+        )
+        for view in found
+    ]
+
+
+def _summary(
+    system: LinearSystem,
+    learned: LinearSystem,
+    found: Solution,
+    ratios: NDArray[np.float64] | None,
+) -> LearnedWeights:
+    """Return the learned weights over the segment lengths, beside the true ratios."""
+    from tomo.wernet.default import LearnedWeights
+
+    return LearnedWeights.of(
+        found.weights,
+        system.projector,
+        learned.projector,
+        found.volume,
+        system.rig.names,
+        held_out_residual=found.settings.get("held_out_residual"),
+        truth=ratios,
+    )

@@ -36,6 +36,13 @@ def warm_up(tracer: str, form: str = STORED) -> float:
     return time.perf_counter() - started
 
 
+def warm_up_stages(tracer: str, *, carving: bool, alignment: bool) -> float:
+    """Warm up the stages that will be used; return the seconds that it took."""
+    seconds = warm_up(tracer)
+    seconds += warm_up_carving() if carving else 0.0
+    return seconds + (warm_up_alignment() if alignment else 0.0)
+
+
 def warm_up_carving() -> float:
     """Carve a small grid by three small views; return the seconds that it took."""
     started = time.perf_counter()

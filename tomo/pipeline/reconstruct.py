@@ -1,12 +1,23 @@
-"""From a scan to a volume: load, trace, solve, and evaluate the result."""
+"""One reconstruction: its stages in their order, each a function from values to a value."""
 
 from __future__ import annotations
 
+import time
+
 from tomo.grid import VoxelGrid
 from tomo.operators.system import Progress
+from tomo.pipeline.assemble import Stages, assemble
+from tomo.pipeline.assess import assess
+from tomo.pipeline.build import build
+from tomo.pipeline.check_options import cameras_to_refine, check_options
+from tomo.pipeline.evaluate import evaluate, read_reference, trace_apart
+from tomo.pipeline.first_use import warm_up_stages
+from tomo.pipeline.load import load
 from tomo.pipeline.options import Options
 from tomo.pipeline.reconstruction import Reconstruction
-from tomo.pipeline.steps import reconstruct_as_asked
+from tomo.pipeline.register import register_screened
+from tomo.pipeline.screen import screen
+from tomo.pipeline.solve import compare, solve
 from tomo.scan import Scan
 
 
@@ -25,6 +36,7 @@ def reconstruct(
     grid : VoxelGrid, optional
         The scan's own when None.
     options : Options
+        Everything that can be asked; the default serves most scans.
     progress : callable, optional
         ``progress(done, total, where)``.
 
@@ -33,4 +45,22 @@ def reconstruct(
     ValueError
         One line that names what is wrong with the input.
     """
-    return reconstruct_as_asked(scan, scan.grid if grid is None else grid, options, progress)
+    began, grid = time.perf_counter(), scan.grid if grid is None else grid
+    check_options(options, scan, grid)
+    reference = read_reference(scan, grid)  # evaluate's; read first, since it may be unreadable
+    loaded = load(scan, options.frame)
+    first_use = warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)
+    screened = screen(loaded, grid, options.hold_out, look=options.screen)
+    refine = cameras_to_refine(options, scan)
+    registered = register_screened(screened, grid, options, refine, progress)
+    built = build(screened, registered, grid, options, progress)
+    apart = trace_apart(screened, built.system, options)
+    solved = solve(built, options, watch=reference.watch, progress=progress)
+    compared = compare(solved.built, options, watch=reference.watch, progress=progress)
+    evaluated = evaluate(loaded, screened, solved, compared, apart, reference, options)
+    light = screened.unmodelled_light
+    assessed = assess(registered, solved, options, unmodelled_light=light, progress=progress)
+    stages = Stages(
+        reference, loaded, screened, registered, built, solved, compared, evaluated, assessed
+    )
+    return assemble(stages, options, first_use=first_use, seconds=time.perf_counter() - began)

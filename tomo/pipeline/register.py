@@ -1,4 +1,4 @@
-"""What is settled before anything is traced: where the cameras look, and what is surely empty."""
+"""Stage 3, register: where the cameras look, and which voxels dark pixels prove empty."""
 
 from __future__ import annotations
 
@@ -14,13 +14,17 @@ from rigs import Rig
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import Carving, carve
 from tomo.measurement import NoiseModel
+from tomo.operators.system import Progress
+from tomo.pipeline.options import OFF, Options
+from tomo.pipeline.screen import ScreenedScan
+from tomo.pipeline.stage import Record, timed
 from tomo.scan import Scan
 from tomo.selfcal.refine import Refinement, refine_cameras
 from tomo.selfcal.shifts import Alignment, align_views
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class Registered:
     """The rig, pixels and voxels to trace.
 
     Attributes
@@ -33,8 +37,7 @@ class Prepared:
         The voxels that may be other than zero.
     alignment, carving, refinement : optional
         How they were found; None where it was not asked for.
-    unmodelled_light : bool
-        Whether images show light that no volume in the grid explains, see `tomo.suspects`.
+    record : Record
     """
 
     rig: Rig
@@ -43,55 +46,10 @@ class Prepared:
     alignment: Alignment | None = None
     carving: Carving | None = None
     refinement: Refinement | None = None
-    unmodelled_light: bool = False
-
-    @property
-    def warnings(self) -> list[str]:
-        """What the user should know of it."""
-        return [*self._of_alignment(), *self._of_refinement()]
-
-    def _of_refinement(self) -> list[str]:
-        if self.refinement is None:
-            return []
-        names = ", ".join(self.refinement.cameras)
-        if self.refinement.accepted:
-            return [f"cameras refined from the images: {names}: {self.refinement.reason}"]
-        return [f"cameras stay as the rig says: {names}: {self.refinement.reason}"]
-
-    def _of_alignment(self) -> list[str]:
-        found = self.alignment
-        if found is None:
-            return []
-        displacement = found.displacement
-        doubt = (
-            [
-                displacement.warning(
-                    self.rig.names,
-                    self._advice("calibrate again, or refine the cameras from the images"),
-                )
-            ]
-            if displacement is not None and displacement.disagrees
-            else []
-        )
-        if not found.accepted:
-            return doubt
-        lengths = np.linalg.norm(found.shifts, axis=1)
-        worst = int(np.argmax(lengths))
-        return [
-            f"camera {self.rig.names[worst]} looks {lengths[worst]:.1f} pixels beside where the "
-            f"rig says, others less: images were shifted to agree ({found.reason}); "
-            f"{self._advice('calibrate again')}",
-            *doubt,
-        ]
-
-    def _advice(self, usual: str) -> str:
-        """Return what to do about cameras that seem wrong: they may only seem so."""
-        if not self.unmodelled_light:
-            return usual
-        return f"see to the light that no volume explains first, and if this stays, {usual}"
+    record: Record = Record()
 
     def report(self, pixels_used: int) -> dict[str, Any]:
-        """Return what was left out, and why, for the report."""
+        """Return ``report.json``'s ``carving``: the pixels and voxels left out, and why."""
         recorded = sum(math.prod(camera.image_size) for camera in self.rig)
         counts = {"pixels_recorded": recorded, "pixels_used": pixels_used}
         return (
@@ -118,18 +76,18 @@ class Prepared:
         return replace(scan.rig, cameras=tuple(cameras), calibration=known)
 
 
-def prepare(
+def register(
     rig: Rig,
     images: Sequence[NDArray[np.float32]],
     masks: Sequence[NDArray[np.bool_]],
     grid: VoxelGrid,
     *,
     align: bool,
-    carving: dict[str, Any] | None,
+    margin: float | str | None,
     refining: dict[str, Any] | None = None,
     noise: Sequence[NoiseModel] | None = None,
     unmodelled_light: bool = False,
-) -> Prepared:
+) -> Registered:
     """Align and refine the cameras and carve the volume, from the images alone.
 
     Parameters
@@ -138,29 +96,95 @@ def prepare(
         Of the cameras to reconstruct from.
     align : bool
         Whether to look for shifts of the cameras' images.
-    carving : dict, optional
-        Settings of `tomo.hull.carve`; nothing is carved when None.
+    margin : float or "auto", optional
+        Pixels around an empty voxel that must be dark, see `tomo.hull.carve`; infinite: no voxel
+        is empty. None: pixels that miss the grid are kept too.
     refining : dict, optional
         Settings of `tomo.selfcal.refine.refine_cameras`; nothing is refined when None.
     noise : sequence of NoiseModel, optional
-        Of each image, where it is known already.
+        The noise of each image, where it is known already.
     unmodelled_light : bool
-        See `Prepared`.
+        Whether images show light that no volume in the grid explains, see `tomo.screening`.
     """
     if refining is not None and set(refining["cameras"]) >= set(rig.names):
-        align = False  # what a shift would do is done better
-    alignment = align_views(rig, images, grid, masks=masks) if align else None
-    if alignment is not None:
-        rig = alignment.rig(rig)
-    refinement = None
-    if refining is not None:  # of the shifted images: cameras that are not to move are in place
-        skip = carving is not None
-        refinement = refine_cameras(rig, images, grid, masks=masks, skip=skip, **refining)
-        rig = refinement.rig
-    if carving is None:
-        active = ActiveVoxels(grid)
-        return Prepared(rig, masks, active, alignment, None, refinement, unmodelled_light)
-    found = carve(tuple(rig), images, masks, grid, noise=noise, **carving)
-    return Prepared(
-        rig, found.pixels, found.active, alignment, found, refinement, unmodelled_light
+        align = False  # refinement finds shifts too
+    with timed() as stage:
+        alignment = align_views(rig, images, grid, masks=masks) if align else None
+        if alignment is not None:
+            rig = alignment.rig(rig)
+            stage.warnings += _of_alignment(alignment, rig, unmodelled_light)
+        refinement = None
+        if refining is not None:  # of the shifted images: the other cameras are in place
+            skip = margin is not None
+            refinement = refine_cameras(rig, images, grid, masks=masks, skip=skip, **refining)
+            rig = refinement.rig
+            stage.warnings.append(_of_refinement(refinement))
+        carving, active = None, ActiveVoxels(grid)
+        if margin is not None:
+            carving = carve(tuple(rig), images, masks, grid, margin=margin, noise=noise)
+            masks, active = carving.pixels, carving.active
+    return Registered(rig, masks, active, alignment, carving, refinement, stage.record)
+
+
+def register_screened(
+    screened: ScreenedScan,
+    grid: VoxelGrid,
+    options: Options,
+    cameras: Sequence[str],
+    progress: Progress | None = None,
+) -> Registered:
+    """Register the views that take part; ``cameras`` are those to refine, if they take part."""
+    refined = tuple(name for name in cameras if name not in screened.excluded)
+    refining = {"cameras": refined, "prior_pixels": options.refine_prior, "progress": progress}
+    margin = math.inf if options.carving == OFF else options.carving
+    return register(
+        screened.scan.rig,
+        screened.images,
+        screened.masks,
+        grid,
+        align=options.align,
+        margin=margin if options.skip else None,
+        refining=refining if refined else None,
+        noise=screened.noise if options.skip else None,
+        unmodelled_light=screened.unmodelled_light,
     )
+
+
+def displacement_warning(
+    alignment: Alignment, names: Sequence[str], unmodelled_light: bool
+) -> list[str]:
+    """Return the line on views that lie off where the others predict them, if any do.
+
+    Takes its time where it is asked for first, see `Alignment.displacement`.
+    """
+    displacement = alignment.displacement
+    if displacement is None or not displacement.disagrees:
+        return []
+    advice = "calibrate again, or refine the cameras from the images"
+    return [displacement.warning(names, _advice(advice, unmodelled_light))]
+
+
+def _of_alignment(found: Alignment, rig: Rig, unmodelled_light: bool) -> list[str]:
+    if not found.accepted:
+        return []
+    lengths = np.linalg.norm(found.shifts, axis=1)
+    worst = int(np.argmax(lengths))
+    return [
+        f"camera {rig.names[worst]} looks {lengths[worst]:.1f} pixels beside where the "
+        f"rig says, others less: images were shifted to agree ({found.reason}); "
+        f"{_advice('calibrate again', unmodelled_light)}"
+    ]
+
+
+def _of_refinement(found: Refinement) -> str:
+    names = ", ".join(found.cameras)
+    if found.accepted:
+        return f"cameras refined from the images: {names}: {found.reason}"
+    return f"cameras stay as the rig says: {names}: {found.reason}"
+
+
+def _advice(usual: str, unmodelled_light: bool) -> str:
+    """Return what to do about cameras that seem wrong: unmodelled light makes them seem so."""
+    if not unmodelled_light:
+        return usual
+    return f"see to the light that no volume explains first, and if this stays, {usual}"

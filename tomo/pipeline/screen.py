@@ -1,4 +1,4 @@
-"""What takes part once suspect pixels and views are set aside."""
+"""Stage 2, screen: the pixels and views that the reconstruction may use."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, estimate_noise
+from tomo.pipeline.load import LoadedScan
+from tomo.pipeline.stage import Record, timed
 from tomo.scan import Scan
 from tomo.scan.scan import Images, Masks
 from tomo.screening import Screening, screen_images
@@ -17,100 +19,93 @@ from tomo.screening import Screening, screen_images
 
 @dataclass(frozen=True, eq=False)
 class ScreenedScan:
-    """A frame's images, those that take part and those that are only judged.
+    """A frame's images: those that take part, and those that are only compared with.
 
     Attributes
     ----------
-    training : Scan
-        Of the cameras to reconstruct from.
+    scan : Scan
+        The cameras to reconstruct from.
     images, masks : list of (height, width)
-        Theirs; wild pixels are 0 and not usable.
-    judged : Scan, optional
-        Of the cameras held out and of those left out as wrong.
-    judged_images, judged_masks : list of (height, width)
-        Theirs; wild pixels of cameras held out are 0 and not usable.
-    suspects : Screening, optional
-        None where nothing was suspected on request.
+        Of these cameras; outlier pixels are 0 and not usable.
+    apart : Scan, optional
+        The cameras held out and those excluded.
+    apart_images, apart_masks : list of (height, width)
+        Of these cameras; outlier pixels of cameras held out are 0 and not usable.
+    screening : Screening, optional
+        None where nothing was screened.
+    record : Record
     """
 
-    training: Scan
+    scan: Scan
     images: Images
     masks: Masks
-    judged: Scan | None
-    judged_images: Images
-    judged_masks: Masks
-    suspects: Screening | None = None
+    apart: Scan | None
+    apart_images: Images
+    apart_masks: Masks
+    screening: Screening | None = None
+    record: Record = Record()
 
     @cached_property
     def noise(self) -> tuple[NoiseModel, ...]:
-        """That of the images that take part: what suspects were looked for by, if they were."""
-        if self.suspects is None:
+        """The noise of each image that takes part: that of the screening, if there was one."""
+        if self.screening is None:
             both = zip(self.images, self.masks, strict=True)
             return tuple(estimate_noise(image, mask) for image, mask in both)
-        known = dict(zip(self.suspects.outliers, self.suspects.noise, strict=True))
-        return tuple(known[name] for name in self.training.rig.names)
+        known = dict(zip(self.screening.outliers, self.screening.noise, strict=True))
+        return tuple(known[name] for name in self.scan.rig.names)
 
     @property
-    def left_out(self) -> tuple[str, ...]:
-        """The cameras that are left out as wrong."""
-        return self.suspects.excluded if self.suspects else ()
+    def excluded(self) -> tuple[str, ...]:
+        """The cameras that the others contradict."""
+        return self.screening.excluded if self.screening else ()
 
     @property
-    def not_left_out(self) -> Images:
+    def not_excluded(self) -> Images:
         """The images that take part and those held out."""
-        names = self.judged.rig.names if self.judged else ()
-        judged = zip(names, self.judged_images, strict=True)
-        return [*self.images, *(image for name, image in judged if name not in self.left_out)]
+        names = self.apart.rig.names if self.apart else ()
+        apart = zip(names, self.apart_images, strict=True)
+        return [*self.images, *(image for name, image in apart if name not in self.excluded)]
 
     @property
     def unmodelled_light(self) -> bool:
         """Whether images show light that no volume in the grid explains."""
-        return self.suspects is not None and self.suspects.unmodelled_light
-
-    @property
-    def warnings(self) -> list[str]:
-        """What the user should know of it."""
-        return self.suspects.warnings if self.suspects else []
+        return self.screening is not None and self.screening.unmodelled_light
 
 
-def screen_views(
-    scan: Scan,
-    images: Images,
-    masks: Masks,
-    grid: VoxelGrid,
-    hold_out: Sequence[str],
-    *,
-    suspects: bool,
+def screen(
+    loaded: LoadedScan, grid: VoxelGrid, hold_out: Sequence[str], *, look: bool
 ) -> ScreenedScan:
-    """Part a frame's images into those that take part and those that are judged.
+    """Part a frame's images into those that take part and those that are only compared with.
 
     Parameters
     ----------
-    scan : Scan
-    images, masks : list of (height, width)
-        Of all its cameras.
+    loaded : LoadedScan
     grid : VoxelGrid
     hold_out : sequence of str
-        Cameras that are judged only.
-    suspects : bool
-        Whether to look for wild pixels and wrong views, see `tomo.suspects`.
+        Cameras that take no part. Their images are searched for outlier pixels, and nothing that
+        is found in them changes another image.
+    look : bool
+        Whether to look for outlier pixels and inconsistent views, see `tomo.screening`.
     """
-    everything = dict(zip(scan.rig.names, zip(images, masks, strict=True), strict=True))
+    scan, screening = loaded.scan, None
+    with timed() as stage:
+        both = zip(loaded.images, loaded.masks, strict=True)
+        everything = dict(zip(scan.rig.names, both, strict=True))
 
-    def of(part: Scan | None) -> tuple[Images, Masks]:
-        pairs = [everything[name] for name in part.rig.names] if part else []
-        return [image for image, _ in pairs], [mask for _, mask in pairs]
+        def of(part: Scan | None) -> tuple[Images, Masks]:
+            pairs = [everything[name] for name in part.rig.names] if part else []
+            return [image for image, _ in pairs], [mask for _, mask in pairs]
 
-    training = scan.without(*hold_out) if hold_out else scan
-    judged = scan.only(*hold_out) if hold_out else None
-    if not suspects:
-        return ScreenedScan(training, *of(training), judged, *of(judged))
-    beside = (judged.rig, *of(judged)) if judged else None
-    found = screen_images(training.rig, *of(training), grid, held_out=beside)
-    for name, mask in zip(found.outliers, found.masks, strict=True):
-        if found.outliers[name] and name not in found.excluded:
-            everything[name] = np.where(mask, everything[name][0], 0), mask
-    if found.excluded:
-        training = training.without(*found.excluded)
-        judged = scan.only(*hold_out, *found.excluded)
-    return ScreenedScan(training, *of(training), judged, *of(judged), found)
+        used = scan.without(*hold_out) if hold_out else scan
+        apart = scan.only(*hold_out) if hold_out else None
+        if look:
+            held_out = (apart.rig, *of(apart)) if apart else None
+            screening = screen_images(used.rig, *of(used), grid, held_out=held_out)
+            stage.warnings += screening.warnings
+            for name, mask in zip(screening.outliers, screening.masks, strict=True):
+                if screening.outliers[name] and name not in screening.excluded:
+                    everything[name] = np.where(mask, everything[name][0], 0), mask
+            if screening.excluded:
+                used = used.without(*screening.excluded)
+                apart = scan.only(*hold_out, *screening.excluded)
+    return ScreenedScan(used, *of(used), apart, *of(apart), screening, stage.record)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo.grid import VoxelGrid
-from tomo.pipeline.reconstruction import View
+from tomo.pipeline.view import View
 
 if TYPE_CHECKING:
     from tomo.wernet.default import LearnedWeights

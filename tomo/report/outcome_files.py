@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
-from itertools import zip_longest
 from typing import Any
 
 from rigs import save_rig
@@ -72,12 +70,7 @@ def results_of(outcome: Reconstruction) -> Results:
         grid=found.grid,
         volume=found.volume,
         views=outcome.views,
-        history=[
-            _convergence(one, distances)
-            for one, distances in zip_longest(
-                (found, *outcome.comparisons), outcome.cosine_distances, fillvalue=()
-            )
-        ],
+        history=[_convergence(one) for one in (found, *outcome.comparisons)],
         truth=outcome.truth,
         comparisons=[(other.settings["method"], other.volume) for other in outcome.comparisons],
         method=found.settings["method"],
@@ -86,11 +79,12 @@ def results_of(outcome: Reconstruction) -> Results:
     )
 
 
-def _convergence(found: Solution, distances: Sequence[float]) -> Convergence:
+def _convergence(found: Solution) -> Convergence:
+    distances = [entry.distance for entry in found.history]
     return Convergence(
         label=found.settings["method"],
         iterations=[entry.index for entry in found.history],
         relative_residual=[entry.relative_residual for entry in found.history],
         seconds=[entry.seconds for entry in found.history],
-        cosine_distance=distances if len(distances) == len(found.history) else None,
+        cosine_distance=None if None in distances else distances,
     )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from rigs.files import atomic_path
 from tomo.draw.figures import png_bytes
-from tomo.pipeline.as_warning import as_warning
+from tomo.pipeline.stage import as_warning
 from tomo.report.content import Results
 
 if TYPE_CHECKING:

@@ -135,14 +135,14 @@ def _view_rows(report: Mapping, results: Results) -> list[dict]:
     """Return one row a view, held-out ones first."""
     held_out, listed = report.get("held_out") or {}, report.get("views") or {}
     rows = []
-    for view in sorted(results.views, key=lambda v: not (v.held_out or v.left_out)):
+    for view in sorted(results.views, key=lambda v: not (v.held_out or v.excluded)):
         figures = {**listed.get(view.name, {}), **held_out.get(view.name, {})}
         residual = figures.get("relative_residual", view.relative_residual)
         rows.append(
             {
                 "name": view.name,
                 "held_out": view.held_out,
-                "left_out": view.left_out,
+                "excluded": view.excluded,
                 "relative_residual": f"{residual:.2%}" if math.isfinite(residual) else "dark",
                 "bar": residual if math.isfinite(residual) else 0.0,
                 "gain": f"{figures['gain']:.3f}" if "gain" in figures else "",

@@ -16,7 +16,7 @@ from tomo.metrics import cosine_distance, nrmse
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tomo.pipeline.reconstruction import View
+    from tomo.pipeline.view import View
     from tomo.report.content import Convergence, Results
 
 _LINES = ("#1f6fb2", "#c2500f", "#12826a", "#7d5ba6", "#9a7b00", "#5b6672")
@@ -28,8 +28,8 @@ _THINNEST = 0.15
 
 def views_to_show(views: Sequence[View], most: int = _MOST_VIEWS) -> list[View]:
     """Return views that took no part, then others evenly spread over the rig."""
-    apart = [view for view in views if view.held_out or view.left_out][:most]
-    others = [view for view in views if not (view.held_out or view.left_out)]
+    apart = [view for view in views if view.held_out or view.excluded][:most]
+    others = [view for view in views if not (view.held_out or view.excluded)]
     free = min(most - len(apart), len(others))
     spread = np.round(np.arange(free) * len(others) / max(free, 1)).astype(int)
     return apart + [others[i] for i in spread]
@@ -74,7 +74,7 @@ def draw_views(views: Sequence[View]) -> Figure:
             axes.set_title(words, fontsize=6.5, color=MUTED, pad=2.5)
         images = drawn[0], drawn[2]
         residual = view.relative_residual
-        role = ", held out" if view.held_out else ", left out" if view.left_out else ""
+        role = ", held out" if view.held_out else ", excluded" if view.excluded else ""
         figure.text(
             x0 / width,
             (top + 0.28) / height,

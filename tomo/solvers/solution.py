@@ -37,11 +37,14 @@ class Iteration:
         ``||measured - A @ volume|| / ||measured||`` of that volume.
     seconds : float
         Wall time since the solver started.
+    distance : float, optional
+        The volume's distance from a known truth, where whoever called the solver watched it.
     """
 
     index: int
     relative_residual: float
     seconds: float
+    distance: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,7 +79,7 @@ def psnr(outcome, name):
 
 def test_a_flame_in_fine_pixels_is_nearer_to_the_truth_by_splines(by_splines, by_boxes):
     assert (basis(by_splines), basis(by_boxes)) == ("linear", "voxel")
-    assert by_splines.basis["share"] < 1
+    assert by_splines.basis["error_ratio"] < 1
     assert distance(by_splines) < 0.8 * distance(by_boxes)
     assert psnr(by_splines, "cam03") > psnr(by_boxes, "cam03") + 1
     json.dumps(by_splines.report(), allow_nan=False)
@@ -89,7 +89,9 @@ def test_the_volume_holds_means_and_the_distances_are_theirs(by_splines, fine):
     truth, *_ = read_volume(fine.truth)
     found = by_splines.reconstruction
     assert cosine_distance(found.volume, truth) == pytest.approx(distance(by_splines), rel=1e-6)
-    assert by_splines.cosine_distances[0][-1] == pytest.approx(distance(by_splines), rel=1e-5)
+    assert by_splines.reconstruction.history[-1].distance == pytest.approx(
+        distance(by_splines), rel=1e-5
+    )
     assert found.volume.sum() == pytest.approx(truth.sum(), rel=0.02)
     assert found.volume.min() >= 0
 
@@ -118,13 +120,13 @@ def test_pixels_as_large_as_voxels_take_boxes_unless_lines_share_them(take):
     scan = take(footprint=1.0)
     assert basis(reconstruct(scan, options=Options(method="cgls", iterations=2))) == "voxel"
     shared = reconstruct(scan, options=Options(method="cgls", iterations=2, supersample=2))
-    assert shared.basis["share"] > 0  # both were tried
+    assert shared.basis["error_ratio"] > 0  # both were tried
 
 
 def test_pixels_too_fine_for_their_worth_take_boxes(take):
     scan = take(views=3, footprint=0.08, refine=1)
     found = reconstruct(scan, options=Options(method="cgls", iterations=2))
-    assert "times the work of boxes" in found.basis["reason"]
+    assert "times the work" in found.basis["reason"]
 
 
 def test_light_as_rough_as_boxes_takes_boxes(take):
@@ -168,8 +170,9 @@ def test_what_many_views_taught_of_boxes_is_solved_for_by_splines(take):
     assert psnr(found, "cam03") > psnr(boxes, "cam03")
     # the rounds of boxes stand in the history, the solve by splines at its end
     assert learned.history[-1].index == of_boxes.history[-1].index + 1
-    assert found.cosine_distances[0][-1] == pytest.approx(distance(found), rel=1e-5)
-    assert found.cosine_distances[0][:-1] == boxes.cosine_distances[0]
+    assert found.reconstruction.history[-1].distance == pytest.approx(distance(found), rel=1e-5)
+    first, last = ([one.distance for one in each.history] for each in (learned, of_boxes))
+    assert first[:-1] == last
     assert residual_of_used(found) == pytest.approx(learned.relative_residual, rel=0.05)
     # what is compared with knows the chords alone
     classic = reconstruct(
@@ -195,7 +198,7 @@ def test_weights_that_are_given_are_judged_on_what_predicts_better(fine, tmp_pat
     save_encoder(encoder, path)
     settings = {"method": "wernet", "encoder": path, "uncertainty": 0}
     frozen = reconstruct(fine, options=Options(freeze_encoder=True, **settings))
-    assert frozen.basis["share"] < 1
+    assert frozen.basis["error_ratio"] < 1
     assert np.isfinite(frozen.reconstruction.settings["held_out_residual"]["learned"])
     classic = reconstruct(fine, options=Options(uncertainty=0))
     np.testing.assert_array_equal(frozen.reconstruction.volume, classic.reconstruction.volume)

@@ -37,9 +37,9 @@ def test_a_wrong_view_is_named_and_costs_no_more_than_its_absence(made, run):
     report = outcome.report()
     assert report["screening"]["excluded"] == ["cam03"]
     assert report["screening"]["views"]["cam03"]["looks"] == "looks upside down"
-    assert report["views"]["cam03"]["left_out"]
+    assert report["views"]["cam03"]["excluded"]
     assert not report["views"]["cam03"]["held_out"]
-    assert not report["views"]["cam04"]["left_out"]
+    assert not report["views"]["cam04"]["excluded"]
     assert "cam03" not in report["held_out"]
     assert len(outcome.views) == 12
     assert any(w.startswith("camera cam03: ") and "upside down" in w for w in outcome.warnings)
@@ -50,7 +50,7 @@ def test_suspects_can_be_kept(made, run):
     images["cam03"] = np.ascontiguousarray(images["cam03"][::-1])
     kept = run(images, screen=False)
     assert kept.report()["screening"] is None
-    assert not any(view.left_out for view in kept.views)
+    assert not any(view.excluded for view in kept.views)
 
 
 def test_a_wrong_view_held_out_stays_held_out(made, run):

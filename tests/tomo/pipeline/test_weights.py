@@ -62,7 +62,7 @@ def test_photons_are_weighed_and_the_volume_comes_nearer_to_the_truth(photons, b
 
 def test_even_noise_is_left_as_it_is_to_the_bit(take):
     plain, weighed = both(take(noise=0.05))
-    assert "about as noisy" in weighed.pixel_weights["reason"]
+    assert "equally noisy" in weighed.pixel_weights["reason"]
     np.testing.assert_array_equal(weighed.reconstruction.volume, plain.reconstruction.volume)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from rigs import Camera, Rig, look_at
 from tomo.grid import VoxelGrid
-from tomo.pipeline.reconstruction import View
+from tomo.pipeline.view import View
 from tomo.report import Convergence, Results, draw, write_pictures, write_report
 from tomo.report.result_figures import draw_convergence, draw_difference, draw_views, views_to_show
 

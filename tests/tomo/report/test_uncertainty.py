@@ -5,7 +5,7 @@ from rigs import ring
 from tomo.grid import VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.pipeline import Reconstruction
-from tomo.pipeline.reconstruction import View
+from tomo.pipeline.view import View
 from tomo.report.outcome_files import DEVIATION_FILES, write_outcome
 from tomo.report.uncertainty_figure import draw_deviations
 from tomo.report.uncertainty_tables import condition_section

@@ -11,7 +11,7 @@ import phantoms
 import rigs
 from rigs import Distortion
 from tomo.grid import VoxelGrid
-from tomo.pipeline.register import prepare
+from tomo.pipeline.register import displacement_warning, register
 from tomo.selfcal.residual_shift import Displacement
 from tomo.selfcal.shifts import align_views
 from tomo.simulation import simulate
@@ -35,10 +35,12 @@ def warned(case, change, cameras=range(VIEWS)):
         for number, camera in enumerate(case.rig)
     )
     masks = [np.ones(image.shape, bool) for image in case.images]
-    found = prepare(
-        replace(case.rig, cameras=wrong), case.images, masks, GRID, align=True, carving=None
+    found = register(
+        replace(case.rig, cameras=wrong), case.images, masks, GRID, align=True, margin=None
     )
-    return [line for line in found.warnings if "disagree" in line or "beside" in line]
+    displaced = displacement_warning(found.alignment, found.rig.names, False)
+    warnings = [*found.record.warnings, *displaced]
+    return [line for line in warnings if "disagree" in line or "beside" in line]
 
 
 def zoomed(camera, sign, fraction=0.05):

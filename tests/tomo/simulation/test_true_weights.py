@@ -104,7 +104,7 @@ def test_the_picture_is_written_where_weights_were_learned(outcome, tmp_path):
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Weights learned in place of segment lengths" in page
     assert "Dashed: the true ones" in page
-    classic = replace(outcome, learned=None, views=(), truth=None, cosine_distances=())
+    classic = replace(outcome, learned=None, views=(), truth=None)
     assert classic.report()["learned"] is None
     write_outcome(tmp_path, classic)
     assert not (tmp_path / "learned.png").exists()

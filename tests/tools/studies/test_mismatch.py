@@ -31,7 +31,7 @@ def row():
     def knows(scan, *, method, fit_gain, seed):
         assert (method, fit_gain, seed) == ("wernet", False, 3)
         assert len(scan.rig) == 33
-        seconds = {"load": 1.0, "compare": 0.0, "condition": 2.0, "total": 7.0}
+        seconds = {"load": 1.0, "compare": 0.0, "evaluate": 0.0, "uncertainty": 2.0, "total": 7.0}
         return SimpleNamespace(volume=2 * scan.truth, seconds=seconds)
 
     with pytest.MonkeyPatch.context() as patch:

@@ -27,8 +27,8 @@ from studies.common.study import Request, Tables
 from tomo import metrics
 from tomo.measurement import estimate_noise
 from tomo.operators import LINEAR, VOXEL
-from tomo.pipeline.run import voxel_means_of
-from tomo.pipeline.weights import weigh_images
+from tomo.pipeline.build import weigh_images
+from tomo.pipeline.solve import voxel_means_of
 from tomo.selection import choose_by_held_out_views
 from tomo.selection.basis import error_ratio
 from tomo.selection.choose import solve_as_chosen

@@ -76,14 +76,14 @@ def _default(seen: Scene, skip: bool) -> dict[str, Any]:
     outcome = reconstructed(seen.scan, skip=skip)
     found, total = outcome.reconstruction, seconds_of(outcome)
     ended = found.history[-1].seconds if found.history else 0.0
-    first = next((i for i, d in enumerate(outcome.cosine_distances[0]) if d <= REACHED), None)
+    first = next((i for i, one in enumerate(found.history) if one.distance <= REACHED), None)
     return {
         **seen.named,
         "method": "auto",
         "skip": skip,
         "segments": outcome.counts["segments"],
         "live_voxels": outcome.counts["active_voxels"],
-        "prepare_seconds": outcome.seconds["prepare"] + outcome.seconds["trace"],
+        "prepare_seconds": outcome.seconds["register"] + outcome.seconds["trace"],
         "seconds_to_1e3": (
             None if first is None else total - ended + found.history[first].seconds
         ),

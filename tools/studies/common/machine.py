@@ -10,7 +10,7 @@ from typing import Any
 import numba
 import psutil
 
-from tomo.pipeline.reconstruction import versions
+from tomo.pipeline.report_json import versions
 
 
 def machine() -> dict[str, Any]:

@@ -35,5 +35,5 @@ def reconstructed(
 
 def seconds_of(outcome: Reconstruction) -> float:
     """Return the seconds from images in memory to the volume, without what is judged after."""
-    others = sum(outcome.seconds[key] for key in ("load", "compare", "condition"))
+    others = sum(outcome.seconds[key] for key in ("load", "compare", "evaluate", "uncertainty"))
     return outcome.seconds["total"] - others

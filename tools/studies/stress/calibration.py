@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import shift
 
+from rigs import Rig
 from studies.common.scans import reconstructed
 from studies.common.study import Request, Tables
 from studies.stress.calibration_scene import (
@@ -23,7 +24,8 @@ from studies.stress.calibration_scene import (
 )
 from studies.stress.row import COLUMNS, Chart, Row, charts, measured
 from tomo import solvers
-from tomo.pipeline.register import prepare
+from tomo.pipeline.register import displacement_warning, register
+from tomo.scan.scan import Images, Masks
 
 __all__ = ["COLUMNS", "PLOTS", "run"]
 
@@ -130,8 +132,14 @@ def warnings_of(flame: Flame, kind: str, pixels: float, seed: int = 0) -> list[s
     """Return what the report says of cameras that are off by so many pixels."""
     scan = flame.seen_wrongly(kind, pixels, seed)
     images, masks = scan.read()
-    found = prepare(scan.rig, images, masks, GRID, align=True, carving=None)
-    return [line for line in found.warnings if any(words in line for words in SAYS_SO)]
+    found = _registration_warnings(scan.rig, images, masks)
+    return [line for line in found if any(words in line for words in SAYS_SO)]
+
+
+def _registration_warnings(rig: Rig, images: Images, masks: Masks) -> list[str]:
+    """Return what a registration says of the cameras."""
+    found = register(rig, images, masks, GRID, align=True, margin=None)
+    return [*found.record.warnings, *displacement_warning(found.alignment, rig.names, False)]
 
 
 def _warned_from(flame: Flame, kind: str, name: str, pixels: tuple[float, ...]) -> Row:
@@ -163,8 +171,8 @@ def _single(clean: Flame, noisy: Flame, every: int) -> Row:
         for number in range(0, VIEWS, every):
             scan = flame.one_off(number, 2.0)
             images, masks = scan.read()
-            found = prepare(scan.rig, images, masks, GRID, align=True, carving=None)
-            if not any(f"camera {flame.rig.names[number]} " in line for line in found.warnings):
+            found = _registration_warnings(scan.rig, images, masks)
+            if not any(f"camera {flame.rig.names[number]} " in line for line in found):
                 unnamed.append(flame.rig.names[number])
     return Row.of_faults(
         "One camera of 12 is off by 2 px and is not named", "clean and noisy", unnamed

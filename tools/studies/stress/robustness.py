@@ -167,12 +167,12 @@ class _Measured:
 
 
 def _not_as_named(outcome: Reconstruction, wrong: tuple[str, ...]) -> Iterator[str]:
-    left_out = [view.name for view in outcome.views if view.left_out]
+    excluded = [view.name for view in outcome.views if view.excluded]
     for name in wrong:
         warned = any(warning.startswith(f"camera {name}: ") for warning in outcome.warnings)
-        if name not in left_out or not warned:
+        if name not in excluded or not warned:
             yield f"{name} not named"
-    for name in left_out:
+    for name in excluded:
         if name not in wrong:
             yield f"{name} named"
 

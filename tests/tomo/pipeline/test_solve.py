@@ -6,9 +6,12 @@ import pytest
 from phantoms import create
 from rigs import ring
 from tomo import LinearSystem, VoxelGrid
-from tomo.pipeline.methods import method_named
-from tomo.pipeline.reconstruction import quality
-from tomo.pipeline.run import Run
+from tomo.metrics import cosine_distance
+from tomo.pipeline import Options
+from tomo.pipeline.basis import Basis
+from tomo.pipeline.build import WeightedSystem
+from tomo.pipeline.solve import repeatable, solve
+from tomo.pipeline.view import quality
 from tomo.simulation import simulate
 
 GRID = VoxelGrid((10, 24, 10), 1.0)
@@ -26,11 +29,13 @@ def case():
 def test_voxels_that_no_ray_crosses_are_zero(case, method):
     system, measured, truth = case
     assert system.unseen.any()
-    run = Run(system.projector, measured, truth, {}, 0, None, None)
-    found = run.solve(method_named(method), 5)
+    built = WeightedSystem(system, measured, None, {}, Basis("voxel", ""))
+    options = Options(method=method, iterations=5)
+    solved = solve(built, options, watch=lambda volume: cosine_distance(volume, truth))
+    found = solved.solution
     assert found.volume.any()
     assert not found.volume[system.unseen].any()
-    assert found.quality == quality(found.volume, truth)
-    assert run.cosine_distances[0][-1] == pytest.approx(found.quality["cosine_distance"])
-    again = system.projector.active.expand(run.again(method_named(method), found)(measured))
+    own = quality(found.volume, truth)["cosine_distance"]
+    assert found.history[-1].distance == pytest.approx(own)
+    again = system.projector.active.expand(repeatable(solved, options)(measured))
     np.testing.assert_array_equal(again, found.volume.ravel())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tomo import load_scan, wernet
-from tomo.pipeline import Options, reconstruct, steps
+from tomo.pipeline import Options, assess, evaluate, reconstruct
 from tomo.report import result_figures
 from tomo.report.outcome_files import write_outcome
 from tomo.selfcal import shifts
@@ -40,8 +40,8 @@ def broken(monkeypatch):
     ("where", "name", "error", "said"),
     [
         (shifts._Evaluated, "displacement", MemoryError(), "cameras: whether images agree"),
-        (steps, "assess", OfALibraryError("two\nlines"), "condition: how far to trust"),
-        (steps, "views_of", ValueError("wrong"), "re-projected images: not found: wrong"),
+        (assess, "assess_volume", OfALibraryError("two\nlines"), "uncertainty: not found"),
+        (evaluate, "views_of", ValueError("wrong"), "re-projected images: not found: wrong"),
     ],
 )
 def test_a_step_that_judges_may_fail(scan, broken, tmp_path, where, name, error, said):

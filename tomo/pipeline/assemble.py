@@ -1,0 +1,117 @@
+"""What the stages found, put together into one `Reconstruction`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tomo._compute.memory import peak_memory
+from tomo.operators import STORED, LinearSystem
+from tomo.pipeline.assess import Assessed
+from tomo.pipeline.build import WeightedSystem
+from tomo.pipeline.evaluate import Evaluated, Reference
+from tomo.pipeline.load import LoadedScan
+from tomo.pipeline.options import Options
+from tomo.pipeline.reconstruction import Reconstruction
+from tomo.pipeline.register import Registered
+from tomo.pipeline.screen import ScreenedScan
+from tomo.pipeline.solve import Compared, Solved
+from tomo.pipeline.stage import Record
+
+
+@dataclass(frozen=True, eq=False)
+class Stages:
+    """The values of all stages, in their order."""
+
+    reference: Reference
+    load: LoadedScan
+    screen: ScreenedScan
+    register: Registered
+    build: WeightedSystem
+    solve: Solved
+    compare: Compared
+    evaluate: Evaluated
+    assess: Assessed
+
+    @property
+    def records(self) -> dict[str, Record]:
+        """The seconds and warnings of each, by its name in ``report.json``."""
+        named = {("uncertainty" if k == "assess" else k): v.record for k, v in vars(self).items()}
+        both = named.pop("reference"), named["load"]
+        named["load"] = Record(
+            sum(one.seconds for one in both), tuple(line for one in both for line in one.warnings)
+        )
+        return named
+
+
+def assemble(
+    stages: Stages, options: Options, *, first_use: float, seconds: float
+) -> Reconstruction:
+    """Return the reconstruction of all stages.
+
+    Parameters
+    ----------
+    stages : Stages
+    options : Options
+    first_use : float
+        Seconds of compiling or loading kernels before the stages.
+    seconds : float
+        Of the whole reconstruction.
+    """
+    scan, grid = stages.load.scan, stages.solve.built.system.projector.grid
+    registered, built, evaluated = stages.register, stages.build, stages.evaluate
+    system, names = stages.solve.built.system, registered.rig.names
+    screening, alignment = stages.screen.screening, stages.assess.alignment
+    unseen = int(np.count_nonzero(stages.assess.unseen))
+    return Reconstruction(
+        reconstruction=replace(evaluated.solution, peak_memory=peak_memory()),
+        rig=scan.rig,
+        views=evaluated.views,
+        data_range=evaluated.data_range,
+        truth=stages.reference.truth,
+        comparisons=evaluated.comparisons,
+        counts={
+            "rays": system.projector.shape[0] * options.supersample**2,
+            "segments": system.projector.n_segments,
+            "voxels": grid.size,
+            "active_voxels": system.projector.active.size - unseen,
+        },
+        carving=registered.report(system.projector.shape[0]),
+        screening=screening.report() if screening else None,
+        alignment=alignment.report(names) if alignment else None,
+        refinement=registered.refinement.report() if registered.refinement else None,
+        refined_rig=registered.recorded_rig(scan) if registered.refinement else None,
+        gains=built.gains.report(names) if built.gains else None,
+        seconds={
+            **{name: record.seconds for name, record in stages.records.items()},
+            "trace": built.trace_seconds,
+            "choose": stages.solve.solution.seconds["choose"],
+            "total": seconds,
+        },
+        first_use_seconds=first_use + built.first_use_seconds,
+        unseen=stages.assess.unseen,
+        warnings=tuple(line for one in stages.records.values() for line in one.warnings),
+        options=options,
+        scan={
+            "frame": stages.load.frame,
+            "scale": scan.shrink,
+            "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},
+        },
+        projector=_projector(system, options.tracer),
+        basis=stages.solve.built.basis.report(),
+        pixel_weights=built.weighting,
+        learned=evaluated.learned,
+        uncertainty=stages.assess.uncertainty,
+    )
+
+
+def _projector(system: LinearSystem, tracer: str) -> dict[str, Any]:
+    """Return ``report.json``'s ``projector``: on the fly no tracer is used."""
+    stored = system.form == STORED
+    return {
+        "form": system.form,
+        "reason": system.reason,
+        "tracer": tracer if stored else "face crossings",
+    }

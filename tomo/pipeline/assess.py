@@ -1,0 +1,83 @@
+"""Stage 7, assess: how far the volume, and the cameras that it was made from, can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.operators.system import Progress
+from tomo.pipeline.check_options import repeats_of
+from tomo.pipeline.options import Options
+from tomo.pipeline.register import Registered, displacement_warning
+from tomo.pipeline.solve import Solved, repeatable
+from tomo.pipeline.stage import Record, as_warning, timed
+from tomo.selfcal.shifts import Alignment
+from tomo.uncertainty import Assessment
+from tomo.uncertainty import assess as assess_volume
+
+
+@dataclass(frozen=True, eq=False)
+class Assessed:
+    """The uncertainty of the volume, and whether views and cameras agree.
+
+    Attributes
+    ----------
+    uncertainty : Assessment, optional
+        None where it could not be found.
+    alignment : Alignment, optional
+        That of the registration; without a displacement where that could not be found.
+    unseen : (nx, ny, nz) bool
+        True where no usable ray of any camera crosses the voxel.
+    record : Record
+    """
+
+    uncertainty: Assessment | None
+    alignment: Alignment | None
+    unseen: NDArray[np.bool_]
+    record: Record = Record()
+
+
+def assess(
+    registered: Registered,
+    solved: Solved,
+    options: Options,
+    *,
+    unmodelled_light: bool,
+    progress: Progress | None = None,
+) -> Assessed:
+    """Repeat the solve with new noise, and see where the views disagree with their cameras."""
+    uncertainty, alignment = None, None
+    system, unseen = solved.built.system, solved.built.system.unseen
+    with timed() as stage:
+        if registered.alignment is not None:
+            alignment = replace(registered.alignment, evaluated=None)  # stays if the next step fails
+            step = "cameras: whether images agree with them was not found"
+            with as_warning(step, stage.warnings):
+                names = registered.rig.names
+                stage.warnings += displacement_warning(
+                    registered.alignment, names, unmodelled_light
+                )
+                alignment = registered.alignment
+        with as_warning("uncertainty: not found", stage.warnings):
+            uncertainty = assess_volume(
+                system.on_voxel_means,
+                solved.built.measured,
+                solved.solution.volume,
+                repeatable(solved, options),
+                repeats=repeats_of(options),
+                seed=options.seed,
+                progress=progress,
+            )
+            stage.warnings += [f"not to be trusted: {doubt}" for doubt in uncertainty.warnings]
+        stage.warnings += _unseen_warning(unseen, options.unseen)
+    return Assessed(uncertainty, alignment, unseen, stage.record)
+
+
+def _unseen_warning(unseen: NDArray[np.bool_], value: str) -> list[str]:
+    if not unseen.any():
+        return []
+    fraction = np.count_nonzero(unseen) / unseen.size
+    how_many = f"{fraction:.1%}" if fraction >= 0.0005 else "less than 0.1%"
+    return [f"{how_many} of the voxels are seen by no camera: their {value} says nothing"]

@@ -1,0 +1,280 @@
+"""Stage 5, solve: choose a method where none is named, run it, and compare others with it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.operators import LINEAR, VOXEL, LinearSystem
+from tomo.operators.operator import ProjectionOperator
+from tomo.operators.system import Progress
+from tomo.pipeline.basis import better_basis
+from tomo.pipeline.build import WeightedSystem
+from tomo.pipeline.checks import comparison
+from tomo.pipeline.methods import AUTO, Method, method_named
+from tomo.pipeline.options import Options
+from tomo.pipeline.stage import Record, as_warning, timed
+from tomo.selection import Choice, choose_by_held_out_views
+from tomo.selection.choose import solve_as_chosen
+from tomo.solvers import Iteration, Solution
+from tomo.uncertainty import Solve
+
+Watch = Callable[[NDArray[np.float32]], float]
+"""Called with the voxels' means ``(nx, ny, nz)`` after every iteration; what it returns becomes
+`Iteration.distance`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """The solution, and the equations that it is re-projected and repeated by.
+
+    Attributes
+    ----------
+    solution : Solution
+        Its volume holds the voxels' means.
+    built : WeightedSystem
+        Of segment lengths, in the basis of the last solve.
+    record : Record
+    """
+
+    solution: Solution
+    built: WeightedSystem
+    record: Record = Record()
+
+    def system(self, *, same_views: bool) -> LinearSystem:
+        """Return the equations with the learned weights, where there are any."""
+        return with_learned_weights(self.built.system, self.solution, same_views=same_views)
+
+
+def solve(
+    built: WeightedSystem,
+    options: Options,
+    *,
+    watch: Watch | None = None,
+    progress: Progress | None = None,
+) -> Solved:
+    """Solve the equations by the method of the options; refit in the linear basis if better."""
+    with timed() as stage:
+        method = method_named(options.method)
+        found = solve_by(method, options.iterations, built, options, watch, progress)
+        refitted = _refit(built, found, options, watch, progress)
+        if refitted is not None:
+            built, found = refitted
+        if options.save_encoder is not None:
+            stage.warnings += _save_encoder(found, options.save_encoder)
+    return Solved(found, built, stage.record)
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """The solutions of further methods, for the same equations."""
+
+    solutions: tuple[Solution, ...]
+    record: Record = Record()
+
+
+def compare(
+    built: WeightedSystem,
+    options: Options,
+    *,
+    watch: Watch | None = None,
+    progress: Progress | None = None,
+) -> Compared:
+    """Solve the equations by the methods to compare with; one that fails is a warning."""
+    solutions = []
+    with timed() as stage:
+        for name, iterations in map(comparison, options.compare):
+            with as_warning(f"comparison {name}", stage.warnings):
+                method = method_named(name)
+                solutions.append(solve_by(method, iterations, built, options, watch, progress))
+    return Compared(tuple(solutions), stage.record)
+
+
+def solve_by(
+    method: Method,
+    iterations: int | None,
+    built: WeightedSystem,
+    options: Options,
+    watch: Watch | None = None,
+    progress: Progress | None = None,
+) -> Solution:
+    """Solve the equations by one method; the volume holds the voxels' means.
+
+    Parameters
+    ----------
+    method : Method
+    iterations : int, optional
+        The method's own number when None.
+    built : WeightedSystem
+    options : Options
+        Of these, the seed, the time limit and those about learning.
+    watch : callable, optional
+        See `Watch`.
+    progress : callable, optional
+    """
+    started = time.perf_counter()
+    limit = math.inf if options.time_limit is None else options.time_limit
+    projector = _projector_for(method, built.system.projector)
+    distances: dict[int, float] = {}
+
+    def note(index: int, unknowns: NDArray[np.float32], _residual: float) -> bool:
+        if watch is not None:
+            distances[index] = watch(voxel_means_of(projector, unknowns))
+        if progress:
+            progress(index, total, name)
+        return index > 0 and time.perf_counter() - solving > limit
+
+    extra: dict[str, Any] = {}
+    if method.name == AUTO:
+        choice = choose_by_held_out_views(
+            projector, built.measured, weights=built.weights, progress=progress
+        )
+        if iterations is not None:
+            choice = replace(choice, iterations=iterations)
+        name, total, solving = choice.method, choice.iterations, time.perf_counter()
+        extra = {"chosen_by": "auto", "tried": choice.tried}
+        found = solve_as_chosen(
+            projector, built.measured, choice, weights=built.weights, callback=note
+        )
+    else:
+        total = method.default_iterations if iterations is None else iterations
+        name, solving = method.name, started
+        arguments = _arguments(method, iterations, built, options)
+        found = method.solver(projector, built.measured, callback=note, **arguments)
+    ended = time.perf_counter()
+    return replace(
+        found,
+        volume=voxel_means_of(projector, projector.active.compress(found.volume)),
+        history=tuple(replace(one, distance=distances.get(one.index)) for one in found.history),
+        settings={**found.settings, **extra},
+        seconds={**found.seconds, "choose": solving - started, "total": ended - started},
+    )
+
+
+def repeatable(solved: Solved, options: Options) -> Solve | None:
+    """Return the solve with as many iterations, for other images; None if the method learns.
+
+    From the pixels that take part, ``(pixels,)``, to the voxels' mean emission, the unknowns
+    of the projector ``on_voxel_means``, ``(unknowns,)``.
+    """
+    method, found = method_named(options.method), solved.solution
+    if method.needs_midpoints:
+        return None
+    projector, weights = solved.built.system.projector, solved.built.weights
+    iterations = found.history[-1].index
+
+    def again(measured: NDArray[np.float32]) -> NDArray[np.float32]:
+        if method.name == AUTO:
+            name, width = found.settings["method"], found.settings["smooth_width"]
+            strength = found.settings.get("strength")
+            choice = Choice(name, width, iterations, math.nan, strength)
+            repeated = solve_as_chosen(projector, measured, choice, weights=weights)
+        else:
+            arguments = method.arguments(seed=options.seed, iterations=iterations)
+            repeated = method.solver(projector, measured, **arguments)
+        volume = voxel_means_of(projector, projector.active.compress(repeated.volume))
+        return projector.on_voxel_means.active.compress(volume)
+
+    return again
+
+
+def with_learned_weights(
+    system: LinearSystem, found: Solution, *, same_views: bool
+) -> LinearSystem:
+    """Return the system with the weights that a solution learned, where there are any."""
+    if found.weights is None:
+        return system
+    learned = found.weights.projector(system.projector, same_views=same_views)
+    return replace(system, projector=learned)
+
+
+def voxel_means_of(
+    projector: ProjectionOperator, unknowns: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return the mean emission in every voxel, ``(nx, ny, nz)``, of ``unknowns``.
+
+    Zero where no ray crosses. Smooth bases and penalties carry their neighbours' light into
+    such voxels: not seen by the cameras reconstructed from, it would be seen by those held out.
+    """
+    seen = np.where(projector.column_sums > 0, unknowns, np.float32(0))
+    return projector.voxel_means(projector.active.expand(seen).reshape(projector.grid.shape))
+
+
+def _projector_for(method: Method, projector: ProjectionOperator) -> ProjectionOperator:
+    """Return the projector, in the voxel basis for a method that goes ray by ray."""
+    return projector if method.through_lenses else projector.without_blur
+
+
+def _arguments(
+    method: Method, iterations: int | None, built: WeightedSystem, options: Options
+) -> dict[str, Any]:
+    """Return the arguments of a method's solver."""
+    names = ("device", "encoder", "freeze_encoder", "checkpoint", "resume")
+    learning = {name: getattr(options, name) for name in names if method.takes(name)}
+    if method.starts_from_default:
+        learning["weights"] = built.weights
+    return method.arguments(**learning, seed=options.seed, iterations=iterations)
+
+
+def _refit(
+    built: WeightedSystem,
+    found: Solution,
+    options: Options,
+    watch: Watch | None,
+    progress: Progress | None,
+) -> tuple[WeightedSystem, Solution] | None:
+    """Return equations and solution in the linear basis, where that predicts views better.
+
+    With many views weights are learned in the voxel basis. The light that a segment loses on its
+    way is the same in either basis: the weights hold for the linear one too. Where nothing was
+    learned, segment lengths do. The choice, and the solve, are those of the default method. None:
+    the solution stays, also where the basis was asked for or compared before.
+    """
+    settled = options.basis != AUTO or not math.isnan(built.basis.error_ratio)
+    if settled or built.basis.name != VOXEL or "learned" not in found.settings:
+        return None
+    learned = with_learned_weights(built.system, found, same_views=True)
+    better, basis = better_basis(learned, built.measured, options.supersample)
+    if basis.name != LINEAR:
+        return None
+    by_learned = replace(built, system=better, basis=basis)
+    last = solve_by(method_named(AUTO), None, by_learned, options, watch, progress)
+    if found.weights is not None:  # views that took no part are seen by segment lengths
+        lengths = built.system.projector.segments.length
+        better = replace(better, projector=better.projector.with_lengths(lengths))
+    return replace(by_learned, system=better), _followed_by(found, last)
+
+
+def _followed_by(learned: Solution, last: Solution) -> Solution:
+    """Return what was learned with the volume of the solve that came after it."""
+    seconds = {name: taken + last.seconds[name] for name, taken in learned.seconds.items()}
+    end = Iteration(
+        learned.history[-1].index + 1,
+        last.relative_residual,
+        seconds["total"],
+        last.history[-1].distance,
+    )
+    return replace(
+        learned,
+        volume=last.volume,
+        history=(*learned.history, end),
+        settings={**learned.settings, "solved_by": dict(last.settings)},
+        stop_reason=f"{learned.stop_reason}; in the linear basis: {last.stop_reason}",
+        seconds=seconds,
+    )
+
+
+def _save_encoder(found: Solution, path: str) -> list[str]:
+    """Write the encoder that a solve trained; return a line if it trained none."""
+    from tomo.wernet import save_encoder
+
+    if found.encoder is None:
+        return [f"save_encoder: {path} was not written: no encoder was trained"]
+    save_encoder(found.encoder, path)
+    return []
