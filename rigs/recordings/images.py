@@ -65,7 +65,25 @@ def read_image(
             f"{path}: found a colour image of shape {stored.shape}, "
             f"{min(stored.shape)} channels, expected a grey one (rows, columns)"
         )
-    image = _to_float(path, stored, bit_depth)
+    return intensities(stored, path, bit_depth, usable)
+
+
+def intensities(
+    stored: NDArray,
+    source: object,
+    bit_depth: int | None = None,
+    usable: NDArray[np.bool_] | None = None,
+) -> NDArray[np.float32]:
+    """Return stored pixels as intensities ``(rows, columns)``, see `read_image`.
+
+    ``source`` is what errors name: the file, or the place of an image in memory.
+
+    Raises
+    ------
+    ValueError
+        If a usable pixel is NaN or infinite, or the pixels are not of a known type.
+    """
+    image = _to_float(source, stored, bit_depth)
     if stored.dtype.kind != "f":
         return image
     bad = np.isfinite(image)
@@ -76,7 +94,7 @@ def read_image(
     if bad.any():
         row, column = np.argwhere(bad)[0].tolist()
         raise ValueError(
-            f"{path}: found {bad.sum()} NaN or infinite pixels, the first at row {row}, "
+            f"{source}: found {bad.sum()} NaN or infinite pixels, the first at row {row}, "
             f"column {column}, expected finite single-precision values or a mask over them"
         )
     return image

@@ -80,7 +80,7 @@ def simulate(
     """
     started = time.perf_counter()
     with bad_input_in_one_line():
-        from tomo.simulation import simulate as simulate_scan
+        from tomo.simulation import simulate_images
         from tomo.simulation.effects import Effects
 
         effects = Effects(
@@ -98,7 +98,7 @@ def simulate(
         voxels = parse_grid(grid, spacing, center, default=volume[1] if volume else default)
         field = _field(phantom, volume, voxels, seed)
         with progress_bar("simulate") as progress:
-            scan = simulate_scan(
+            scan = simulate_images(
                 loaded,
                 field,
                 voxels,

@@ -7,15 +7,14 @@ pixels with the others, and from there on seen here alone.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.recordings import is_integer_image
 from tomo import metrics
 from tomo.grid import VoxelGrid
-from tomo.io import read_volume
 from tomo.operators import LINEAR, LinearSystem
 from tomo.operators.system import VolumeNotSeenError
 from tomo.operators.view_gains import Gains
@@ -89,15 +88,15 @@ def read_reference(scan: Scan, grid: VoxelGrid) -> Reference:
     """Read the scan's truth and effects; a truth on another grid is a warning."""
     with timed() as stage:
         effects, truth = true_effects(scan), None
-        if scan.truth is not None:
-            data, truth_grid, _ = read_volume(scan.truth)
+        known = scan.read_truth()
+        if known is not None:
+            data, truth_grid = known
             apart = np.abs([truth_grid.lower - grid.lower, truth_grid.upper - grid.upper]).max()
             if truth_grid.shape == grid.shape and apart <= 1e-6 * min(grid.spacing):
                 truth = data
             else:
-                stage.warnings.append(
-                    f"{scan.truth.name}: the truth is on another grid: no quality figures"
-                )
+                name = scan.truth.name if isinstance(scan.truth, Path) else "truth"
+                stage.warnings.append(f"{name}: the truth is on another grid: no quality figures")
     return Reference(truth, effects, stage.record)
 
 
@@ -193,8 +192,7 @@ def views_of(
 
 def data_range(scan: Scan, frame: str | None, images: Images) -> float:
     """Return 1 where integer images were scaled to 0..1, else the brightest pixel."""
-    files = scan.frame(frame).images.values()
-    if scan.corrections.gain is None and all(is_integer_image(path) for path in files):
+    if scan.corrections.gain is None and scan.holds_integers(frame):
         return 1.0
     return max(max(float(image.max()) for image in images), np.finfo(np.float32).tiny)
 

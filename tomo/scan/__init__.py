@@ -6,7 +6,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "corrections": ["Corrections"],
-        "files": ["load_scan", "save_scan", "scan_of_images"],
+        "files": ["load_scan", "scan_of_images"],
         "scan": ["Frame", "Scan"],
+        "write": ["save_scan"],
     },
 )

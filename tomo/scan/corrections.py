@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 class Corrections:
     """How raw pixels become intensities: ``(raw - dark) / flat * gain``.
 
+    Images of corrections are files, or arrays ``(height, width)`` where a scan is in memory.
+
     Each is one value for all cameras, or a mapping from camera to value; a camera that the
     mapping leaves out is not corrected. All are in the scale of the image as read, in which
     integers are divided by their full scale.
@@ -50,13 +52,13 @@ class Corrections:
         return value.get(camera) if isinstance(value, Mapping) else value
 
     def corrected(
-        self, path: Path, camera: str, size: tuple[int, int], source: Path | None = None
+        self, image: Path | NDArray, camera: str, size: tuple[int, int], source: Path | None = None
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Read a camera's image and correct it.
+        """Read a camera's image, unless it is in memory, and correct it.
 
         Parameters
         ----------
-        path : Path
+        image : Path or (height, width) array
             The image as recorded.
         camera : str
         size : (width, height)
@@ -78,35 +80,34 @@ class Corrections:
         FileNotFoundError
             If an image is missing.
         """
-        self._check_scale(path, camera, source)
+        self._check_scale(image, camera, source)
         mask, dark, flat, gain = (
             self._value(name, camera, size) for name in ("mask", "dark", "flat", "gain")
         )
         usable = np.ones(size[::-1], bool) if mask is None else mask != 0
-        raw = _read(path, camera, size, self.of("bit_depth", camera), usable)
+        raw = _read(image, camera, size, self.of("bit_depth", camera), usable)
         saturation = self.of("saturation", camera)
         if saturation is not None:
             usable = usable & (raw < saturation)
-        image = raw if dark is None else raw - dark
+        values = raw if dark is None else raw - dark
         if flat is not None:
-            lit = np.broadcast_to(flat, image.shape) > 0
-            image = image / np.where(lit, flat, 1)
+            lit = np.broadcast_to(flat, values.shape) > 0
+            values = values / np.where(lit, flat, 1)
             usable = usable & lit
         if gain is not None:
-            image = image * gain
-        return np.where(usable, image, 0).astype(np.float32), usable
+            values = values * gain
+        return np.where(usable, values, 0).astype(np.float32), usable
 
-    def _check_scale(self, path: Path, camera: str, source: Path | None) -> None:
+    def _check_scale(self, image: Path | NDArray, camera: str, source: Path | None) -> None:
         """Refuse corrections in a camera's counts: they would never, or always, be reached."""
-        from rigs.recordings import is_integer_image
-
         for name in ("dark", "saturation"):
             value = self.of(name, camera)
-            if isinstance(value, Real) and value > 1 and is_integer_image(path):
+            if isinstance(value, Real) and value > 1 and holds_integers(image):
                 where = "" if source is None else f"{source}: "
+                place = image if isinstance(image, Path) else "the images in memory"
                 raise ValueError(
                     f"{where}corrections.{name}: camera {camera}: found {value:g}, expected "
-                    f"at most 1, the full scale of integers like those in {path}"
+                    f"at most 1, the full scale of integers like those in {place}"
                 )
 
     def _value(
@@ -114,30 +115,41 @@ class Corrections:
     ) -> NDArray[np.float32] | np.float32 | None:
         """Return a correction as a number or an image ``(height, width)``; None without one."""
         value = self.of(name, camera)
-        if not isinstance(value, Path):
+        if not isinstance(value, (Path, np.ndarray)):
             return None if value is None else np.float32(value)
         # a mask's numbers are no intensities: they have a depth of their own
         bits = None if name == "mask" else self.of("bit_depth", camera)
         return _read(value, camera, size, bits)
 
 
+def holds_integers(image: Path | NDArray) -> bool:
+    """Tell whether an image, in a file or in memory, holds integers, which are scaled to 0..1."""
+    from rigs.recordings import is_integer_image
+
+    return is_integer_image(image) if isinstance(image, Path) else image.dtype.kind in "biu"
+
+
 def _read(
-    path: Path,
+    image: Path | NDArray,
     camera: str,
     size: tuple[int, int],
     bit_depth: int | None,
     usable: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.float32]:
     """Return a camera's image, of its own size."""
-    from rigs.recordings import read_image
+    from rigs.recordings import intensities, read_image
 
     try:
-        image = read_image(path, bit_depth, usable)
+        if isinstance(image, Path):
+            place, values = f"{image}: ", read_image(image, bit_depth, usable)
+        else:
+            stored = image.astype(np.uint8) if image.dtype == bool else image
+            place, values = "", intensities(stored, "image in memory", bit_depth, usable)
     except (ValueError, FileNotFoundError) as error:
         raise type(error)(f"camera {camera}: {error}") from error
-    if image.shape[::-1] != tuple(size):
+    if values.shape[::-1] != tuple(size):
         raise ValueError(
-            f"{path}: camera {camera}: found an image of {image.shape[1]} x {image.shape[0]} "
+            f"{place}camera {camera}: found an image of {values.shape[1]} x {values.shape[0]} "
             f"pixels, expected {size[0]} x {size[1]}, the camera's image_size"
         )
-    return image
+    return values

@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-import os
 import reprlib
-from collections.abc import Mapping
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import yaml
-from numpy.typing import ArrayLike
-
-from rigs import Rig, formats, load_rig, save_rig
-from rigs.files import whole_folder
+from rigs import Rig, formats, load_rig
 from rigs.files.text import breaks_a_line
-from rigs.recordings import SCAN_SUFFIXES, write_image
+from rigs.recordings import SCAN_SUFFIXES
 from tomo.grid import VoxelGrid, grid_of_rig
-from tomo.io import write_volume
-from tomo.io.volumes import check_length_unit
 from tomo.scan._schema import parse_scan_file
 from tomo.scan.corrections import Corrections
 from tomo.scan.scan import Frame, Scan
+from tomo.scan.write import SCAN_FILE, check_cameras
 
 if TYPE_CHECKING:
     from os import PathLike
-
-SCAN_FILE = "scan.yaml"
 
 
 def load_scan(path: str | PathLike) -> Scan:
@@ -76,7 +66,7 @@ def _load_scan_file(path: Path) -> Scan:
     content = parse_scan_file(path)
     rig = load_rig(_inside(path, content.rig, "rig"))
     for frame in content.frames:
-        _check_cameras(path, f"frame {frame.name!r}", frame.images, rig)
+        check_cameras(path, f"frame {frame.name!r}", frame.images, rig)
     frames = tuple(
         Frame(
             frame.name,
@@ -90,7 +80,7 @@ def _load_scan_file(path: Path) -> Scan:
     corrections = {}
     for name, value in content.corrections.model_dump().items():
         if isinstance(value, dict):
-            _check_cameras(path, f"corrections.{name}", value, rig)
+            check_cameras(path, f"corrections.{name}", value, rig)
             corrections[name] = {
                 camera: _path_or_number(path, one, f"corrections.{name}: camera {camera}")
                 for camera, one in value.items()
@@ -106,7 +96,7 @@ def _load_scan_file(path: Path) -> Scan:
     truth = None if content.truth is None else _inside(path, content.truth, "truth")
     effects = None if content.effects is None else content.effects.model_dump()
     if effects is not None:
-        _check_cameras(path, "effects.gains", effects["gains"], rig)
+        check_cameras(path, "effects.gains", effects["gains"], rig)
     return Scan(rig, frames, Corrections(**corrections), grid, truth, source=path, effects=effects)
 
 
@@ -134,15 +124,6 @@ def _inside(scan_file: Path, text: str, field: str) -> Path:
 
 def _path_or_number(scan_file: Path, value: Any, field: str) -> Any:
     return _inside(scan_file, value, field) if isinstance(value, str) else value
-
-
-def _check_cameras(path: Path, field: str, cameras: Mapping[str, Any], rig: Rig) -> None:
-    for camera in cameras:
-        if camera not in rig.names:
-            known = ", ".join(rig.names)
-            raise ValueError(
-                f"{path}: {field}: found camera {camera!r}, expected one of the rig's: {known}"
-            )
 
 
 def scan_of_images(rig: Rig | str | PathLike, images: str | PathLike, **settings: Any) -> Scan:
@@ -185,101 +166,3 @@ def scan_of_images(rig: Rig | str | PathLike, images: str | PathLike, **settings
     settings.setdefault("grid", grid_of_rig(rig))
     ordered = tuple(Frame(name, frames[name]) for name in sorted(frames))
     return Scan(rig, ordered, source=folder, **settings)
-
-
-def save_scan(
-    folder: str | PathLike,
-    rig: Rig,
-    frames: Mapping[str, Mapping[str, ArrayLike]],
-    *,
-    grid: VoxelGrid | None = None,
-    truth: ArrayLike | None = None,
-    corrections: Corrections | None = None,
-    effects: Mapping[str, Any] | None = None,
-) -> Path:
-    """Write a scan folder: ``rig.yaml``, ``images/<camera>/<frame>.tif``, ``scan.yaml``.
-
-    Until all is written, the folder keeps what stood there before: see `rigs.files.whole_folder`.
-
-    Parameters
-    ----------
-    folder : path-like
-    rig : Rig
-    frames : mapping
-        Frame name to a mapping from camera name to image ``(h, w)``.
-    grid : VoxelGrid, optional
-    truth : (nx, ny, nz) array, optional
-        The true volume on ``grid``; stored as ``truth.npz``.
-    corrections : Corrections, optional
-        Its image paths must lie inside ``folder``.
-    effects : mapping, optional
-        What the images were simulated with, see `Scan`.
-
-    Returns
-    -------
-    scan_file : Path
-
-    Raises
-    ------
-    ValueError
-        If a name cannot be a file's, an image is not of its camera's size, or a truth has no grid.
-    """
-    folder = Path(folder)
-    if truth is not None and grid is None:
-        raise ValueError(f"{folder}: truth: found no grid, expected the one that it lies on")
-    if truth is not None:
-        check_length_unit(rig.length_unit)
-    for frame, images in frames.items():
-        for camera, image in images.items():
-            _check_image(folder, frame, camera, np.shape(image), rig)
-    content: dict[str, Any] = {"format": "emission-scan", "version": 1, "rig": "rig.yaml"}
-    if grid is not None:
-        content["grid"] = {
-            "shape": list(grid.shape),
-            "spacing": list(grid.spacing),
-            "center": list(grid.center),
-        }
-    content["frames"] = [
-        {"name": frame, "images": {camera: f"images/{camera}/{frame}.tif" for camera in images}}
-        for frame, images in frames.items()
-    ]
-    if corrections is not None:
-        content["corrections"] = _plain_corrections(folder, corrections)
-    if truth is not None:
-        content["truth"] = "truth.npz"
-    if effects is not None:
-        content["effects"] = {name: value for name, value in effects.items() if value is not None}
-
-    with whole_folder(folder, last=(SCAN_FILE,)) as staging:
-        save_rig(rig, staging / "rig.yaml")
-        for frame, images in frames.items():
-            for camera, image in images.items():
-                write_image(staging / "images" / camera / f"{frame}.tif", image)
-        if truth is not None:
-            write_volume(staging / "truth.npz", truth, grid, rig.length_unit)
-        text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
-        (staging / SCAN_FILE).write_text(text, encoding="utf-8")
-    return folder / SCAN_FILE
-
-
-def _check_image(folder: Path, frame: str, camera: str, shape: tuple, rig: Rig) -> None:
-    _check_cameras(folder, f"frame {frame!r}", [camera], rig)
-    for name in (frame, camera):
-        if not name or name.startswith(".") or set(name) & set('/\\:*?"<>|\0'):
-            raise ValueError(f"{folder}: found the name {name!r}, expected one fit for a file")
-    width, height = rig[camera].image_size
-    if shape != (height, width):
-        raise ValueError(
-            f"{folder}: frame {frame!r}: camera {camera}: found an image of shape {shape}, "
-            f"expected {(height, width)}"
-        )
-
-
-def _plain_corrections(folder: Path, corrections: Corrections) -> dict[str, Any]:
-    def plain(value: Any) -> Any:
-        if isinstance(value, Mapping):
-            return {camera: plain(one) for camera, one in value.items()}
-        return os.path.relpath(value, folder) if isinstance(value, Path) else value
-
-    given = {name: plain(getattr(corrections, name)) for name in Corrections.__dataclass_fields__}
-    return {name: value for name, value in given.items() if value is not None}

@@ -1,4 +1,4 @@
-"""Scan: what calibrated cameras saw, in files that are read when asked for."""
+"""Scan: the images of calibrated cameras, in memory or in files that are read when asked for."""
 
 from __future__ import annotations
 
@@ -10,12 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tomo.grid import VoxelGrid
-from tomo.scan.corrections import Corrections
+from tomo.io import read_volume
+from tomo.scan.arrays import all_of_area, area_means, stacks_of
+from tomo.scan.corrections import Corrections, holds_integers
+from tomo.scan.write import save_scan
 
 if TYPE_CHECKING:
+    from os import PathLike
+
     from rigs import Rig
 
 Images = list[NDArray[np.float32]]
@@ -30,11 +35,11 @@ class Frame:
     ----------
     name : str
     images : mapping
-        Camera name to image file.
+        Camera name to image file, or to an image ``(h, w)`` in memory.
     """
 
     name: str
-    images: Mapping[str, Path]
+    images: Mapping[str, Path | NDArray]
 
 
 @dataclass(frozen=True)
@@ -49,8 +54,8 @@ class Scan:
     corrections : Corrections
     grid : VoxelGrid, optional
         Where a volume is worth reconstructing.
-    truth : Path, optional
-        The volume that the images were simulated from.
+    truth : Path or (nx, ny, nz) array, optional
+        The volume that the images were simulated from; an array lies on ``grid``.
     source : Path, optional
         The file or folder that the scan came from; errors name it.
     shrink : int
@@ -66,7 +71,7 @@ class Scan:
     frames: tuple[Frame, ...]
     corrections: Corrections = field(default_factory=Corrections)
     grid: VoxelGrid | None = None
-    truth: Path | None = None
+    truth: Path | NDArray[np.float32] | None = None
     source: Path | None = None
     shrink: int = 1
     recorded_sizes: Mapping[str, tuple[int, int]] | None = None
@@ -84,6 +89,87 @@ class Scan:
         for name, count in Counter(frame.name for frame in self.frames).items():
             if count > 1:
                 raise ValueError(f"{self._where}frame {name!r}: found twice, expected once")
+
+    @classmethod
+    def from_arrays(
+        cls,
+        rig: Rig,
+        images: Mapping[str, ArrayLike],
+        grid: VoxelGrid | None = None,
+        *,
+        masks: Mapping[str, ArrayLike] | None = None,
+        corrections: Corrections | None = None,
+        truth: ArrayLike | None = None,
+        effects: Mapping[str, Any] | None = None,
+    ) -> Scan:
+        """Return the scan of images in memory; it reads as one of files does, bit for bit.
+
+        Parameters
+        ----------
+        rig : Rig
+        images : mapping
+            Camera name to an image ``(h, w)``, or to several ``(frames, h, w)``: floating point,
+            or uint8 or uint16, which are divided by their full scale. Frames are called
+            ``frame_000``, ``frame_001`` ...
+        grid : VoxelGrid, optional
+        masks : mapping, optional
+            Camera name to ``(h, w)``, non-zero where a pixel is usable.
+        corrections : Corrections, optional
+            Its images may be arrays too.
+        truth : (nx, ny, nz) array, optional
+            The true volume on ``grid``.
+        effects : mapping, optional
+            See `Scan`.
+
+        Raises
+        ------
+        ValueError
+            If images or a mask are not of their camera's size, cameras have different numbers of
+            frames, masks are given twice, or a truth does not lie on the grid.
+        """
+        stacks = stacks_of(rig, images, "images")
+        corrections = Corrections() if corrections is None else corrections
+        if masks is not None:
+            if corrections.mask is not None:
+                raise ValueError("masks: found masks in corrections too, expected one of the two")
+            usable = stacks_of(rig, masks, "masks")
+            corrections = replace(corrections, mask={n: mask[0] for n, mask in usable.items()})
+        if truth is not None:
+            truth = np.asarray(truth, np.float32)
+            if grid is None or truth.shape != grid.shape:
+                expected = "a grid that it lies on" if grid is None else f"the grid's {grid.shape}"
+                raise ValueError(f"truth: found shape {truth.shape}, expected {expected}")
+        frames = tuple(
+            Frame(f"frame_{number:03d}", {name: stack[number] for name, stack in stacks.items()})
+            for number in range(len(next(iter(stacks.values()), ())))
+        )
+        return cls(rig, frames, corrections, grid, truth, effects=effects)
+
+    def save(self, folder: str | PathLike) -> Path:
+        """Write a scan in memory as a scan folder, see `save_scan`; return its scan.yaml.
+
+        Raises
+        ------
+        ValueError
+            If an image or the truth is a file, or images are shrunk.
+        """
+        files = [
+            image
+            for image in (*(i for f in self.frames for i in f.images.values()), self.truth)
+            if isinstance(image, Path)
+        ]
+        if files or self.shrink != 1:
+            found = f"the file {files[0]}" if files else f"images shrunk {self.shrink}-fold"
+            raise ValueError(f"{folder}: scan: found {found}, expected a scan in memory as it is")
+        return save_scan(
+            folder,
+            self.rig,
+            {frame.name: frame.images for frame in self.frames},
+            grid=self.grid,
+            truth=self.truth,
+            corrections=None if self.corrections == Corrections() else self.corrections,
+            effects=self.effects,
+        )
 
     @property
     def frame_names(self) -> tuple[str, ...]:
@@ -205,6 +291,17 @@ class Scan:
         pairs = [self._read_one(chosen, name) for name in self.rig.names]
         return [image for image, _ in pairs], [mask for _, mask in pairs]
 
+    def holds_integers(self, frame: str | None = None) -> bool:
+        """Tell whether all images of a frame hold integers, which reading scales to 0..1."""
+        return all(holds_integers(image) for image in self.frame(frame).images.values())
+
+    def read_truth(self) -> tuple[NDArray[np.float32], VoxelGrid] | None:
+        """Return the true volume and the grid that it lies on; None without one."""
+        if not isinstance(self.truth, Path):
+            return None if self.truth is None else (self.truth, self.grid)
+        data, grid, _ = read_volume(self.truth)
+        return data, grid
+
     def _read_one(self, frame: Frame, camera: str) -> tuple[NDArray, NDArray]:
         if camera not in frame.images:
             raise ValueError(
@@ -213,27 +310,10 @@ class Scan:
             )
         path, size = frame.images[camera], self.recorded_sizes[camera]
         image, usable = self.corrections.corrected(path, camera, size, source=self.source)
-        return _area_means(image, self.shrink), _all_of_area(usable, self.shrink)
+        return area_means(image, self.shrink), all_of_area(usable, self.shrink)
 
 
 def _last_number(name: str) -> int | None:
     """Return the number that a name ends with; None where it ends otherwise."""
     digits = re.search(r"[0-9]+$", name)
     return int(digits[0]) if digits else None
-
-
-def _blocks(image: NDArray, factor: int) -> NDArray:
-    """Return a view ``(rows, factor, columns, factor)`` of the whole blocks of an image."""
-    rows, columns = (side // factor for side in image.shape)
-    whole = image[: rows * factor, : columns * factor]
-    return whole.reshape(rows, factor, columns, factor)
-
-
-def _area_means(image: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
-    if factor == 1:
-        return image
-    return _blocks(image, factor).mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
-
-
-def _all_of_area(usable: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
-    return usable if factor == 1 else _blocks(usable, factor).all(axis=(1, 3))

@@ -19,6 +19,7 @@ from tomo._compute.by_camera import by_name
 from tomo._compute.memory import available_memory
 from tomo.grid import VoxelGrid
 from tomo.operators import Projector
+from tomo.scan import Corrections, Scan
 from tomo.simulation import camera_noise as noises
 from tomo.simulation.effects import Effects
 
@@ -32,8 +33,8 @@ _SMALLEST_REFINEMENT = 2  # sub-points along a fine voxel's edge for its mean
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedScan:
-    """Images of a known volume.
+class SimulatedImages:
+    """Images of a known volume, and how they came about.
 
     Attributes
     ----------
@@ -54,14 +55,13 @@ class SimulatedScan:
     truth: NDArray[np.float32]
     settings: Mapping[str, Any]
 
-    def save(self, folder: str | PathLike, frame: str = "frame_000") -> Path:
-        """Write a scan folder of one frame and return its scan.yaml.
+    @property
+    def scan(self) -> Scan:
+        """The scan that these images are, in memory.
 
         Images quantised to ``bits`` are stored as integers, with ``bit_depth`` and the ``gain``
         that turns them into intensities again among the scan's corrections.
         """
-        from tomo.scan import Corrections, save_scan
-
         images: Mapping[str, NDArray] = self.images
         bits, corrections = self.settings.get("bits"), None
         if bits is not None:
@@ -71,18 +71,37 @@ class SimulatedScan:
         effects = self.settings.get("effects")
         if effects is not None and "gains" in self.settings:
             effects = effects | {"gains": self.settings["gains"]}
-        return save_scan(
-            folder,
+        return Scan.from_arrays(
             self.rig,
-            {frame: images},
-            grid=self.grid,
+            images,
+            self.grid,
             truth=self.truth,
             corrections=corrections,
             effects=effects,
         )
 
+    def save(self, folder: str | PathLike) -> Path:
+        """Write the scan as a scan folder of one frame; return its scan.yaml."""
+        return self.scan.save(folder)
 
-def simulate(
+
+def simulate(rig: Rig, field: Field, grid: VoxelGrid, **settings: Any) -> Scan:
+    """Return the scan that a rig takes of a field, in memory: `Scan.save` writes it.
+
+    Parameters
+    ----------
+    rig : Rig
+    field : callable
+        Maps points ``(N, 3)`` to emission ``(N,)``.
+    grid : VoxelGrid
+    settings
+        See `tomo.simulation.simulate_images`: ``supersample, refine, effects, noise, photons,
+        read_noise, bits, seed, tracer, progress``.
+    """
+    return simulate_images(rig, field, grid, **settings).scan
+
+
+def simulate_images(
     rig: Rig,
     field: Field,
     grid: VoxelGrid,
@@ -97,8 +116,8 @@ def simulate(
     seed: int = 0,
     tracer: str = "march",
     progress: Callable[[int, int, str], None] | None = None,
-) -> SimulatedScan:
-    """Return the images that a rig takes of a field.
+) -> SimulatedImages:
+    """Return the images that a rig takes of a field, and how they came about.
 
     The field is averaged over the voxels of ``grid.refined(refine)`` and projected from there:
     with ``refine`` above 1 and several rays a pixel, a reconstruction on ``grid`` does not invert
@@ -193,7 +212,7 @@ def simulate(
         integers = noises.quantise(recorded, bits, full_scale)
         recorded = noises.dequantise(integers, bits, full_scale)
     truth = grid.average(fine, refine)
-    return SimulatedScan(
+    return SimulatedImages(
         rig,
         MappingProxyType(dict(zip(images, recorded, strict=True))),
         grid,

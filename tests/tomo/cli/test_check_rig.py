@@ -11,7 +11,7 @@ from phantoms import create
 from rigs import ring, save_rig
 from rigs.rig import Volume
 from tomo import VoxelGrid
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 VOLUME = Volume((16, 40, 16), 1.0)
 
@@ -144,7 +144,7 @@ def test_a_scan_says_where_the_volume_is(run_tool, tmp_path, name):
     """Its own grid, be it named by its folder or its file, and not that of its rig."""
     grid = VoxelGrid((10, 20, 10), 1.0)
     rig = ring(5, distance=200.0, image_size=(24, 30), footprint=1.0, volume=VOLUME)
-    simulate(rig, create("jet", 1, grid.extent), grid).save(tmp_path / "scan")
+    simulate_images(rig, create("jet", 1, grid.extent), grid).save(tmp_path / "scan")
     done = run_tool("check_rig", tmp_path / name, "--no-time", "--json")
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["estimate"]["voxels"] == 10 * 20 * 10

@@ -14,7 +14,7 @@ from tomo.cli.usage import command_line
 from tomo.pipeline import Options
 from tomo.pipeline.checks import number, switch
 from tomo.pipeline.options import _option
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 OWN = {"out", "rig", "images", "grid", "spacing", "center", "lower", "upper", "scale"}
 OWN |= {"pictures", "json", "help"}
@@ -33,7 +33,9 @@ def test_fields_help_and_settings_of_the_report_are_equal(run_tool, tmp_path):
     assert not OWN & fields
     grid = VoxelGrid((6, 10, 6), 1.0)
     rig = ring(4, 60.0, 100.0, image_size=(12, 18), footprint=0.8)
-    simulate(rig, create("blobs", 1, grid.extent, grid.center), grid).save(tmp_path / "scan")
+    simulate_images(rig, create("blobs", 1, grid.extent, grid.center), grid).save(
+        tmp_path / "scan"
+    )
     out = tmp_path / "out"
     quick = ("--method", "sirt", "--iterations", "2", "--no-pictures")
     assert run_tool("reconstruct", tmp_path / "scan", *quick, "-o", out).exit_code == 0

@@ -9,7 +9,7 @@ import pytest
 from phantoms import create
 from rigs import RayTable, load_rig, ring
 from tomo import VoxelGrid
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((10, 14, 10), 1.0)
 
@@ -18,7 +18,9 @@ GRID = VoxelGrid((10, 14, 10), 1.0)
 def scan(tmp_path):
     rig = ring(5, distance=100.0, image_size=(32, 40), footprint=0.5, pitch_degrees=8.0)
     rig = replace(rig, cameras=(RayTable.of(rig[0]), *rig.cameras[1:]))
-    simulate(rig, create("blobs", 1, GRID.extent, GRID.center), GRID).save(tmp_path / "scan")
+    simulate_images(rig, create("blobs", 1, GRID.extent, GRID.center), GRID).save(
+        tmp_path / "scan"
+    )
     return tmp_path / "scan"
 
 

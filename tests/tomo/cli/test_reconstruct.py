@@ -13,7 +13,7 @@ from rigs import ring
 from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume, write_volume
 from tomo.pipeline import Options, reconstruct
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 TOOL = Path(__file__).parents[3] / "tools" / "reconstruct.py"
 GRID = VoxelGrid((8, 14, 8), (1.0, 1.0, 1.2), (10.0, 0.0, -3.0))
@@ -26,7 +26,7 @@ def scan(tmp_path_factory):
     folder = tmp_path_factory.mktemp("simulated") / "scan"
     rig = ring(5, distance=150.0, image_size=(24, 32), footprint=0.7, center=GRID.center)
     field = create("jet", 2, GRID.extent, GRID.center)
-    simulate(rig, field, GRID, supersample=2, refine=2).save(folder)
+    simulate_images(rig, field, GRID, supersample=2, refine=2).save(folder)
     return folder
 
 

@@ -12,7 +12,7 @@ from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.selfcal.refine.parameters import COUNT, moved_rig
 from tomo.selfcal.refine.prior import units
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((14, 28, 14), 1.0)
 FOOTPRINT = 0.7
@@ -30,7 +30,7 @@ def rig():
 def scan(tmp_path_factory, rig):
     """A scan whose rig.yaml says of each camera a pixel of nonsense."""
     flame = create("turbulent", extent=GRID.extent, seed=2)
-    made = simulate(rig, flame, GRID, supersample=2, refine=2, noise=0.01, seed=2)
+    made = simulate_images(rig, flame, GRID, supersample=2, refine=2, noise=0.01, seed=2)
     random = np.random.default_rng(8)
     steps = np.zeros((len(rig), COUNT))
     for index, camera in enumerate(rig):

@@ -12,7 +12,7 @@ import torch
 from phantoms import create
 from rigs import ring
 from tomo import VoxelGrid
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 ROOT = Path(__file__).parents[3]
 GRID = VoxelGrid((6, 10, 6), 1.0)
@@ -23,7 +23,7 @@ QUICK = ("--method", "sirt", "--iterations", "2")
 def scan(tmp_path_factory):
     folder = tmp_path_factory.mktemp("original") / "scan"
     rig = ring(4, 60.0, 100.0, image_size=(12, 18), footprint=0.8)
-    simulate(rig, create("blobs", 1, GRID.extent, GRID.center), GRID).save(folder)
+    simulate_images(rig, create("blobs", 1, GRID.extent, GRID.center), GRID).save(folder)
     return folder
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from rigs import ring
 from tomo import VoxelGrid
 from tomo.io import write_volume
-from tomo.scan.files import save_scan
+from tomo.scan import save_scan
 
 folder, first = Path(sys.argv[1]), int(sys.argv[2])
 grid = VoxelGrid((40, 40, 40), 0.5)

@@ -11,7 +11,7 @@ from tomo import VoxelGrid, load_scan
 from tomo.measurement import background, estimate_noise
 from tomo.pipeline import Options, reconstruct
 from tomo.screening import screen_images
-from tomo.simulation import camera_noise, simulate
+from tomo.simulation import camera_noise, simulate_images
 
 GRID = VoxelGrid((20, 40, 20), 1.0)
 
@@ -24,7 +24,7 @@ def made(request):
 def _made(phantom, extent=GRID.extent, grid=GRID):
     size = {"distance": 200.0, "image_size": (60, 100), "footprint": 0.5}
     rig = rigs.ring(5, pitch_degrees=15, **size)
-    return simulate(rig, phantoms.create(phantom, 1, extent), grid)
+    return simulate_images(rig, phantoms.create(phantom, 1, extent), grid)
 
 
 def levels(images):
@@ -108,7 +108,7 @@ def test_views_are_judged_without_it(phantom):
     """With it honest views of a third of the brightest light seemed to be other cameras'."""
     grid = VoxelGrid((15, 70, 15), 1.0)
     rig = rigs.ring(12, distance=800.0, image_size=(60, 160), footprint=0.55)
-    made = simulate(rig, phantoms.create(phantom, 7, grid.extent), grid, supersample=2)
+    made = simulate_images(rig, phantoms.create(phantom, 7, grid.extent), grid, supersample=2)
     images = list(made.images.values())
     masks = [np.ones(image.shape, bool) for image in images]
     top = max(image.max() for image in images)

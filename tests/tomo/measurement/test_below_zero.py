@@ -8,7 +8,7 @@ import rigs
 from tomo import VoxelGrid
 from tomo.measurement import below_zero, estimate_noise
 from tomo.screening import screen_images
-from tomo.simulation import camera_noise, simulate
+from tomo.simulation import camera_noise, simulate_images
 
 ROWS, COLUMNS = np.mgrid[0:60, 0:50]
 BLOB = np.exp(-(((ROWS - 30) / 12) ** 2) - ((COLUMNS - 25) / 8) ** 2).astype(np.float32)
@@ -49,7 +49,9 @@ def test_single_pixels_and_those_that_are_masked_say_nothing():
 def test_the_camera_that_is_worst_is_named():
     grid = VoxelGrid((10, 20, 10), 1.0)
     rig = rigs.ring(4, distance=200.0, image_size=(40, 60), footprint=0.5)
-    images = list(simulate(rig, phantoms.create("jet", 1, grid.extent), grid).images.values())
+    images = list(
+        simulate_images(rig, phantoms.create("jet", 1, grid.extent), grid).images.values()
+    )
     masks = [np.ones(image.shape, bool) for image in images]
     found = screen_images(rig, images, masks, grid)
     assert found.below_zero == {}

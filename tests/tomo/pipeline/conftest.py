@@ -10,7 +10,7 @@ from phantoms import create
 from rigs import ring
 from tomo import Scan, VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 
 @pytest.fixture(scope="session")
@@ -31,7 +31,7 @@ def folder(tmp_path_factory, grid):
         pitch_degrees=[10.0, -10.0] * 3,
     )
     field = create("jet", 1, grid.extent, grid.center)
-    simulate(rig, field, grid, supersample=2, refine=2).save(folder)
+    simulate_images(rig, field, grid, supersample=2, refine=2).save(folder)
     return folder
 
 

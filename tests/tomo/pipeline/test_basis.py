@@ -13,7 +13,7 @@ from tomo.io import read_volume
 from tomo.metrics import cosine_distance
 from tomo.pipeline import Options, reconstruct
 from tomo.selection.rules import STRENGTHS
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 from tomo.wernet import save_encoder
 from tomo.wernet.default import CorrectionEncoder
@@ -37,7 +37,7 @@ def take(tmp_path_factory):
             start_degrees=5.0,
         )
         field = create(name, 4, GRID.extent, GRID.center)
-        simulate(rig, field, GRID, supersample=3, refine=refine, **how).save(folder)
+        simulate_images(rig, field, GRID, supersample=3, refine=refine, **how).save(folder)
         return load_scan(folder)
 
     return scan

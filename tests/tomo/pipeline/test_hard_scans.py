@@ -14,7 +14,7 @@ from tomo import VoxelGrid, load_scan
 from tomo.metrics import nrmse
 from tomo.pipeline import Options, reconstruct
 from tomo.scan import Corrections
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 PLACE = (20, 12)
 APART = np.zeros((40, 24), bool)
@@ -24,7 +24,7 @@ UNUSABLE = {"NaN": np.nan, "+inf": np.inf, "-inf": -np.inf}
 
 def jet(rig, grid, noise=0.0):
     field = phantoms.create("jet", 1, grid.extent, grid.center)
-    return simulate(rig, field, grid, supersample=2, refine=2, noise=noise)
+    return simulate_images(rig, field, grid, supersample=2, refine=2, noise=noise)
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +168,7 @@ def test_cameras_inside_the_grid_prove_nothing_empty_that_lies_behind_them(tmp_p
         away = np.linalg.norm((points - (1, 2, -1)) / (3, 3.5, 3), axis=1)
         return np.exp(-2 * away**2) * (away < 2.2)
 
-    made = simulate(rigs.Rig(tuple(cameras)), cloud, grid, supersample=2, refine=2)
+    made = simulate_images(rigs.Rig(tuple(cameras)), cloud, grid, supersample=2, refine=2)
     scan = load_scan(made.save(tmp_path / "scan"))
     skipped, whole = (
         nrmse(volume_of(scan, method="mlem", skip=skip), made.truth) for skip in (True, False)

@@ -11,7 +11,7 @@ from phantoms import GaussianBlobs, create
 from rigs import ring
 from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.simulation.camera_noise import gaussian
 from tomo.simulation.effects import Effects
 from tomo.wernet import load_encoder
@@ -28,7 +28,9 @@ def unequal(tmp_path_factory, grid):
     rig = ring(10, distance=200.0, center=grid.center, **look)
     field = GaussianBlobs(np.add(grid.center, [[1, 3, -1], [-1, -4, 0.5]]), [1.8, 2.2], [1.0, 0.7])
     effects = Effects(gain_spread=0.1)
-    simulate(rig, field, grid, supersample=2, refine=2, effects=effects, seed=2).save(folder)
+    simulate_images(rig, field, grid, supersample=2, refine=2, effects=effects, seed=2).save(
+        folder
+    )
     return load_scan(folder)
 
 
@@ -67,7 +69,7 @@ def test_few_views_teach_what_another_sees_and_not_what_is_their_own(tmp_path, e
     look = {"image_size": (70, 100), "footprint": 0.5, "pitch_degrees": 10.0}
     rig = ring(5, distance=300.0, center=grid.center, start_degrees=5.0, **look)
     flame = create("turbulent", 13, grid.extent, grid.center)
-    made = simulate(rig, flame, grid, supersample=2, refine=2, effects=effects, seed=13)
+    made = simulate_images(rig, flame, grid, supersample=2, refine=2, effects=effects, seed=13)
     images = gaussian(list(made.images.values()), 0.005, np.random.default_rng(13))
     made = replace(made, images=dict(zip(rig.names, images, strict=True)))
     scan = load_scan(made.save(tmp_path / "scan"))

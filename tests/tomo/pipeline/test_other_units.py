@@ -17,7 +17,7 @@ from tomo.hull import carve
 from tomo.pipeline import Options, reconstruct
 from tomo.selfcal.gains import fit_gains, solve_with_gains
 from tomo.selfcal.shifts import align_views
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 
 GAINS = (1.0, 1.2, 0.9)  # of the cameras, in turn
@@ -38,7 +38,7 @@ def jet(views, image_size=(24, 40), footprint=0.4, **how):
         pitch_degrees=[-10.0 if n % 2 else 10.0 for n in range(views)],
     )
     field = phantoms.create("jet", 1, grid.extent, grid.center)
-    return simulate(rig, field, grid, supersample=2, refine=2, **how)
+    return simulate_images(rig, field, grid, supersample=2, refine=2, **how)
 
 
 def times(array, factor):

@@ -8,7 +8,7 @@ import rigs
 from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.scan import save_scan
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((16, 24, 16), 1.0)
 
@@ -17,7 +17,7 @@ GRID = VoxelGrid((16, 24, 16), 1.0)
 def made():
     rig = rigs.ring(12, distance=300.0, image_size=(48, 60), footprint=0.5, pitch_degrees=12)
     field = phantoms.create("turbulent", seed=3, extent=GRID.extent)
-    return simulate(rig, field, GRID, supersample=2, refine=2)
+    return simulate_images(rig, field, GRID, supersample=2, refine=2)
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from tomo.pipeline.basis import Basis
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.solve import repeatable, solve
 from tomo.pipeline.view import quality
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((10, 24, 10), 1.0)
 
@@ -20,7 +20,7 @@ GRID = VoxelGrid((10, 24, 10), 1.0)
 @pytest.fixture(scope="module")
 def case():
     rig = ring(6, distance=200.0, image_size=(30, 16), footprint=0.5)  # sees a third of the height
-    made = simulate(rig, create("turbulent", 1, GRID.extent), GRID, supersample=2)
+    made = simulate_images(rig, create("turbulent", 1, GRID.extent), GRID, supersample=2)
     system = LinearSystem.from_rig(rig, GRID)
     return system, system.flatten(list(made.images.values())), made.truth
 

@@ -8,7 +8,7 @@ from rigs import ring
 from tomo import Scan, VoxelGrid, load_scan
 from tomo.io import write_volume
 from tomo.pipeline import Options, reconstruct
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 SIRT = {"method": "sirt", "iterations": 5}
 
@@ -74,7 +74,7 @@ def test_cameras_of_a_row_or_two_show_a_slice(tmp_path, rows):
     flat = VoxelGrid((20, rows, 20), 1.0)
     rig = ring(12, distance=200.0, image_size=(64, rows), footprint=0.5)
     field = GaussianBlobs([[1, 0, 2], [-3, 0, -2]], [2.0, 2.5], [1.0, 0.7])
-    simulate(rig, field, flat, supersample=2).save(tmp_path / "scan")
+    simulate_images(rig, field, flat, supersample=2).save(tmp_path / "scan")
     found = reconstruct(load_scan(tmp_path / "scan"))
     assert found.reconstruction.quality["cosine_distance"] < 0.002
     assert found.warnings == ()

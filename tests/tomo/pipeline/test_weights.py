@@ -7,7 +7,7 @@ import rigs
 from phantoms import create
 from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((20, 52, 20), 0.7)
 PHOTONS = 150
@@ -27,7 +27,7 @@ def take(tmp_path_factory):
             start_degrees=5.0,
         )
         field = create("jet", 4, GRID.extent, GRID.center)
-        taken = simulate(rig, field, GRID, supersample=2, refine=2, **noise)
+        taken = simulate_images(rig, field, GRID, supersample=2, refine=2, **noise)
         return load_scan(taken.save(tmp_path_factory.mktemp("taken") / "scan"))
 
     return scan

@@ -16,7 +16,7 @@ from tomo.metrics import cosine_distance
 from tomo.operators import LinearSystem
 from tomo.pipeline import Options, reconstruct
 from tomo.selfcal.shifts import _motion, _without_common_motion, align_views
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((12, 18, 12), 1.0, (1.0, -2.0, 0.5))
 LENS = Distortion("brown", (-0.15, 0.05, 0.001, -0.002, 0.01))
@@ -41,7 +41,7 @@ def rig():
 
 @pytest.fixture(scope="module")
 def made(rig):
-    return simulate(rig, create("blobs", 1, GRID.extent, GRID.center), GRID, supersample=2)
+    return simulate_images(rig, create("blobs", 1, GRID.extent, GRID.center), GRID, supersample=2)
 
 
 @given(
@@ -92,8 +92,8 @@ def test_on_the_fly_and_stored_are_one_operator(rig):
 
 def test_simulation_agrees_and_comes_back_from_disk(rig, made, tmp_path):
     field = create("blobs", 1, GRID.extent, GRID.center)
-    same = simulate(tables(rig), field, GRID, supersample=1)
-    expected = simulate(rig, field, GRID, supersample=1)
+    same = simulate_images(tables(rig), field, GRID, supersample=1)
+    expected = simulate_images(rig, field, GRID, supersample=1)
     for name in rig.names:
         np.testing.assert_allclose(same.images[name], expected.images[name], rtol=1e-5, atol=1e-5)
     same.save(tmp_path / "scan")
@@ -180,8 +180,8 @@ def test_a_camera_in_a_mirror_reconstructs_as_the_one_behind_it(rig):
         assert (directions @ normal > 0).all()
         mirrored.append(RayTable(camera.name, *flipped))
     other = replace(rig, cameras=tuple(mirrored))
-    images = simulate(rig, field, GRID).images
-    flipped = simulate(other, field, GRID).images
+    images = simulate_images(rig, field, GRID).images
+    flipped = simulate_images(other, field, GRID).images
     for name in rig.names:
         np.testing.assert_allclose(flipped[name][:, ::-1], images[name], rtol=1e-5, atol=1e-5)
     systems = [LinearSystem.from_rig(r, GRID) for r in (rig, other)]

@@ -63,7 +63,7 @@ def test_an_interrupted_run_leaves_the_scan_that_was_there(tmp_path, monkeypatch
             raise OSError(errno.ENOSPC, "No space left on device", str(path))
         write_image(path, image)
 
-    monkeypatch.setattr("tomo.scan.files.write_image", full_disk)
+    monkeypatch.setattr("tomo.scan.write.write_image", full_disk)
     with pytest.raises(OSError, match="No space left") as caught:
         save_scan(tmp_path, rig, brighter)
     assert Path(caught.value.filename).parents[2] == tmp_path  # as the user knows it

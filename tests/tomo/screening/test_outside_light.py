@@ -8,7 +8,7 @@ import rigs
 from tomo import VoxelGrid
 from tomo.measurement import estimate_noise
 from tomo.screening import light_outside, screen_images
-from tomo.simulation import camera_noise, simulate
+from tomo.simulation import camera_noise, simulate_images
 
 GRID = VoxelGrid((20, 40, 20), 1.0, (2.0, -1.0, 0.5))
 
@@ -24,7 +24,7 @@ def seen():
         center=GRID.center,
     )
     field = phantoms.create("jet", 1, GRID.extent, GRID.center)
-    return rig, list(simulate(rig, field, GRID).images.values())
+    return rig, list(simulate_images(rig, field, GRID).images.values())
 
 
 def shares(rig, images, grid, masks=None):

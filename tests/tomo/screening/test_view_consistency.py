@@ -12,7 +12,7 @@ from tomo import VoxelGrid
 from tomo.screening import check_consistency, screen_images
 from tomo.screening.agreement import agreement
 from tomo.screening.left_out_prediction import subsets_of
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 
 GRID = VoxelGrid((20, 32, 20), 1.0)
@@ -21,7 +21,7 @@ GRID = VoxelGrid((20, 32, 20), 1.0)
 def seen(n_views=12, seed=3, effects=None, name="turbulent", size=(60, 72)):
     rig = rigs.ring(n_views, distance=300.0, image_size=size, footprint=0.5, pitch_degrees=12)
     field = phantoms.create(name, seed=seed, extent=GRID.extent)
-    made = simulate(rig, field, GRID, supersample=2, effects=effects, seed=seed)
+    made = simulate_images(rig, field, GRID, supersample=2, effects=effects, seed=seed)
     return SimpleNamespace(rig=rig, images=[made.images[n] for n in rig.names])
 
 
@@ -119,7 +119,7 @@ def test_noise_and_cameras_that_look_beside_are_no_reason(case):
 def test_the_ends_of_an_arc_are_no_reason(n_views):
     rig = rigs.arc(n_views, 110.0, distance=300.0, image_size=(60, 72), footprint=0.5)
     field = phantoms.create("turbulent", seed=3, extent=GRID.extent)
-    made = simulate(rig, field, GRID, supersample=2)
+    made = simulate_images(rig, field, GRID, supersample=2)
     assert named(rig, [made.images[name] for name in rig.names]) == {}
 
 

@@ -7,7 +7,7 @@ import phantoms
 import rigs
 from tomo import LinearSystem, VoxelGrid
 from tomo.selection.basis import error_ratio
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((12, 16, 12), 1.0)
 
@@ -25,7 +25,7 @@ def systems(views):
 def test_smooth_light_is_left_to_splines_and_rough_light_to_boxes(views):
     voxels, linear = systems(views)
     field = phantoms.GaussianBlobs([[0.5, 1, -1], [-1, -2, 1]], [1.8, 1.4], [1.0, 0.8])
-    scan = simulate(voxels.rig, field, GRID, supersample=3, refine=4)
+    scan = simulate_images(voxels.rig, field, GRID, supersample=3, refine=4)
     smooth = voxels.flatten(list(scan.images.values()))
     assert error_ratio(linear, voxels.projector, smooth) < 0.7
     rough = np.random.default_rng(0).random(voxels.projector.shape[1]).astype(np.float32)

@@ -20,7 +20,7 @@ from tomo.selection import (
 )
 from tomo.selection.candidates import DEFAULT_STRENGTH
 from tomo.selection.choose import solve_as_chosen
-from tomo.simulation import camera_noise, simulate
+from tomo.simulation import camera_noise, simulate_images
 from tomo.solvers.subsets import interleaved
 from tomo.trace import trace
 
@@ -276,7 +276,7 @@ def test_a_faint_penalty_is_taken_and_nearer_to_a_smooth_truth_than_none():
     rays = Rays.concatenate([Rays.from_camera(camera) for camera in rig])
     projector = Projector(trace(rays, grid), grid, np.arange(17) * PIXELS)
     field = phantoms.GaussianBlobs([[1, 3, -1], [-2, -4, 1.5]], [1.6, 2.2], [1.0, 0.7])
-    made = simulate(rig, field, grid, refine=2, supersample=2)
+    made = simulate_images(rig, field, grid, refine=2, supersample=2)
     images = np.concatenate([image.ravel() for image in made.images.values()])
     choice = choose_by_held_out_views(projector, images)
     assert choice.method == "tikhonov"

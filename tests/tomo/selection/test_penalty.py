@@ -10,7 +10,7 @@ from tomo.operators import LinearSystem, Projector
 from tomo.rays import Rays
 from tomo.selection import Choice, candidates, choose_by_held_out_views, rules
 from tomo.selection.choose import solve_as_chosen
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.trace import trace
 
 
@@ -87,7 +87,7 @@ def test_where_rays_leave_gaps_the_volume_stays_tame():
     grid = VoxelGrid((18, 28, 18), 1.0)
     rig = rigs.ring(12, distance=300.0, image_size=(20, 24), footprint=1.5)
     field = phantoms.create("jet", seed=1, extent=grid.extent)
-    scan = simulate(rig, field, grid, supersample=3, refine=2)
+    scan = simulate_images(rig, field, grid, supersample=3, refine=2)
     system = LinearSystem.from_rig(rig, grid)
     images = system.flatten(list(scan.images.values()))
     choice = choose_by_held_out_views(system.projector, images)

@@ -12,7 +12,7 @@ from tomo import solvers
 from tomo.grid import VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.selfcal.gains import Gains, estimate_gains, fit_gains, solve_with_gains
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 VIEWS = 9
 
@@ -23,7 +23,7 @@ def case():
     grid = VoxelGrid((14, 24, 14), 1.0)
     rig = rigs.ring(VIEWS, distance=300.0, image_size=(44, 60), footprint=0.5)
     field = phantoms.create("turbulent", seed=4, extent=grid.extent)
-    made = simulate(rig, field, grid, supersample=2, refine=2)
+    made = simulate_images(rig, field, grid, supersample=2, refine=2)
     system = LinearSystem.from_rig(rig, grid)
     clean = system.flatten([made.images[name] for name in rig.names])
     random = np.random.default_rng(5)

@@ -14,7 +14,7 @@ from tomo.grid import VoxelGrid
 from tomo.pipeline.register import displacement_warning, register
 from tomo.selfcal.residual_shift import Displacement
 from tomo.selfcal.shifts import align_views
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((18, 36, 18), 0.5)
 VIEWS = 8
@@ -24,7 +24,7 @@ VIEWS = 8
 def case(request):
     rig = rigs.ring(VIEWS, distance=300.0, image_size=(48, 76), footprint=0.27, pitch_degrees=10)
     field = phantoms.create("turbulent", seed=2, extent=GRID.extent)
-    made = simulate(rig, field, GRID, supersample=2, refine=2, noise=request.param)
+    made = simulate_images(rig, field, GRID, supersample=2, refine=2, noise=request.param)
     return SimpleNamespace(rig=rig, images=[made.images[name] for name in rig.names])
 
 
@@ -96,7 +96,7 @@ def test_what_exact_cameras_on_an_arc_would_show_is_allowed(fraction):
     grid = VoxelGrid((20, 60, 20), 0.5)
     size = {"distance": 300.0, "image_size": (64, 120), "footprint": 0.3}
     rig = rigs.arc(4, span_degrees=90, pitch_degrees=[9.0, -5.0] * 2, **size)
-    made = simulate(rig, phantoms.create("jet", seed=2, extent=grid.extent), grid, supersample=2)
+    made = simulate_images(rig, phantoms.create("jet", seed=2, extent=grid.extent), grid, supersample=2)
     wrong = tuple(zoomed(camera, 1 if n % 3 else -1, fraction) for n, camera in enumerate(rig))
     images = [made.images[name] for name in rig.names]
     found = align_views(replace(rig, cameras=wrong), images, grid).displacement

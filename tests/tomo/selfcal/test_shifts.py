@@ -12,7 +12,7 @@ from tomo.grid import VoxelGrid
 from tomo.metrics import cosine_distance
 from tomo.operators import LinearSystem
 from tomo.selfcal.shifts import _shifted, align_views
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.solvers import nnls
 
 
@@ -20,7 +20,7 @@ def _case(n_views, name="turbulent"):
     grid = VoxelGrid((24, 36, 24), 1.0)
     rig = rigs.ring(n_views, distance=300.0, image_size=(72, 84), footprint=0.5, pitch_degrees=12)
     field = phantoms.create(name, seed=3, extent=grid.extent)
-    made = simulate(rig, field, grid, supersample=2, refine=2)
+    made = simulate_images(rig, field, grid, supersample=2, refine=2)
     images = [made.images[camera] for camera in rig.names]
     return SimpleNamespace(rig=rig, grid=grid, images=images, truth=made.truth)
 

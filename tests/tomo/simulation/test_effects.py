@@ -11,7 +11,7 @@ from tomo import LinearSystem, Projector, Rays, VoxelGrid
 from tomo.grid import ActiveVoxels
 from tomo.operators.attenuation import transmission
 from tomo.rays.ray_box import enter_box
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 from tomo.trace import trace
 
@@ -46,7 +46,7 @@ def test_absorption_in_even_gas_has_its_closed_form(k, q):
     emission, decay = 0.8, k + 0.8 * q
     errors = []
     for refine in (1, 2, 4):
-        scan = simulate(RIG, EVEN, GRID, refine=refine, effects=effects)
+        scan = simulate_images(RIG, EVEN, GRID, refine=refine, effects=effects)
         differences = [
             scan.images[one.name] - emission * -np.expm1(-decay * lengths(one)) / decay
             for one in RIG
@@ -65,7 +65,7 @@ def test_light_from_the_far_side_has_further_to_go():
         volume = np.zeros(GRID.shape)
         volume[:, :, layer] = 1.0
         field = SampledField(volume, GRID)
-        scan = simulate(Rig((one,)), field, GRID, effects=Effects(absorption=0.4))
+        scan = simulate_images(Rig((one,)), field, GRID, effects=Effects(absorption=0.4))
         seen[layer] = scan.images["front"][1, 1]
     for layer, light in seen.items():
         assert light == pytest.approx(np.exp(-0.4 * (5.5 - layer)), rel=1e-5)
@@ -80,7 +80,7 @@ def test_gas_aside_and_behind_the_light_dims_nothing():
     one = camera("front", (GRID.center[0], GRID.center[1], 4000.0), focal=4000.0, size=(3, 3))
     effects = Effects(self_absorption=0.5)
     light = [
-        simulate(Rig((one,)), field, GRID, effects=effects).images["front"][1, 1]
+        simulate_images(Rig((one,)), field, GRID, effects=effects).images["front"][1, 1]
         for field in (alone, behind)
     ]
     own = np.exp(-0.25)
@@ -125,15 +125,15 @@ def test_transmission_agrees_with_a_slow_walk(position):
 
 @pytest.mark.parametrize("tracer", ["reference", "raycast"])
 def test_every_tracer_gives_the_same_images(tracer):
-    scan = simulate(RIG, BLOBS, GRID, effects=EVERYTHING)
-    other = simulate(RIG, BLOBS, GRID, effects=EVERYTHING, tracer=tracer)
+    scan = simulate_images(RIG, BLOBS, GRID, effects=EVERYTHING)
+    other = simulate_images(RIG, BLOBS, GRID, effects=EVERYTHING, tracer=tracer)
     for name, image in scan.images.items():
         np.testing.assert_allclose(other.images[name], image, rtol=1e-4, atol=1e-5)
 
 
 def test_no_effects_change_nothing():
-    plain = simulate(RIG, BLOBS, GRID, supersample=2, noise=0.1, seed=3)
-    scan = simulate(RIG, BLOBS, GRID, supersample=2, noise=0.1, seed=3, effects=Effects())
+    plain = simulate_images(RIG, BLOBS, GRID, supersample=2, noise=0.1, seed=3)
+    scan = simulate_images(RIG, BLOBS, GRID, supersample=2, noise=0.1, seed=3, effects=Effects())
     for name, image in plain.images.items():
         np.testing.assert_array_equal(scan.images[name], image)
     assert scan.settings == plain.settings
@@ -142,7 +142,7 @@ def test_no_effects_change_nothing():
 
 def test_gains_scale_whole_images():
     effects = Effects(gain_spread=0.3)
-    plain, scan = (simulate(RIG, BLOBS, GRID, effects=e, seed=5) for e in (None, effects))
+    plain, scan = (simulate_images(RIG, BLOBS, GRID, effects=e, seed=5) for e in (None, effects))
     gains = effects.gains(2, seed=5)
     assert scan.settings["gains"] == dict(zip(RIG.names, gains.tolist(), strict=True))
     assert abs(gains[0] - gains[1]) > 0.01
@@ -180,7 +180,7 @@ def test_vignetting_is_one_in_the_middle_and_follows_a_cosine():
 
 def test_vignetting_multiplies_images():
     effects = Effects(vignetting=0.4)
-    plain, scan = (simulate(RIG, BLOBS, GRID, effects=e) for e in (None, effects))
+    plain, scan = (simulate_images(RIG, BLOBS, GRID, effects=e) for e in (None, effects))
     for one in RIG:
         rows, columns = np.indices(plain.images[one.name].shape)
         share = effects.falloff(one, np.stack([columns, rows], axis=-1).reshape(-1, 2))
@@ -190,7 +190,7 @@ def test_vignetting_multiplies_images():
 
 def test_a_lens_without_width_is_a_pinhole():
     plain, closed, narrow = (
-        simulate(RIG, BLOBS, GRID, effects=effects)
+        simulate_images(RIG, BLOBS, GRID, effects=effects)
         for effects in (
             None,
             Effects(aperture=0.0, focus_distance=300.0),
@@ -234,7 +234,7 @@ def spot(effects):
     one = camera("front", np.add(GRID.center, (0, 0, 300.0)), focal=3000.0, size=(41, 41))
     grid = VoxelGrid((41, 41, 5), 0.1, GRID.center)
     field = GaussianBlobs([GRID.center], [0.12], [1.0])
-    return simulate(Rig((one,)), field, grid, refine=1, effects=effects).images["front"]
+    return simulate_images(Rig((one,)), field, grid, refine=1, effects=effects).images["front"]
 
 
 def test_a_spot_is_sharp_in_focus_and_a_disc_out_of_it():
@@ -267,7 +267,7 @@ def test_the_focus_distance_may_be_the_lens_s():
     known = Effects(aperture=20.0).rays(lens, np.array([600]))
     np.testing.assert_array_equal(known.directions, stated.directions)
     with pytest.raises(ValueError, match="focus_distance: camera side: found none with an ap"):
-        simulate(RIG, BLOBS, GRID, effects=Effects(aperture=20.0))
+        simulate_images(RIG, BLOBS, GRID, effects=Effects(aperture=20.0))
 
 
 def test_a_pixel_that_does_not_look_at_the_plane_in_focus_is_refused():
@@ -283,7 +283,7 @@ def test_lengths_times_the_true_ratio_project_to_the_images(all_active):
     volume = sample(BLOBS, GRID, 2)
     if not all_active:
         volume[volume < 0.05] = 0
-    scan = simulate(RIG, SampledField(volume, GRID), GRID, effects=effects, seed=4)
+    scan = simulate_images(RIG, SampledField(volume, GRID), GRID, effects=effects, seed=4)
     active = ActiveVoxels.from_mask(GRID, np.ones(GRID.shape) if all_active else volume > 0)
     system = LinearSystem.from_rig(RIG, GRID, midpoints=True, active=active)
     emission = active.compress(volume)
@@ -314,12 +314,12 @@ def test_the_ratio_needs_midpoints_and_for_self_absorption_the_emission():
 
 
 def test_chunks_do_not_show_and_seeds_repeat(monkeypatch):
-    whole = simulate(RIG, BLOBS, GRID, supersample=2, effects=EVERYTHING, seed=2)
+    whole = simulate_images(RIG, BLOBS, GRID, supersample=2, effects=EVERYTHING, seed=2)
     monkeypatch.setattr(sys.modules["tomo.simulation.simulate"], "_SEGMENTS_AT_ONCE", 20_000)
-    parts = simulate(RIG, BLOBS, GRID, supersample=2, effects=EVERYTHING, seed=2)
+    parts = simulate_images(RIG, BLOBS, GRID, supersample=2, effects=EVERYTHING, seed=2)
     for name, image in whole.images.items():
         np.testing.assert_array_equal(parts.images[name], image)
-    other = simulate(RIG, BLOBS, GRID, supersample=2, effects=EVERYTHING, seed=3)
+    other = simulate_images(RIG, BLOBS, GRID, supersample=2, effects=EVERYTHING, seed=3)
     assert all((other.images[name] != whole.images[name]).any() for name in whole.images)
 
 
@@ -327,7 +327,7 @@ def test_effects_print_as_what_they_are():
     assert eval(repr(EVERYTHING)) == EVERYTHING
     assert not Effects().any
     assert not Effects(focus_distance=3.0, aperture_rays=9).any
-    scan = simulate(RIG, BLOBS, GRID, effects=EVERYTHING)
+    scan = simulate_images(RIG, BLOBS, GRID, effects=EVERYTHING)
     assert Effects(**scan.settings["effects"]) == EVERYTHING
 
 

@@ -9,7 +9,7 @@ from rigs.camera import look_at
 from tomo import Rays, VoxelGrid
 from tomo.rays.ray_box import enter_box
 from tomo.rays.visible_pixels import pixels_that_see
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((6, 8, 6), 1.0, (0.5, -1.0, 2.0))
 BLOBS = GaussianBlobs([[0.9, -1.4, 2.2], [0.1, 0.3, 1.6]], [0.7, 0.6], [1.0, 2.0])
@@ -38,7 +38,7 @@ def test_projections_converge_to_the_analytic_integral_at_second_order():
     exact = {c.name: analytic(c, 4) for c in RIG}
     errors = []
     for refine in (2, 4, 8):
-        scan = simulate(RIG, BLOBS, GRID, supersample=4, refine=refine)
+        scan = simulate_images(RIG, BLOBS, GRID, supersample=4, refine=refine)
         difference = [scan.images[name] - exact[name] for name in exact]
         errors.append(np.sqrt(np.mean(np.square(difference))))
     peak = max(image.max() for image in exact.values())
@@ -48,17 +48,17 @@ def test_projections_converge_to_the_analytic_integral_at_second_order():
 
 
 def test_more_rays_a_pixel_approach_the_mean_over_its_area():
-    fine = simulate(RIG, BLOBS, GRID, supersample=12, refine=4)
+    fine = simulate_images(RIG, BLOBS, GRID, supersample=12, refine=4)
     errors = []
     for supersample in (1, 3):
-        scan = simulate(RIG, BLOBS, GRID, supersample=supersample, refine=4)
+        scan = simulate_images(RIG, BLOBS, GRID, supersample=supersample, refine=4)
         difference = [scan.images[name] - fine.images[name] for name in fine.images]
         errors.append(np.sqrt(np.mean(np.square(difference))))
     assert errors[1] < errors[0] / 3
 
 
 def test_the_truth_is_the_mean_over_the_coarse_voxels():
-    scan = simulate(RIG, BLOBS, GRID, refine=3)
+    scan = simulate_images(RIG, BLOBS, GRID, refine=3)
     np.testing.assert_allclose(scan.truth, sample(BLOBS, GRID, refine=6), rtol=1e-5)
     assert scan.grid == GRID
     assert scan.truth.shape == GRID.shape
@@ -67,10 +67,10 @@ def test_the_truth_is_the_mean_over_the_coarse_voxels():
 
 def test_a_stored_volume_projects_to_itself():
     volume = np.random.default_rng(0).random(GRID.shape).astype(np.float32)
-    scan = simulate(RIG, SampledField(volume, GRID), GRID, refine=2)
+    scan = simulate_images(RIG, SampledField(volume, GRID), GRID, refine=2)
     np.testing.assert_allclose(scan.truth, volume, rtol=1e-6)
     # brightness of a ray through an even volume is its length in the box
-    even = simulate(RIG, SampledField(np.ones(GRID.shape), GRID), GRID)
+    even = simulate_images(RIG, SampledField(np.ones(GRID.shape), GRID), GRID)
     for one in RIG:
         length = enter_box(Rays.from_camera(one), GRID).length
         np.testing.assert_allclose(even.images[one.name].ravel(), length, rtol=1e-5, atol=1e-5)
@@ -89,10 +89,10 @@ def test_no_pixel_that_sees_the_box_is_left_out():
 
 
 def test_chunks_do_not_show(monkeypatch):
-    whole = simulate(RIG, BLOBS, GRID, supersample=2)
+    whole = simulate_images(RIG, BLOBS, GRID, supersample=2)
     monkeypatch.setattr(sys.modules["tomo.simulation.simulate"], "_SEGMENTS_AT_ONCE", 5000)
     calls = []
-    parts = simulate(RIG, BLOBS, GRID, supersample=2, progress=lambda *a: calls.append(a))
+    parts = simulate_images(RIG, BLOBS, GRID, supersample=2, progress=lambda *a: calls.append(a))
     for name in whole.images:
         np.testing.assert_array_equal(parts.images[name], whole.images[name])
     assert len(calls) > 10
@@ -104,9 +104,9 @@ def test_chunks_do_not_show(monkeypatch):
     "settings", [{"noise": 0.05}, {"photons": 500.0, "read_noise": 2.0}, {"noise": 0.1, "bits": 8}]
 )
 def test_seeds_are_reproducible_and_matter(settings):
-    clean = simulate(RIG, BLOBS, GRID)
-    first, again = (simulate(RIG, BLOBS, GRID, seed=3, **settings) for _ in range(2))
-    other = simulate(RIG, BLOBS, GRID, seed=4, **settings)
+    clean = simulate_images(RIG, BLOBS, GRID)
+    first, again = (simulate_images(RIG, BLOBS, GRID, seed=3, **settings) for _ in range(2))
+    other = simulate_images(RIG, BLOBS, GRID, seed=4, **settings)
     for name in clean.images:
         np.testing.assert_array_equal(first.images[name], again.images[name])
         assert np.abs(first.images[name] - other.images[name]).max() > 0
@@ -114,7 +114,10 @@ def test_seeds_are_reproducible_and_matter(settings):
 
 
 def test_noise_has_the_size_asked_for():
-    clean, noisy = simulate(RIG, BLOBS, GRID), simulate(RIG, BLOBS, GRID, noise=0.05, seed=1)
+    clean, noisy = (
+        simulate_images(RIG, BLOBS, GRID),
+        simulate_images(RIG, BLOBS, GRID, noise=0.05, seed=1),
+    )
     peak = max(image.max() for image in clean.images.values())
     residual = np.concatenate([(noisy.images[n] - clean.images[n]).ravel() for n in clean.images])
     assert residual.std() == pytest.approx(0.05 * peak, rel=0.1)
@@ -125,7 +128,7 @@ def test_a_saved_scan_gives_back_images_and_truth(tmp_path, bits):
     from tomo import load_scan
     from tomo.io import read_volume
 
-    simulated = simulate(RIG, BLOBS, GRID, bits=bits)
+    simulated = simulate_images(RIG, BLOBS, GRID, bits=bits)
     simulated.save(tmp_path / "scan")
     scan = load_scan(tmp_path / "scan")
     assert scan.rig == RIG
@@ -153,16 +156,16 @@ def test_a_saved_scan_gives_back_images_and_truth(tmp_path, bits):
 )
 def test_bad_arguments(settings, message):
     with pytest.raises(ValueError, match=message):
-        simulate(RIG, BLOBS, GRID, **settings)
+        simulate_images(RIG, BLOBS, GRID, **settings)
 
 
 def test_a_volume_that_no_camera_sees_is_refused():
     elsewhere = VoxelGrid((3, 3, 3), 1.0, (0.0, 5000.0, 0.0))
     with pytest.raises(ValueError, match="no camera that sees the grid"):
-        simulate(RIG, BLOBS, elsewhere)
+        simulate_images(RIG, BLOBS, elsewhere)
 
 
 def test_a_grid_that_does_not_fit_says_what_would():
     huge = VoxelGrid((30_000, 140_000, 30_000), 1e-4)
     with pytest.raises(ValueError, match=r"60000x280000x60000.* GB.* free; \d+x\d+x\d+ voxels"):
-        simulate(RIG, BLOBS, huge, refine=2)
+        simulate_images(RIG, BLOBS, huge, refine=2)

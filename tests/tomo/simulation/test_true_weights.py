@@ -14,7 +14,7 @@ from tomo.io import read_volume
 from tomo.pipeline import Options, reconstruct
 from tomo.report.outcome_files import write_outcome
 from tomo.selfcal.gains import Gains
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 from tomo.simulation.true_weights import true_effects, true_ratios
 
@@ -35,7 +35,7 @@ def folder(tmp_path_factory):
         pitch_degrees=[20.0, -20.0] * 6,
     )
     field = create("jet", 1, GRID.extent, GRID.center)
-    simulate(rig, field, GRID, effects=EFFECTS, seed=2).save(folder)
+    simulate_images(rig, field, GRID, effects=EFFECTS, seed=2).save(folder)
     return folder
 
 

@@ -13,7 +13,7 @@ from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import LinearSystem, voxel_means
 from tomo.priors.curvature import AROUND, DARKEST, RelativeCurvature
 from tomo.priors.differences import Gradient
-from tomo.simulation import camera_noise, simulate
+from tomo.simulation import camera_noise, simulate_images
 from tomo.solvers.curvature import FIRST
 
 LIVE = ActiveVoxels(VoxelGrid((5, 6, 4), (1.0, 0.8, 1.3)))
@@ -162,7 +162,7 @@ def test_few_noisy_views_of_smooth_light_come_nearer_than_by_differences(seed):
     field = phantoms.GaussianBlobs(
         random.uniform(-4, 4, (14, 3)), random.uniform(1.2, 2.2, 14), random.uniform(0.3, 1, 14)
     )
-    scan = simulate(rig, field, grid, supersample=3, refine=3)
+    scan = simulate_images(rig, field, grid, supersample=3, refine=3)
     images = camera_noise.gaussian(list(scan.images.values()), 0.02, random)
     system = LinearSystem.from_rig(rig, grid)
     measured, linear = system.flatten(images), system.with_linear_basis().projector

@@ -11,7 +11,7 @@ from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.hull import carve
 from tomo.metrics import nrmse
 from tomo.operators.on_the_fly.projector import OnTheFlyProjector
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 BY_PIXEL = ("art", "mart")
 SMOOTHING = ("curvature", "tikhonov", "tv")
@@ -34,7 +34,7 @@ def jet(views, seed=1, noise=0.0, noise_seed=0, grid=None, **camera):
         views, pitch_degrees=[-10.0 if n % 2 else 10.0 for n in range(views)], **camera
     )
     field = phantoms.create("jet", seed, grid.extent, grid.center)
-    return simulate(rig, field, grid, supersample=2, refine=2, noise=noise, seed=noise_seed)
+    return simulate_images(rig, field, grid, supersample=2, refine=2, noise=noise, seed=noise_seed)
 
 
 @pytest.fixture(scope="module")

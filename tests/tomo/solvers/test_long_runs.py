@@ -13,7 +13,7 @@ import rigs
 from tomo import LinearSystem, VoxelGrid, solvers
 from tomo._compute.reductions import norm
 from tomo.losses import sensitivity
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.solvers.sart import view_orders
 
 LONG = 100
@@ -30,7 +30,7 @@ def system():
         pitch_degrees=[-10.0, 10.0, -10.0, 10.0, -10.0],
     )  # fmt: skip
     field = phantoms.create("jet", 1, grid.extent, grid.center)
-    scan = simulate(rig, field, grid, supersample=2, refine=2, noise=0.05)
+    scan = simulate_images(rig, field, grid, supersample=2, refine=2, noise=0.05)
     made = LinearSystem.from_rig(rig, grid, form="stored")
     return made.projector, made.flatten(list(scan.images.values()))
 

@@ -8,7 +8,7 @@ from rigs import ring
 from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.pipeline.check_options import repeats_of
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.uncertainty import AUTO_REPEATS
 
 GRID = VoxelGrid((8, 12, 8), 1.0)
@@ -18,7 +18,7 @@ GRID = VoxelGrid((8, 12, 8), 1.0)
 def scan(tmp_path_factory):
     rig = ring(7, distance=200.0, image_size=(24, 32), footprint=0.5, pitch_degrees=10.0)
     field = create("turbulent", 1, GRID.extent, GRID.center)
-    found = simulate(rig, field, GRID, supersample=2, refine=2, noise=0.03)
+    found = simulate_images(rig, field, GRID, supersample=2, refine=2, noise=0.03)
     return load_scan(found.save(tmp_path_factory.mktemp("asked") / "scan"))
 
 

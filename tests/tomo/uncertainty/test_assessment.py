@@ -5,7 +5,7 @@ from phantoms import GaussianBlobs, create
 from rigs import ring
 from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.simulation import camera_noise as noises
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.uncertainty import (
     assess,
     noise_of_images,
@@ -32,7 +32,7 @@ def system_of(cameras, grid=GRID, finer=1, **how):
 
 def images_of(system, grid=GRID, field=None):
     field = create("turbulent", 1, grid.extent, grid.center) if field is None else field
-    found = simulate(system.rig, field, grid, supersample=2, refine=2)
+    found = simulate_images(system.rig, field, grid, supersample=2, refine=2)
     return list(found.images.values())
 
 

@@ -12,7 +12,7 @@ import pytest
 import rigs
 from phantoms import GaussianBlobs
 from tomo import LinearSystem, VoxelGrid
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((10, 16, 10), 1.0, (4.0, -2.0, 1.0))
 
@@ -47,7 +47,7 @@ def make_scene(views=12, effects=None, finer=1, seed=3, grid=GRID, image_size=(1
         pitch_degrees=[12.0 * (-1) ** view for view in range(views)],
     )
     finite = {"supersample": finer, "refine": finer}
-    scan = simulate(rig, flames(grid), grid, effects=effects, seed=seed, **finite)
+    scan = simulate_images(rig, flames(grid), grid, effects=effects, seed=seed, **finite)
     system = LinearSystem.from_rig(rig, grid, midpoints=True)
     return SimpleNamespace(
         grid=grid,

@@ -20,7 +20,7 @@ from tomo import LinearSystem, VoxelGrid
 from tomo.metrics import cosine_similarity
 from tomo.selection import choose_by_held_out_views
 from tomo.selection.choose import solve_as_chosen
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 from tomo.wernet.default import encoder_training, fixed_voxels, wernet
 from tomo.wernet.paper import (
@@ -45,7 +45,7 @@ def scene(edge=0.5, empty_rays=False):
         14, distance=200.0 * edge, image_size=(24, 20), footprint=0.6 * edge, pitch_degrees=20
     )
     field = phantoms.create("blobs", 3, grid.extent, grid.center)
-    scan = simulate(rig, field, grid, effects=Effects(gain_spread=GAIN_SPREAD), seed=3)
+    scan = simulate_images(rig, field, grid, effects=Effects(gain_spread=GAIN_SPREAD), seed=3)
     system = LinearSystem.from_rig(rig, grid, midpoints=True, skip=not empty_rays)
     measured = system.flatten([scan.images[name] for name in rig.names])
     return SimpleNamespace(projector=system.projector, measured=measured, truth=scan.truth)

@@ -20,9 +20,9 @@ from tomo import LinearSystem, Projector, Segments, VoxelGrid
 from tomo.operators import LINEAR
 from tomo.operators.operator import ProjectionOperator
 from tomo.pipeline import Reconstruction
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
-from tomo.simulation.simulate import SimulatedScan
+from tomo.simulation.simulate import SimulatedImages
 from tomo.simulation.true_weights import true_ratios
 
 VIEWS = 33
@@ -67,7 +67,7 @@ class MismatchScene:
         Of flame, gains and noise.
     effects : Effects
         What the images hold.
-    scan : SimulatedScan
+    scan : SimulatedImages
     """
 
     effect: str
@@ -75,7 +75,7 @@ class MismatchScene:
     noise: str
     seed: int
     effects: Effects
-    scan: SimulatedScan
+    scan: SimulatedImages
 
     @property
     def rig(self) -> Rig:
@@ -190,12 +190,12 @@ def _strengths(grid: VoxelGrid, truth: NDArray[np.float32]) -> dict[str, float]:
 
 
 @lru_cache(maxsize=2)
-def _clean(effect: str, flame: str, seed: int, size: FlameSize) -> tuple[Effects, SimulatedScan]:
+def _clean(effect: str, flame: str, seed: int, size: FlameSize) -> tuple[Effects, SimulatedImages]:
     fine = _fine_volume(flame, seed, size)
     grid = VoxelGrid(size.grid_shape, size.spacing)
     strengths = _strengths(grid, grid.average(fine, size.refine))
     effects = Effects(**{name: strengths[name] for name in EFFECTS[effect]})
-    scan = simulate(
+    scan = simulate_images(
         flame_rig(VIEWS, size.shrink),
         phantoms.SampledField(fine, grid.refined(size.refine)),
         grid,

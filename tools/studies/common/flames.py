@@ -12,7 +12,7 @@ import rigs
 from studies.common.scans import simulated_by
 from tomo import VoxelGrid
 from tomo.simulation import camera_noise as noises
-from tomo.simulation.simulate import SimulatedScan
+from tomo.simulation.simulate import SimulatedImages
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,14 @@ class Scene:
     ----------
     flame, noise : str
     views, seed : int
-    scan : SimulatedScan
+    scan : SimulatedImages
     """
 
     flame: str
     views: int
     noise: str
     seed: int
-    scan: SimulatedScan
+    scan: SimulatedImages
 
     @property
     def named(self) -> dict[str, str | int]:
@@ -106,7 +106,7 @@ def with_noise(
 
 
 @lru_cache(maxsize=2)
-def _clean_images(flame: str, seed: int, size: FlameSize) -> SimulatedScan:
+def _clean_images(flame: str, seed: int, size: FlameSize) -> SimulatedImages:
     """Simulate all layouts at once: most of the time goes into sampling the flame."""
     cameras = tuple(
         replace(camera, name=_name(views, camera.name))

@@ -18,7 +18,7 @@ from studies.common.scans import simulated_by
 from tomo import Scan, load_scan
 from tomo.grid import VoxelGrid
 from tomo.simulation.camera_noise import gaussian
-from tomo.simulation.simulate import SimulatedScan
+from tomo.simulation.simulate import SimulatedImages
 
 GRID = VoxelGrid((20, 40, 20), 0.5)
 VIEWS = 12
@@ -88,7 +88,7 @@ class Flame:
     truth: NDArray[np.float32]
 
     @classmethod
-    def seen(cls, made: SimulatedScan, folder: Path) -> Self:
+    def seen(cls, made: SimulatedImages, folder: Path) -> Self:
         """Return a simulated flame, its images written to a folder."""
         return cls(load_scan(made.save(folder)), made.rig, made.truth)
 
@@ -109,7 +109,7 @@ class Flame:
         return replace(self.scan, rig=replace(self.scan.rig, cameras=tuple(cameras)))
 
 
-def simulated(seed: int = 0) -> SimulatedScan:
+def simulated(seed: int = 0) -> SimulatedImages:
     """Simulate a turbulent flame: voxels twice as fine, 3 x 3 rays a pixel."""
     rig = rigs.ring(
         VIEWS, distance=300.0, image_size=(56, 88), footprint=FOOTPRINT, pitch_degrees=10.0
@@ -117,7 +117,7 @@ def simulated(seed: int = 0) -> SimulatedScan:
     return simulated_by(rig, GRID, ("turbulent", seed), supersample=3, seed=seed)
 
 
-def noisier(made: SimulatedScan, noise: float, seed: int) -> SimulatedScan:
+def noisier(made: SimulatedImages, noise: float, seed: int) -> SimulatedImages:
     """Return it with noise, as `simulate` adds it: a fraction of the maximum of all images."""
     recorded = gaussian(list(made.images.values()), noise, np.random.default_rng(seed))
     return replace(made, images=MappingProxyType(dict(zip(made.images, recorded, strict=True))))

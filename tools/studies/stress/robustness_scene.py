@@ -17,7 +17,7 @@ from studies.common.scans import reconstructed, simulated_by
 from tomo import VoxelGrid
 from tomo.pipeline import Reconstruction
 from tomo.simulation.effects import Effects
-from tomo.simulation.simulate import SimulatedScan
+from tomo.simulation.simulate import SimulatedImages
 
 PRESET = "paper33_pitch"
 FLAMES = ("jet", "turbulent")
@@ -39,11 +39,11 @@ class Scene:
     Attributes
     ----------
     flame : str
-    scan : SimulatedScan
+    scan : SimulatedImages
     """
 
     flame: str
-    scan: SimulatedScan
+    scan: SimulatedImages
 
     @property
     def rig(self) -> Rig:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo import LinearSystem, VoxelGrid
 from tomo.operators.on_the_fly.projector import OnTheFlyProjector
-from tomo.simulation.simulate import SimulatedScan
+from tomo.simulation.simulate import SimulatedImages
 
 FACTORS = (1e-6, 3.7e-6, 2.9e5, 1e6)
 RANGE = f"x {min(FACTORS):g} to {max(FACTORS):g}"
@@ -23,7 +23,7 @@ EXACT = 1e-5
 class Scaled:
     """A scene in other units: lengths and intensities times a factor each."""
 
-    original: SimulatedScan
+    original: SimulatedImages
     lengths: float = 1.0
     intensities: float = 1.0
 
@@ -38,7 +38,7 @@ class Scaled:
         return self.intensities / self.lengths
 
     @cached_property
-    def simulated(self) -> SimulatedScan:
+    def simulated(self) -> SimulatedImages:
         """The scan in these units."""
         grid = self.original.grid
         return replace(

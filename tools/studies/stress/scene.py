@@ -14,7 +14,7 @@ from studies.common.scans import simulated_by
 from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.operators.on_the_fly.projector import OnTheFlyProjector
 from tomo.operators.operator import ProjectionOperator
-from tomo.simulation.simulate import SimulatedScan
+from tomo.simulation.simulate import SimulatedImages
 from tomo.solvers import Solution
 
 SHAPE = (12, 28, 12)
@@ -32,13 +32,13 @@ class Scene:
 
     Attributes
     ----------
-    simulated : SimulatedScan
+    simulated : SimulatedImages
     stored, on_the_fly : ProjectionOperator
         The same matrix.
     measured : (pixels,) float32
     """
 
-    simulated: SimulatedScan
+    simulated: SimulatedImages
     stored: ProjectionOperator
     on_the_fly: ProjectionOperator
     measured: NDArray[np.float32]
@@ -106,6 +106,6 @@ def solved(
     return getattr(solvers, method)(projector, measured, iterations=iterations, **settings)
 
 
-def jet_by(rig: Rig, grid: VoxelGrid | None = None, **how: object) -> SimulatedScan:
+def jet_by(rig: Rig, grid: VoxelGrid | None = None, **how: object) -> SimulatedImages:
     """Return what a rig sees of the jet, through finer voxels and 2 x 2 rays a pixel."""
     return simulated_by(rig, VoxelGrid(SHAPE, SPACING) if grid is None else grid, JET, **how)

@@ -13,7 +13,7 @@ from rigs import Rig, arc
 from studies.common.study import Request, Tables
 from studies.stress.row import COLUMNS, Row, measured, relative_error, worst_of
 from studies.stress.trust_scenes import SHAPE, TrustScene, seen_by, trust_scene
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.uncertainty import Assessment, assess, half_widths
 
 __all__ = ["COLUMNS", "run"]
@@ -149,7 +149,7 @@ def resolution_row(scene: TrustScene, found: Assessment) -> Row:
         place = tuple(int(index) for index in np.unravel_index(flat, grid.shape))
         point = tuple(float(axis[index]) for axis, index in zip(grid.axes(), place, strict=True))
         blob = GaussianBlobs((point,), (BLOB * min(grid.spacing),), (1.0,))
-        seen = simulate(scene.clean.rig, blob, grid, refine=2, supersample=3)
+        seen = simulate_images(scene.clean.rig, blob, grid, refine=2, supersample=3)
         light = system.flatten(list(seen.images.values()))
         light = light * (0.5 * float(before.max()) / float(seen.truth.max()))
         change = scene.solve((scene.problem.measured + light).astype(np.float32)) - before

@@ -16,8 +16,8 @@ from studies.common.scans import simulated_by
 from tomo import VoxelGrid
 from tomo.selection import Choice, choose_by_held_out_views
 from tomo.selection.choose import solve_as_chosen
-from tomo.simulation import simulate
-from tomo.simulation.simulate import SimulatedScan
+from tomo.simulation import simulate_images
+from tomo.simulation.simulate import SimulatedImages
 from tomo.uncertainty import Solve
 
 FRACTION = 0.02
@@ -31,7 +31,7 @@ class TrustScene:
     Attributes
     ----------
     name, noise : str
-    clean : SimulatedScan
+    clean : SimulatedImages
     problem : Problem
         Of the noisy images.
     choice : Choice
@@ -43,7 +43,7 @@ class TrustScene:
 
     name: str
     noise: str
-    clean: SimulatedScan
+    clean: SimulatedImages
     problem: Problem
     choice: Choice
     volume: NDArray[np.float32]
@@ -116,7 +116,7 @@ def seen_by(scene: TrustScene, rig: Rig) -> TrustScene:
         inside = grid.voxel_of(points)
         return np.where(inside < 0, 0.0, truth.ravel()[inside])
 
-    clean = simulate(rig, field, grid, supersample=2)
+    clean = simulate_images(rig, field, grid, supersample=2)
     images = with_noise(list(clean.images.values()), scene.noise, (scene.seed, 0, 0), FRACTION)
     equations, choice, volume = _by_default(rig, grid, images)
     return replace(scene, clean=clean, problem=equations, choice=choice, volume=volume)
@@ -125,7 +125,7 @@ def seen_by(scene: TrustScene, rig: Rig) -> TrustScene:
 @lru_cache(maxsize=4)
 def _clean(
     flame: str, views: int, seed: int, shape: tuple[int, int, int], spacing: float, shrink: int
-) -> SimulatedScan:
+) -> SimulatedImages:
     rig, grid = flame_rig(views, shrink), VoxelGrid(shape, spacing)
     return simulated_by(rig, grid, (flame, seed), supersample=3)
 

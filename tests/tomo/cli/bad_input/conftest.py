@@ -11,7 +11,7 @@ import yaml
 from phantoms import create
 from rigs import ring
 from tomo import VoxelGrid
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 TOOLS = Path(__file__).parents[4] / "tools"
 GRID = VoxelGrid((6, 10, 6), 1.0)
@@ -21,7 +21,7 @@ GRID = VoxelGrid((6, 10, 6), 1.0)
 def original(tmp_path_factory):
     folder = tmp_path_factory.mktemp("original") / "scan"
     rig = ring(3, 60.0, 100.0, image_size=(12, 18), footprint=0.8)
-    simulate(rig, create("blobs", 1, GRID.extent, GRID.center), GRID).save(folder)
+    simulate_images(rig, create("blobs", 1, GRID.extent, GRID.center), GRID).save(folder)
     return folder
 
 

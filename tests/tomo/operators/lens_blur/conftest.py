@@ -7,7 +7,7 @@ import pytest
 import phantoms
 import rigs
 from tomo import LinearSystem, VoxelGrid
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 
 GRID = VoxelGrid((20, 60, 20), 0.5)
@@ -18,7 +18,7 @@ BLUR = APERTURE * (DISTANCE - FOCUS) / FOCUS
 def taken(effects):
     field = phantoms.create("turbulent", 5, GRID.extent, GRID.center)
     rig = rigs.ring(12, distance=DISTANCE, image_size=(64, 144), footprint=0.25)
-    scan = simulate(rig, field, GRID, supersample=2, refine=2, effects=effects)
+    scan = simulate_images(rig, field, GRID, supersample=2, refine=2, effects=effects)
     return SimpleNamespace(
         grid=GRID,
         rig=rig,

@@ -10,7 +10,7 @@ from tomo import VoxelGrid
 from tomo.selfcal.refine import refine_cameras
 from tomo.selfcal.refine.parameters import COUNT, moved_rig
 from tomo.selfcal.refine.prior import units
-from tomo.simulation import simulate
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((16, 40, 16), 0.8)
 FOOTPRINT = 0.6
@@ -32,7 +32,7 @@ def seen(seed):
         12, distance=400, image_size=(40, 64), footprint=FOOTPRINT, pitch_degrees=[12, -12] * 6
     )
     flame = phantoms.create("turbulent", extent=GRID.extent, seed=seed)
-    scan = simulate(rig, flame, GRID, supersample=3, refine=2, noise=0.02, seed=seed)
+    scan = simulate_images(rig, flame, GRID, supersample=3, refine=2, noise=0.02, seed=seed)
     return rig, list(scan.images.values())
 
 

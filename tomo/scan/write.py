@@ -1,0 +1,146 @@
+"""Scans onto disk: a folder of rig, images and scan.yaml, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+from numpy.typing import ArrayLike, NDArray
+
+from rigs import Rig, save_rig
+from rigs.files import whole_folder
+from rigs.recordings import write_image
+from tomo.grid import VoxelGrid
+from tomo.io import write_volume
+from tomo.io.volumes import check_length_unit
+from tomo.scan.corrections import Corrections
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+SCAN_FILE = "scan.yaml"
+
+
+def save_scan(
+    folder: str | PathLike,
+    rig: Rig,
+    frames: Mapping[str, Mapping[str, ArrayLike]],
+    *,
+    grid: VoxelGrid | None = None,
+    truth: ArrayLike | None = None,
+    corrections: Corrections | None = None,
+    effects: Mapping[str, Any] | None = None,
+) -> Path:
+    """Write a scan folder: ``rig.yaml``, ``images/<camera>/<frame>.tif``, ``scan.yaml``.
+
+    Until all is written, the folder keeps what stood there before: see `rigs.files.whole_folder`.
+
+    Parameters
+    ----------
+    folder : path-like
+    rig : Rig
+    frames : mapping
+        Frame name to a mapping from camera name to image ``(h, w)``.
+    grid : VoxelGrid, optional
+    truth : (nx, ny, nz) array, optional
+        The true volume on ``grid``; stored as ``truth.npz``.
+    corrections : Corrections, optional
+        Paths of images must lie inside ``folder``; arrays are written to ``corrections/``.
+    effects : mapping, optional
+        What the images were simulated with, see `Scan`.
+
+    Returns
+    -------
+    scan_file : Path
+
+    Raises
+    ------
+    ValueError
+        If a name cannot be a file's, an image is not of its camera's size, or a truth has no grid.
+    """
+    folder = Path(folder)
+    if truth is not None and grid is None:
+        raise ValueError(f"{folder}: truth: found no grid, expected the one that it lies on")
+    if truth is not None:
+        check_length_unit(rig.length_unit)
+    for frame, images in frames.items():
+        for camera, image in images.items():
+            _check_image(folder, frame, camera, np.shape(image), rig)
+    content: dict[str, Any] = {"format": "emission-scan", "version": 1, "rig": "rig.yaml"}
+    if grid is not None:
+        content["grid"] = {
+            "shape": list(grid.shape),
+            "spacing": list(grid.spacing),
+            "center": list(grid.center),
+        }
+    content["frames"] = [
+        {"name": frame, "images": {camera: f"images/{camera}/{frame}.tif" for camera in images}}
+        for frame, images in frames.items()
+    ]
+    images_of_corrections: dict[str, NDArray] = {}
+    if corrections is not None:
+        content["corrections"], images_of_corrections = _plain_corrections(folder, corrections)
+    if truth is not None:
+        content["truth"] = "truth.npz"
+    if effects is not None:
+        content["effects"] = {name: value for name, value in effects.items() if value is not None}
+
+    with whole_folder(folder, last=(SCAN_FILE,)) as staging:
+        save_rig(rig, staging / "rig.yaml")
+        for frame, images in frames.items():
+            for camera, image in images.items():
+                write_image(staging / "images" / camera / f"{frame}.tif", image)
+        for place, image in images_of_corrections.items():
+            write_image(staging / place, image)
+        if truth is not None:
+            write_volume(staging / "truth.npz", truth, grid, rig.length_unit)
+        text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+        (staging / SCAN_FILE).write_text(text, encoding="utf-8")
+    return folder / SCAN_FILE
+
+
+def _check_image(folder: Path, frame: str, camera: str, shape: tuple, rig: Rig) -> None:
+    check_cameras(folder, f"frame {frame!r}", [camera], rig)
+    for name in (frame, camera):
+        if not name or name.startswith(".") or set(name) & set('/\\:*?"<>|\0'):
+            raise ValueError(f"{folder}: found the name {name!r}, expected one fit for a file")
+    width, height = rig[camera].image_size
+    if shape != (height, width):
+        raise ValueError(
+            f"{folder}: frame {frame!r}: camera {camera}: found an image of shape {shape}, "
+            f"expected {(height, width)}"
+        )
+
+
+def _plain_corrections(
+    folder: Path, corrections: Corrections
+) -> tuple[dict[str, Any], dict[str, NDArray]]:
+    """Return corrections as a scan.yaml holds them, and the images to write, by their paths."""
+    images: dict[str, NDArray] = {}
+
+    def plain(value: Any, place: str) -> Any:
+        if isinstance(value, Mapping):
+            return {camera: plain(one, f"{place}_{camera}") for camera, one in value.items()}
+        if isinstance(value, np.ndarray):
+            images[f"{place}.tif"] = value.astype(np.uint8) if value.dtype == bool else value
+            return f"{place}.tif"
+        return os.path.relpath(value, folder) if isinstance(value, Path) else value
+
+    given = {
+        name: plain(getattr(corrections, name), f"corrections/{name}")
+        for name in Corrections.__dataclass_fields__
+    }
+    return {name: value for name, value in given.items() if value is not None}, images
+
+
+def check_cameras(path: object, field: str, cameras: Mapping[str, Any], rig: Rig) -> None:
+    """Refuse names that are no cameras of the rig; ``path`` and ``field`` say where they stand."""
+    for camera in cameras:
+        if camera not in rig.names:
+            known = ", ".join(rig.names)
+            where = f"{path}: {field}: " if field else f"{path}: "
+            raise ValueError(f"{where}found camera {camera!r}, expected one of the rig's: {known}")
