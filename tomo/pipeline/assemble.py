@@ -66,7 +66,7 @@ def assemble(
     screening, alignment = stages.screen.screening, stages.assess.alignment
     unseen = int(np.count_nonzero(stages.assess.unseen))
     return Reconstruction(
-        reconstruction=replace(evaluated.solution, peak_memory=peak_memory()),
+        solution=replace(evaluated.solution, peak_memory=peak_memory()),
         rig=scan.rig,
         views=evaluated.views,
         data_range=evaluated.data_range,

@@ -26,7 +26,7 @@ class Reconstruction:
 
     Attributes
     ----------
-    reconstruction : Solution
+    solution : Solution
     rig : Rig
         All cameras, the held-out ones too.
     views : tuple of View
@@ -70,7 +70,7 @@ class Reconstruction:
         How far the volume is to be trusted, see `tomo.uncertainty`.
     """
 
-    reconstruction: Solution
+    solution: Solution
     rig: Rig
     views: tuple[View, ...]
     data_range: float
@@ -98,7 +98,7 @@ class Reconstruction:
     @property
     def volume(self) -> NDArray[np.float32]:
         """The volume; where no ray says anything, NaN if that was asked for."""
-        volume = self.reconstruction.volume
+        volume = self.solution.volume
         if self.unseen is None or self.options.unseen != NOT_A_NUMBER:
             return volume
         return np.where(self.unseen, np.float32(np.nan), volume)

@@ -18,7 +18,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
 
     ``outcome`` is a `tomo.Reconstruction`, whose method ``report`` calls this.
     """
-    found = outcome.reconstruction
+    found = outcome.solution
     report = {
         "method": found.settings["method"],
         "seconds": dict(outcome.seconds),

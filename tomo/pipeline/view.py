@@ -25,9 +25,9 @@ class View:
     mask : (rows, columns) bool, optional
         True where a pixel is usable.
     held_out : bool
-        Whether the reconstruction never saw this view, as was asked for.
+        Whether the view took no part, as was asked for.
     excluded : bool
-        Whether it never saw this view because the others contradict it.
+        Whether the view took no part because the others contradict it.
     """
 
     name: str

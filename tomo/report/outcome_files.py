@@ -41,7 +41,7 @@ def write_outcome(
     removed. The report's ``warnings`` name the pictures that could not be drawn. No picture is
     drawn where ``with_pictures`` is False, and the page has none.
     """
-    found, report = outcome.reconstruction, outcome.report()
+    found, report = outcome.solution, outcome.report()
     others = (RIG_FILE, *DEVIATION_FILES, *(f"{name}.png" for name in PICTURES))
     with whole_folder(folder, last=(PAGE, FIGURES), others=others) as staging:
         for name in VOLUME_FILES:
@@ -64,7 +64,7 @@ def write_outcome(
 
 def results_of(outcome: Reconstruction) -> Results:
     """Return what the figures show of a whole reconstruction."""
-    found, condition = outcome.reconstruction, outcome.uncertainty
+    found, condition = outcome.solution, outcome.uncertainty
     return Results(
         rig=outcome.rig,
         grid=found.grid,

@@ -178,7 +178,7 @@ def test_a_rig_and_a_folder_of_images(run_tool, scan, tmp_path):
     data, grid, _ = read_volume(tmp_path / "volume.npz")
     expected = reconstruct(
         load_scan(scan), options=Options(method="sirt", iterations=3)
-    ).reconstruction.volume
+    ).solution.volume
     np.testing.assert_array_equal(data, expected)
     np.testing.assert_allclose(grid.lower, GRID.lower)
 
@@ -221,7 +221,7 @@ def test_wernet_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, monkey
     assert resumed.exit_code == 0, resumed.stderr
     whole = reconstruct(load_scan(scan), options=Options(method="wernet", seed=3, iterations=2))
     volume = read_volume(out / "volume.npz")[0]
-    np.testing.assert_array_equal(volume, whole.reconstruction.volume)
+    np.testing.assert_array_equal(volume, whole.solution.volume)
     report = json.loads(resumed.stdout)
     assert report["method"] == "wernet"
     assert report["solver"] == json.loads(json.dumps(whole.report()["solver"]))
@@ -249,9 +249,7 @@ def test_an_encoder_is_used_as_it_is(run_tool, scan, tmp_path):
     assert report["held_out"]["cam02"]["psnr"] > 25
     assert path.read_bytes() == content
     # one that corrects nothing gives the classic solve
-    classic = reconstruct(
-        load_scan(scan), options=Options(hold_out=["cam02"])
-    ).reconstruction.volume
+    classic = reconstruct(load_scan(scan), options=Options(hold_out=["cam02"])).solution.volume
     np.testing.assert_array_equal(read_volume(tmp_path / "out" / "volume.npz")[0], classic)
 
 

@@ -53,7 +53,7 @@ def volume_of():
 
     def run(scan, *arguments, **settings):
         scan = scan if isinstance(scan, Scan) else load_scan(scan)
-        return reconstruct(scan, *arguments, options=Options(**settings)).reconstruction.volume
+        return reconstruct(scan, *arguments, options=Options(**settings)).solution.volume
 
     return run
 

@@ -53,7 +53,7 @@ def basis(outcome):
 
 
 def distance(outcome):
-    return outcome.reconstruction.quality["cosine_distance"]
+    return outcome.solution.quality["cosine_distance"]
 
 
 @pytest.fixture(scope="session")
@@ -87,9 +87,9 @@ def test_a_flame_in_fine_pixels_is_nearer_to_the_truth_by_splines(by_splines, by
 
 def test_the_volume_holds_means_and_the_distances_are_theirs(by_splines, fine):
     truth, *_ = read_volume(fine.truth)
-    found = by_splines.reconstruction
+    found = by_splines.solution
     assert cosine_distance(found.volume, truth) == pytest.approx(distance(by_splines), rel=1e-6)
-    assert by_splines.reconstruction.history[-1].distance == pytest.approx(
+    assert by_splines.solution.history[-1].distance == pytest.approx(
         distance(by_splines), rel=1e-5
     )
     assert found.volume.sum() == pytest.approx(truth.sum(), rel=0.02)
@@ -97,7 +97,7 @@ def test_the_volume_holds_means_and_the_distances_are_theirs(by_splines, fine):
 
 
 def test_re_projected_images_are_those_that_were_solved_for(by_splines):
-    residual = by_splines.reconstruction.relative_residual
+    residual = by_splines.solution.relative_residual
     assert residual_of_used(by_splines) == pytest.approx(residual, rel=0.05)
 
 
@@ -140,7 +140,7 @@ def test_on_the_fly_takes_boxes_and_splines_when_asked(fine):
     found = [
         reconstruct(
             fine, options=Options(**{**settings, "projector": form}, basis="linear")
-        ).reconstruction.volume
+        ).solution.volume
         for form in ("stored", "on-the-fly")
     ]
     assert cosine_distance(*found) < 1e-4
@@ -149,11 +149,11 @@ def test_on_the_fly_takes_boxes_and_splines_when_asked(fine):
 def test_many_views_learn_of_boxes_and_leave_images_without_more_to_splines(fine):
     found = reconstruct(fine, options=Options(method="wernet", uncertainty=0))
     assert basis(found) == "linear"
-    assert found.reconstruction.settings["method"] == "wernet"
-    assert found.reconstruction.settings["learned"] is False
-    assert "by splines" in found.reconstruction.stop_reason
+    assert found.solution.settings["method"] == "wernet"
+    assert found.solution.settings["learned"] is False
+    assert "in the linear basis" in found.solution.stop_reason
     classic = reconstruct(fine, options=Options(uncertainty=0))
-    np.testing.assert_array_equal(found.reconstruction.volume, classic.reconstruction.volume)
+    np.testing.assert_array_equal(found.solution.volume, classic.solution.volume)
 
 
 def test_what_many_views_taught_of_boxes_is_solved_for_by_splines(take):
@@ -163,14 +163,14 @@ def test_what_many_views_taught_of_boxes_is_solved_for_by_splines(take):
     found, boxes = (
         reconstruct(scan, options=Options(basis=one, **settings)) for one in ("auto", "voxel")
     )
-    learned, of_boxes = (one.reconstruction for one in (found, boxes))
+    learned, of_boxes = (one.solution for one in (found, boxes))
     assert basis(found) == "linear"
     assert learned.settings["learned"] is of_boxes.settings["learned"] is True
     assert distance(found) < 0.85 * distance(boxes)
     assert psnr(found, "cam03") > psnr(boxes, "cam03")
     # the rounds of boxes stand in the history, the solve by splines at its end
     assert learned.history[-1].index == of_boxes.history[-1].index + 1
-    assert found.reconstruction.history[-1].distance == pytest.approx(distance(found), rel=1e-5)
+    assert found.solution.history[-1].distance == pytest.approx(distance(found), rel=1e-5)
     first, last = ([one.distance for one in each.history] for each in (learned, of_boxes))
     assert first[:-1] == last
     assert residual_of_used(found) == pytest.approx(learned.relative_residual, rel=0.05)
@@ -178,11 +178,11 @@ def test_what_many_views_taught_of_boxes_is_solved_for_by_splines(take):
     classic = reconstruct(
         scan, options=Options(method="sirt", iterations=20, hold_out=["cam03"], fit_gain=False)
     )
-    np.testing.assert_array_equal(found.comparisons[0].volume, classic.reconstruction.volume)
+    np.testing.assert_array_equal(found.comparisons[0].volume, classic.solution.volume)
 
 
 def test_splines_of_clean_images_are_tamed_and_iterated_on(by_splines, by_boxes):
-    settings, boxes = (one.reconstruction.settings for one in (by_splines, by_boxes))
+    settings, boxes = (one.solution.settings for one in (by_splines, by_boxes))
     assert {tried.method for tried in settings["tried"]} == {"curvature"}
     assert settings["iterations"] > boxes["iterations"]
     strengths = [tried.strength for tried in settings["tried"]]
@@ -199,9 +199,9 @@ def test_weights_that_are_given_are_judged_on_what_predicts_better(fine, tmp_pat
     settings = {"method": "wernet", "encoder": path, "uncertainty": 0}
     frozen = reconstruct(fine, options=Options(freeze_encoder=True, **settings))
     assert frozen.basis["error_ratio"] < 1
-    assert np.isfinite(frozen.reconstruction.settings["held_out_residual"]["learned"])
+    assert np.isfinite(frozen.solution.settings["held_out_residual"]["learned"])
     classic = reconstruct(fine, options=Options(uncertainty=0))
-    np.testing.assert_array_equal(frozen.reconstruction.volume, classic.reconstruction.volume)
+    np.testing.assert_array_equal(frozen.solution.volume, classic.solution.volume)
 
 
 def test_few_views_learn_of_splines(take):
@@ -216,9 +216,9 @@ def test_few_views_that_teach_nothing_are_judged_by_the_splines_they_were_solved
     scan, settings = take(views=6), {"hold_out": ["cam02"], "uncertainty": 0}
     found = reconstruct(scan, options=Options(method="wernet", iterations=0, **settings))
     classic = reconstruct(scan, options=Options(**settings))
-    assert found.reconstruction.settings["learned"] is False
+    assert found.solution.settings["learned"] is False
     assert basis(found) == basis(classic) == "linear"
-    np.testing.assert_array_equal(found.reconstruction.volume, classic.reconstruction.volume)
+    np.testing.assert_array_equal(found.solution.volume, classic.solution.volume)
     assert psnr(found, "cam02") == psnr(classic, "cam02")
 
 

@@ -51,7 +51,7 @@ def scan_of(seen, tmp_path):
 
 
 def volume_of(scan, **settings):
-    return reconstruct(scan, options=Options(uncertainty=0, **settings)).reconstruction.volume
+    return reconstruct(scan, options=Options(uncertainty=0, **settings)).solution.volume
 
 
 def unchanged(image, _random):

@@ -50,13 +50,13 @@ def test_wernet_learns_what_chords_do_not_know_and_judges_the_held_out_view(uneq
     ]
     assert gains[0] < 0.5 * gains[1]
     assert gains[1] > 0.05
-    distances = [one.reconstruction.quality["cosine_distance"] for one in (learned, classic)]
+    distances = [one.solution.quality["cosine_distance"] for one in (learned, classic)]
     assert distances[0] < 0.5 * distances[1]
-    own = [entry.distance for entry in learned.reconstruction.history]
+    own = [entry.distance for entry in learned.solution.history]
     assert own[-1] == pytest.approx(distances[0], rel=1e-3)
     assert None not in own
     again = reconstruct(unequal, options=Options(method="wernet", **settings))
-    np.testing.assert_array_equal(again.reconstruction.volume, learned.reconstruction.volume)
+    np.testing.assert_array_equal(again.solution.volume, learned.solution.volume)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_wernet_of_dark_images_is_empty(copy):
     for path in copy.glob("images/*/*.tif"):
         tifffile.imwrite(path, np.zeros((60, 40), np.float32))
     found = reconstruct(load_scan(copy), options=Options(method="wernet", hold_out=["cam02"]))
-    assert not found.reconstruction.volume.any()
+    assert not found.solution.volume.any()
     assert any("the volume is empty" in warning for warning in found.warnings)
     json.dumps(found.report(), allow_nan=False)
 

@@ -83,5 +83,5 @@ def test_the_truth_does_not_reach_the_solve(copy, grid, outcome):
     write_volume(copy / "truth.npz", truth, grid)
     found = reconstruct(load_scan(copy))
     np.testing.assert_array_equal(found.volume, outcome.volume)
-    assert found.reconstruction.settings == outcome.reconstruction.settings
-    assert found.reconstruction.quality != outcome.reconstruction.quality
+    assert found.solution.settings == outcome.solution.settings
+    assert found.solution.quality != outcome.solution.quality

@@ -142,5 +142,5 @@ def test_wernet_learns_the_same_of_absorption(tmp_path, scale):
         for name, scan in (("plain", few), ("scaled", other.scan))
     )
     assert (found.learned is None) == (expected.learned is None)
-    volume = found.reconstruction.volume.astype(np.float64) / other.emission
-    assert apart(volume, expected.reconstruction.volume) < 1e-5
+    volume = found.solution.volume.astype(np.float64) / other.emission
+    assert apart(volume, expected.solution.volume) < 1e-5

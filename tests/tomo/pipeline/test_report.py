@@ -66,13 +66,13 @@ def test_comparisons_stand_beside_and_change_nothing(folder, volume_of):
     compare = ["wernet-paper:1", "mlem:3", "sart:2"]
     scan = load_scan(folder).scaled(2)
     found = reconstruct(scan, options=Options(compare=compare))
-    np.testing.assert_array_equal(found.reconstruction.volume, volume_of(scan))
+    np.testing.assert_array_equal(found.solution.volume, volume_of(scan))
     beside = found.report()["comparisons"]
     assert [one["method"] for one in beside] == ["wernet-paper", "mlem", "sart"]
     assert all(np.isfinite(one["quality"]["cosine_distance"]) for one in beside)
     # the curves of two runs of one method are not mixed up
     for course, run in zip(
-        results_of(found).history, (found.reconstruction, *found.comparisons), strict=True
+        results_of(found).history, (found.solution, *found.comparisons), strict=True
     ):
         assert len(course.cosine_distance) == len(run.history)
         own = run.quality["cosine_distance"]
@@ -94,6 +94,6 @@ def test_dark_images_give_an_empty_volume_and_a_warning(copy):
     for path in copy.glob("images/*/*.tif"):
         tifffile.imwrite(path, np.zeros((60, 40), np.float32))
     found = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"]))
-    assert not found.reconstruction.volume.any()
+    assert not found.solution.volume.any()
     assert any("the volume is empty" in warning for warning in found.warnings)
     json.dumps(found.report(), allow_nan=False)

@@ -70,9 +70,9 @@ def test_outlier_pixels_are_excluded_and_reported(made, run):
         name: np.where(random.random(image.shape) < 0.01, 3 * top, image).astype(np.float32)
         for name, image in made.images.items()
     }
-    clean = run(dict(made.images)).reconstruction.quality["nrmse"]
+    clean = run(dict(made.images)).solution.quality["nrmse"]
     outcome = run(images)
-    assert outcome.reconstruction.quality["nrmse"] < 1.2 * clean
+    assert outcome.solution.quality["nrmse"] < 1.2 * clean
     assert sum(outcome.screening["outlier_pixels"].values()) > 0.008 * 12 * 48 * 60
     assert any("of the pixels are outliers" in warning for warning in outcome.warnings)
 

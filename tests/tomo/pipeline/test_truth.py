@@ -14,17 +14,17 @@ SIRT = {"method": "sirt", "iterations": 5}
 
 
 def test_the_volume_is_close_to_the_truth(outcome):
-    assert outcome.reconstruction.quality["cosine_distance"] < 0.025
-    assert outcome.reconstruction.quality["total_ratio"] == pytest.approx(1, abs=0.05)
-    assert outcome.reconstruction.relative_residual < 0.17
+    assert outcome.solution.quality["cosine_distance"] < 0.025
+    assert outcome.solution.quality["total_ratio"] == pytest.approx(1, abs=0.05)
+    assert outcome.solution.relative_residual < 0.17
     for view in outcome.views:
         assert view.gain == pytest.approx(1, abs=0.02)
 
 
 def test_the_distances_from_the_truth_end_at_the_volume_s_own(outcome):
-    distances = [entry.distance for entry in outcome.reconstruction.history]
+    distances = [entry.distance for entry in outcome.solution.history]
     assert None not in distances
-    own = outcome.reconstruction.quality["cosine_distance"]
+    own = outcome.solution.quality["cosine_distance"]
     assert distances[-1] == pytest.approx(own, rel=1e-3)
     assert distances[0] > 10 * own
 
@@ -38,7 +38,7 @@ def test_a_truth_on_another_grid_is_told_and_not_compared(folder, outcome, grid)
     assert found.truth is None
     assert found.report()["quality"] == {}
     # what all voxels emit together is the same on any grid
-    assert 8 * found.reconstruction.volume.sum() == pytest.approx(outcome.truth.sum(), rel=0.1)
+    assert 8 * found.solution.volume.sum() == pytest.approx(outcome.truth.sum(), rel=0.1)
 
 
 def test_a_truth_that_is_a_voxel_s_part_off_is_not_compared(copy, grid):
@@ -57,8 +57,8 @@ def test_shrunk_images_say_the_same(folder, outcome):
     found = reconstruct(load_scan(folder).scaled(2))
     assert found.counts["rays"] < 0.4 * outcome.counts["rays"]
     assert found.scan["scale"] == 2
-    assert found.reconstruction.quality["cosine_distance"] < 0.025
-    assert found.reconstruction.quality["total_ratio"] == pytest.approx(1, abs=0.05)
+    assert found.solution.quality["cosine_distance"] < 0.025
+    assert found.solution.quality["total_ratio"] == pytest.approx(1, abs=0.05)
 
 
 def test_more_rays_a_pixel(folder):
@@ -66,7 +66,7 @@ def test_more_rays_a_pixel(folder):
         load_scan(folder), options=Options(supersample=2, method="mlem", iterations=10)
     )
     assert found.options.supersample == 2
-    assert found.reconstruction.quality["total_ratio"] == pytest.approx(1, abs=0.02)
+    assert found.solution.quality["total_ratio"] == pytest.approx(1, abs=0.02)
 
 
 @pytest.mark.parametrize("rows", [1, 2])
@@ -76,5 +76,5 @@ def test_cameras_of_a_row_or_two_show_a_slice(tmp_path, rows):
     field = GaussianBlobs([[1, 0, 2], [-3, 0, -2]], [2.0, 2.5], [1.0, 0.7])
     simulate_images(rig, field, flat, supersample=2).save(tmp_path / "scan")
     found = reconstruct(load_scan(tmp_path / "scan"))
-    assert found.reconstruction.quality["cosine_distance"] < 0.002
+    assert found.solution.quality["cosine_distance"] < 0.002
     assert found.warnings == ()

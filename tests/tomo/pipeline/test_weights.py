@@ -47,30 +47,30 @@ def both(scan, **how):
 
 
 def distance(outcome):
-    return outcome.reconstruction.quality["cosine_distance"]
+    return outcome.solution.quality["cosine_distance"]
 
 
 @pytest.mark.parametrize("basis", ["voxel", "linear"])
 def test_photons_are_weighed_and_the_volume_comes_nearer_to_the_truth(photons, basis):
     plain, weighed = both(photons, basis=basis)
     assert weighed.pixel_weights["used"]
-    assert weighed.reconstruction.settings["weighted"]
+    assert weighed.solution.settings["weighted"]
     assert not plain.pixel_weights["used"]
-    assert not plain.reconstruction.settings["weighted"]
+    assert not plain.solution.settings["weighted"]
     assert distance(weighed) < 0.9 * distance(plain)
 
 
 def test_even_noise_is_left_as_it_is_to_the_bit(take):
     plain, weighed = both(take(noise=0.05))
     assert "equally noisy" in weighed.pixel_weights["reason"]
-    np.testing.assert_array_equal(weighed.reconstruction.volume, plain.reconstruction.volume)
+    np.testing.assert_array_equal(weighed.solution.volume, plain.solution.volume)
 
 
 def test_few_views_are_weighed_too_and_mlem_which_knows_photons_is_not(take):
     plain, weighed = both(take(5, photons=PHOTONS), hold_out=["cam02"])
     assert weighed.pixel_weights["used"]
-    assert weighed.reconstruction.settings.get("weighted", True) == (
-        weighed.reconstruction.settings["method"] != "mlem"
+    assert weighed.solution.settings.get("weighted", True) == (
+        weighed.solution.settings["method"] != "mlem"
     )
     assert distance(weighed) < 1.1 * distance(plain)
 
@@ -78,15 +78,15 @@ def test_few_views_are_weighed_too_and_mlem_which_knows_photons_is_not(take):
 def test_a_method_asked_for_by_name_counts_pixels_alike_and_says_so(photons):
     plain, weighed = both(photons, method="nnls", iterations=8)
     assert "default method" in weighed.pixel_weights["reason"]
-    np.testing.assert_array_equal(weighed.reconstruction.volume, plain.reconstruction.volume)
+    np.testing.assert_array_equal(weighed.solution.volume, plain.solution.volume)
 
 
 def test_wernet_starts_from_the_weighed_default(photons):
     default = reconstruct(photons, options=Options(uncertainty=0))
     learned = reconstruct(photons, options=Options(method="wernet", iterations=1))
     assert learned.pixel_weights == default.pixel_weights
-    assert learned.reconstruction.settings["weighted"]
-    assert learned.reconstruction.settings["solved_by"]["weighted"]
+    assert learned.solution.settings["weighted"]
+    assert learned.solution.settings["solved_by"]["weighted"]
     assert distance(learned) < 1.05 * distance(default)
 
 

@@ -21,8 +21,8 @@ def test_the_held_out_view_is_only_judged(copy, garble):
     assert figures["cosine"] > 0.985
     garble(copy / "images/cam02/frame_000.tif")
     after = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"]))
-    np.testing.assert_array_equal(after.reconstruction.volume, before.reconstruction.volume)
-    assert after.reconstruction.settings == before.reconstruction.settings
+    np.testing.assert_array_equal(after.solution.volume, before.solution.volume)
+    assert after.solution.settings == before.solution.settings
     assert after.report()["held_out"]["cam02"]["psnr"] < 20
     assert [view.name for view in after.views] == [f"cam0{n}" for n in range(6)]
     assert [view.held_out for view in after.views] == [n == 2 for n in range(6)]
@@ -46,12 +46,12 @@ def test_masked_pixels_never_matter(copy, volume_of, far, garble):
     for camera in ("cam01", "cam02"):
         garble(copy / f"images/{camera}/frame_000.tif", mask == 0)
     after = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"]))
-    np.testing.assert_array_equal(after.reconstruction.volume, before.reconstruction.volume)
+    np.testing.assert_array_equal(after.solution.volume, before.solution.volume)
     assert after.report()["held_out"] == before.report()["held_out"]
     assert after.report()["views"] == before.report()["views"]
-    assert before.reconstruction.quality["cosine_distance"] < 0.03
+    assert before.solution.quality["cosine_distance"] < 0.03
     garble(copy / "images/cam01/frame_000.tif")  # unmasked, it does matter
-    assert far(volume_of(copy, hold_out=["cam02"]), before.reconstruction.volume) > 0.05
+    assert far(volume_of(copy, hold_out=["cam02"]), before.solution.volume) > 0.05
 
 
 @pytest.mark.parametrize("method", ["auto", "cgls", "sirt", "mlem", "sart"])
@@ -63,7 +63,7 @@ def test_pixels_that_miss_the_grid_change_nothing(folder, method, far):
     whole = reconstruct(load_scan(folder), options=Options(skip=False, **settings))
     assert whole.counts["rays"] == 6 * 40 * 60 > skipped.counts["rays"]
     assert whole.counts["segments"] == skipped.counts["segments"]
-    assert far(whole.reconstruction.volume, skipped.reconstruction.volume) < 1e-5
+    assert far(whole.solution.volume, skipped.solution.volume) < 1e-5
     for one, other in zip(whole.views, skipped.views, strict=True):
         np.testing.assert_allclose(one.reprojected, other.reprojected, atol=1e-4)
 
@@ -79,11 +79,11 @@ def test_voxels_proved_empty_take_no_part_and_cost_nothing(folder, grid):
     assert report["pixels_used"] < report["pixels_recorded"] == 6 * 40 * 60
     assert "are dark in" in report["reason"]
     # what was left out is empty, and what is left is found no worse
-    emptied = carved.reconstruction.volume == 0
+    emptied = carved.solution.volume == 0
     assert np.sum(carved.truth[emptied] ** 2) < 2e-3 * np.sum(carved.truth**2)
     assert (
-        carved.reconstruction.quality["cosine_distance"]
-        < 1.02 * whole.reconstruction.quality["cosine_distance"]
+        carved.solution.quality["cosine_distance"]
+        < 1.02 * whole.solution.quality["cosine_distance"]
     )
 
 

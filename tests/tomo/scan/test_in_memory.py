@@ -48,7 +48,7 @@ def test_a_simulated_scan_is_reconstructed_without_files(how, tmp_path):
     found = tomo.reconstruct(scan, options=options)
     loaded = tomo.reconstruct(load_scan(scan.save(tmp_path / "scan")), options=options)
     np.testing.assert_array_equal(found.volume, loaded.volume)
-    assert found.reconstruction.quality == loaded.reconstruction.quality
+    assert found.solution.quality == loaded.solution.quality
     assert found.report()["held_out"] == loaded.report()["held_out"]
     assert found.warnings == loaded.warnings
 

@@ -74,7 +74,7 @@ def _best_stopped(seen: Scene, method: str, sizes: Sizes) -> list[dict[str, Any]
 
 def _default(seen: Scene, skip: bool) -> dict[str, Any]:
     outcome = reconstructed(seen.scan, skip=skip)
-    found, total = outcome.reconstruction, seconds_of(outcome)
+    found, total = outcome.solution, seconds_of(outcome)
     ended = found.history[-1].seconds if found.history else 0.0
     first = next((i for i, one in enumerate(found.history) if one.distance <= REACHED), None)
     return {

@@ -140,7 +140,7 @@ def _run(
 def _default(seen: Scene) -> dict[str, Any]:
     """Run the default, which chooses without the truth and stops by itself."""
     outcome = reconstructed(seen.scan, seed=seen.seed)
-    found, total = outcome.reconstruction, seconds_of(outcome)
+    found, total = outcome.solution, seconds_of(outcome)
     return seen.named | {
         "method": AUTO,
         "settings": {},

@@ -84,7 +84,7 @@ def _pair(folder: Path, seed: int) -> tuple[Flame, Flame]:
 
 def _error(flame: Flame, kind: str, pixels: float, method: str) -> float:
     found = reconstructed(flame.seen_wrongly(kind, pixels), method=method, uncertainty=0)
-    return found.reconstruction.quality["nrmse"]
+    return found.solution.quality["nrmse"]
 
 
 @cache

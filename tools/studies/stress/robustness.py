@@ -120,7 +120,7 @@ class _Measured:
 
     def __init__(self, one: Scene) -> None:
         self.scene = one
-        self.clean = one.reconstructed(one.images).reconstruction.quality
+        self.clean = one.reconstructed(one.images).solution.quality
         self.errors: dict[str, list[tuple[str, float]]] = defaultdict(list)
         self.cosines: dict[str, float] = defaultdict(float)
         self.faults: dict[str, list[str]] = defaultdict(list)
@@ -154,7 +154,7 @@ class _Measured:
     ) -> None:
         """Reconstruct; ``wrong`` are the views to be named, None where none has to be."""
         outcome = self.scene.reconstructed(images)
-        quality, where = outcome.reconstruction.quality, f"{self.scene.flame}, {what}"
+        quality, where = outcome.solution.quality, f"{self.scene.flame}, {what}"
         times = quality["nrmse"] / self.clean["nrmse"]
         cosine = quality["cosine_distance"] / self.clean["cosine_distance"]
         self.errors[kind].append((where, times))

@@ -68,8 +68,8 @@ def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
     figures, changed = [], []
     for other in others:
         outcome = reconstructed(other.simulated)
-        found = other.unscaled(outcome.reconstruction.volume)
-        error = relative_error(found, expected.reconstruction.volume)
+        found = other.unscaled(outcome.solution.volume)
+        error = relative_error(found, expected.solution.volume)
         figures.append((other.name, error))
         changed += [
             f"{name} {value} instead of {chosen[name]}, {other.name}"
@@ -108,7 +108,7 @@ def _form(scaled: Scaled, form: str) -> ProjectionOperator:
 
 
 def _choice(outcome: Reconstruction) -> Mapping[str, object]:
-    settings = outcome.reconstruction.settings
+    settings = outcome.solution.settings
     return {
         "method": settings["method"],
         "width": settings["smooth_width"],

@@ -55,7 +55,7 @@ def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
 
     scan = load_scan(folder)
     images, masks = scan.read()
-    yield "default method", reconstruct(scan, options=Options(uncertainty=0)).reconstruction.volume
+    yield "default method", reconstruct(scan, options=Options(uncertainty=0)).solution.volume
     seen = scene_of(ring(len(scan.rig)), noise=0.02)
     yield "simulated images", np.stack(list(seen.simulated.images.values()))
     for form, projector in (("stored", seen.stored), ("on the fly", seen.on_the_fly)):
@@ -96,7 +96,7 @@ def _learned(folder: Path) -> Iterator[tuple[str, NDArray]]:
     found = reconstruct(
         load_scan(folder), options=Options(method="wernet", iterations=LEARNED_ROUNDS)
     )
-    yield "wernet", found.reconstruction.volume
+    yield "wernet", found.solution.volume
     if found.learned is None:
         raise SystemExit("wernet learned nothing: its threads are not tried")
 

@@ -144,4 +144,4 @@ def _unseen(scenes: Mapping[str, Scene], outcomes: Mapping[str, Reconstruction])
 
 
 def _volume(outcome: Reconstruction) -> NDArray[np.float32]:
-    return outcome.reconstruction.volume
+    return outcome.solution.volume

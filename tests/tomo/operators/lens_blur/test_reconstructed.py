@@ -20,11 +20,11 @@ def scans(tmp_path_factory, out_of_focus, in_focus):
 
 
 def distance(outcome):
-    return outcome.reconstruction.quality["cosine_distance"]
+    return outcome.solution.quality["cosine_distance"]
 
 
 def residual(outcome):
-    return outcome.reconstruction.relative_residual
+    return outcome.solution.relative_residual
 
 
 def test_wernet_sees_through_a_disc(scans, out_of_focus):
