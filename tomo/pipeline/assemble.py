@@ -1,4 +1,4 @@
-"""What the stages found, put together into one `Reconstruction`."""
+"""The findings of the stages, put together into one `Reconstruction`."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def assemble(
     first_use : float
         Seconds of compiling or loading kernels before the stages.
     seconds : float
-        Of the whole reconstruction.
+        Wall time of the whole reconstruction.
     """
     scan, grid = stages.load.scan, stages.solve.built.system.projector.grid
     registered, built, evaluated = stages.register, stages.build, stages.evaluate

@@ -1,4 +1,4 @@
-"""What options, a scan and a grid allow together: refused before any image is read."""
+"""Options against each other, a scan and a grid; refusals come before any image is read."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class Method:
     name : str
         ``auto`` chooses between the classic ones by views left out.
     needs_midpoints : bool
-        Whether it needs the middle of every crossing.
+        Whether it needs the midpoint of every segment.
     needs_matrix : bool
         Whether it goes through the matrix's entries, so that only a stored one will do.
     """
@@ -55,7 +55,7 @@ class Method:
 
     @property
     def default_iterations(self) -> int:
-        """How many iterations the solver runs when it is not told; ``auto`` has no such number."""
+        """How many iterations the solver runs when none is given; ``auto`` has no such number."""
         return inspect.signature(self.solver).parameters["iterations"].default
 
     def arguments(self, **given: object) -> dict[str, object]:

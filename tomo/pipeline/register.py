@@ -93,7 +93,7 @@ def register(
     Parameters
     ----------
     rig, images, masks, grid
-        Of the cameras to reconstruct from.
+        Those of the cameras to reconstruct from.
     align : bool
         Whether to look for shifts of the cameras' images.
     margin : float or "auto", optional

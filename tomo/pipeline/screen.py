@@ -26,11 +26,11 @@ class ScreenedScan:
     scan : Scan
         The cameras to reconstruct from.
     images, masks : list of (height, width)
-        Of these cameras; outlier pixels are 0 and not usable.
+        Those of these cameras; outlier pixels are 0 and not usable.
     apart : Scan, optional
         The cameras held out and those excluded.
     apart_images, apart_masks : list of (height, width)
-        Of these cameras; outlier pixels of cameras held out are 0 and not usable.
+        Those of these cameras; outlier pixels of cameras held out are 0 and not usable.
     screening : Screening, optional
         None where nothing was screened.
     record : Record

@@ -39,7 +39,7 @@ class Solved:
     solution : Solution
         Its volume holds the voxels' means.
     built : WeightedSystem
-        Of segment lengths, in the basis of the last solve.
+        By segment lengths, in the basis of the last solve.
     record : Record
     """
 
@@ -113,7 +113,7 @@ def solve_by(
         The method's own number when None.
     built : WeightedSystem
     options : Options
-        Of these, the seed, the time limit and those about learning.
+        The seed, the time limit and those about learning are used.
     watch : callable, optional
         See `Watch`.
     progress : callable, optional

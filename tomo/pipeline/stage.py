@@ -1,4 +1,4 @@
-"""What every stage of a reconstruction carries: its seconds and its warnings."""
+"""The seconds and warnings that every stage of a reconstruction carries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What calibrated cameras saw: images and rig, on disk and in memory."""
+"""Images of calibrated cameras and their rig, on disk and in memory."""
 
 import lazy_loader
 

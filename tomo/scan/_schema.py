@@ -1,4 +1,4 @@
-"""What a scan.yaml may hold: every field checked before anything else sees it."""
+"""The content of a scan.yaml: every field checked before anything else sees it."""
 
 from __future__ import annotations
 

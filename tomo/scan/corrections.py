@@ -24,12 +24,12 @@ class Corrections:
     Attributes
     ----------
     dark : float or Path, or a mapping to these
-        What the camera reads without light; a number or an image.
+        The camera's reading without light; a number or an image.
     flat : float or Path, or a mapping to these
         Its response to equal light, dark already taken off; 1 is nominal. Pixels where it is not
         positive are unusable.
     gain : float, or a mapping to float
-        What the image is multiplied by: 1.02 for a camera that records 2 % too little. It is the
+        The factor on the image: 1.02 for a camera that records 2 % too little. It is the
         inverse of a camera's gain in ``report.json``, which is what the camera records too much.
     mask : Path, or a mapping to Path
         An image that is non-zero where the pixel is usable.
@@ -62,7 +62,7 @@ class Corrections:
             The image as recorded.
         camera : str
         size : (width, height)
-            Of the camera's images; those of its corrections are of the same size.
+            Size of the camera's images and of those of its corrections.
         source : Path, optional
             The file that the corrections stand in; errors about them name it.
 

@@ -59,14 +59,14 @@ class Coarser:
         )
 
 
-def coarsening(rig: Rig, grid: VoxelGrid, crossings: int, coarsest: int = COARSEST) -> int:
-    """Return by how much to enlarge voxels and pixels for about so many crossings.
+def coarsening(rig: Rig, grid: VoxelGrid, segments: int, coarsest: int = COARSEST) -> int:
+    """Return by how much to enlarge voxels and pixels for about ``segments`` segments.
 
     ``coarsest`` is what stays at least: voxels along the grid's longest edge, and pixels along an
     image's shortest.
     """
     pixels = sum(math.prod(camera.image_size) for camera in rig)
-    wanted = round((pixels * sum(grid.shape) / 3 / crossings) ** (1 / 3))
+    wanted = round((pixels * sum(grid.shape) / 3 / segments) ** (1 / 3))
     most = min(max(grid.shape) // coarsest, min(min(c.image_size) for c in rig) // coarsest)
     return max(min(wanted, most), 1)
 

@@ -63,8 +63,9 @@ class Scan:
     recorded_sizes : mapping, optional
         Camera to ``(width, height)`` of the files; that of the rig when None.
     effects : mapping, optional
-        What the images were simulated with: the fields of `tomo.simulation.effects.Effects`, and
-        ``gains``, camera to gain. Only compared with, as the truth is.
+        The effects that the images were simulated with: the fields of
+        `tomo.simulation.effects.Effects`, and ``gains``, camera to gain. Only compared with, as
+        the truth is.
     """
 
     rig: Rig

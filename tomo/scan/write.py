@@ -51,7 +51,7 @@ def save_scan(
     corrections : Corrections, optional
         Paths of images must lie inside ``folder``; arrays are written to ``corrections/``.
     effects : mapping, optional
-        What the images were simulated with, see `Scan`.
+        The effects that the images were simulated with, see `Scan`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Boxes or splines: which are taken, and what comes of them."""
+"""The voxel basis or the linear basis: which is taken, and how the volume fares."""
 
 import json
 
@@ -57,12 +57,12 @@ def distance(outcome):
 
 
 @pytest.fixture(scope="session")
-def by_splines(fine):
+def by_linear(fine):
     return reconstruct(fine, options=Options(hold_out=["cam03"], compare=["art:3", "sirt:20"]))
 
 
 @pytest.fixture(scope="session")
-def by_boxes(fine):
+def by_voxel(fine):
     settings = {"hold_out": ["cam03"], "compare": ["art:3", "sirt:20"]}
     return reconstruct(fine, options=Options(basis="voxel", **settings))
 
@@ -77,64 +77,62 @@ def psnr(outcome, name):
     return outcome.report()["held_out"][name]["psnr"]
 
 
-def test_a_flame_in_fine_pixels_is_nearer_to_the_truth_by_splines(by_splines, by_boxes):
-    assert (basis(by_splines), basis(by_boxes)) == ("linear", "voxel")
-    assert by_splines.basis["error_ratio"] < 1
-    assert distance(by_splines) < 0.8 * distance(by_boxes)
-    assert psnr(by_splines, "cam03") > psnr(by_boxes, "cam03") + 1
-    json.dumps(by_splines.report(), allow_nan=False)
+def test_a_flame_in_fine_pixels_is_nearer_to_the_truth_in_the_linear_basis(by_linear, by_voxel):
+    assert (basis(by_linear), basis(by_voxel)) == ("linear", "voxel")
+    assert by_linear.basis["error_ratio"] < 1
+    assert distance(by_linear) < 0.8 * distance(by_voxel)
+    assert psnr(by_linear, "cam03") > psnr(by_voxel, "cam03") + 1
+    json.dumps(by_linear.report(), allow_nan=False)
 
 
-def test_the_volume_holds_means_and_the_distances_are_theirs(by_splines, fine):
+def test_the_volume_holds_means_and_the_distances_are_theirs(by_linear, fine):
     truth, *_ = read_volume(fine.truth)
-    found = by_splines.solution
-    assert cosine_distance(found.volume, truth) == pytest.approx(distance(by_splines), rel=1e-6)
-    assert by_splines.solution.history[-1].distance == pytest.approx(
-        distance(by_splines), rel=1e-5
-    )
+    found = by_linear.solution
+    assert cosine_distance(found.volume, truth) == pytest.approx(distance(by_linear), rel=1e-6)
+    assert by_linear.solution.history[-1].distance == pytest.approx(distance(by_linear), rel=1e-5)
     assert found.volume.sum() == pytest.approx(truth.sum(), rel=0.02)
     assert found.volume.min() >= 0
 
 
-def test_re_projected_images_are_those_that_were_solved_for(by_splines):
-    residual = by_splines.solution.relative_residual
-    assert residual_of_used(by_splines) == pytest.approx(residual, rel=0.05)
+def test_re_projected_images_are_those_that_were_solved_for(by_linear):
+    residual = by_linear.solution.relative_residual
+    assert residual_of_used(by_linear) == pytest.approx(residual, rel=0.05)
 
 
-def test_what_goes_line_by_line_is_compared_by_boxes(by_splines, by_boxes):
+def test_ray_by_ray_methods_are_compared_in_the_voxel_basis(by_linear, by_voxel):
     art, sirt = (
-        [one.comparisons[number].volume for one in (by_splines, by_boxes)] for number in (0, 1)
+        [one.comparisons[number].volume for one in (by_linear, by_voxel)] for number in (0, 1)
     )
     np.testing.assert_array_equal(*art)
     assert (sirt[0] != sirt[1]).any()
 
 
 @pytest.mark.parametrize("method", ["art", "mart", "wernet-paper"])
-def test_what_goes_line_by_line_takes_boxes(fine, method):
+def test_ray_by_ray_methods_take_the_voxel_basis(fine, method):
     assert (
         basis(reconstruct(fine.scaled(2), options=Options(method=method, iterations=1))) == "voxel"
     )
 
 
-def test_pixels_as_large_as_voxels_take_boxes_unless_lines_share_them(take):
+def test_pixels_as_large_as_voxels_take_the_voxel_basis_unless_rays_share_them(take):
     scan = take(footprint=1.0)
     assert basis(reconstruct(scan, options=Options(method="cgls", iterations=2))) == "voxel"
     shared = reconstruct(scan, options=Options(method="cgls", iterations=2, supersample=2))
     assert shared.basis["error_ratio"] > 0  # both were tried
 
 
-def test_pixels_too_fine_for_their_worth_take_boxes(take):
+def test_pixels_too_fine_for_their_worth_take_the_voxel_basis(take):
     scan = take(views=3, footprint=0.08, refine=1)
     found = reconstruct(scan, options=Options(method="cgls", iterations=2))
     assert "times the work" in found.basis["reason"]
 
 
-def test_light_as_rough_as_boxes_takes_boxes(take):
+def test_light_as_rough_as_voxels_takes_the_voxel_basis(take):
     scan = take(name="homogeneous", refine=1)
     assert basis(reconstruct(scan, options=Options(method="nnls", iterations=3))) == "voxel"
 
 
-def test_on_the_fly_takes_boxes_and_splines_when_asked(fine):
+def test_on_the_fly_takes_the_voxel_basis_and_the_linear_one_when_asked(fine):
     settings = {"method": "sirt", "iterations": 5, "projector": "on-the-fly", "align": False}
     assert basis(reconstruct(fine, options=Options(**settings))) == "voxel"
     found = [
@@ -146,7 +144,7 @@ def test_on_the_fly_takes_boxes_and_splines_when_asked(fine):
     assert cosine_distance(*found) < 1e-4
 
 
-def test_many_views_learn_of_boxes_and_leave_images_without_more_to_splines(fine):
+def test_many_views_that_teach_nothing_end_in_the_linear_basis(fine):
     found = reconstruct(fine, options=Options(method="wernet", uncertainty=0))
     assert basis(found) == "linear"
     assert found.solution.settings["method"] == "wernet"
@@ -156,22 +154,22 @@ def test_many_views_learn_of_boxes_and_leave_images_without_more_to_splines(fine
     np.testing.assert_array_equal(found.solution.volume, classic.solution.volume)
 
 
-def test_what_many_views_taught_of_boxes_is_solved_for_by_splines(take):
+def test_weights_learned_of_voxels_are_refit_in_the_linear_basis(take):
     scan = take(effects=Effects(gain_spread=0.1), seed=3)
     settings = {"method": "wernet", "fit_gain": False, "hold_out": ["cam03"]}
     settings["compare"] = ["sirt:20"]
     found, boxes = (
         reconstruct(scan, options=Options(basis=one, **settings)) for one in ("auto", "voxel")
     )
-    learned, of_boxes = (one.solution for one in (found, boxes))
+    learned, of_voxels = (one.solution for one in (found, boxes))
     assert basis(found) == "linear"
-    assert learned.settings["learned"] is of_boxes.settings["learned"] is True
+    assert learned.settings["learned"] is of_voxels.settings["learned"] is True
     assert distance(found) < 0.85 * distance(boxes)
     assert psnr(found, "cam03") > psnr(boxes, "cam03")
     # the rounds of boxes stand in the history, the solve by splines at its end
-    assert learned.history[-1].index == of_boxes.history[-1].index + 1
+    assert learned.history[-1].index == of_voxels.history[-1].index + 1
     assert found.solution.history[-1].distance == pytest.approx(distance(found), rel=1e-5)
-    first, last = ([one.distance for one in each.history] for each in (learned, of_boxes))
+    first, last = ([one.distance for one in each.history] for each in (learned, of_voxels))
     assert first[:-1] == last
     assert residual_of_used(found) == pytest.approx(learned.relative_residual, rel=0.05)
     # what is compared with knows the chords alone
@@ -181,8 +179,8 @@ def test_what_many_views_taught_of_boxes_is_solved_for_by_splines(take):
     np.testing.assert_array_equal(found.comparisons[0].volume, classic.solution.volume)
 
 
-def test_splines_of_clean_images_are_tamed_and_iterated_on(by_splines, by_boxes):
-    settings, boxes = (one.solution.settings for one in (by_splines, by_boxes))
+def test_the_linear_basis_of_clean_images_is_damped_and_iterated_on(by_linear, by_voxel):
+    settings, boxes = (one.solution.settings for one in (by_linear, by_voxel))
     assert {tried.method for tried in settings["tried"]} == {"curvature"}
     assert settings["iterations"] > boxes["iterations"]
     strengths = [tried.strength for tried in settings["tried"]]
@@ -190,7 +188,7 @@ def test_splines_of_clean_images_are_tamed_and_iterated_on(by_splines, by_boxes)
     assert settings["strength"] in strengths[-2:]
 
 
-def test_weights_that_are_given_are_judged_on_what_predicts_better(fine, tmp_path):
+def test_given_weights_are_tried_in_the_basis_that_predicts_better(fine, tmp_path):
     encoder, path = CorrectionEncoder(seed=2), tmp_path / "encoder.pt"
     torch.nn.init.normal_(
         encoder.last.weight, 0.0, 0.01, generator=torch.Generator().manual_seed(2)
@@ -204,7 +202,7 @@ def test_weights_that_are_given_are_judged_on_what_predicts_better(fine, tmp_pat
     np.testing.assert_array_equal(frozen.solution.volume, classic.solution.volume)
 
 
-def test_few_views_learn_of_splines(take):
+def test_few_views_learn_in_the_linear_basis(take):
     scan = take(views=6)
     found = reconstruct(scan, options=Options(method="wernet"))
     assert basis(found) == "linear"
@@ -212,7 +210,7 @@ def test_few_views_learn_of_splines(take):
     assert distance(found) < distance(boxes)
 
 
-def test_few_views_that_teach_nothing_are_judged_by_the_splines_they_were_solved_by(take):
+def test_few_views_that_teach_nothing_are_re_projected_in_their_own_basis(take):
     scan, settings = take(views=6), {"hold_out": ["cam02"], "uncertainty": 0}
     found = reconstruct(scan, options=Options(method="wernet", iterations=0, **settings))
     classic = reconstruct(scan, options=Options(**settings))
@@ -230,6 +228,6 @@ def test_few_views_that_teach_nothing_are_judged_by_the_splines_they_were_solved
         ({"basis": "linear", "blur": 1.0}, "basis: found linear with blur 1.0, expected voxel"),
     ],
 )
-def test_what_cannot_be_is_refused(fine, settings, words):
+def test_impossible_options_are_refused(fine, settings, words):
     with pytest.raises(ValueError, match=words):
         reconstruct(fine, options=Options(**settings))

@@ -1,4 +1,4 @@
-"""A volume that was solved for stands, whatever becomes of what is said of it afterwards."""
+"""A volume stands, whatever fails in its evaluation afterwards."""
 
 import json
 
@@ -44,7 +44,7 @@ def broken(monkeypatch):
         (evaluate, "views_of", ValueError("wrong"), "re-projected images: not found: wrong"),
     ],
 )
-def test_a_step_that_judges_may_fail(scan, broken, tmp_path, where, name, error, said):
+def test_a_step_of_the_evaluation_may_fail(scan, broken, tmp_path, where, name, error, said):
     whole = reconstruct(scan, options=Options(method="mlem", iterations=3))
     broken(where, name, error)
     found = reconstruct(scan, options=Options(method="mlem", iterations=3))
@@ -67,7 +67,7 @@ def test_a_comparison_that_diverges_costs_nothing_but_itself(scan, broken):
     assert any("comparison wernet-paper" in line and "NaN" in line for line in found.warnings)
 
 
-def test_a_picture_that_cannot_be_drawn_is_told_of(scan, broken, tmp_path):
+def test_a_picture_that_cannot_be_drawn_is_reported(scan, broken, tmp_path):
     found = reconstruct(scan, options=Options(method="mlem", iterations=3))
     broken(result_figures, "draw_views", ImportError("libGL.so.1: cannot open"))
     write_outcome(tmp_path / "out", found)

@@ -112,7 +112,7 @@ def test_a_pixel_that_is_no_number_is_refused_without_a_mask(scan_of, value):
         volume_of(scan_of(spoiled(UNUSABLE[value])))
 
 
-def test_what_lies_under_a_mask_changes_no_bit(scan_of, tmp_path):
+def test_pixels_under_a_mask_change_no_bit(scan_of, tmp_path):
     usable = np.ones((40, 24), np.uint8)
     usable[PLACE] = 0
     write_image(tmp_path / "mask.png", usable)
@@ -126,7 +126,7 @@ def brightest(seen):
     return max(float(image.max()) for image in seen.images.values())
 
 
-def test_saturated_pixels_that_are_told_cost_little(scan_of, seen, clean_error):
+def test_saturated_pixels_that_are_named_cost_little(scan_of, seen, clean_error):
     limit = np.float32(0.9 * brightest(seen))
     told = Corrections(saturation=0.999 * limit)
     found = volume_of(scan_of(lambda image, _: np.minimum(image, limit), told))

@@ -1,4 +1,4 @@
-"""WERNet as a method among others: what it learns, and what only it may be asked."""
+"""WERNet as a method among others: its learned weights, and the options that it alone takes."""
 
 import json
 from dataclasses import replace
@@ -34,7 +34,7 @@ def unequal(tmp_path_factory, grid):
     return load_scan(folder)
 
 
-def test_wernet_learns_what_chords_do_not_know_and_judges_the_held_out_view(unequal):
+def test_wernet_learns_gains_and_predicts_the_held_out_view(unequal):
     settings = {"hold_out": ["cam02"], "fit_gain": False}
     learned = reconstruct(unequal, options=Options(method="wernet", **settings))
     classic = reconstruct(unequal, options=Options(**settings))
@@ -64,7 +64,7 @@ def test_wernet_learns_what_chords_do_not_know_and_judges_the_held_out_view(uneq
     [(Effects(gain_spread=0.1), -0.2), (Effects(absorption=0.054), 0.3)],
     ids=["gains", "absorption"],
 )
-def test_few_views_teach_what_another_sees_and_not_what_is_their_own(tmp_path, effects, better):
+def test_few_views_teach_shared_effects_and_not_their_own(tmp_path, effects, better):
     grid = VoxelGrid((28, 44, 28), 1.0)
     look = {"image_size": (70, 100), "footprint": 0.5, "pitch_degrees": 10.0}
     rig = ring(5, distance=300.0, center=grid.center, start_degrees=5.0, **look)
@@ -101,7 +101,7 @@ def test_wernet_of_dark_images_is_empty(copy):
         ({"resume": True}, "resume: found True, expected none for method sirt: only wernet can"),
     ],
 )
-def test_what_only_wernet_takes_is_refused_elsewhere(folder, settings, words):
+def test_options_of_wernet_are_refused_elsewhere(folder, settings, words):
     with pytest.raises(ValueError, match=words):
         reconstruct(load_scan(folder), options=Options(**SIRT, **settings))
 

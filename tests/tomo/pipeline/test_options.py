@@ -21,7 +21,7 @@ def test_the_settings_of_a_report_are_the_options(outcome):
     assert Options.from_mapping(settings) == outcome.options
 
 
-def test_options_come_back_from_what_is_stored():
+def test_stored_options_come_back():
     options = Options(
         method="wernet",
         hold_out=["cam01", "cam02"],

@@ -17,7 +17,7 @@ REPORT = {
 }  # fmt: skip
 
 
-def test_the_report_holds_what_was_promised(outcome, grid):
+def test_the_report_holds_the_promised_keys(outcome, grid):
     report = json.loads(json.dumps(outcome.report(), allow_nan=False))
     assert set(report) >= REPORT
     assert set(report["seconds"]) >= {"load", "trace", "solve", "total"}
@@ -38,7 +38,7 @@ def test_the_report_holds_what_was_promised(outcome, grid):
 
 
 @pytest.mark.parametrize("method", ["auto", "sirt"])
-def test_progress_is_told_all_the_way(folder, method):
+def test_progress_is_reported_all_the_way(folder, method):
     calls = []
     reconstruct(
         load_scan(folder),
@@ -57,12 +57,12 @@ def test_progress_is_told_all_the_way(folder, method):
 SIRT = {"method": "sirt", "iterations": 5}
 
 
-def test_a_comparison_without_its_iterations_is_told(folder):
+def test_a_comparison_that_is_no_sequence_is_refused(folder):
     with pytest.raises(ValueError, match="compare: found 'sirt', expected METHOD or METHOD:ITER"):
         reconstruct(load_scan(folder), options=Options(compare="sirt"))
 
 
-def test_comparisons_stand_beside_and_change_nothing(folder, volume_of):
+def test_comparisons_change_nothing(folder, volume_of):
     compare = ["wernet-paper:1", "mlem:3", "sart:2"]
     scan = load_scan(folder).scaled(2)
     found = reconstruct(scan, options=Options(compare=compare))
@@ -80,7 +80,7 @@ def test_comparisons_stand_beside_and_change_nothing(folder, volume_of):
     assert found.seconds["compare"] > 0
 
 
-def test_integer_images_are_judged_over_their_full_scale(copy, outcome):
+def test_integer_images_are_evaluated_over_their_full_scale(copy, outcome):
     for path in copy.glob("images/*/*.tif"):
         pixels = tifffile.imread(path)
         tifffile.imwrite(path, np.round(pixels / 4 * 65535).astype(np.uint16))

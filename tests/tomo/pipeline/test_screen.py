@@ -1,4 +1,4 @@
-"""The default method with wild pixels and wrong views, from the scan to the report."""
+"""The default method with outlier pixels and inconsistent views, from scan to report."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_a_wrong_view_is_named_and_costs_no_more_than_its_absence(made, run):
     assert any(w.startswith("camera cam03: ") and "upside down" in w for w in outcome.warnings)
 
 
-def test_suspects_can_be_kept(made, run):
+def test_screening_can_be_switched_off(made, run):
     images = dict(made.images)
     images["cam03"] = np.ascontiguousarray(images["cam03"][::-1])
     kept = run(images, screen=False)
@@ -77,7 +77,7 @@ def test_outlier_pixels_are_excluded_and_reported(made, run):
     assert any("of the pixels are outliers" in warning for warning in outcome.warnings)
 
 
-def test_a_view_held_out_is_judged_without_its_wild_pixels(made, run):
+def test_a_held_out_view_is_evaluated_without_its_outlier_pixels(made, run):
     image = made.images["cam03"]
     wild = np.random.default_rng(0).random(image.shape) < 0.01
     images = {**made.images, "cam03": np.where(wild, 30 * image.max(), image).astype(np.float32)}
@@ -89,7 +89,7 @@ def test_a_view_held_out_is_judged_without_its_wild_pixels(made, run):
     assert found["cosine"] == pytest.approx(clean["cosine"], abs=1e-3)
 
 
-def test_a_view_left_out_does_not_set_the_range_that_others_are_judged_by(made, run):
+def test_an_excluded_view_does_not_set_the_range_of_the_others(made, run):
     images = {**made.images, "cam03": 30 * np.ascontiguousarray(made.images["cam03"][::-1])}
     held_out = [
         run(dict(one), hold_out=["cam07"]).report()["held_out"]["cam07"]["psnr"]
@@ -98,7 +98,7 @@ def test_a_view_left_out_does_not_set_the_range_that_others_are_judged_by(made, 
     assert held_out[0] == pytest.approx(held_out[1], abs=1e-6)
 
 
-def test_nothing_is_suspected_of_honest_images(made, run):
+def test_nothing_is_excluded_of_consistent_images(made, run):
     outcome = run(dict(made.images))
     assert outcome.screening["excluded"] == []
     assert not any(outcome.screening["outlier_pixels"].values())
@@ -107,7 +107,7 @@ def test_nothing_is_suspected_of_honest_images(made, run):
     assert np.array_equal(outcome.volume, again.volume)
 
 
-def test_the_command_keeps_suspects_on_request(made, run_tool, tmp_path):
+def test_the_command_screens_nothing_on_request(made, run_tool, tmp_path):
     images = dict(made.images)
     images["cam03"] = np.ascontiguousarray(images["cam03"][::-1])
     save_scan(tmp_path / "s", made.rig, {"f": images}, grid=GRID)

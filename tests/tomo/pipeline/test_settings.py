@@ -1,4 +1,4 @@
-"""Tracers, seeds, limits and frames: what they change, and what they do not."""
+"""Tracers, seeds, limits and frames: their effect on the volume."""
 
 import json
 import shutil

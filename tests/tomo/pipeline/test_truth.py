@@ -1,4 +1,4 @@
-"""The volume beside the truth of a simulated scan."""
+"""The volume against the truth of a simulated scan."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_the_distances_from_the_truth_end_at_the_volume_s_own(outcome):
     assert distances[0] > 10 * own
 
 
-def test_a_truth_on_another_grid_is_told_and_not_compared(folder, outcome, grid):
+def test_a_truth_on_another_grid_is_a_warning(folder, outcome, grid):
     coarse = VoxelGrid((5, 10, 5), 2.0, grid.center)
     found = reconstruct(load_scan(folder), coarse)
     told, *others = found.warnings

@@ -1,4 +1,4 @@
-"""Views held out, pixels masked, rays and voxels left out: what matters to the volume."""
+"""Views held out, pixels masked, rays and voxels left out: their effect on the volume."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from tomo.report.outcome_files import VOLUME_FILES, write_outcome
 SIRT = {"method": "sirt", "iterations": 5}
 
 
-def test_the_held_out_view_is_only_judged(copy, garble):
+def test_the_held_out_view_is_only_evaluated(copy, garble):
     before = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"]))
     figures = before.report()["held_out"]["cam02"]
     assert figures["psnr"] > 30
@@ -28,7 +28,7 @@ def test_the_held_out_view_is_only_judged(copy, garble):
     assert [view.held_out for view in after.views] == [n == 2 for n in range(6)]
 
 
-def test_holding_out_is_leaving_the_camera_away(folder, volume_of, far):
+def test_holding_out_is_taking_the_camera_away(folder, volume_of, far):
     scan = load_scan(folder)
     held_out = volume_of(scan, hold_out=["cam02", "cam05"])
     np.testing.assert_array_equal(held_out, volume_of(scan.without("cam02", "cam05")))
@@ -87,7 +87,7 @@ def test_voxels_proved_empty_take_no_part_and_cost_nothing(folder, grid):
     )
 
 
-def test_unseen_voxels_are_counted_and_told(folder, grid):
+def test_unseen_voxels_are_counted_and_reported(folder, grid):
     wide = VoxelGrid((60, 20, 10), 1.0, grid.center)
     found = reconstruct(load_scan(folder), wide, Options(carving="off", **SIRT))
     assert 0 < found.counts["active_voxels"] < wide.size
