@@ -7,7 +7,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "corrections": ["Corrections"],
         "files": ["load_scan", "scan_of_images"],
-        "scan": ["Frame", "Scan"],
+        "frames": ["Frame"],
+        "scan": ["Scan"],
         "write": ["save_scan"],
     },
 )

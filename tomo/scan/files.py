@@ -12,7 +12,8 @@ from rigs.recordings import SCAN_SUFFIXES
 from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.scan._schema import parse_scan_file
 from tomo.scan.corrections import Corrections
-from tomo.scan.scan import Frame, Scan
+from tomo.scan.frames import Frame
+from tomo.scan.scan import Scan
 from tomo.scan.write import SCAN_FILE, check_cameras
 
 if TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -16,6 +15,7 @@ from tomo.grid import VoxelGrid
 from tomo.io import read_volume
 from tomo.scan.arrays import all_of_area, area_means, stacks_of
 from tomo.scan.corrections import Corrections, holds_integers
+from tomo.scan.frames import Frame, find_frame
 from tomo.scan.write import save_scan
 
 if TYPE_CHECKING:
@@ -25,21 +25,6 @@ if TYPE_CHECKING:
 
 Images = list[NDArray[np.float32]]
 Masks = list[NDArray[np.bool_]]
-
-
-@dataclass(frozen=True)
-class Frame:
-    """One moment.
-
-    Attributes
-    ----------
-    name : str
-    images : mapping
-        Camera name to image file, or to an image ``(h, w)`` in memory.
-    """
-
-    name: str
-    images: Mapping[str, Path | NDArray]
 
 
 @dataclass(frozen=True)
@@ -194,17 +179,11 @@ class Scan:
         """
         if name is None:
             return self.frames[0]
-        ways = (
-            lambda frame: frame.name == name,
-            lambda frame: _last_number(frame.name) == _last_number(name) and name.isdecimal(),
-            lambda frame: name != "" and frame.name.endswith(name),
-        )
-        for is_meant in ways:
-            found = [frame for frame in self.frames if is_meant(frame)]
-            if len(found) == 1:
-                return found[0]
-        known = ", ".join(self.frame_names)
-        raise ValueError(f"{self._where}frame: found {name!r}, expected one of {known}")
+        found = find_frame(self.frames, name)
+        if found is None:
+            known = ", ".join(self.frame_names)
+            raise ValueError(f"{self._where}frame: found {name!r}, expected one of {known}")
+        return found
 
     def without(self, *cameras: str) -> Scan:
         """Return the scan without some cameras, in the rig's order: hold-outs.
@@ -312,9 +291,3 @@ class Scan:
         path, size = frame.images[camera], self.recorded_sizes[camera]
         image, usable = self.corrections.corrected(path, camera, size, source=self.source)
         return area_means(image, self.shrink), all_of_area(usable, self.shrink)
-
-
-def _last_number(name: str) -> int | None:
-    """Return the number that a name ends with; None where it ends otherwise."""
-    digits = re.search(r"[0-9]+$", name)
-    return int(digits[0]) if digits else None

@@ -158,7 +158,7 @@ def test_a_volume_that_only_the_held_out_camera_sees(refused, turn_away, scan, t
 def test_held_out_cameras_that_see_nothing(refused, turn_away, scan, tmp_path):
     turn_away("cam01")
     line = refused("reconstruct", scan, "--hold-out", "cam01", "-o", tmp_path / "out")
-    assert "hold_out: nothing to judge by" in line
+    assert "hold_out: nothing to compare with" in line
     assert "no usable pixel of cam01 sees it" in line
 
 
