@@ -52,7 +52,9 @@ def assess(
     system, unseen = solved.built.system, solved.built.system.unseen
     with timed() as stage:
         if registered.alignment is not None:
-            alignment = replace(registered.alignment, evaluated=None)  # stays if the next step fails
+            alignment = replace(
+                registered.alignment, evaluated=None
+            )  # stays if the next step fails
             step = "cameras: whether images agree with them was not found"
             with as_warning(step, stage.warnings):
                 names = registered.rig.names

@@ -96,7 +96,9 @@ def test_what_exact_cameras_on_an_arc_would_show_is_allowed(fraction):
     grid = VoxelGrid((20, 60, 20), 0.5)
     size = {"distance": 300.0, "image_size": (64, 120), "footprint": 0.3}
     rig = rigs.arc(4, span_degrees=90, pitch_degrees=[9.0, -5.0] * 2, **size)
-    made = simulate_images(rig, phantoms.create("jet", seed=2, extent=grid.extent), grid, supersample=2)
+    made = simulate_images(
+        rig, phantoms.create("jet", seed=2, extent=grid.extent), grid, supersample=2
+    )
     wrong = tuple(zoomed(camera, 1 if n % 3 else -1, fraction) for n, camera in enumerate(rig))
     images = [made.images[name] for name in rig.names]
     found = align_views(replace(rig, cameras=wrong), images, grid).displacement
