@@ -20,7 +20,7 @@ def pixels():
     places = [[1.3, -3.0, 0.4], [-1.2, 2.6, -0.8], [0.2, 0.5, 1.5]]
     field = GaussianBlobs(places, [1.6, 1.5, 1.8], [1.0, 0.8, 0.6])
     scan = simulate(rig, field, GRID, supersample=2, refine=2)
-    return LinearSystem.from_rig(rig, GRID).flatten(list(scan.images.values()))
+    return LinearSystem.from_rig(rig, GRID).flatten(scan.images())
 
 
 @pytest.mark.parametrize("fraction", [0.01, 0.02, 0.1])
