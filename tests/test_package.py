@@ -173,7 +173,6 @@ def strangers():
             yield str(path.relative_to(ROOT)), path
 
 
-@pytest.mark.xfail(strict=True, reason="known places are mended after the moves")
 def test_what_is_private_stays_inside_its_package():
     trespasses = [
         f"{module} imports {name}"

@@ -7,6 +7,7 @@ part of it.
 from __future__ import annotations
 
 import json
+import resource
 import statistics
 import sys
 import time
@@ -32,9 +33,7 @@ def peak_resident() -> int:
         line = next(x for x in HIGH_WATER.read_text("ascii").splitlines() if "VmHWM" in x)
         return int(line.split()[1]) * 1024
     except (OSError, StopIteration):
-        from tomo._compute.memory import peak_memory
-
-        return peak_memory()
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def forget_the_peak() -> None:

@@ -6,12 +6,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.jit import compiled
-
 LARGE = (64, 1_000_000)  # 256 MB: beyond every cache; many more rows than threads
 
 
-@compiled(parallel=True, reassociate=True)
+@numba.njit(parallel=True, fastmath={"reassoc", "nsz", "contract"})
 def _sum_rows(values, sums) -> None:
     for part in numba.prange(len(sums)):
         row, total = values[part], np.float32(0)

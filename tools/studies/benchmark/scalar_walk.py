@@ -16,12 +16,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.jit import compiled
 from tomo.grid import VoxelGrid
 from tomo.rays.ray_box import BoxCrossing
 
 
-@compiled(inline=True)
+@numba.njit(inline="always")
 def _start(position, direction, count, stride):
     """Return an axis's first voxel, the way to its next plane, between planes, and the step."""
     if direction > 0:
@@ -33,7 +32,7 @@ def _start(position, direction, count, stride):
     return min(max(math.floor(position), 0), count - 1), np.inf, np.inf, 0
 
 
-@compiled(parallel=True)
+@numba.njit(parallel=True)
 def _walk(positions, directions, lengths, shape, volume, images):
     ny, nz = shape[1], shape[2]
     for ray in numba.prange(len(images)):

@@ -11,13 +11,14 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+import psutil
+
 from studies.benchmark.memory_child import cameras
 from studies.benchmark.sizes import SIZES
 from studies.common.axes import curves
 from studies.common.study import Request, Tables
 from studies.common.timing import in_fresh_process
 from tomo import VoxelGrid
-from tomo._compute.memory import available_memory
 from tomo.operators import STORED, estimate_memory
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def _too_large(case: dict[str, Any]) -> bool:
     grid = VoxelGrid((case["edge"],) * 3, 1.0)
     rig = cameras(case["views"], case["pixels"], grid)
     need = estimate_memory(tuple(rig), grid, form=STORED if case["form"] == STORED else FORMS[0])
-    return need.nbytes > SHARE * available_memory()
+    return need.nbytes > SHARE * psutil.virtual_memory().available
 
 
 def _drawn(tables: Tables, table: str, along: str) -> Figure | None:
