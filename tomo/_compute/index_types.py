@@ -1,10 +1,10 @@
-"""Which whole numbers count something: half as wide, half the memory, and twice as many a line."""
+"""The integer type of indices: int32 takes half the memory, int64 counts past 2^31."""
 
 from __future__ import annotations
 
 import numpy as np
 
 
-def numbering(count: int) -> np.dtype:
-    """Return the smaller of int32 and int64 that numbers ``count`` things from 0, and -1."""
+def index_type(count: int) -> np.dtype:
+    """Return the smaller of int32 and int64 that holds ``count``, and so 0 to ``count`` and -1."""
     return np.dtype(np.int32 if count <= np.iinfo(np.int32).max else np.int64)

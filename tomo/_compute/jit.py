@@ -15,9 +15,9 @@ from typing import Any
 import numba
 from numba.core.cpu import ParallelOptions
 
-from tomo._compute.wait_policy import wait_asleep
+from tomo._compute.wait_policy import set_passive_waiting
 
-wait_asleep()
+set_passive_waiting()
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 
 _WHAT_NUMBA_FINDS = (

@@ -1,9 +1,20 @@
-"""Sums in double precision that do not depend on the number of threads, as those of BLAS do."""
+"""Inner products in double precision that do not depend on the number of threads, unlike BLAS."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tomo._compute.jit import compiled
+
+
+@compiled(reassociate=True)
+def _inner_product(a, b):
+    """Return the sum of the products of two vectors of one length."""
+    total = 0.0
+    for i in range(len(a)):
+        total += np.float64(a[i]) * np.float64(b[i])
+    return total
 
 
 def norm(vector: NDArray) -> float:
@@ -13,15 +24,13 @@ def norm(vector: NDArray) -> float:
 
 def dot(a: NDArray, b: NDArray) -> float:
     """Return the inner product of arrays of one shape."""
-    from tomo._compute.inner_product import inner_product  # compiled code
-
     if a.shape != b.shape:
         raise ValueError(f"inner product: found shapes {a.shape} and {b.shape}, expected one")
-    kind = np.float32 if a.dtype == b.dtype == np.float32 else np.float64
-    return inner_product(_flat(a, kind), _flat(b, kind))
+    dtype = np.float32 if a.dtype == b.dtype == np.float32 else np.float64
+    return _inner_product(_flat(a, dtype), _flat(b, dtype))
 
 
-def _flat(array: NDArray, kind: type) -> NDArray[np.floating]:
-    """Return a vector that the loop is compiled for: in order, and not marked as read-only."""
-    flat = np.ascontiguousarray(array, kind).reshape(-1)
+def _flat(array: NDArray, dtype: type) -> NDArray[np.floating]:
+    """Return a contiguous, writeable vector: the loop is compiled for no other."""
+    flat = np.ascontiguousarray(array, dtype).reshape(-1)
     return flat if flat.flags.writeable else flat.copy()

@@ -1,9 +1,8 @@
-"""How many threads work is worth, and work shared out between threads of our own.
+"""How many threads work is worth, and chunks of work that threads take in turn.
 
-OpenMP's threads sleep between parallel loops. To wake one for every loop, and to wait for it at
-the end, takes some 0.06 ms: small loops are quicker without it (`threads_worth`). Large work of
-kernels that let go of Python while they run is shared out between threads that are woken once,
-each of which takes the next piece when it has done its last (`share_out`).
+OpenMP's threads sleep between parallel loops. Waking one and waiting for it takes some 0.06 ms:
+small loops are faster without it (`threads_worth`). Large work in kernels that release Python's
+lock is cut into chunks; each thread takes the next chunk when its last is done (`run_chunks`).
 """
 
 from __future__ import annotations
@@ -16,21 +15,21 @@ from typing import TypeVar
 
 import numba
 
-Piece = TypeVar("Piece")
+Chunk = TypeVar("Chunk")
 
 WORTH_WAKING = 100_000.0
-"""Nanoseconds of one thread's work that another is woken for."""
+"""Nanoseconds of work for each thread: less spends the time on waking, more leaves cores idle."""
 
 
 @contextmanager
 def threads_worth(nanoseconds: float) -> Iterator[None]:
-    """Have parallel loops in the block wake no more threads than their work is worth.
+    """Limit parallel loops in the block to as many threads as their work is worth.
 
     Parameters
     ----------
     nanoseconds : float
-        That the work of one parallel loop takes one thread, roughly. Results must not depend on
-        the number of threads, as nowhere here.
+        Rough time of one parallel loop on one thread. Results must not depend on the number of
+        threads, as with every kernel here.
     """
     threads = numba.get_num_threads()
     worth = max(1, int(nanoseconds / WORTH_WAKING))
@@ -44,30 +43,31 @@ def threads_worth(nanoseconds: float) -> Iterator[None]:
         numba.set_num_threads(threads)
 
 
-def share_out(
-    pieces: Iterable[Piece], threads: int, worker: Callable[[], Callable[[Piece], None]]
+def run_chunks(
+    chunks: Iterable[Chunk], threads: int, worker: Callable[[], Callable[[Chunk], None]]
 ) -> None:
-    """Do all pieces of some work on several threads, this one among them.
+    """Do all chunks of some work on several threads, this one among them.
 
-    On several threads there are no more to be had inside a piece: `numba.get_num_threads` is 1.
+    With several threads, `numba.get_num_threads` is 1 inside a chunk.
 
     Parameters
     ----------
-    pieces : iterable
-        Gone through before any is done.
+    chunks : iterable
+        Listed before the first is done.
     threads : int
-        At most so many take part; fewer where there are fewer pieces.
+        At most so many; no more than there are chunks.
     worker : callable
-        Called on each thread once; returns what does one piece there, with memory of its own.
+        Called once on each thread; returns the function that does one chunk there, with memory of
+        its own.
 
     Raises
     ------
     BaseException
-        What a thread raised first; pieces not begun by then are not done.
+        The first that a thread raised; no chunk begins after it.
     """
-    pieces = list(pieces)
-    threads = min(threads, len(pieces))
-    left, lock, failed = iter(pieces), threading.Lock(), []
+    chunks = list(chunks)
+    threads = min(threads, len(chunks))
+    left, lock, failed = iter(chunks), threading.Lock(), []
 
     def work() -> None:
         try:
@@ -75,10 +75,10 @@ def share_out(
                 do = worker()
                 while not failed:
                     with lock:
-                        piece = next(left, None)
-                    if piece is None:
+                        chunk = next(left, None)
+                    if chunk is None:
                         return
-                    do(piece)
+                    do(chunk)
         except BaseException as error:  # an interrupt as well: the others have to end
             failed.append(error)
 
@@ -96,12 +96,12 @@ def share_out(
         raise failed[0]
 
 
-def share_range(count: int, work: Callable[[int, int], None]) -> None:
-    """Call ``work(start, stop)`` for parts of ``range(count)`` that make up all of it.
+def run_ranges(count: int, work: Callable[[int, int], None]) -> None:
+    """Call ``work(start, stop)`` for ranges that together are ``range(count)``.
 
-    On as many threads as numba has here. On one it is called once.
+    On as many threads as numba has here; on one thread, one call.
     """
     threads = numba.get_num_threads()
     parts = max(min(4 * threads, count), 1) if threads > 1 else 1
     cuts = [part * count // parts for part in range(parts + 1)]
-    share_out(itertools.pairwise(cuts), threads, lambda: lambda cut: work(*cut))
+    run_chunks(itertools.pairwise(cuts), threads, lambda: lambda cut: work(*cut))

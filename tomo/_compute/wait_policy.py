@@ -1,7 +1,6 @@
-"""How threads wait for each other: asleep, not spinning, unless the environment says otherwise.
+"""How OpenMP's threads wait for work: asleep, not spinning, unless the environment says otherwise.
 
-It costs 5 microseconds a kernel where the cores are free, and saves milliseconds where they are
-not.
+Sleeping costs 5 microseconds a kernel on free cores, and saves milliseconds on busy ones.
 """
 
 from __future__ import annotations
@@ -9,10 +8,10 @@ from __future__ import annotations
 import os
 
 
-def wait_asleep() -> None:
-    """Have OpenMP's threads sleep while they wait.
+def set_passive_waiting() -> None:
+    """Set ``OMP_WAIT_POLICY=passive`` unless it is set.
 
-    GNU's OpenMP reads the environment as it is loaded, with numba's threads or with PyTorch,
-    whichever comes first: this has to come before both.
+    OpenMP reads the environment when it is loaded, with numba's threads or with PyTorch: call
+    this before both.
     """
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")

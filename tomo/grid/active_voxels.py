@@ -9,13 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compute.index_types import numbering
+from tomo._compute.index_types import index_type
 from tomo.grid.voxel_grid import VoxelGrid
 
 if TYPE_CHECKING:
     from tomo.grid.z_runs import ZRuns
 
-_FEW = 4096  # voxels: half of the smallest cache of today's processors in single precision
+FEW_VOXELS = 4096
+"""Unknowns up to which their order stays: in float32 half of a 32 kB cache holds them all."""
+
+FARTHEST = 255
+"""Largest distance kept, in voxels: it fits a byte, and longer skips gain nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +66,7 @@ class ActiveVoxels:
         return cls(grid) if mask.all() else cls(grid, np.flatnonzero(mask))
 
     def __repr__(self) -> str:
-        """Name the sizes: the numbers themselves are too long to print."""
+        """Name the sizes."""
         return f"<ActiveVoxels: {self.size} of {self.grid}>"
 
     @property
@@ -86,37 +90,46 @@ class ActiveVoxels:
     @cached_property
     def number(self) -> NDArray[np.integer]:
         """The unknown of every voxel, -1 where there is none: ``(grid.size,)``."""
-        number = np.full(self.grid.size, -1, numbering(self.grid.size))
+        number = np.full(self.grid.size, -1, index_type(self.grid.size))
         number[slice(None) if self.index is None else self.index] = np.arange(self.size)
         return number
 
     @cached_property
-    def clearance(self) -> NDArray[np.uint8]:
-        """Distance from the nearest active voxel, up to 255 voxels: (nx, ny, nz)."""
-        from tomo.grid.distance import clearance  # compiled code
+    def distance(self) -> NDArray[np.uint8]:
+        """Distance in voxels to the nearest active one, at most `FARTHEST`: the grid's shape.
 
-        return clearance(self.mask)
+        In the chessboard metric, the largest difference along an axis: a ray that advances by
+        ``n`` slabs moves by at most ``n`` along any axis.
+        """
+        from scipy.ndimage import distance_transform_cdt  # takes a while to import
+
+        distance = distance_transform_cdt(~self.mask, "chessboard")  # -1 where none is active
+        distance[distance < 0] = FARTHEST
+        return np.minimum(distance, FARTHEST).astype(np.uint8)
 
     @cached_property
     def z_runs(self) -> ZRuns:
-        """The runs along z that hold active voxels."""
+        """The runs of voxels along z that hold active ones."""
         from tomo.grid.z_runs import ZRuns  # compiled code
 
         return ZRuns(self.mask)
 
     @cached_property
     def storage_index(self) -> NDArray[np.integer] | None:
-        """Index of each unknown in memory, sorted by bricks, ``(size,)``.
+        """Index of each unknown in the order of bricks, `tomo.grid.bricks`: ``(size,)``.
 
-        None where a cache holds all unknowns in any order.
+        None for at most `FEW_VOXELS` unknowns, which a cache holds in any order.
         """
-        from tomo.grid.bricks import brick_storage_index  # compiled code
+        from tomo.grid.bricks import brick_order  # compiled code
 
-        return brick_storage_index(self.mask) if self.size > _FEW else None
+        return brick_order(self.mask) if self.size > FEW_VOXELS else None
 
     @cached_property
     def storage_index_of_voxel(self) -> NDArray[np.integer]:
-        """The `storage_index` of every voxel, or its number; -1 if inactive: (grid.size,)."""
+        """The `storage_index` of every voxel, -1 where inactive: ``(grid.size,)``.
+
+        The `number` where there is no storage index.
+        """
         if self.storage_index is None:
             return self.number
         index = np.full_like(self.number, -1)
@@ -133,28 +146,28 @@ class ActiveVoxels:
         return unknown
 
     def to_storage(self, values: NDArray) -> NDArray:
-        """Return values of the unknowns in storage order."""
+        """Return the unknowns' values in the order of storage."""
         return values if self.unknown_at is None else values.take(self.unknown_at)
 
     def from_storage(self, values: NDArray) -> NDArray:
-        """Return values in storage order in the order of the unknowns: undoes `to_storage`."""
+        """Return values in the unknowns' order; the inverse of `to_storage`."""
         return values if self.storage_index is None else values.take(self.storage_index)
 
     @cached_property
     def box(self) -> ActiveVoxels:
         """The unknowns in the smallest box that holds them and a layer around, inside the grid.
 
-        The box is a grid of the same spacing, of one voxel if there is no unknown; its position is
-        not that of the unknowns.
+        The box is a grid of the same spacing, of one voxel where there is no unknown. Its centre
+        is not that of the unknowns.
         """
         if self.all:
             return self
         shape, inside = (1, 1, 1), np.zeros((3, 0), np.int64)
         if self.size:
-            position = np.stack(np.unravel_index(self.index, self.grid.shape))  # (3, n)
-            first = np.maximum(position.min(axis=1) - 1, 0)
-            last = np.minimum(position.max(axis=1) + 1, np.asarray(self.grid.shape) - 1)
-            shape, inside = tuple((last - first + 1).tolist()), position - first[:, None]
+            indices = np.stack(np.unravel_index(self.index, self.grid.shape))  # (3, n)
+            first = np.maximum(indices.min(axis=1) - 1, 0)
+            last = np.minimum(indices.max(axis=1) + 1, np.asarray(self.grid.shape) - 1)
+            shape, inside = tuple((last - first + 1).tolist()), indices - first[:, None]
         return ActiveVoxels(
             VoxelGrid(shape, self.grid.spacing), np.ravel_multi_index(tuple(inside), shape)
         )

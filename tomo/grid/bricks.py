@@ -1,10 +1,11 @@
-"""The voxels of a grid brick by brick, so that neighbours are close in memory.
+"""The order in which voxels are stored: brick by brick, so that neighbours are near in memory.
 
-In a flat volume two neighbours along x are a whole layer apart. A ray along x fetches a cache line
-for every voxel and uses one number of it; where layers are a power of two apart, the lines even
-evict each other. In bricks of 8³ voxels, in Morton order within each (G. M. Morton, "A computer
-oriented geodetic data base", IBM 1966), neighbours along every axis are close, and a ray finds in
-the cache the voxels that its neighbour fetched.
+In a flat volume two neighbours along x are a whole layer apart. A ray along x then loads a cache
+line for every voxel and uses one number of it. In bricks of 8³ voxels, and inside them in Morton
+order, neighbours along every axis are near, and neighbouring rays find in the cache the voxels
+that the first of them loaded.
+
+G. M. Morton, "A computer oriented geodetic data base", IBM 1966.
 """
 
 from __future__ import annotations
@@ -12,17 +13,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.index_types import numbering
+from tomo._compute.index_types import index_type
 from tomo._compute.jit import compiled
 
 BRICK_BITS = 3
-"""Bits of the position inside a brick along each axis: bricks of 8³ voxels."""
+"""Bits of a voxel's coordinate inside a brick: 8³ float32 are 2 kB, a part of a cache."""
 
 _EDGE = 1 << BRICK_BITS
 
 
-def brick_storage_index(mask: NDArray[np.bool_]) -> NDArray[np.integer]:
-    """Return the index of each chosen voxel when they are sorted by bricks.
+def brick_order(mask: NDArray[np.bool_]) -> NDArray[np.integer]:
+    """Return the storage index of each chosen voxel.
 
     Parameters
     ----------
@@ -32,29 +33,29 @@ def brick_storage_index(mask: NDArray[np.bool_]) -> NDArray[np.integer]:
     Returns
     -------
     (n,) int32 or int64
-        0 to n - 1, the voxels in the order of the flat volume.
+        A permutation of 0 to n - 1; entry ``i`` belongs to the i-th chosen voxel in C order.
     """
     mask = np.ascontiguousarray(mask)
-    index = np.zeros(mask.shape, numbering(mask.size))
-    _number(mask, _MORTON, index)
+    index = np.zeros(mask.shape, index_type(mask.size))
+    _count(mask, _MORTON, index)
     return index[mask]
 
 
 def _morton_order() -> NDArray[np.int64]:
-    """Return the positions inside a brick in Morton order, ``(8³, 3)``."""
-    number, position = np.arange(_EDGE**3), np.zeros((_EDGE**3, 3), np.int64)
+    """Return the coordinates inside a brick in Morton order, ``(8³, 3)``."""
+    number, coordinates = np.arange(_EDGE**3), np.zeros((_EDGE**3, 3), np.int64)
     for bit in range(BRICK_BITS):
         for axis in range(3):
-            position[:, axis] |= (number >> 3 * bit + 2 - axis & 1) << bit
-    return position
+            coordinates[:, axis] |= (number >> 3 * bit + 2 - axis & 1) << bit
+    return coordinates
 
 
 _MORTON = _morton_order()
 
 
 @compiled()
-def _number(mask, order, index):
-    """Count the chosen voxels brick by brick, and in each in the ``order`` (8³, 3)."""
+def _count(mask, order, index):
+    """Write the chosen voxels' numbers, brick by brick, inside each in ``order`` (8³, 3)."""
     nx, ny, nz = mask.shape
     count = 0
     for x in range(0, nx, _EDGE):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compute.grouping import golden_section
+from tomo._compute.grouping import golden_ratio_sequence
 from tomo._compute.jit import compiled
 
 PIXELS_A_LEVEL = 400  # pixels; fewer leave the spread of a level uncertain by more than 8 %
@@ -102,7 +102,7 @@ def estimate_noise(
         return NoiseModel(0.0)
     most = PIXELS_A_LEVEL * MOST_LEVELS
     if len(level) > most:  # evenly spread, in step with no row
-        some = golden_section(len(level)) < most / len(level)
+        some = golden_ratio_sequence(len(level)) < most / len(level)
         level, fine = level[some], fine[some]
     parts = min(max(len(level) // PIXELS_A_LEVEL, 1), MOST_LEVELS)
     # Sorting all is quicker than finding the bounds of the levels.

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Rig
-from tomo._compute.threads import share_out
+from tomo._compute.threads import run_chunks
 from tomo.grid import ActiveVoxels
-from tomo.operators.on_the_fly.counting_pass import survey
+from tomo.operators.on_the_fly.counting_pass import count_crossings
 from tomo.operators.on_the_fly.ray_sources import PixelSource, pixel_source
 from tomo.rays import Rays
 from tomo.trace import Segments
@@ -75,7 +75,7 @@ def trace_cameras(
 
         return trace
 
-    share_out(chunks, len(tracers), worker)
+    run_chunks(chunks, len(tracers), worker)
     parts, kept = [], [[] for _ in rig]
     for view, first in chunks:
         part, some = found[view, first]
@@ -102,7 +102,7 @@ def camera_sources(
             progress(view, len(rig), camera.name)
         source = pixel_source(camera, pixels, supersample)
         if skip:
-            seeing = np.flatnonzero(survey(source, active.grid).meets)
+            seeing = np.flatnonzero(count_crossings(source, active.grid).meets)
             source, pixels = source.take(seeing), pixels[seeing]
         sources.append(source)
         kept.append(pixels)

@@ -10,7 +10,7 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig
-from tomo._compute.index_types import numbering
+from tomo._compute.index_types import index_type
 from tomo._compute.memory import available_memory
 from tomo.operators.composition import ImageOperator
 from tomo.operators.operator import Matrix, as_float
@@ -101,7 +101,7 @@ class ImageBlur(ImageOperator):
     def _entries(self) -> Matrix:
         """The matrix as compiled products take it."""
         pointers = self.matrix.indptr.astype(np.int64)
-        indices = self.matrix.indices.astype(numbering(self.matrix.shape[1]), copy=False)
+        indices = self.matrix.indices.astype(index_type(self.matrix.shape[1]), copy=False)
         return pointers[:-1], pointers[1:], indices.view(f"u{indices.itemsize}"), self.matrix.data
 
     @cached_property

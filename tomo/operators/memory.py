@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import CameraLike
-from tomo._compute.grouping import golden_section
+from tomo._compute.grouping import golden_ratio_sequence
 from tomo._compute.memory import available_memory
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
@@ -83,7 +83,7 @@ def _sampled_pixels(count: int) -> tuple[NDArray[np.int64], float]:
     if count <= SAMPLED_RAYS:
         return np.arange(count), 1.0
     positions = (np.arange(SAMPLED_RAYS) + 0.5) / SAMPLED_RAYS * count  # one in each interval
-    jitter = (golden_section(SAMPLED_RAYS) - 0.5) * count / SAMPLED_RAYS
+    jitter = (golden_ratio_sequence(SAMPLED_RAYS) - 0.5) * count / SAMPLED_RAYS
     return np.clip(positions + jitter, 0, count - 1).astype(np.int64), count / SAMPLED_RAYS
 
 

@@ -42,8 +42,8 @@ class Projector(ProjectionOperator):
     active : ActiveVoxels, optional
         The voxels that are unknowns; all of the grid when None.
     in_storage_order : bool
-        Whether ``voxel`` are the unknowns' storage indices (`tomo.ActiveVoxels.storage_index`),
-        not their numbers.
+        Whether ``voxel`` are the unknowns' storage indices, not their numbers; see
+        `tomo.ActiveVoxels.storage_index`.
 
     Attributes
     ----------

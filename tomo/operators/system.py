@@ -16,7 +16,7 @@ from tomo.operators.assembly import Progress, camera_sources, trace_cameras
 from tomo.operators.basis import LinearBasis, footprint_blur
 from tomo.operators.lens_blur import lens_blur
 from tomo.operators.memory import STORED, choose_form
-from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.stored import Projector
 from tomo.trace import Segments, tracing

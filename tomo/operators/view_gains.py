@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compute.by_camera import by_name
 from tomo.operators.operator import ProjectionOperator
 
 SIGNIFICANT = 3.0
@@ -110,9 +109,9 @@ class Gains:
     def report(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the gains by camera ``names``, as plain numbers for a report."""
         return {
-            "gain": by_name(names, self.gain),
-            "offset": by_name(names, self.offset),
-            "gain_error": by_name(names, self.gain_error),
+            "gain": dict(zip(names, self.gain.tolist(), strict=True)),
+            "offset": dict(zip(names, self.offset.tolist(), strict=True)),
+            "gain_error": dict(zip(names, self.gain_error.tolist(), strict=True)),
             "disagreement": self.disagreement,
         }
 

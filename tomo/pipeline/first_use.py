@@ -11,7 +11,7 @@ from tomo._compute.reductions import norm
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
 from tomo.operators import STORED, Projector
-from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.rays import Rays
 from tomo.selfcal.registration import register, shift_motions
 from tomo.trace import trace

@@ -1,7 +1,7 @@
-"""Lines of sight of a camera without distortion, and what rays have to hold to, compiled.
+"""Compiled: the rays of a camera without distortion, and the check of rays.
 
-As numpy has them, in `rigs.Camera.rays` and in words in `tomo.rays.Rays`, they took a third of
-the time of tracing them: many passes over arrays that are just too short for a processor.
+In numpy, as in `rigs.Camera.rays`, both took a third of the time of tracing: many passes over
+short arrays.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from tomo._compute.jit import compiled
 if TYPE_CHECKING:
     from rigs import Camera
 
-FINE, NOT_FINITE, NOT_UNIT, NOT_LONG = range(4)
+FINE, NOT_FINITE, NOT_UNIT, BAD_LENGTH = range(4)
 
-_UNIT = 2e-9  # how far the square of a direction's length may be from one
+_UNIT = 2e-9
+"""Tolerance of a direction's squared length: less refuses rounded vectors, more scales lengths."""
 
 
 def lines_of_sight(
-    camera: Camera, pixels: NDArray[np.int64], places: NDArray[np.float64]
+    camera: Camera, pixels: NDArray[np.int64], positions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return origins and directions, ``(P * K², 3)`` each, as `rigs.Camera.rays` does.
 
@@ -33,44 +34,44 @@ def lines_of_sight(
         Without distortion.
     pixels : (P,) int64
         Flat pixel numbers ``row * width + column``.
-    places : (K², 2) float64
-        Where the rays of a pixel are, down and right of its centre.
+    positions : (K², 2) float64
+        Of a pixel's rays, down and right of its centre.
     """
     (fx, skew, cx), (_, fy, cy) = camera.camera_matrix[:2]
-    shape = (len(pixels) * len(places), 3)
+    shape = (len(pixels) * len(positions), 3)
     origins, directions = np.zeros(shape), np.zeros(shape)
     lens = float(fx), float(skew), float(cx), float(fy), float(cy)
     _look(
-        pixels, camera.image_size[0], places, lens, np.ascontiguousarray(camera.R),
+        pixels, camera.image_size[0], positions, lens, np.ascontiguousarray(camera.R),
         camera.position, origins, directions,
     )  # fmt: skip
     return origins, directions
 
 
 @compiled()
-def _look(pixels, width, places, lens, turned, position, origins, directions) -> None:
-    """Write the lines of sight of all places of a pixel, pixel after pixel."""
+def _look(pixels, width, positions, lens, rotation, position, origins, directions) -> None:
+    """Write the rays of all positions of a pixel, pixel after pixel."""
     fx, skew, cx, fy, cy = lens
     at = 0
     for pixel in pixels:
         row = pixel // width
         column = pixel - row * width
-        for place in range(len(places)):
-            y = (row + places[place, 0] - cy) / fy
-            x = (column + places[place, 1] - cx - skew * y) / fx
+        for ray in range(len(positions)):
+            y = (row + positions[ray, 0] - cy) / fy
+            x = (column + positions[ray, 1] - cx - skew * y) / fx
             far = math.sqrt(x * x + y * y + 1)
             for axis in range(3):
-                ahead = x * turned[0, axis] + y * turned[1, axis] + turned[2, axis]
+                ahead = x * rotation[0, axis] + y * rotation[1, axis] + rotation[2, axis]
                 directions[at, axis] = ahead / far
                 origins[at, axis] = position[axis]
             at += 1
 
 
 @compiled()
-def what_is_wrong(
+def first_fault(
     origins: NDArray[np.float64], directions: NDArray[np.float64], lengths: NDArray[np.float64]
 ) -> int:
-    """Return what the first bad ones of rays have that no tracer can follow, or `FINE`.
+    """Return the fault of the first ray that no tracer can follow, or `FINE`.
 
     Parameters
     ----------
@@ -87,5 +88,5 @@ def what_is_wrong(
         if not abs(square - 1) < _UNIT:
             return NOT_UNIT
         if not lengths[n] >= 0:
-            return NOT_LONG
+            return BAD_LENGTH
     return FINE

@@ -22,8 +22,8 @@ outside at once where it leaves however slowly.
 class BoxCrossing:
     """The part of every ray inside the box, in voxel units measured from the lower corner.
 
-    Positions are taken at the entry, so that what follows does not see how far away the camera
-    is: ``position + direction * t`` with ``0 <= t <= length``, ``t`` in world lengths.
+    Positions are taken at the entry, so that nothing depends on how far away the camera is:
+    ``position + direction * t`` with ``0 <= t <= length``, ``t`` in world lengths.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class BoxCrossing:
         Voxels per unit of world length; zero where the ray does not get from one
         floating-point position to the next: a rotation by 90 degrees leaves 6e-17, not zero.
     length : (N,) float64
-        World length inside the box: the chord; zero for a ray that misses.
+        World length inside the box; zero for a ray that misses.
     """
 
     position: NDArray[np.float64]
@@ -49,7 +49,7 @@ class BoxCrossing:
         return np.clip(below, 0, np.asarray(shape) - 1).astype(np.int64)
 
     def planes_between(self, shape: tuple[int, int, int]) -> NDArray[np.int64]:
-        """Return how many planes lie strictly between each ray's entry and exit: (N,).
+        """Return the number of planes strictly between each ray's entry and exit: (N,).
 
         A ray inside the box crosses one voxel more, fewer where it passes edges or corners.
         """

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo._compute.grouping import take_groups
-from tomo.rays.pinhole import FINE, NOT_FINITE, NOT_LONG, NOT_UNIT, lines_of_sight, what_is_wrong
+from tomo.rays.pinhole import BAD_LENGTH, FINE, NOT_FINITE, NOT_UNIT, first_fault, lines_of_sight
 
 if TYPE_CHECKING:
     from rigs import CameraLike
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 _WRONG = {
     NOT_FINITE: "rays origins: found NaN or infinity, expected finite coordinates",
     NOT_UNIT: "rays directions: expected unit vectors",
-    NOT_LONG: "rays lengths: found a negative or NaN length, expected >= 0",
+    BAD_LENGTH: "rays lengths: found a negative or NaN length, expected >= 0",
 }
 
 
-def places_in_pixel(supersample: int) -> NDArray[np.float64]:
-    """Return where a pixel's rays are, down and right of its centre, ``(K², 2)``."""
+def positions_in_pixel(supersample: int) -> NDArray[np.float64]:
+    """Return the positions of a pixel's rays, down and right of its centre, ``(K², 2)``."""
     steps = steps_in_pixel(supersample)
     return np.stack([np.repeat(steps, supersample), np.tile(steps, supersample)], axis=1)
 
 
 def steps_in_pixel(supersample: int) -> NDArray[np.float64]:
-    """Return the places of a pixel's rays along one side of it, from its centre, ``(K,)``."""
+    """Return the positions of a pixel's rays along one side, from its centre, ``(K,)``."""
     return (np.arange(supersample) + 0.5) / supersample - 0.5
 
 
@@ -77,7 +77,7 @@ class Rays:
                 )
             # kernels are compiled anew for another order in memory
             object.__setattr__(self, name, np.ascontiguousarray(found))
-        wrong = what_is_wrong(self.origins, self.directions, self.lengths)
+        wrong = first_fault(self.origins, self.directions, self.lengths)
         if wrong != FINE:
             raise ValueError(_WRONG[wrong])
         ptr = self.pixel_ptr
@@ -89,7 +89,7 @@ class Rays:
         return len(self.origins)
 
     def __repr__(self) -> str:
-        """Name the sizes: the arrays themselves are too long to print."""
+        """Name the sizes."""
         return f"<Rays: {self.n_pixels} pixels, {len(self)} pieces>"
 
     @property
@@ -148,12 +148,15 @@ class Rays:
             raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
         width, height = camera.image_size
         pixels = np.arange(width * height) if pixels is None else np.asarray(pixels, np.int64)
-        places = places_in_pixel(supersample)
+        positions = positions_in_pixel(supersample)
         if camera.is_pinhole:
-            origins, directions = lines_of_sight(camera, pixels, places)
+            origins, directions = lines_of_sight(camera, pixels, positions)
         else:
             row, column = np.divmod(pixels, width)
-            v, u = row[:, None] + places[:, 0], column[:, None] + places[:, 1]  # (pixels, K²)
+            v, u = (
+                row[:, None] + positions[:, 0],
+                column[:, None] + positions[:, 1],
+            )  # (pixels, K²)
             origins, directions = camera.rays(np.stack([u, v], axis=-1).reshape(-1, 2))
         weight = np.full(len(origins), 1.0 / supersample**2)
         pixel_ptr = supersample**2 * np.arange(len(pixels) + 1)

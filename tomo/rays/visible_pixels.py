@@ -1,4 +1,4 @@
-"""Which pixels of a camera can see a box at all, without missing one."""
+"""The pixels of a camera that may see a box: none that does is missing."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rigs import CameraLike
 
 _RAYS_AT_ONCE = 2**19
+"""Rays tested at once: bounds the working memory to some 100 MB."""
 
 
 def pixels_that_see(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.int64]:

@@ -23,7 +23,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.by_camera import by_name
 from tomo.selfcal.registration import register, shift_and_zoom_motions
 
 FEWEST_VIEWS = 4
@@ -141,11 +140,11 @@ class Displacement:
     def report(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the entries of the report as plain numbers, by the cameras' ``names``."""
         return {
-            "pixels": by_name(names, self.pixels),
-            "noise": by_name(names, self.noise),
+            "pixels": dict(zip(names, self.pixels.tolist(), strict=True)),
+            "noise": dict(zip(names, self.noise.tolist(), strict=True)),
             "exact_cameras": None
             if self.exact_cameras is None
-            else by_name(names, self.exact_cameras),
+            else dict(zip(names, self.exact_cameras.tolist(), strict=True)),
             "typical": self.typical,
             "disagrees": self.disagrees,
         }

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig, image_motion
-from tomo._compute.by_camera import by_name
 from tomo.grid import VoxelGrid
 from tomo.hull import carve
 from tomo.operators import LinearSystem, choose_form
@@ -104,7 +103,7 @@ class Alignment:
     def report(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the entries of the report as plain numbers, by the cameras' ``names``."""
         return {
-            "shifts": by_name(names, self.shifts),
+            "shifts": dict(zip(names, self.shifts.tolist(), strict=True)),
             "error_before": self.error_before,
             "error_after": self.error_after,
             "accepted": self.accepted,

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phantoms import Field, sample
-from tomo._compute.by_camera import by_name
 from tomo._compute.memory import available_memory
 from tomo.grid import VoxelGrid
 from tomo.operators import Projector
@@ -197,7 +196,7 @@ def simulate_images(
         "tracer": tracer,
     }
     if effects.gain_spread > 0:
-        settings["gains"] = by_name(rig.names, gains)
+        settings["gains"] = dict(zip(rig.names, gains.tolist(), strict=True))
     recorded = list(images.values())
     random = np.random.default_rng(seed)
     if photons is not None:

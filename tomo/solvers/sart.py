@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compute.grouping import golden_section
+from tomo._compute.grouping import golden_ratio_sequence
 from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import additive_start, check_measured
@@ -29,7 +29,7 @@ def view_orders(count: int) -> Iterator[NDArray[np.int64]]:
     the golden-ratio sequence: after any number of views, those used are spread evenly.
     """
     yield np.random.default_rng(0).permutation(count)
-    spread = np.argsort(np.argsort(golden_section(count)))
+    spread = np.argsort(np.argsort(golden_ratio_sequence(count)))
     while True:
         yield spread
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.grouping import golden_section
+from tomo._compute.grouping import golden_ratio_sequence
 
 
 def interleaved(count: int, parts: int) -> list[NDArray[np.int64]]:
@@ -18,5 +18,5 @@ def interleaved(count: int, parts: int) -> list[NDArray[np.int64]]:
             f"subsets: found {parts}, expected a whole number from 1 to that of pixels, {count}"
         )
     parts = int(parts)
-    part = np.floor(golden_section(count) * parts).astype(np.int64)
+    part = np.floor(golden_ratio_sequence(count) * parts).astype(np.int64)
     return [np.flatnonzero(part == number) for number in range(parts)]

@@ -1,11 +1,11 @@
-"""From the crossings of each ray to Segments grouped by pixel; shared by the slower tracers."""
+"""From the segments of each ray to `Segments` grouped by pixel, for the two slower tracers."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from tomo._compute.index_types import numbering
+from tomo._compute.index_types import index_type
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
 from tomo.trace.segments import Segments
@@ -22,12 +22,12 @@ def collect_by_pixel(
     midpoints: bool,
     dtype: DTypeLike,
 ) -> Segments:
-    """Return Segments from what was found ray by ray.
+    """Return `Segments` from those of each ray.
 
-    ``counts`` (N,) crossings of each ray, their ``lengths`` (S,), the ``index`` (S, 3) of their
-    voxels and their ``middles`` (S, 3) in voxel units.
+    ``counts`` (N,) of each ray, ``lengths`` (S,), the ``index`` (S, 3) of their voxels and their
+    midpoints ``middles`` (S, 3) in voxel units.
     """
-    voxel = np.ravel_multi_index(tuple(index.T), grid.shape).astype(numbering(grid.size))
+    voxel = np.ravel_multi_index(tuple(index.T), grid.shape).astype(index_type(grid.size))
     ray_ptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     weighted = lengths * np.repeat(rays.weight, counts)
     from_center = (middles - np.asarray(grid.shape) / 2) * grid.spacing

@@ -1,10 +1,10 @@
-"""The course of one ray through the grid, axis by axis, in numbers that never accumulate.
+"""Where one ray passes the planes between voxels, axis by axis; nothing accumulates.
 
-Planes are counted, not added up: the time at which a ray passes its k-th plane of an axis, and how
-many planes it has passed at a time, follow from the first plane's distance and the ray's speed.
-Time is the world's length along the ray from where it enters the box, so that nothing depends on
-how far away the camera is. The steps are those of `tomo.rays.ray_box.enter_box`. Nothing branches
-on data, so that loops over rays vectorise.
+Planes are counted, not added up: when a ray passes its k-th plane of an axis, and how many planes
+it has passed at a time, follow from the first plane's distance and the ray's speed. Time is the
+world length along the ray from its entry into the box, so that nothing depends on how far away the
+camera is. The steps are those of `tomo.rays.ray_box.enter_box`. Nothing branches on data: loops
+over rays vectorise.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from tomo.rays.ray_box import STILL
 
 @compiled(inline=True)
 def lesser(a: float, b: float) -> float:
-    """Return the lesser of two numbers; unlike ``min`` without a thought for NaN."""
+    """Return the lesser of two numbers; unlike ``min`` not for NaN."""
     return a if a < b else b
 
 
 @compiled(inline=True)
 def greater(a: float, b: float) -> float:
-    """Return the greater of two numbers; unlike ``max`` without a thought for NaN."""
+    """Return the greater of two numbers; unlike ``max`` not for NaN."""
     return a if a > b else b
 
 
@@ -65,15 +65,15 @@ def enter(origin, direction, length, lower, upper, spacing, shape) -> tuple:
 
 @compiled(inline=True)
 def along_axis(position, direction, end, count, stride) -> tuple:
-    """Return a ray's course along one axis, whole numbers as floats.
+    """Return a ray's parameters along one axis, integers as floats.
 
     ``offset``: voxels to the first plane, above 0 and at most 1 where there is one; ``speed``:
     voxels per world length; ``per_plane``: world length per voxel; ``last``: planes ahead inside
     the box; ``stride``: from one voxel to the next that it enters, 0 where it stays; ``first``:
     the voxel that it moves into.
 
-    The outer face is no such plane: the chord of the box ends there, and its length is known from
-    outside; found again from within, where rays graze the face, it would be off by rounding.
+    The outer face is not counted: the ray's length in the box ends there and is known from
+    `enter`; computed again from inside it would be off by rounding where rays graze the face.
     """
     still = (direction == 0) | (position + direction * end == position)  # gets nowhere
     back = (direction < 0) & (not still)

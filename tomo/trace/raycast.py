@@ -26,9 +26,12 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-CUTS_AT_ONCE = 2_000_000  # rays times planes: bounds the working memory to some 100 MB
-OVERHANG = 2.0  # voxels by which the planes reach beyond the box
-NEAR = 1e-6  # voxels from a ray's end to a plane, below which its crossings are found in float64
+CUTS_AT_ONCE = 2_000_000
+"""Rays times planes at once: bounds the working memory to some 100 MB."""
+OVERHANG = 2.0
+"""Voxels by which the planes reach beyond the box: without, rays slip past its edges."""
+NEAR = 1e-6
+"""Voxels from a ray's end to a plane below which the ray is cut in float64 alone."""
 
 
 def plane_quads(shape: tuple[int, int, int]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
@@ -56,10 +59,10 @@ def plane_quads(shape: tuple[int, int, int]) -> tuple[NDArray[np.float32], NDArr
 def _cuts(
     scene: open3d.t.geometry.RaycastingScene, box: BoxCrossing, shape: tuple[int, int, int]
 ) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
-    """Return where every ray is cut, sorted, and the axis of the plane that cuts it there.
+    """Return where every ray is cut, sorted, and the axis of the plane that cuts it.
 
     Both (rays, planes + 2), from the entry at 0 to the ray's length; ends have axis -1. Planes
-    that a ray does not pierce inside the box stand at its length: pieces of no length.
+    that a ray does not pierce inside the box stand at its length: segments of no length.
     """
     import open3d
 

@@ -2,8 +2,8 @@
 
 Siddon, "Fast calculation of the exact radiological path for a three-dimensional CT array",
 Medical Physics 12 (1985), equations 2 to 13: cut the ray at every plane between voxels and sort
-the cuts. The voxel of each piece follows from the planes passed, not from where its middle lies:
-the middle of a short piece beside a plane may round to the plane's other side.
+the cuts. The voxel of each segment follows from the planes passed, not from its midpoint: that of
+a short segment next to a plane may round to the plane's other side.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def planes_ahead(
     length: float,
     shape: tuple[int, int, int],
 ) -> list[NDArray[np.float64]]:
-    """Return how far away the planes between voxels are that a ray passes: one array an axis."""
+    """Return the distances of the planes between voxels that a ray passes: one array an axis."""
     ahead = []
     for axis in range(3):
         distance = np.zeros(0)

@@ -1,4 +1,4 @@
-"""What a tracer returns: the voxels that each pixel's rays cross, and how far."""
+"""What a tracer returns: the voxels that each pixel's rays cross, and the lengths in them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tomo._compute.grouping import take_groups
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """The crossings of rays with voxels, grouped by pixel: a sparse matrix in row order.
+    """The segments of rays in voxels, grouped by pixel: a sparse matrix in row order.
 
     Pixel ``p`` owns the entries ``ptr[p]:ptr[p + 1]``, ordered along each of its rays.
 
@@ -21,12 +21,12 @@ class Segments:
     ptr : (pixels + 1,) int64
         Where each pixel's entries begin.
     voxel : (S,) int32 or int64
-        Flat index of the voxel crossed (the paper's impacting voxels).
+        Flat index of the voxel (the paper's impacting voxels).
     length : (S,) float32 or float64
-        Chord length inside that voxel times the ray's quadrature weight, in the length unit:
-        the matrix entry. With one ray a pixel it is the chord itself.
+        Segment length times the ray's quadrature weight, in the length unit: the matrix entry.
+        With one ray a pixel the weight is 1.
     midpoint : (S, 3) float32 or float64, optional
-        Middle of each crossing (the paper's segment points) along the world's axes, measured
+        Midpoint of each segment (the paper's segment points) along the world's axes, measured
         from the grid's ``center``, so that single precision suffices wherever the grid lies.
     """
 
@@ -50,19 +50,19 @@ class Segments:
             )
 
     def __len__(self) -> int:
-        """Return the number of crossings."""
+        """Return the number of segments."""
         return int(self.ptr[-1])
 
     def __repr__(self) -> str:
-        """Name the sizes: the arrays themselves are too long to print."""
+        """Name the sizes."""
         return (
-            f"<Segments: {self.n_pixels} pixels, {len(self)} crossings, "
+            f"<Segments: {self.n_pixels} pixels, {len(self)} segments, "
             f"{self.nbytes / 2**20:.1f} MiB>"
         )
 
     @property
     def n_pixels(self) -> int:
-        """Number of pixels, those without a crossing included."""
+        """Number of pixels, those without a segment included."""
         return len(self.ptr) - 1
 
     @property
@@ -99,7 +99,7 @@ class Segments:
         return Segments(ptr, self.voxel[slots], self.length[slots], midpoint)
 
     def renumbered(self, number: NDArray[np.integer]) -> Segments:
-        """Return the crossings of the voxels that have a number, under that number.
+        """Return the segments in voxels that have a number, under that number.
 
         ``number`` holds one for every voxel, negative where it has none.
         """

@@ -29,7 +29,7 @@ def trace(
     dtype: DTypeLike = np.float32,
     active: ActiveVoxels | None = None,
 ) -> Segments:
-    """Return the voxels that each pixel's rays cross, and the length of every crossing.
+    """Return the segments of rays: the voxels that each pixel's rays cross, and the lengths.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ def trace(
     grid : VoxelGrid
     tracer : {"march", "raycast", "reference"}
     midpoints : bool
-        Whether to keep the middle of each crossing too.
+        Whether to keep the midpoint of each segment too.
     dtype : {float32, float64}
         Of the lengths and midpoints; the geometry is always computed in float64.
     active : ActiveVoxels, optional
-        The voxels to look at; all of the grid when None. Crossings of others are left out, and
-        ``voxel`` are the numbers of the active ones: those of the unknowns.
+        All voxels of the grid when None. Segments in other voxels are left out, and ``voxel`` are
+        the numbers of the unknowns.
 
     Raises
     ------
@@ -62,12 +62,12 @@ def tracing(
     active: ActiveVoxels | None = None,
     in_storage_order: bool = False,
 ) -> Callable[[Rays], Segments]:
-    """Return what traces rays as `trace` does, to be called with one camera's after another's.
+    """Return a function that traces rays as `trace` does, for one camera after another.
 
-    Its arguments and errors are those of `trace`. The tracer keeps memory from call to call, so
-    that no two threads may call it at once; what it has returned stays as it is. With
-    ``in_storage_order`` the unknowns are numbered as `tomo.ActiveVoxels.storage_index` has them,
-    where not all voxels are active.
+    Arguments and errors are those of `trace`. The tracer keeps working memory from call to call:
+    two threads must not call it at once. Segments returned stay as they are. With
+    ``in_storage_order``, ``voxel`` are the storage indices of the unknowns
+    (`tomo.ActiveVoxels.storage_index`), where not all voxels are active.
     """
     if tracer not in TRACERS:
         raise ValueError(f"tracer: found {tracer!r}, expected one of {', '.join(TRACERS)}")

@@ -14,9 +14,9 @@ They share the packing of rays (`packing`), the convolution (`convolution`), mic
 
 import lazy_loader
 
-from tomo._compute.wait_policy import wait_asleep
+from tomo._compute.wait_policy import set_passive_waiting
 
-wait_asleep()
+set_passive_waiting()
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,

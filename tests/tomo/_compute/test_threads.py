@@ -6,7 +6,7 @@ import time
 import numba
 import pytest
 
-from tomo._compute.threads import WORTH_WAKING, share_out, share_range, threads_worth
+from tomo._compute.threads import WORTH_WAKING, run_chunks, run_ranges, threads_worth
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
@@ -18,7 +18,7 @@ def test_every_piece_is_done_once(threads, count):
         workers.append(threading.current_thread())
         return done.append
 
-    share_out(iter(range(count)), threads, worker)
+    run_chunks(iter(range(count)), threads, worker)
     assert sorted(done) == list(range(count))
     assert len(workers) == max(min(threads, count), 1)
     assert threading.current_thread() in workers
@@ -26,15 +26,15 @@ def test_every_piece_is_done_once(threads, count):
 
 def test_pieces_are_done_at_the_same_time():
     together = threading.Barrier(3, timeout=10)
-    share_out(range(3), 3, lambda: lambda piece: together.wait())
+    run_chunks(range(3), 3, lambda: lambda piece: together.wait())
 
 
 @pytest.mark.skipif(numba.get_num_threads() < 2, reason="one thread is all there are")
 def test_pieces_have_one_thread_each_and_what_comes_after_them_all():
     before, inside = numba.get_num_threads(), []
-    share_out(range(8), 2, lambda: lambda piece: inside.append(numba.get_num_threads()))
+    run_chunks(range(8), 2, lambda: lambda piece: inside.append(numba.get_num_threads()))
     assert inside == [1] * 8
-    share_out(range(2), 1, lambda: lambda piece: inside.append(numba.get_num_threads()))
+    run_chunks(range(2), 1, lambda: lambda piece: inside.append(numba.get_num_threads()))
     assert inside[8:] == [before] * 2
     assert numba.get_num_threads() == before
 
@@ -44,7 +44,7 @@ def test_pieces_have_one_thread_each_and_what_comes_after_them_all():
 def test_parts_make_up_the_range(threads, count, on_threads):
     parts = []
     with on_threads(threads):
-        share_range(count, lambda start, stop: parts.append((start, stop)))
+        run_ranges(count, lambda start, stop: parts.append((start, stop)))
     assert sorted(number for part in parts for number in range(*part)) == list(range(count))
     assert len(parts) == 1 or threads > 1
 
@@ -61,7 +61,7 @@ def test_a_failure_ends_the_work_and_is_raised(error):
 
     before = threading.active_count()
     with pytest.raises(error, match="this one"):
-        share_out(range(10_000), 2, lambda: piece)
+        run_chunks(range(10_000), 2, lambda: piece)
     assert len(done) < 10_000
     assert threading.active_count() == before
 
@@ -75,7 +75,7 @@ def test_what_another_thread_raises_is_raised_here():
         time.sleep(0.01)
 
     with pytest.raises(ValueError, match="piece"):
-        share_out(range(1000), 2, lambda: piece)
+        run_chunks(range(1000), 2, lambda: piece)
 
 
 def test_where_no_more_threads_are_to_be_had_those_begun_end(monkeypatch):
@@ -93,7 +93,7 @@ def test_where_no_more_threads_are_to_be_had_those_begun_end(monkeypatch):
 
     monkeypatch.setattr(threading.Thread, "start", start_one)
     with pytest.raises(RuntimeError, match="new thread"):
-        share_out(range(1000), 3, lambda: piece)
+        run_chunks(range(1000), 3, lambda: piece)
     begun[0].join(timeout=5)
     assert not begun[0].is_alive()
     assert len(done) < 1000

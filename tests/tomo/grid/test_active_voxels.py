@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.grid.active_voxels import FARTHEST
 from tomo.operators.operator import ProjectionOperator
 
 GRID = VoxelGrid((2, 3, 4), 0.5)
@@ -41,7 +42,7 @@ def test_the_box_holds_the_unknowns_and_a_layer_around_them(flags):
         assert np.array_equal(box, active.expand(values).reshape(grid.shape)[around])
 
 
-def test_nothing_is_copied_when_all_are_live():
+def test_nothing_is_copied_when_all_are_active():
     volume = np.zeros(24)
     assert np.shares_memory(ActiveVoxels(GRID).expand(volume), volume)
     assert np.shares_memory(ActiveVoxels(GRID).compress(volume.reshape(GRID.shape)), volume)
@@ -66,3 +67,24 @@ def test_an_operator_refuses_unknowns_of_another_grid():
     assert Nothing(5, GRID, None, np.float32, ActiveVoxels(GRID, np.array([2, 7]))).shape == (5, 2)
     with pytest.raises(ValueError, match="active: found voxels of"):
         Nothing(5, GRID, None, np.float32, ActiveVoxels(VoxelGrid((2, 2, 2), 1.0)))
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (5, 1, 9), (8, 11, 6)])
+def test_the_distance_is_the_largest_difference_along_an_axis(shape):
+    random = np.random.default_rng(len(shape))
+    mask = random.random(shape) < 0.05
+    mask.flat[0] = True
+    voxels, active = np.indices(shape).reshape(3, -1), np.argwhere(mask)
+    expected = np.abs(voxels.T[:, None] - active).max(axis=2).min(axis=1).reshape(shape)
+    found = ActiveVoxels.from_mask(VoxelGrid(shape, 1.0), mask).distance
+    assert found.dtype == np.uint8
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_distances_end_at_the_largest_that_a_byte_holds():
+    grid = VoxelGrid((2, 3, 700), 1.0)
+    mask = np.zeros(grid.shape, np.bool_)
+    assert (ActiveVoxels.from_mask(grid, mask).distance == FARTHEST).all()
+    mask[1, 1, 0] = True
+    found = ActiveVoxels.from_mask(grid, mask).distance
+    np.testing.assert_array_equal(found[0, 0], np.clip(np.arange(700), 1, FARTHEST))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tomo import ActiveVoxels, Projector, Rays, VoxelGrid
-from tomo.grid.bricks import brick_storage_index
+from tomo.grid.bricks import brick_order
 from tomo.trace import trace
 
 side = st.integers(1, 20)
@@ -17,21 +17,21 @@ side = st.integers(1, 20)
 @given(st.tuples(side, side, side), st.integers(0, 2**32 - 1), st.floats(0, 1))
 def test_every_chosen_voxel_has_a_place_of_its_own(shape, seed, share):
     mask = np.random.default_rng(seed).random(shape) < share
-    places = brick_storage_index(mask)
+    places = brick_order(mask)
     np.testing.assert_array_equal(np.sort(places), np.arange(mask.sum()))
 
 
 @given(st.tuples(side, side, side), st.integers(0, 2**32 - 1))
 def test_bricks_are_gone_through_one_after_another(shape, seed):
     mask = np.random.default_rng(seed).random(shape) < 0.5
-    voxels = np.argwhere(mask)[np.argsort(brick_storage_index(mask))]
+    voxels = np.argwhere(mask)[np.argsort(brick_order(mask))]
     bricks = voxels // 8
     flat = np.ravel_multi_index(tuple(bricks.T), (3, 3, 3))
     assert (np.diff(flat) >= 0).all()
 
 
 def test_in_a_brick_halves_follow_halves():
-    places = brick_storage_index(np.ones((8, 8, 8), np.bool_)).reshape(8, 8, 8)
+    places = brick_order(np.ones((8, 8, 8), np.bool_)).reshape(8, 8, 8)
     x, y, z = np.indices((8, 8, 8))
     expected = sum(
         4 * (x >> bit & 1) + 2 * (y >> bit & 1) + (z >> bit & 1) << 3 * bit for bit in range(3)
@@ -41,7 +41,7 @@ def test_in_a_brick_halves_follow_halves():
 
 def test_neighbours_stand_closer_than_in_the_flat_volume():
     shape = (32, 32, 32)
-    places = brick_storage_index(np.ones(shape, np.bool_)).reshape(shape)
+    places = brick_order(np.ones(shape, np.bool_)).reshape(shape)
     for axis in range(3):
         assert np.median(np.abs(np.diff(places, axis=axis))) <= 7
 

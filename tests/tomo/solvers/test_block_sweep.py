@@ -35,7 +35,7 @@ def case(request, ring_system, in_bricks):
 @pytest.fixture
 def in_bricks(ring_system, monkeypatch):
     """Return the ring's system with its entries sorted by bricks, as those of many voxels are."""
-    monkeypatch.setattr("tomo.grid.active_voxels._FEW", 10)
+    monkeypatch.setattr("tomo.grid.active_voxels.FEW_VOXELS", 10)
     own = ring_system.projector
     projector = Projector(own.segments, own.grid, own.view_ptr, ActiveVoxels(own.grid))
     assert projector.active.storage_index is not None

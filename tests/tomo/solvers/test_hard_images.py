@@ -10,7 +10,7 @@ import rigs
 from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.hull import carve
 from tomo.metrics import nrmse
-from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.simulation import simulate_images
 
 BY_PIXEL = ("art", "mart")

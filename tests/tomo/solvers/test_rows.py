@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tomo import GaussianBasis, Projector, Rays, Segments, VoxelGrid
-from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.solvers import art, mart
 from tomo.solvers._rows import merged_rows
 

@@ -17,7 +17,7 @@ from tomo.operators import check_memory, choose_form
 from tomo.operators.on_the_fly import kernels
 from tomo.operators.on_the_fly.ray_setup import WIDTH
 from tomo.operators.on_the_fly.ray_sources import RayPixels
-from tomo.operators.on_the_fly.running_sums import turned
+from tomo.operators.on_the_fly.running_sums import in_order
 from tomo.rays import Rays
 from tomo.trace import TRACERS, Segments, trace
 from tomo.trace.march import _move_down
@@ -67,11 +67,13 @@ def test_running_sums_are_projected_and_back(through, axes):
     measured = random.random(len(rays)) + 0.5
     ray = np.repeat(np.arange(len(rays)), np.diff(segments.ptr))
     place = np.stack(np.unravel_index(segments.voxel, grid.shape), axis=1)  # (crossings, 3)
-    shape = turned(grid.shape, axes)
-    courses = np.zeros((len(rays), WIDTH))
-    RayPixels(rays).writer(grid, axes)(0, len(rays), courses)
+    shape = in_order(grid.shape, axes)
+    parameters = np.zeros((len(rays), WIDTH))
+    RayPixels(rays).writer(grid, axes)(0, len(rays), parameters)
     along, b, c = place[:, axes[0]], *axes[1:]
-    mine = (courses[:, 5] > courses[:, 4])[ray]  # leaves where it enters: another axis drives it
+    mine = (parameters[:, 5] > parameters[:, 4])[
+        ray
+    ]  # leaves where it enters: another axis drives it
     if not mine.any():
         return
     column = place[:, b] * shape[2] + place[:, c]
@@ -81,7 +83,7 @@ def test_running_sums_are_projected_and_back(through, axes):
     for one, value in zip(chosen, values, strict=True):
         sums[one * (SIDE + 1) + 1 : (one + 1) * (SIDE + 1)] = np.cumsum(value)
     images, number, ptr = np.zeros(len(rays)), np.zeros(0, np.int64), rays.pixel_ptr
-    kernels.forward(courses, ptr, shape, number, np.zeros(0, np.float32), sums, images)
+    kernels.forward(parameters, ptr, shape, number, np.zeros(0, np.float32), sums, images)
     del sums
     order = np.argsort(chosen)
     found = np.minimum(np.searchsorted(chosen, column, sorter=order), len(chosen) - 1)
@@ -93,7 +95,7 @@ def test_running_sums_are_projected_and_back(through, axes):
     differences = untouched(SIDE * SIDE * (SIDE + 1) + 1, np.uint64)
     for low, high in ((0, SIDE // 2), (SIDE // 2, SIDE)):
         kernels.adjoint(
-            courses, ptr, shape, number, low, high, 2.0**40, measured,
+            parameters, ptr, shape, number, low, high, 2.0**40, measured,
             differences[low * SIDE * (SIDE + 1) :],
         )  # fmt: skip
     back, wanted = np.zeros_like(values), np.zeros_like(values)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tomo.grid import VoxelGrid
-from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.rays import Rays
 from tomo.trace import TRACERS, trace
 

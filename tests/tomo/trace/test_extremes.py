@@ -13,7 +13,7 @@ import pytest
 import rigs
 from rigs import Camera, Distortion, look_at
 from tomo import LinearSystem, Projector, VoxelGrid, dot_test
-from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.rays import Rays
 from tomo.solvers import cgls
 from tomo.trace import TRACERS, trace

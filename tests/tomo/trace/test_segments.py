@@ -112,7 +112,7 @@ def test_sizes():
     segments = make([2, 0, 3])
     assert (len(segments), segments.n_pixels) == (5, 3)
     assert segments.nbytes == 4 * 8 + 5 * (4 + 4 + 12)
-    assert "3 pixels, 5 crossings" in repr(segments)
+    assert "3 pixels, 5 segments" in repr(segments)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Shares of pixels whose rays one thread follows at a time, whichever sources they come from."""
+"""Chunks of work: pixels whose rays one thread projects at a time, from one source or several."""
 
 from __future__ import annotations
 
@@ -11,51 +11,52 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.threads import share_out
+from tomo._compute.threads import run_chunks
 from tomo.grid import VoxelGrid
 from tomo.operators.on_the_fly.ray_setup import WIDTH
 from tomo.operators.on_the_fly.ray_sources import PixelSource, Write
 from tomo.operators.on_the_fly.running_sums import Axes
 
-RAYS_AT_ONCE = 16_384  # 1 MB of courses, which stays near the core that makes them
+RAYS_AT_ONCE = 16_384
+"""Rays of a chunk, 1 MB of parameters: more leave the cache, fewer cost calls."""
 
-Follow = Callable[["Share", NDArray[np.float64], NDArray[np.int64]], None]
-"""Does something with a share, its courses (N, 8), and where each pixel's begin (P + 1,)."""
+Visit = Callable[["Chunk", NDArray[np.float64], NDArray[np.int64]], None]
+"""Uses a chunk, its rays' parameters (N, 8), and where each pixel's rays begin (P + 1,)."""
 
 Group = TypeVar("Group")
 
 
 @dataclass(frozen=True, eq=False)
-class Share:
+class Chunk:
     """Some pixels of a projector with their rays.
 
     Attributes
     ----------
-    pieces : tuple of (source, start, stop)
+    parts : tuple of (source, start, stop)
         Pixels of sources, one after another.
     spans : tuple of (start, stop)
-        Which pixels of the projector those of each piece are.
+        Which pixels of the projector those of each part are.
     """
 
-    pieces: tuple[tuple[PixelSource, int, int], ...]
+    parts: tuple[tuple[PixelSource, int, int], ...]
     spans: tuple[tuple[int, int], ...]
 
-    def courses(
+    def parameters(
         self, writers: Mapping[PixelSource, Write], room: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return the courses of all rays, and where each pixel's begin; in ``room`` if it will do.
+        """Return the rays' parameters (N, 8), and where each pixel's rays begin (P + 1,).
 
-        ``(N, 8)`` and ``(P + 1,)``; ``writers`` write the courses of each source.
+        ``writers`` write the parameters of each source, into ``room`` where that is large enough.
         """
-        ptrs = [source.ray_ptr(start, stop) for source, start, stop in self.pieces]
+        ptrs = [source.ray_ptr(start, stop) for source, start, stop in self.parts]
         ends = list(itertools.accumulate((int(ptr[-1]) for ptr in ptrs), initial=0))
-        courses = room[: ends[-1]] if ends[-1] <= len(room) else np.zeros((ends[-1], WIDTH))
-        for (source, start, stop), low, high in zip(self.pieces, ends[:-1], ends[1:], strict=True):
-            writers[source](start, stop, courses[low:high])
+        parameters = room[: ends[-1]] if ends[-1] <= len(room) else np.zeros((ends[-1], WIDTH))
+        for (source, start, stop), low, high in zip(self.parts, ends[:-1], ends[1:], strict=True):
+            writers[source](start, stop, parameters[low:high])
         if len(ptrs) == 1:
-            return courses, ptrs[0]
+            return parameters, ptrs[0]
         rest = [ptr[1:] + low for ptr, low in zip(ptrs, ends[:-1], strict=True)]
-        return courses, np.concatenate([np.zeros(1, np.int64), *rest])
+        return parameters, np.concatenate([np.zeros(1, np.int64), *rest])
 
     def of(self, images: NDArray) -> NDArray[np.float64]:
         """Return these pixels of images (pixels,)."""
@@ -69,62 +70,62 @@ class Share:
             at += stop - start
 
 
-def shares_of(sources: Sequence[PixelSource], wanted: Sequence[bool]) -> Iterator[Share]:
-    """Go through the pixels of those sources that are wanted, some rays at a time.
+def chunks_of(sources: Sequence[PixelSource], wanted: Sequence[bool]) -> Iterator[Chunk]:
+    """Iterate over the pixels of the wanted sources, at most `RAYS_AT_ONCE` rays at a time.
 
     Parameters
     ----------
     sources : sequence of PixelSource
-        Whose pixels, one source's after another's, are those of a projector.
+        Their pixels, one source after another, are those of a projector.
     wanted : sequence of bool
     """
-    pieces, spans, rays, first = [], [], 0, 0
+    parts, spans, rays, first = [], [], 0, 0
     for source, want in zip(sources, wanted, strict=True):
         for start, stop, count in source.portions(RAYS_AT_ONCE) if want else ():
-            if rays + count > RAYS_AT_ONCE and pieces:
-                yield Share(tuple(pieces), tuple(spans))
-                pieces, spans, rays = [], [], 0
-            pieces.append((source, start, stop))
+            if rays + count > RAYS_AT_ONCE and parts:
+                yield Chunk(tuple(parts), tuple(spans))
+                parts, spans, rays = [], [], 0
+            parts.append((source, start, stop))
             spans.append((first + start, first + stop))
             rays += count
         first += source.n_pixels
-    if pieces:
-        yield Share(tuple(pieces), tuple(spans))
+    if parts:
+        yield Chunk(tuple(parts), tuple(spans))
 
 
-def follow_all(shares: Sequence[Share], grid: VoxelGrid, axes: Axes, follow: Follow) -> None:
-    """Follow the rays of all shares that have ``axes[0]`` for long axis, on all threads."""
-    follow_groups([(None, (share,)) for share in shares], grid, axes, lambda _: follow)
+def project_chunks(chunks: Sequence[Chunk], grid: VoxelGrid, axes: Axes, visit: Visit) -> None:
+    """Call ``visit`` for each chunk with its rays of driving axis ``axes[0]``, on all threads."""
+    project_groups([(None, (chunk,)) for chunk in chunks], grid, axes, lambda _: visit)
 
 
-def follow_groups(
-    groups: Sequence[tuple[Group, Sequence[Share]]],
+def project_groups(
+    groups: Sequence[tuple[Group, Sequence[Chunk]]],
     grid: VoxelGrid,
     axes: Axes,
-    follow_in: Callable[[Group], Follow],
+    visitor: Callable[[Group], Visit],
 ) -> None:
-    """Follow the rays of groups of shares, on all threads, those of a group on one.
+    """Call visitors for groups of chunks, on all threads; one group stays on one thread.
 
     Parameters
     ----------
-    groups : sequence of (anything, shares)
-        What a group is known by, and its shares; one may be in several groups.
+    groups : sequence of (anything, chunks)
+        A group's key and its chunks; a chunk may be in several groups.
     grid : VoxelGrid
     axes : (int, int, int)
-    follow_in : callable
-        Called with what a group is known by; returns what follows the rays of its shares.
+    visitor : callable
+        Called with a group's key; returns the function to call for its chunks.
     """
-    sources = {source for _, shares in groups for share in shares for source, _, _ in share.pieces}
+    sources = {source for _, chunks in groups for chunk in chunks for source, _, _ in chunk.parts}
     writers = {source: source.writer(grid, axes) for source in sources}
 
-    def worker() -> Callable[[tuple[Group, Sequence[Share]]], None]:
-        room = np.zeros((RAYS_AT_ONCE, WIDTH))  # new memory costs more than what is written to it
+    def worker() -> Callable[[tuple[Group, Sequence[Chunk]]], None]:
+        room = np.zeros((RAYS_AT_ONCE, WIDTH))  # new memory costs more than writing to it
 
-        def do(group: tuple[Group, Sequence[Share]]) -> None:
-            follow = follow_in(group[0])
-            for share in group[1]:
-                follow(share, *share.courses(writers, room))
+        def do(group: tuple[Group, Sequence[Chunk]]) -> None:
+            visit = visitor(group[0])
+            for chunk in group[1]:
+                visit(chunk, *chunk.parameters(writers, room))
 
         return do
 
-    share_out(groups, numba.get_num_threads(), worker)
+    run_chunks(groups, numba.get_num_threads(), worker)

@@ -1,4 +1,4 @@
-"""What pixels that are not finite do to an adjoint whose sums are of whole numbers."""
+"""The adjoint of pixels that are not finite: its integers can hold no NaN and no infinity."""
 
 from __future__ import annotations
 
@@ -8,18 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def spoiled(
+def adjoint_with_nonfinite(
     adjoint: Callable[[NDArray], NDArray], y: NDArray, finite: NDArray[np.bool_]
 ) -> NDArray:
-    """Return the adjoint of pixels some of which are not finite: they reach what they see.
+    """Return the adjoint of pixels ``y`` of which some are not ``finite``.
 
-    Parameters
-    ----------
-    adjoint : callable
-        Of finite pixels.
-    y : (pixels,)
-    finite : (pixels,) bool
-        Which of them are.
+    Their values reach every voxel that they see; ``adjoint`` takes finite pixels only.
     """
     volume = adjoint(np.where(finite, y, 0))
     with np.errstate(invalid="ignore"):  # infinity less infinity is not a number

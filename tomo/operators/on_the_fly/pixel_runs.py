@@ -1,7 +1,7 @@
-"""Numbers of pixels in little memory: as runs of consecutive ones.
+"""Pixel numbers as runs of consecutive ones, and as parts of several sources.
 
-The pixels that see a grid, or what is left of it, lie side by side: a run for each row of an image
-says which they are, where their numbers would take more memory than the image.
+The pixels that see a grid lie side by side: one run for each row of an image takes little memory,
+where their numbers would take more than the image.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.index_types import numbering
+from tomo._compute.index_types import index_type
 
 
 @dataclass(frozen=True, eq=False)
 class PixelRuns:
-    """Pixel numbers, in any order; those that ascend by one after another take no room.
+    """Pixel numbers in any order, stored as runs that ascend by one.
 
     Attributes
     ----------
     first : (R,) int32 or int64
         The number with which each run begins.
     ptr : (R + 1,) int32 or int64
-        How many numbers there are before each run, and in all.
+        How many numbers stand before each run, and in all.
     """
 
     first: NDArray[np.integer]
@@ -32,7 +32,7 @@ class PixelRuns:
     @classmethod
     def all_of(cls, count: int) -> PixelRuns:
         """Return the numbers from 0 to ``count - 1``."""
-        kind = numbering(count)
+        kind = index_type(count)
         return cls(np.zeros(1, kind), np.array([0, count], kind))
 
     @classmethod
@@ -40,11 +40,11 @@ class PixelRuns:
         """Return some ``numbers`` (P,), each below ``count``."""
         cuts = np.flatnonzero(np.diff(numbers) != 1) + 1
         begin = np.concatenate([np.zeros(min(len(numbers), 1), np.int64), cuts])
-        kind = numbering(max(count, len(numbers)))
+        kind = index_type(max(count, len(numbers)))
         return cls(numbers[begin].astype(kind), np.append(begin, len(numbers)).astype(kind))
 
     def __len__(self) -> int:
-        """Return how many numbers there are."""
+        """Return the number of pixels."""
         return int(self.ptr[-1])
 
     def __repr__(self) -> str:
@@ -62,3 +62,32 @@ class PixelRuns:
         ends = np.clip(self.ptr[low : high + 2], start, stop)
         shift = np.repeat(self.first[some] - self.ptr[some], np.diff(ends))
         return np.arange(start, stop, dtype=self.first.dtype) + shift
+
+
+def pixels_between(ptr: NDArray[np.int64], start: int, stop: int) -> list[tuple[int, slice]]:
+    """Return the sources of pixels ``start:stop``, and the slice of each source's own pixels.
+
+    Pixels are numbered one source after another; ``ptr`` (sources + 1,) says where each begins.
+    """
+    first, last = np.searchsorted(ptr, [start, stop], side="right") - 1
+    found = []
+    for number in range(first, min(last, len(ptr) - 2) + 1):
+        low, high = ptr[number : number + 2].tolist()
+        if max(start, low) < min(stop, high):
+            found.append((number, slice(max(start, low) - low, min(stop, high) - low)))
+    return found
+
+
+def pixels_by_source(
+    ptr: NDArray[np.int64], pixels: NDArray[np.integer]
+) -> list[tuple[int, NDArray[np.integer]]]:
+    """Return, for each run of ``pixels`` in one source, the source and its own pixel numbers.
+
+    In the order of ``pixels``; a source with several runs comes several times.
+    """
+    if not len(pixels):
+        return []
+    source = np.searchsorted(ptr, pixels, side="right") - 1
+    cuts = np.flatnonzero(np.diff(source)) + 1
+    runs = zip(source[np.append(0, cuts)].tolist(), np.split(pixels, cuts), strict=True)
+    return [(number, some - ptr[number]) for number, some in runs]

@@ -1,4 +1,4 @@
-"""The projector without a stored matrix: rays and chord lengths are computed at every product."""
+"""The operator: chunks of rays are projected on all threads, one driving axis after another."""
 
 from __future__ import annotations
 
@@ -12,30 +12,41 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs import CameraLike
-from tomo._compute.index_types import numbering
+from tomo._compute.index_types import index_type
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.on_the_fly import kernels
-from tomo.operators.on_the_fly.chunks import Follow, Share, follow_all, follow_groups, shares_of
-from tomo.operators.on_the_fly.counting_pass import ColumnsMet, Survey, columns_met, survey
-from tomo.operators.on_the_fly.nonfinite import spoiled
+from tomo.operators.on_the_fly.chunks import (
+    Chunk,
+    Visit,
+    chunks_of,
+    project_chunks,
+    project_groups,
+)
+from tomo.operators.on_the_fly.counting_pass import (
+    ColumnsMet,
+    CrossingCounts,
+    columns_met,
+    count_crossings,
+)
+from tomo.operators.on_the_fly.nonfinite import adjoint_with_nonfinite
+from tomo.operators.on_the_fly.pixel_runs import pixels_between, pixels_by_source
 from tomo.operators.on_the_fly.ray_sources import Numbers, PixelSource, RayPixels, pixel_source
 from tomo.operators.on_the_fly.running_sums import (
     ORDERS,
     Axes,
     add_differences,
+    in_order,
     running_sums,
-    turned,
 )
-from tomo.operators.on_the_fly.source_pixels import pixels_between, pixels_by_source
 from tomo.operators.operator import ProjectionOperator, as_float
 from tomo.rays import Rays
 
 DIFFERENCES = 56 * 2**20
-"""Bytes that an adjoint may take even for a smaller volume, and of a larger one three quarters:
-of 256^3 voxels that is a third of all columns at a time, and 3 % slower than half of them."""
+"""Bytes that the adjoint may take for its integers, or three quarters of a larger volume: less
+goes through the rays more often, more than one volume is memory that the user did not expect."""
 
 FEW_COLUMNS = 16
-"""Of fewer, threads could not have about as many each."""
+"""Columns along an axis below which it is never split between threads: they would be uneven."""
 
 
 class OnTheFlyProjector(ProjectionOperator):
@@ -52,20 +63,13 @@ class OnTheFlyProjector(ProjectionOperator):
 
     Notes
     -----
-    Chord lengths are exact, in double precision relative to the grid. A product with float64 is
-    good to about 1e-13 of the largest result. One with float32 reads running sums of the volume
-    along one axis (`tomo.operators.on_the_fly.kernels`) rounded to single precision, so that its
-    error is about 1e-7 of the largest such sum, not of the ray's own value: rays through nearly
-    empty space beside bright voxels are less good relative to themselves. A voxel that is not
-    finite spoils all rays that meet its columns.
+    `tomo.operators.on_the_fly` has the formulas. With float32 the error is about 1e-7 of the
+    largest running sum, not of the ray's own value: rays through nearly empty space next to bright
+    voxels are less exact relative to themselves. A voxel that is not finite makes all rays that
+    meet its columns non-finite; a pixel that is not finite, all voxels that it sees.
 
-    The adjoint has the same shares, rounded to whole multiples of 2^-61 of what all pixels
-    together could add to a voxel at most; all sums of them are exact, so that a voxel that no ray
-    meets gets zero. Results do not depend on the number of threads.
-
-    A product takes the memory of one more volume, and 1 MB a thread for the rays that it is at.
-    Rays from cameras are made when needed: see `from_cameras`. Work grows with the rays' changes
-    of column, not with the voxels that they meet: voxels that are not active are zeros.
+    A product takes the memory of one more volume, and 1 MB a thread for its chunk of rays. Rays
+    from cameras are made when needed, see `from_cameras`. Voxels that are not active are zeros.
     """
 
     def __init__(
@@ -86,9 +90,9 @@ class OnTheFlyProjector(ProjectionOperator):
         supersample: int = 1,
         active: ActiveVoxels | None = None,
     ) -> OnTheFlyProjector:
-        """Return the projector of cameras, one a view; 8 bytes a distorted ray, little else.
+        """Return the projector of cameras, one a view.
 
-        A table of rays takes 64 bytes a ray.
+        It takes 8 bytes a distorted ray, 64 bytes a ray of a table, and little else.
 
         Parameters
         ----------
@@ -138,8 +142,8 @@ class OnTheFlyProjector(ProjectionOperator):
 
     @property
     def n_segments(self) -> int:
-        """How many crossings of rays with voxels there are, edges and corners aside."""
-        return sum(one.crossings for one in self._surveys)
+        """Number of segments of rays in voxels; passing an edge counts as two face crossings."""
+        return sum(one.segments for one in self._counts)
 
     def rows(self, start: int, stop: int) -> OnTheFlyProjector:
         """Return the projector of pixels ``start:stop`` as one view; rays are shared."""
@@ -162,27 +166,29 @@ class OnTheFlyProjector(ProjectionOperator):
         return projector
 
     @cached_property
-    def _surveys(self) -> list[Survey]:
-        """What the rays of each source do, all pixels taken together."""
+    def _counts(self) -> list[CrossingCounts]:
+        """What the rays of each source cross."""
         nothing = np.zeros(0, np.bool_)
-        return [replace(survey(source, self.grid), meets=nothing) for source in self._sources]
+        return [
+            replace(count_crossings(source, self.grid), meets=nothing) for source in self._sources
+        ]
 
     @cached_property
     def _axes(self) -> list[tuple[bool, bool, bool]]:
-        """For each source, along which axes rays of it may go."""
-        return [one.axes for one in self._surveys]
+        """For each source, whether any of its rays has x, y or z for driving axis."""
+        return [one.axes for one in self._counts]
 
     @cached_property
     def _orders(self) -> list[Axes]:
-        """For each long axis the order of all: last the one along which columns change most.
+        """For each driving axis the order of all axes, the one with most face crossings last.
 
-        Columns that follow each other along it lie side by side. An axis of few voxels is the
-        last in any case: threads of an adjoint share out the columns along the other.
+        Neighbouring columns along the last axis are neighbours in memory. An axis of few voxels
+        is last in any case: the adjoint splits the columns along the other between threads.
         """
-        changes = sum((one.changes for one in self._surveys), np.zeros((3, 3), np.int64))
+        faces = sum((one.faces for one in self._counts), np.zeros((3, 3), np.int64))
 
         def last(along: int, axis: int) -> tuple[bool, int]:
-            return self.grid.shape[axis] < FEW_COLUMNS, int(changes[along][axis])
+            return self.grid.shape[axis] < FEW_COLUMNS, int(faces[along][axis])
 
         return [(a, *sorted(others, key=partial(last, a))) for a, *others in ORDERS]
 
@@ -194,26 +200,26 @@ class OnTheFlyProjector(ProjectionOperator):
         return images
 
     def _project_along(self, axes: Axes, volume: NDArray, images: NDArray) -> None:
-        """Add to ``images`` the sums along the rays with one long axis."""
-        shares = self._shares(axes)
-        if not shares:
+        """Add to ``images`` the sums along the rays with one driving axis."""
+        chunks = self._chunks(axes)
+        if not chunks:
             return
-        shape, sums = turned(self.grid.shape, axes), running_sums(volume, self.grid.shape, axes)
+        shape, sums = in_order(self.grid.shape, axes), running_sums(volume, self.grid.shape, axes)
 
-        def follow(share: Share, courses: NDArray, pixel_ptr: NDArray) -> None:
+        def visit(chunk: Chunk, parameters: NDArray, pixel_ptr: NDArray) -> None:
             some = np.zeros(len(pixel_ptr) - 1)
-            kernels.forward(courses, pixel_ptr, shape, self._number, *sums, some)
-            share.add_to(images, some)
+            kernels.forward(parameters, pixel_ptr, shape, self._index_of, *sums, some)
+            chunk.add_to(images, some)
 
-        follow_all(shares, self.grid, axes, follow)
+        project_chunks(chunks, self.grid, axes, visit)
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
         most = self._most(y)
-        if not math.isfinite(most):  # which pixels are not is looked at here alone: they are many
+        if not math.isfinite(most):  # cheaper than to look at every pixel each time
             finite = np.isfinite(y)
             if not finite.all():
-                return spoiled(self._rmatvec, y, finite)
+                return adjoint_with_nonfinite(self._rmatvec, y, finite)
             return np.full(self.shape[1], np.nan, y.dtype)
         volume = np.zeros(self.grid.size, y.dtype)
         if most > 0:
@@ -223,8 +229,8 @@ class OnTheFlyProjector(ProjectionOperator):
         return self.active.compress(volume)
 
     def _most(self, y: NDArray) -> float:
-        """Return a bound of what all pixels ``y`` together add to a voxel."""
-        step = math.sqrt(3) * max(self.grid.spacing)  # a voxel along the long axis, or less
+        """Return a bound of the sum that all pixels ``y`` add to a voxel."""
+        step = math.sqrt(3) * max(self.grid.spacing)  # one voxel along the driving axis, or less
         spans = zip(self._sources, self._ptr[:-1], self._ptr[1:], strict=True)
         total = sum(
             source.largest_weight * float(np.abs(y[start:stop]).sum(dtype=np.float64))
@@ -233,15 +239,15 @@ class OnTheFlyProjector(ProjectionOperator):
         return step * total
 
     def _add_along(self, axes: Axes, y: NDArray, per_unit: float, volume: NDArray) -> None:
-        """Add the back-projection along the rays with one long axis, some columns at a time.
+        """Add the back-projection of the rays with one driving axis, some columns at a time.
 
-        Of those a thread at a time has a range of its own, so that no two add to the same number.
+        Each thread has a range of columns of its own: no two threads add to the same number.
         """
-        shares = self._shares(axes)
-        if not shares:
+        chunks = self._chunks(axes)
+        if not chunks:
             return
-        n_a, n_b, n_c = turned(self.grid.shape, axes)
-        plane = n_c * (n_a + 1)  # numbers for each step along b
+        n_a, n_b, n_c = in_order(self.grid.shape, axes)
+        plane = n_c * (n_a + 1)  # integers for each column along b
         room = max(volume.nbytes * 3 // 4, DIFFERENCES)
         passes = -(-n_b // max(room // (8 * plane), 1))
         steps = -(-n_b // passes)
@@ -250,51 +256,59 @@ class OnTheFlyProjector(ProjectionOperator):
             columns = range(low, min(low + steps, n_b))
             if low > 0:  # new memory is zero, and touched first by the threads that add to it
                 differences[:] = 0
-            self._add_differences(shares, axes, columns, y, per_unit, differences)
+            self._add_differences(chunks, axes, columns, y, per_unit, differences)
             add_differences(differences, self.grid.shape, axes, columns, 1 / per_unit, volume)
 
-    def _columns_met(self, axes: Axes, shares: Sequence[Share]) -> ColumnsMet:
-        """Return which columns the shares along a long axis meet, which stay the same."""
+    def _columns_met(self, axes: Axes, chunks: Sequence[Chunk]) -> ColumnsMet:
+        """Return the columns that the chunks meet, computed once for each driving axis."""
         if axes not in self._met:
-            self._met[axes] = columns_met(shares, self.grid, axes)
+            self._met[axes] = columns_met(chunks, self.grid, axes)
         return self._met[axes]
 
     def _add_differences(
         self,
-        shares: Sequence[Share],
+        chunks: Sequence[Chunk],
         axes: Axes,
         columns: range,
         y: NDArray,
         per_unit: float,
         differences: NDArray[np.uint64],
     ) -> None:
-        """Add what shares bring to some columns along b, of which ``differences`` are."""
-        shape = turned(self.grid.shape, axes)
+        """Add the chunks' pixels to ``differences``, those of some columns along b."""
+        shape = in_order(self.grid.shape, axes)
         plane = shape[2] * (shape[0] + 1)
         threads = numba.get_num_threads()
         if threads == 1 and len(columns) == shape[1]:
-            groups = [((0, shape[1]), shares)]
+            groups = [((0, shape[1]), chunks)]
         else:
-            groups = self._columns_met(axes, shares).groups(shares, columns, threads)
+            groups = self._columns_met(axes, chunks).groups(chunks, columns, threads)
 
-        def follow_in(some: tuple[int, int]) -> Follow:
+        def visitor(some: tuple[int, int]) -> Visit:
             low, high = some
             mine = differences[(low - columns[0]) * plane : (high - columns[0]) * plane]
 
-            def follow(share: Share, courses: NDArray, pixel_ptr: NDArray) -> None:
+            def visit(chunk: Chunk, parameters: NDArray, pixel_ptr: NDArray) -> None:
                 kernels.adjoint(
-                    courses, pixel_ptr, shape, self._number, low, high, per_unit, share.of(y), mine
+                    parameters,
+                    pixel_ptr,
+                    shape,
+                    self._index_of,
+                    low,
+                    high,
+                    per_unit,
+                    chunk.of(y),
+                    mine,
                 )
 
-            return follow
+            return visit
 
-        follow_groups(groups, self.grid, axes, follow_in)
+        project_groups(groups, self.grid, axes, visitor)
 
-    def _shares(self, axes: Axes) -> list[Share]:
-        """Return the pixels with rays along ``axes[0]``, in shares."""
-        return list(shares_of(self._sources, [along[axes[0]] for along in self._axes]))
+    def _chunks(self, axes: Axes) -> list[Chunk]:
+        """Return the pixels with rays of driving axis ``axes[0]``, in chunks."""
+        return list(chunks_of(self._sources, [along[axes[0]] for along in self._axes]))
 
     @property
-    def _number(self) -> NDArray[np.integer]:
-        """Nothing, of the type in which places of running sums fit."""
-        return np.zeros(0, numbering(math.prod(n + 1 for n in self.grid.shape)))
+    def _index_of(self) -> NDArray[np.integer]:
+        """An empty array of the type that holds the indices of running sums."""
+        return np.zeros(0, index_type(math.prod(n + 1 for n in self.grid.shape)))

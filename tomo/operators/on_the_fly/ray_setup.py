@@ -1,10 +1,10 @@
-"""What rays do in a grid, seen along the axis on which each moves fastest.
+"""Ray parameters: each ray as two straight lines over its driving axis.
 
-The axis along which a ray moves fastest (in voxels) is its *long* axis ``a``; ``b`` and ``c`` are
-the two others, in either order. A ray is told as two straight lines, ``b(t)`` and ``c(t)`` over
-the position ``t`` along ``a``, all in voxels, ascending along every axis: a line integral does not
-know which way it was taken, and where a ray descends along b or c while it ascends along a, that
-axis is counted from its other end. Such an axis is *mirrored*, and its slope negative.
+The driving axis ``a`` is the one along which a ray advances most, in voxels; ``b`` and ``c`` are
+the two others, in either order. The ray is ``b(t)`` and ``c(t)`` over the position ``t`` along
+``a``, all in voxels and ascending: a line integral does not depend on the direction. Where a ray
+descends along b or c while it ascends along a, that axis is counted from its other end. Such an
+axis is *mirrored*, and its slope is negative.
 """
 
 from __future__ import annotations
@@ -18,14 +18,16 @@ from tomo.rays.ray_box import STILL
 from tomo.trace.plane_crossings import voxel_units
 
 START_B, SLOPE_B, START_C, SLOPE_C, ENTER, LEAVE, SCALE = range(7)
-"""Columns of a course: ``b`` and ``c`` where ``t`` is zero (counted backwards if mirrored), voxels
+"""Columns of the parameters: ``b`` and ``c`` at ``t = 0`` (counted backwards if mirrored), voxels
 along them per voxel along a, ``t`` where the ray enters and leaves the grid, and weight times
-world length of a step of one voxel along a. A ray that has no course leaves where it enters."""
+world length of a step of one voxel along a. A ray without driving axis a, or that
+misses the grid, has ENTER equal to LEAVE."""
 
 WIDTH = 8
-"""Numbers kept for a course: a line of a processor's cache."""
+"""Numbers a ray: one cache line."""
 
-_TOGETHER = 256  # rays whose courses are computed in one loop, which vectorises
+_TOGETHER = 256
+"""Rays of one vectorised loop: fewer cost overhead, more leave the nearest cache."""
 
 
 @compiled(inline=True)
@@ -49,14 +51,14 @@ def _moving(position, direction, length):
 
 @compiled(inline=True)
 def _within(position, count):
-    """Return a position along the long axis, not outside the grid."""
+    """Return a position along the driving axis, not outside the grid."""
     position = position if position > 0 else 0.0
     return position if position < count else count
 
 
 @compiled(inline=True)
-def _set_courses(rays, made, some, shape, before_b, before_c, courses, first, step) -> None:
-    """Write the courses of rays whose long axis is a; no course for any other ray.
+def _set_parameters(rays, made, some, shape, before_b, before_c, parameters, first, step) -> None:
+    """Write the parameters of rays with driving axis a; other rays get none.
 
     There is no branch that depends on data, so that the loop vectorises.
 
@@ -64,15 +66,15 @@ def _set_courses(rays, made, some, shape, before_b, before_c, courses, first, st
     ----------
     rays : (8, at least some) float64
         Origin along a, b, c, in voxels from the lower corner, direction along them, in voxels a
-        unit of length, length and weight. A ray of NaN gets no course.
+        unit of length, length and weight. A ray of NaN gets none.
     made : (7, at least some) float64
-        Written: room.
+        Working memory.
     some : int
     shape : (int, int, int)
         Voxels along a, b, c.
     before_b, before_c : bool
-        Whether a ray as fast along b, or c, as along a has a for its long axis.
-    courses : (N, 8) float64
+        Whether the driving axis is a where a ray is as fast along b, or c.
+    parameters : (N, 8) float64
         Written in each ``step``-th row from ``first`` on.
     first, step : int
     """
@@ -104,12 +106,12 @@ def _set_courses(rays, made, some, shape, before_b, before_c, courses, first, st
     for k in range(some):
         row = np.uint64(first + k * step)
         for part in range(7):
-            courses[row, part] = made[part, k]
+            parameters[row, part] = made[part, k]
 
 
 @compiled()
-def of_rays(origins, directions, lengths, weights, box, shape, axes, courses) -> None:
-    """Write the courses of rays (N, ...) with ``axes[0]`` for their long axis.
+def of_rays(origins, directions, lengths, weights, box, shape, axes, parameters) -> None:
+    """Write the parameters of rays (N, ...) with driving axis ``axes[0]``.
 
     Parameters
     ----------
@@ -121,8 +123,8 @@ def of_rays(origins, directions, lengths, weights, box, shape, axes, courses) ->
         Voxels along a, b, c.
     axes : (int, int, int)
         Which axes are a, b and c.
-    courses : (N, 8) float64
-        Written; a ray with another long axis, or one that misses the grid, gets no course.
+    parameters : (N, 8) float64
+        Written; a ray with another driving axis, or one that misses the grid, gets none.
     """
     before = axes[0] < axes[1], axes[0] < axes[2]
     rays, made = np.zeros((8, _TOGETHER)), np.zeros((7, _TOGETHER))
@@ -136,7 +138,7 @@ def of_rays(origins, directions, lengths, weights, box, shape, axes, courses) ->
                 )
                 rays[3 + part, k] = directions[first + k, axis] / box[2, axis]
             rays[6, k], rays[7, k] = lengths[first + k], weights[first + k]
-        _set_courses(rays, made, some, shape, before[0], before[1], courses, first, 1)
+        _set_parameters(rays, made, some, shape, before[0], before[1], parameters, first, 1)
 
 
 @compiled(inline=True)
@@ -156,11 +158,11 @@ def _write_numbers(first_pixel, ptr, run, start, some, numbers):
 
 @compiled(inline=True)
 def _write_plane(numbers, some, width, lens, step_down, step_right, rays):
-    """Write where pixels are on the plane at distance one: right, down and ahead."""
+    """Write pixels' positions on the plane at distance one: right, down and ahead."""
     f_x, skew, c_x, f_y, c_y = lens[0], lens[1], lens[2], lens[3], lens[4]
     per_x, per_y, per_width = 1.0 / f_x, 1.0 / f_y, 1.0 / width
     for k in range(some):
-        row = np.floor((numbers[k] + 0.5) * per_width)  # faster than by whole numbers
+        row = np.floor((numbers[k] + 0.5) * per_width)  # faster than integer division
         down = (row + step_down - c_y) * per_y
         rays[0, k] = (numbers[k] - row * width + step_right - c_x - skew * down) * per_x
         rays[1, k] = down
@@ -169,7 +171,7 @@ def _write_plane(numbers, some, width, lens, step_down, step_right, rays):
 
 @compiled(inline=True)
 def _write_directions(rays, weights, some, to):
-    """Turn right, down and ahead into what `_set_courses` needs of rays from one point."""
+    """Turn right, down and ahead into the rays from one point that `_set_parameters` takes."""
     a, b, c = to[0, 3], to[1, 3], to[2, 3]
     a_right, a_down, a_ahead = to[0, 0], to[0, 1], to[0, 2]
     b_right, b_down, b_ahead = to[1, 0], to[1, 1], to[1, 2]
@@ -186,10 +188,10 @@ def _write_directions(rays, weights, some, to):
 
 @compiled()
 def of_pixels(
-    first_pixel, ptr, run, start, stop, bend, width, lens, steps, turned, position, box, shape,
-    axes, courses,
+    first_pixel, ptr, run, start, stop, bend, width, lens, steps, rotation, position, box, shape,
+    axes, parameters,
 ) -> None:  # fmt: skip
-    """Write the courses of a camera's pixels with ``axes[0]`` for their long axis.
+    """Write the parameters of a camera's pixels with driving axis ``axes[0]``.
 
     Parameters
     ----------
@@ -197,22 +199,22 @@ def of_pixels(
         Flat pixel numbers ``row * width + column`` as runs, as
         `tomo.operators.on_the_fly.pixel_runs` has them.
     run : int
-        In which run the first of the pixels wanted is.
+        The run of pixel ``start``.
     start, stop : int
-        Which pixels are wanted, P in all.
+        The pixels to write, P in all.
     bend : (P, K², 2) float32, (P, K², 3) float64 or (0, 0, 0)
         What the lens adds to the pinhole's image coordinates, or the ray's direction in the
-        camera's axes; NaN where no direction is seen. Nothing for a lens without distortion.
+        camera's axes; NaN where no direction is seen. Empty for a lens without distortion.
     width : int
     lens : (5,) float64
         fx, skew, cx, fy, cy.
     steps : (K², 2) float64
-        Where the rays of a pixel are, down and right of its centre.
-    turned : (3, 3) float64
-        The camera's rotation from the world.
+        Positions of a pixel's rays, down and right of its centre.
+    rotation : (3, 3) float64
+        From the world to the camera.
     position : (3,) float64
         The camera, in world coordinates.
-    box, shape, axes, courses
+    box, shape, axes, parameters
         As in `of_rays`; a pixel's rays stand together.
     """
     several, bent = len(steps), bend.shape[2]
@@ -223,7 +225,7 @@ def of_pixels(
     for part in range(3):
         axis = axes[part]
         for other in range(3):
-            to[part, other] = turned[other, axis] / box[2, axis]
+            to[part, other] = rotation[other, axis] / box[2, axis]
         to[part, 3] = voxel_units(
             position[axis], box[0, axis], box[1, axis], box[2, axis], shape[part]
         )
@@ -245,7 +247,7 @@ def of_pixels(
                     rays[0, k], rays[1, k] = bend[first + k, part, 0], bend[first + k, part, 1]
                     rays[2, k] = bend[first + k, part, 2]
             _write_directions(rays, weights, some, to)
-            _set_courses(
-                rays, made, some, shape, before[0], before[1], courses, first * several + part,
+            _set_parameters(
+                rays, made, some, shape, before[0], before[1], parameters, first * several + part,
                 several,
             )  # fmt: skip

@@ -1,8 +1,8 @@
-"""Where rays come from when they are needed: stored, or made from a camera's pixels.
+"""Ray sources: rays that are stored, or made from a camera's pixels when they are needed.
 
-A source has pixels with rays and writes the rays' courses through a grid
-(`tomo.operators.on_the_fly.ray_setup`) for some of its pixels at a time. Taking some pixels of it
-takes their numbers, nothing else.
+A source has pixels with rays and writes their parameters in a grid
+(`tomo.operators.on_the_fly.ray_setup`), some pixels at a time. Taking some of its pixels copies
+their numbers only.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ from tomo._compute.grouping import take_groups
 from tomo.grid import VoxelGrid
 from tomo.operators.on_the_fly.pixel_runs import PixelRuns
 from tomo.operators.on_the_fly.ray_setup import of_pixels, of_rays
-from tomo.operators.on_the_fly.running_sums import Axes, turned
+from tomo.operators.on_the_fly.running_sums import Axes, in_order
 from tomo.rays import Rays
-from tomo.rays.rays import places_in_pixel, steps_in_pixel
+from tomo.rays.rays import positions_in_pixel, steps_in_pixel
 
-PIXELS_AT_ONCE = 65_536  # while the bend of a lens is made
+PIXELS_AT_ONCE = 65_536
+"""Pixels whose distortion is computed at once: bounds the working memory to some 10 MB."""
 
 Numbers = slice | NDArray[np.integer]
 
 Write = Callable[[int, int, NDArray[np.float64]], None]
-"""Writes the courses (rays, 8) of the pixels from one number to before another."""
+"""Called as ``write(start, stop, parameters)``: writes those of the pixels' rays (rays, 8)."""
 
 
 def corners_and_spacing(grid: VoxelGrid) -> NDArray[np.float64]:
@@ -52,14 +53,14 @@ class PixelSource(ABC):
     @property
     @abstractmethod
     def largest_weight(self) -> float:
-        """The largest sum of the weights of a pixel's rays, or more."""
+        """An upper bound of the sum of a pixel's ray weights."""
 
     @abstractmethod
     def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
         """Return where the rays of each of the pixels ``start:stop`` begin, from zero on."""
 
     def portions(self, rays: int) -> Iterator[tuple[int, int, int]]:
-        """Go through the pixels, about ``rays`` rays at a time: ``start, stop, rays``."""
+        """Iterate over the pixels, about ``rays`` rays at a time: ``start, stop, rays``."""
         start = 0
         while start < self.n_pixels:
             stop = self.last_within(start, rays)
@@ -76,10 +77,10 @@ class PixelSource(ABC):
 
     @abstractmethod
     def writer(self, grid: VoxelGrid, axes: Axes) -> Write:
-        """Return what writes the courses of the rays with ``axes[0]`` for long axis.
+        """Return the function that writes the parameters of rays with driving axis ``axes[0]``.
 
-        Every ray has a row; one with another long axis, or one that misses the grid, gets no
-        course.
+        Every ray has a row; a ray with another driving axis, or one that misses the grid, leaves
+        where it enters.
         """
 
 
@@ -124,18 +125,18 @@ class RayPixels(PixelSource):
         return start + max(int(np.searchsorted(ptr, rays, side="right")) - 1, 1)
 
     def writer(self, grid: VoxelGrid, axes: Axes) -> Write:
-        """Return what writes courses; see `PixelSource`."""
+        """Return the function that writes parameters; see `PixelSource`."""
         rays, rows = self.rays, self.rows
-        box, shape = corners_and_spacing(grid), turned(grid.shape, axes)
+        box, shape = corners_and_spacing(grid), in_order(grid.shape, axes)
 
-        def write(start: int, stop: int, courses: NDArray[np.float64]) -> None:
+        def write(start: int, stop: int, parameters: NDArray[np.float64]) -> None:
             if rows is None:
                 some = slice(int(rays.pixel_ptr[start]), int(rays.pixel_ptr[stop]))
             else:
                 _, some = take_groups(rays.pixel_ptr, rows[start:stop])
             of_rays(
                 rays.origins[some], rays.directions[some], rays.lengths[some], rays.weight[some],
-                box, shape, axes, courses,
+                box, shape, axes, parameters,
             )  # fmt: skip
 
         return write
@@ -153,12 +154,11 @@ class CameraPixels(PixelSource):
     supersample : int
         Rays along each side of a pixel.
     bend : (B, K², 2) float32, (B, K², 3) float64 or (0, 0, 0)
-        What the lens does, as in `tomo.operators.on_the_fly.ray_setup.of_pixels`: for a fisheye
-        the directions themselves, for the others what is added to the pinhole's image coordinates;
-        that is small and good to 1e-9 in single precision. A lens without distortion needs
-        nothing.
+        Distortion, as in `tomo.operators.on_the_fly.ray_setup.of_pixels`: for a fisheye the
+        directions themselves, for other lenses the correction of the pinhole's image coordinates,
+        which is small and good to 1e-9 in float32. Empty for a lens without distortion.
     rows : (P,) int, optional
-        Which row of ``bend`` is each pixel's; None where they are in order.
+        The row of ``bend`` of each pixel; None where they are in order.
     """
 
     camera: Camera
@@ -218,20 +218,20 @@ class CameraPixels(PixelSource):
         return min(start + max(rays // self.supersample**2, 1), self.n_pixels)
 
     def writer(self, grid: VoxelGrid, axes: Axes) -> Write:
-        """Return what writes courses; see `PixelSource`."""
+        """Return the function that writes parameters; see `PixelSource`."""
         runs, bend, rows = self.pixels, self.bend, self.rows
         (fx, skew, cx), (_, fy, cy) = self.camera.camera_matrix[:2]
-        width, steps = self.camera.image_size[0], places_in_pixel(self.supersample)
+        width, steps = self.camera.image_size[0], positions_in_pixel(self.supersample)
         lens = np.array([fx, skew, cx, fy, cy])
         turn, position = self.camera.R, self.camera.position
-        box, shape = corners_and_spacing(grid), turned(grid.shape, axes)
+        box, shape = corners_and_spacing(grid), in_order(grid.shape, axes)
 
-        def write(start: int, stop: int, courses: NDArray[np.float64]) -> None:
+        def write(start: int, stop: int, parameters: NDArray[np.float64]) -> None:
             some = slice(start, stop) if rows is None else rows[start:stop]
             bent = bend[some] if bend.size else bend
             of_pixels(
                 runs.first, runs.ptr, runs.run_of(start), start, stop, bent, width, lens, steps,
-                turn, position, box, shape, axes, courses,
+                turn, position, box, shape, axes, parameters,
             )  # fmt: skip
 
         return write
@@ -249,7 +249,7 @@ def pixel_source(
 def _bend(
     camera: Camera, pixels: NDArray[np.integer], supersample: int
 ) -> NDArray[np.float32] | NDArray[np.float64]:
-    """Return what a camera's lens does to the rays of pixels; see `CameraPixels`."""
+    """Return the distortion of pixels' rays; see `CameraPixels`."""
     if camera.is_pinhole:
         return np.zeros((0, 0, 0), np.float32)
     fisheye = camera.distortion.model == "fisheye"

@@ -7,7 +7,7 @@ precision and kept in the volume's type.
 
 The transpose takes numbers ``D[k]`` that belong to the running sums: voxel ``k`` is in all sums
 from ``k + 1`` on, so it gets the sum of ``D`` from there to the column's end. ``D`` is kept in
-whole numbers, for which that sum is exact: what cancels, cancels to zero.
+integers, which sum exactly: what cancels, cancels to zero.
 """
 
 from __future__ import annotations
@@ -18,19 +18,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compute.jit import compiled
-from tomo._compute.threads import share_range
+from tomo._compute.threads import run_ranges
 
 Axes = tuple[int, int, int]
 """Which of x, y and z (0, 1, 2) are a, b and c."""
 
 ORDERS: tuple[Axes, ...] = ((0, 1, 2), (1, 0, 2), (2, 0, 1))
-"""For each long axis a, with b and c in their order."""
+"""For each driving axis a, b and c in ascending order."""
 
-_TOGETHER = 128  # columns that are gone through side by side: whole lines of cache of the volume
+_TOGETHER = 128
+"""Columns summed side by side: fewer use parts of cache lines, more leave the cache."""
 
 
 class _Walk(NamedTuple):
-    """How to go through a volume and its columns.
+    """The order in which a volume and its columns are read.
 
     Columns are taken side by side along whichever of b and c has its voxels nearer together.
 
@@ -90,8 +91,8 @@ def _sum_down(differences, walk, first_other, end_other, start, unit, volume) ->
                     volume[at] += np.int64(total[side]) * unit
 
 
-def turned(values: tuple[int, int, int], axes: Axes) -> tuple[int, int, int]:
-    """Return what belongs to x, y and z in the order a, b, c."""
+def in_order(values: tuple[int, int, int], axes: Axes) -> tuple[int, int, int]:
+    """Return values of x, y and z in the order a, b, c."""
     return tuple(values[axis] for axis in axes)
 
 
@@ -103,10 +104,10 @@ def running_sums(
     ``(n_b * n_c * (n_a + 1) + 1,)`` in the volume's type, none in the other. The last one is zero
     and belongs to no column.
     """
-    n_a, n_b, n_c = turned(shape, axes)
+    n_a, n_b, n_c = in_order(shape, axes)
     sums = np.zeros(n_b * n_c * (n_a + 1) + 1, volume.dtype)
     walk = _walk(shape, axes, n_b)
-    share_range(walk.shape[1], lambda first, end: _sum_up(volume, walk, first, end, sums))
+    run_ranges(walk.shape[1], lambda first, end: _sum_up(volume, walk, first, end, sums))
     if sums.dtype == np.float32:
         return sums, np.zeros(0)
     return np.zeros(0, np.float32), sums
@@ -128,26 +129,26 @@ def add_differences(
         Whole numbers, negative ones as their complement.
     shape, axes : (int, int, int)
     columns : range
-        Along b, whose the numbers are.
+        Along b, those of ``differences``.
     unit : float
-        What one of the whole numbers stands for.
+        The value of one whole number.
     volume : (voxels,) float32 or float64
     """
     walk = _walk(shape, axes, len(columns))
     start = columns[0] * _strides(shape, axes)[1]
-    share_range(
+    run_ranges(
         walk.shape[1],
         lambda first, end: _sum_down(differences, walk, first, end, start, unit, volume),
     )
 
 
 def _strides(shape: tuple[int, int, int], axes: Axes) -> tuple[int, int, int]:
-    return turned((shape[1] * shape[2], shape[2], 1), axes)
+    return in_order((shape[1] * shape[2], shape[2], 1), axes)
 
 
 def _walk(shape: tuple[int, int, int], axes: Axes, some_b: int) -> _Walk:
-    """Return how to go through ``some_b`` voxels along b, and all along a and c."""
-    n_a, _, n_c = turned(shape, axes)
+    """Return the order for ``some_b`` voxels along b, and all along a and c."""
+    n_a, _, n_c = in_order(shape, axes)
     a, b, c = _strides(shape, axes)
     if c < b:
         return _Walk((n_a, some_b, n_c), (a, b, c), (n_c, 1))

@@ -11,7 +11,6 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compute.by_camera import by_name
 from tomo.operators import Projector
 from tomo.wernet.default.ray_features import FEATURES, RayFeatures
 from tomo.wernet.default.ray_weights import RayWeights
@@ -186,11 +185,11 @@ class LearnedWeights:
             "mean": self.mean,
             "spread": self.spread,
             "held_out_residual": dict(self.held_out_residual),
-            "cameras": by_name(self.cameras, self.by_camera),
+            "cameras": dict(zip(self.cameras, self.by_camera.tolist(), strict=True)),
             "profiles": {profile.quantity: profile.report() for profile in self.profiles},
         }
         if self.true_by_camera is not None:
-            true = by_name(self.cameras, self.true_by_camera)
+            true = dict(zip(self.cameras, self.true_by_camera.tolist(), strict=True))
             report |= {"true_cameras": true, "explained": self.explained}
         return report
 

@@ -24,7 +24,7 @@ class Problem:
     system : LinearSystem
     measured : (pixels,) float32
     seconds : float
-        From images in memory to here: finding what is dark, tracing, numbering.
+        From images in memory to here: finding what is dark, tracing, indexing.
     """
 
     system: LinearSystem

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo import LinearSystem, VoxelGrid
-from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.simulation.simulate import SimulatedImages
 
 FACTORS = (1e-6, 3.7e-6, 2.9e5, 1e6)

@@ -12,7 +12,7 @@ import rigs
 from rigs import Rig
 from studies.common.scans import simulated_by
 from tomo import LinearSystem, VoxelGrid, solvers
-from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.operators.operator import ProjectionOperator
 from tomo.simulation.simulate import SimulatedImages
 from tomo.solvers import Solution

@@ -7,7 +7,7 @@ import pytest
 
 from rigs import Distortion, ring
 from tomo import Rays, VoxelGrid
-from tomo.operators.on_the_fly.chunks import shares_of
+from tomo.operators.on_the_fly.chunks import chunks_of
 from tomo.operators.on_the_fly.counting_pass import columns_met
 from tomo.operators.on_the_fly.ray_sources import pixel_source
 from tomo.operators.on_the_fly.running_sums import ORDERS
@@ -17,7 +17,7 @@ GRID = VoxelGrid((9, 14, 11), (1.0, 0.8, 1.2))
 
 
 def _rays_by_column(camera, axes, grid):
-    """Return how many rays with long axis a cross voxels of each column along b, by crossings."""
+    """Return how many rays with driving axis a cross voxels of each column, by their segments."""
     rays = Rays.from_camera(camera)
     along = np.abs(rays.directions) / np.asarray(grid.spacing)
     segments = trace(rays, grid, "reference", dtype=np.float64)
@@ -36,7 +36,7 @@ def test_columns_that_rays_meet_are_those_of_their_crossings(axes, bend):
     expected = found.copy()
     for camera in ring(5, 67.0, 25.0, image_size=(60, 80), footprint=0.25, pitch_degrees=20.0):
         source = pixel_source(replace(camera, distortion=lens))
-        met = columns_met(list(shares_of([source], [True])), GRID, axes)
+        met = columns_met(list(chunks_of([source], [True])), GRID, axes)
         by_column = _rays_by_column(source.camera, axes, GRID)
         crossed = np.flatnonzero(by_column)
         first, end = met.spans[0]
@@ -49,7 +49,7 @@ def test_columns_that_rays_meet_are_those_of_their_crossings(axes, bend):
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 40])
 def test_ranges_make_up_all_columns_and_share_the_work(count):
     (camera,) = ring(1, distance=40.0, image_size=(40, 60), footprint=0.4, pitch_degrees=35.0)
-    met = columns_met(list(shares_of([pixel_source(camera)], [True])), GRID, ORDERS[0])
+    met = columns_met(list(chunks_of([pixel_source(camera)], [True])), GRID, ORDERS[0])
     for columns in (range(14), range(3, 9), range(5, 6)):
         ranges = met.even_ranges(columns, count)
         assert [n for low, high in ranges for n in range(low, high)] == list(columns)

@@ -1,9 +1,13 @@
+import itertools
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rigs import ring
 from tomo import VoxelGrid
-from tomo.operators.on_the_fly.pixel_runs import PixelRuns
+from tomo.operators.on_the_fly.pixel_runs import PixelRuns, pixels_between, pixels_by_source
 from tomo.operators.on_the_fly.ray_sources import CameraPixels
 
 COUNT = 60
@@ -55,3 +59,33 @@ def test_taken_pixels_have_the_rays_of_those_taken(some):
         taken.writer(grid, axes)(0, len(numbers), mine)
         every.writer(grid, axes)(0, 60, whole)
         assert np.array_equal(mine, whole[numbers])
+
+
+SOURCE_SIZES = st.lists(st.integers(0, 4), min_size=1, max_size=6)
+
+
+def numbered(counts):
+    """Return where sources begin, and of every pixel its source and number there."""
+    ptr = np.cumsum([0, *counts])
+    return ptr, [(source, own) for source, count in enumerate(counts) for own in range(count)]
+
+
+@given(SOURCE_SIZES, st.data())
+def test_a_stretch_of_pixels(counts, data):
+    ptr, expected = numbered(counts)
+    start = data.draw(st.integers(0, len(expected)))
+    stop = data.draw(st.integers(start, len(expected)))
+    found = pixels_between(ptr, start, stop)
+    assert [(n, own) for n, s in found for own in range(s.start, s.stop)] == expected[start:stop]
+
+
+@given(SOURCE_SIZES, st.data())
+def test_any_pixels_in_any_order(counts, data):
+    ptr, expected = numbered(counts)
+    pixel = st.integers(0, max(len(expected) - 1, 0))
+    pixels = np.array(data.draw(st.lists(pixel)) if expected else [], np.int64)
+    found = pixels_by_source(ptr, pixels)
+    assert [(n, own) for n, some in found for own in some.tolist()] == [
+        expected[number] for number in pixels
+    ]
+    assert all(a[0] != b[0] for a, b in itertools.pairwise(found))

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from rigs import Camera, Distortion, ring
 from tomo import Projector, Rays, VoxelGrid, dot_test
 from tomo.grid import ActiveVoxels
-from tomo.operators.on_the_fly import projector
-from tomo.operators.on_the_fly.projector import OnTheFlyProjector
+from tomo.operators.on_the_fly import OnTheFlyProjector, projector
 from tomo.trace import trace
 
 GRIDS = [
@@ -138,7 +137,7 @@ def test_places_too_large_for_32_bits_give_the_same_bits(pair, monkeypatch):
     random = np.random.default_rng(8)
     x, y = (random.random(n).astype(np.float32) for n in flying.shape[::-1])
     images, volume = flying @ x, flying.T @ y
-    monkeypatch.setattr(OnTheFlyProjector, "_number", np.zeros(0, np.int64))
+    monkeypatch.setattr(OnTheFlyProjector, "_index_of", np.zeros(0, np.int64))
     assert np.array_equal(flying @ x, images)
     assert np.array_equal(flying.T @ y, volume)
 
@@ -242,14 +241,14 @@ def test_pixels_that_the_lens_does_not_reach_see_nothing():
     assert made == pytest.approx(OnTheFlyProjector(rays, grid) @ x, rel=1e-5, abs=1e-5)
 
 
-@pytest.mark.parametrize("share", [0.002, 0.1])
-def test_voxels_that_are_not_live_count_as_zeros(share):
+@pytest.mark.parametrize("chunk", [0.002, 0.1])
+def test_voxels_that_are_not_live_count_as_zeros(chunk):
     grid = VoxelGrid((37, 60, 41), 1.0)
     rays = random_rays(grid, 3000, 11)
     random = np.random.default_rng(12)
     mask = np.zeros(grid.shape, bool)
-    if share < 0.01:  # specks
-        mask.ravel()[random.choice(grid.size, int(share * grid.size), replace=False)] = True
+    if chunk < 0.01:  # specks
+        mask.ravel()[random.choice(grid.size, int(chunk * grid.size), replace=False)] = True
     else:  # a block at the rim
         mask[20:, :25, 30:] = True
     active = ActiveVoxels.from_mask(grid, mask)
