@@ -24,18 +24,9 @@ _WHAT_NUMBA_FINDS = (
     "comprehension", "fusion", "inplace_binop", "numpy", "reduction", "setitem", "stencil",
 )  # fmt: skip
 _LOOPS_ALONE = ParallelOptions(dict.fromkeys(_WHAT_NUMBA_FINDS, False))
-"""Loops run in parallel where the source says so. To look for others, in whole-array statements,
-takes compilation longer, and they would be inside such a loop."""
-
-_TRIED_WITH = (0, 68)
-"""The version of numba whose inner parts `tomo._compute.kernel_compiler` knows. With another one
-kernels are compiled as numba does it: the same code, which takes longer."""
+"""Only ``prange`` loops run in parallel: a search for others lengthens compilation in vain."""
 
 _HOW: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
-if numba.version_info.short == _TRIED_WITH:
-    from tomo._compute.kernel_compiler import KernelCompiler
-
-    _HOW["pipeline_class"] = KernelCompiler
 
 
 def compiled(
@@ -54,12 +45,6 @@ def compiled(
     reassociate : bool
         Whether sums may be taken in another order, so that a loop over one vectorises; NaN and
         infinity keep their meaning. The order is fixed by the compiled code, not by the threads.
-
-    Notes
-    -----
-    Kernels are loops: comprehensions, functions inside them, ``with`` and errors with values in
-    their text are not to be had, since the passes of numba that such take are left out
-    (`tomo._compute.kernel_compiler`).
     """
     options = dict(_HOW)
     if parallel:

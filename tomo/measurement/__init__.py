@@ -5,9 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "background": ["background"],
+        "background": ["background", "below_zero"],
         "bad_pixels": ["usable_pixels"],
-        "below_zero": ["below_zero"],
         "noise_model": ["NoiseModel", "estimate_noise"],
         "outlier_pixels": ["find_outlier_pixels"],
         "pixel_weights": ["PixelWeights", "weigh_pixels"],
