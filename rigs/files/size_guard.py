@@ -20,6 +20,8 @@ nothing; more lets a small damaged file take that much memory."""
 RATIO = 32
 """Unpacked bytes that each stored byte may add: measured fields pack to a tenth at the least."""
 
+_PIECE = 1 << 24  # bytes unpacked at a time: little beside what any file may unpack to
+
 
 def largest_claim(stored: int) -> int:
     """Return how many bytes a file of ``stored`` bytes may unpack to."""
@@ -44,7 +46,7 @@ def check_claim(claimed: int, stored: int) -> None:
         )
 
 
-def decompressed(data: bytes, most: int, method: str = "zlib") -> bytes:
+def decompressed(data: bytes, most: int, method: str = "zlib") -> bytearray:
     """Return what a compressed stream holds, which may be ``most`` bytes.
 
     Parameters
@@ -62,7 +64,13 @@ def decompressed(data: bytes, most: int, method: str = "zlib") -> bytes:
     """
     check_claim(most, len(data))
     stream = bz2.BZ2Decompressor() if method == "bzip2" else zlib.decompressobj(_ANY_HEADER)
-    found = stream.decompress(data, most + 1)
+    found = bytearray()  # grows in place, where one call would hold the values twice
+    while not stream.eof and len(found) <= most:
+        piece = stream.decompress(data, min(_PIECE, most + 1 - len(found)))
+        data = getattr(stream, "unconsumed_tail", b"")  # bz2 keeps what is left
+        if not piece and not data:
+            break
+        found += piece
     if len(found) > most:
         raise ValueError(f"found compressed values of more than {most} bytes, expected no more")
     if not stream.eof:
