@@ -34,24 +34,57 @@ flametomo calibrate-rig images -o rig.yaml --grid 30x140x30
 """
 
 
+Images = Annotated[
+    Path,
+    typer.Argument(
+        metavar="IMAGES",
+        help="A folder with one folder of images, or one video, for each camera. Images of "
+        "the same name were taken at the same time.",
+    ),
+]
+TargetOption = Annotated[
+    str,
+    typer.Option(
+        metavar="TARGET",
+        help="chessboard:9x6:25 (inner corners, square), circles:7x5:20, acircles:4x11:20 "
+        "(spacing) or charuco:5x4:54:40.5:DICT_4X4_1000 (squares, square, marker, "
+        "dictionary).",
+    ),
+]
+ModelOption = Annotated[
+    str,
+    typer.Option(
+        metavar="MODEL",
+        help="Distortion model: none, radial, brown4, brown5, rational, thin_prism, tilted, "
+        "fisheye, or auto, which adds terms that lower the error.",
+    ),
+]
+WorldOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Origin and axes: a camera's name, a frame's name (the target in it), or a YAML "
+        "file with the positions of three or more cameras by name. The first camera if "
+        "absent.",
+    ),
+]
+CheckedGridOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NxNxN",
+        help="Voxels to check the rig in, like 30x140x30; stored in the rig.",
+        rich_help_panel="Voxel grid",
+    ),
+]
+ReportOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help=f"Folder for {PAGE} and {FIGURES}; the rig's if absent."),
+]
+
+
 def calibrate_rig(
-    images: Annotated[
-        Path,
-        typer.Argument(
-            metavar="IMAGES",
-            help="A folder with one folder of images, or one video, for each camera. Images of "
-            "the same name were taken at the same time.",
-        ),
-    ],
-    target: Annotated[
-        str,
-        typer.Option(
-            metavar="TARGET",
-            help="chessboard:9x6:25 (inner corners, square), circles:7x5:20, acircles:4x11:20 "
-            "(spacing) or charuco:5x4:54:40.5:DICT_4X4_1000 (squares, square, marker, "
-            "dictionary).",
-        ),
-    ],
+    images: Images,
+    target: TargetOption,
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="FILE", help="The rig.yaml to write.")
     ],
@@ -62,42 +95,15 @@ def calibrate_rig(
         str | None,
         typer.Option(metavar="RIG", help="A rig whose lenses and camera matrices are kept."),
     ] = None,
-    model: Annotated[
-        str,
-        typer.Option(
-            metavar="MODEL",
-            help="Distortion model: none, radial, brown4, brown5, rational, thin_prism, tilted, "
-            "fisheye, or auto, which adds terms that lower the error.",
-        ),
-    ] = "auto",
-    world: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Origin and axes: a camera's name, a frame's name (the target in it), or a YAML "
-            "file with the positions of three or more cameras by name. The first camera if "
-            "absent.",
-        ),
-    ] = None,
+    model: ModelOption = "auto",
+    world: WorldOption = None,
     rescale: Annotated[
         bool, typer.Option("--rescale", help="Take the scale from the positions in --world.")
     ] = False,
-    grid: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NxNxN",
-            help="Voxels to check the rig in, like 30x140x30; stored in the rig.",
-            rich_help_panel="Voxel grid",
-        ),
-    ] = None,
+    grid: CheckedGridOption = None,
     spacing: SpacingOption = None,
     center: CenterOption = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER", help=f"Folder for {PAGE} and {FIGURES}; the rig's if absent."
-        ),
-    ] = None,
+    report: ReportOption = None,
     every: Annotated[
         int, typer.Option(help="Use one picture of a video in this many.", min=1)
     ] = 1,
@@ -123,49 +129,38 @@ def calibrate_rig(
         from rigs.calibrate.targets import parse_target
         from rigs.files.json_file import write_json
 
-        described = parse_target(target)
-        volume = _volume(grid, spacing, center)
-        given = load_rig_or_preset(intrinsics) if intrinsics else None
-        names = _world(world)
         found = image_set(images, every)
-        check_options(
-            found,
-            {frame for of_camera in found.values() for frame in of_camera},
-            intrinsics=given,
-            world=names,
-            rescale=rescale,
-            length_unit=length_unit,
-            distortion=model,
-            target=described,
-        )
+        frames = {frame for of_camera in found.values() for frame in of_camera}
+        how = {
+            "intrinsics": load_rig_or_preset(intrinsics) if intrinsics else None,
+            "world": _world(world),
+            "rescale": rescale,
+            "length_unit": length_unit,
+            "distortion": model,
+            "target": parse_target(target),
+        }
+        volume = _volume(grid, spacing, center)
+        check_options(found, frames, **how)
         with progress_bar("detect") as progress:
-            seen = detections(found, described, cache=cache, progress=progress)
+            seen = detections(found, how["target"], cache=cache, progress=progress)
         with console.status("calibrate") as status:
             calibration = calibrate(
-                seen.observations,
-                intrinsics=given,
-                world=names,
-                rescale=rescale,
-                length_unit=length_unit,
-                distortion=model,
-                target=described,
-                volume=volume,
-                progress=status.update,
+                seen.observations, **how, volume=volume, progress=status.update
             )
         notes = _notes(found, seen)
-        seconds = time.perf_counter() - started
-        out.parent.mkdir(parents=True, exist_ok=True)
-        save_rig(calibration.rig, out)
-        details = {"images": images, "target": described, "time": f"{seconds:.0f} s"}
         folder = out.parent if report is None else report
-        _write_page(folder / PAGE, calibration, found, notes, details)
+        seconds = time.perf_counter() - started
+        details = {"images": images, "target": how["target"], "time": f"{seconds:.0f} s"}
         figures = {
-            "target": str(described),
+            "target": str(how["target"]),
             "length_unit": length_unit,
             "seconds": round(seconds, 3),
             "notes": notes,
             **_figures(calibration),
         }
+        out.parent.mkdir(parents=True, exist_ok=True)
+        save_rig(calibration.rig, out)
+        _write_page(folder / PAGE, calibration, found, notes, details)
         write_json(folder / FIGURES, figures, indent=2)
     for line in (calibration.assessment, *notes):
         say(line)

@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from rigs import Rig
     from tomo import VoxelGrid
 
-RigArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="RIG", help="A rig.yaml, a preset's name, a scan, or a file of another format."
-    ),
-]
+_RIG = {
+    "metavar": "RIG",
+    "help": "A rig.yaml, a preset's name, a scan, or a file of another format.",
+}
+RigArgument = Annotated[str, typer.Argument(**_RIG)]
+RigOption = Annotated[str, typer.Option("--rig", **_RIG)]
 _PANEL = {"rich_help_panel": "Voxel grid"}
 
 GridOption = Annotated[

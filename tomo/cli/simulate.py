@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tomo.cli.console import JsonFlag, print_json, progress_bar
 from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import CenterOption, GridOption, SpacingOption, load_rig_and_grid, parse_grid
+from tomo.cli.inputs import (
+    CenterOption,
+    GridOption,
+    RigOption,
+    SpacingOption,
+    load_rig_and_grid,
+    parse_grid,
+)
 from tomo.cli.outputs import check_output_volume
+
+if TYPE_CHECKING:
+    from tomo.grid import VoxelGrid
+    from tomo.scan import Scan
 
 _VOLUME_FILES = (".npz", ".vti", ".nrrd")
 
@@ -23,13 +34,7 @@ flametomo simulate --rig rig.yaml --phantom jet --grid 30x140x30
 
 
 def simulate(
-    rig: Annotated[
-        str,
-        typer.Option(
-            metavar="RIG",
-            help="A rig.yaml, a preset's name, a scan, or a file of another format.",
-        ),
-    ],
+    rig: RigOption,
     phantom: Annotated[
         str, typer.Option(metavar="NAME", help="A phantom's name, or a volume file.")
     ],
@@ -84,51 +89,41 @@ def simulate(
         from tomo.simulation.effects import Effects
 
         effects = Effects(
-            gain_spread=gain_spread,
-            absorption=absorption,
-            self_absorption=self_absorption,
-            vignetting=vignetting,
-            aperture=aperture,
-            focus_distance=focus_distance,
+            gain_spread, absorption, self_absorption, vignetting, aperture, focus_distance
         )
-
         loaded, default = load_rig_and_grid(rig)
         check_output_volume(out, loaded, rig)
         volume = _read_volume(phantom, loaded.length_unit)
         voxels = parse_grid(grid, spacing, center, default=volume[1] if volume else default)
         field = _field(phantom, volume, voxels, seed)
+        rays = {"supersample": supersample, "refine": refine, "tracer": tracer}
+        noises = {"noise": noise, "photons": photons, "read_noise": read_noise, "bits": bits}
         with progress_bar("simulate") as progress:
             scan = simulate_images(
                 loaded,
                 field,
                 voxels,
-                supersample=supersample,
-                refine=refine,
                 effects=effects,
-                noise=noise,
-                photons=photons,
-                read_noise=read_noise,
-                bits=bits,
                 seed=seed,
-                tracer=tracer,
                 progress=progress,
+                **rays,
+                **noises,
             )
         written = scan.save(out)
     if json:
-        print_json(
-            {
-                "scan": str(written),
-                "cameras": list(scan.images),
-                "grid": {
-                    "shape": list(voxels.shape),
-                    "spacing": list(voxels.spacing),
-                    "center": list(voxels.center),
-                },
-                "maximum": max(float(image.max()) for image in scan.images.values()),
-                "settings": dict(scan.settings),
-                "seconds": time.perf_counter() - started,
-            }
-        )
+        print_json({**_summary(scan, voxels, written), "seconds": time.perf_counter() - started})
+
+
+def _summary(scan: Scan, voxels: VoxelGrid, folder: Path) -> dict[str, Any]:
+    """Return what was simulated, for ``--json``."""
+    grid = {name: list(getattr(voxels, name)) for name in ("shape", "spacing", "center")}
+    return {
+        "scan": str(folder),
+        "cameras": list(scan.images),
+        "grid": grid,
+        "maximum": max(float(image.max()) for image in scan.images.values()),
+        "settings": dict(scan.settings),
+    }
 
 
 def _read_volume(phantom: str, length_unit: str) -> tuple | None:

@@ -108,19 +108,22 @@ def visualize_rig(
                 tables.append(difference_table(difference, loaded.length_unit, *names))
             _write_page(path, loaded, voxels, data, scene, pictures, tables, coverage, heading)
     if difference is not None:
-        from tomo.draw.rig.rig_page import number
-
-        unit = loaded.length_unit
-        say(
-            f"ray-miss between both rigs: {number(difference.ray_miss)} {unit}; turned by "
-            f"{number(difference.turn)} degrees, moved by {number(difference.shift)} {unit} "
-            "to lie over each other"
-        )
+        _say_difference(difference, loaded.length_unit)
     if json:
         result = {"files": [str(path) for path in out], "cameras": list(loaded.names)}
         if difference is not None:
             result["difference"] = _plain(difference)
         print_json(result)
+
+
+def _say_difference(difference: RigDifference, unit: str) -> None:
+    from tomo.draw.rig.rig_page import number
+
+    say(
+        f"ray-miss between both rigs: {number(difference.ray_miss)} {unit}; turned by "
+        f"{number(difference.turn)} degrees, moved by {number(difference.shift)} {unit} "
+        "to lie over each other"
+    )
 
 
 def _load(text: str) -> tuple[Rig, VoxelGrid | None]:

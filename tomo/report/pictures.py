@@ -39,6 +39,28 @@ def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, 
     that cannot be drawn, as where a library of the system is missing, a line joins ``warnings``;
     it raises where these are None.
     """
+    pictures = []
+    for wanted, name, make, caption, alt in _recipes(results):
+        if wanted:
+            collect = warnings is not None
+            with as_warning(f"picture {name}: not drawn", warnings) if collect else nullcontext():
+                pictures.append(Picture(name, png_bytes(make()), caption, alt))
+    return tuple(pictures)
+
+
+def write_pictures(folder: str | os.PathLike, pictures: Sequence[Picture]) -> list[Path]:
+    """Write each picture as ``NAME.png`` into ``folder``; return the paths."""
+    paths = []
+    for picture in pictures:
+        path = Path(folder) / f"{picture.name}.png"
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(picture.png)
+        paths.append(path)
+    return paths
+
+
+def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], str, str]]:
+    """Return for each picture if it is wanted, its name, what draws it, and its words."""
     from tomo.draw.rig import draw_rig
     from tomo.draw.volume import draw_volume
     from tomo.report import result_figures
@@ -46,7 +68,8 @@ def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, 
     from tomo.report.weights_figure import draw_learned
 
     rig, grid, unit = results.rig, results.grid, results.rig.length_unit
-    recipes: list[tuple[bool, str, Callable[[], Figure], str, str]] = [
+    learned, truth = results.learned, results.truth
+    return [
         (
             len(rig) > 0,
             "rig",
@@ -83,21 +106,17 @@ def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, 
             "Line plots of relative residual against iteration and against time.",
         ),
         (
-            results.truth is not None or bool(results.comparisons),
+            truth is not None or bool(results.comparisons),
             "difference",
             lambda: result_figures.draw_difference(results),
             "Volumes beside each other on one colour scale"
-            + (
-                ", with their differences from the truth below."
-                if results.truth is not None
-                else "."
-            ),
+            + ("." if truth is None else ", with their differences from the truth below."),
             "Middle planes of every volume, side by side on one colour scale.",
         ),
         (
-            results.learned is not None,
+            learned is not None,
             "learned",
-            lambda: draw_learned(results.learned, unit),
+            lambda: draw_learned(learned, unit),
             "Learned weights over segment lengths: means over the emission (grey: where it is) by "
             "depth in the grid as seen from the camera, upstream emission, position in the image "
             "and in the voxel along each axis, and camera; and the relative residual of views "
@@ -105,7 +124,7 @@ def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, 
             + (
                 " Dashed: the true ones, of what the images were simulated with, scaled to the "
                 "same mean."
-                if results.learned is not None and results.learned.true_by_camera is not None
+                if learned is not None and learned.true_by_camera is not None
                 else ""
             ),
             "Line plots of the learned weight over the segment length against five quantities; "
@@ -120,24 +139,6 @@ def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, 
             "Middle planes of the emission and of its standard deviation side by side.",
         ),
     ]
-    pictures = []
-    for wanted, name, make, caption, alt in recipes:
-        if wanted:
-            collect = warnings is not None
-            with as_warning(f"picture {name}: not drawn", warnings) if collect else nullcontext():
-                pictures.append(Picture(name, png_bytes(make()), caption, alt))
-    return tuple(pictures)
-
-
-def write_pictures(folder: str | os.PathLike, pictures: Sequence[Picture]) -> list[Path]:
-    """Write each picture as ``NAME.png`` into ``folder``; return the paths."""
-    paths = []
-    for picture in pictures:
-        path = Path(folder) / f"{picture.name}.png"
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(picture.png)
-        paths.append(path)
-    return paths
 
 
 def _has_cosine(results: Results) -> bool:

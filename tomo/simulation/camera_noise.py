@@ -125,19 +125,6 @@ def dequantise(images: Images, bits: int, full_scale: float) -> Images:
     return finish([part * step for part in parts])
 
 
-def saturate(images: Images, level: float) -> Images:
-    """Return the images with every value above ``level`` cut to ``level``.
-
-    Raises
-    ------
-    ValueError
-        If ``level`` is not positive and finite, or an image is not finite.
-    """
-    _check_number("saturation level", level, level > 0, "> 0")
-    parts, finish = _open(images)
-    return finish([np.minimum(part, level) for part in parts])
-
-
 def _open(images: Images, dtype: np.dtype | None = None):
     """Return the images as float64 arrays, and a function that gives results the input's form.
 

@@ -123,13 +123,6 @@ def test_quantisation_uses_every_level_and_clips():
     assert (integers[image > 4] == 4095).all()
 
 
-def test_saturation_cuts_and_leaves_the_rest(ramp):
-    found = camera_noise.saturate([ramp, 2 * ramp], 3.0)
-    for before, after in zip([ramp, 2 * ramp], found, strict=True):
-        assert after.max() == 3.0
-        np.testing.assert_array_equal(after[before <= 3], before[before <= 3])
-
-
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -142,9 +135,8 @@ def test_saturation_cuts_and_leaves_the_rest(ramp):
         (lambda i: camera_noise.quantise(i, 17, 1.0), "bits: found 17"),
         (lambda i: camera_noise.quantise(i, 0, 1.0), "bits: found 0"),
         (lambda i: camera_noise.quantise(i, 8, 0.0), "full_scale: found 0"),
-        (lambda i: camera_noise.saturate(i, 0.0), "saturation level: found 0"),
-        (lambda i: camera_noise.saturate([i, i * np.nan], 1.0), "in image 1"),
-        (lambda i: camera_noise.saturate([], 1.0), "found none"),
+        (lambda i: camera_noise.dequantise([i, i * np.nan], 8, 1.0), "in image 1"),
+        (lambda i: camera_noise.dequantise([], 8, 1.0), "found none"),
     ],
 )
 def test_says_what_is_wrong(call, words):

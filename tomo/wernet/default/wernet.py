@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from tomo.operators import ProjectionOperator
 from tomo.operators.vectors import additive_start, check_measured, check_weights
 from tomo.selection import choose_by_held_out_views
-from tomo.selection.choose import FEW_VIEWS, solve_as_chosen
+from tomo.selection.choose import FEW_VIEWS, Choice, solve_as_chosen
 from tomo.solvers import Solution
 from tomo.solvers.solution import Callback
 from tomo.wernet.default.checkpoint import Checkpoint
@@ -148,10 +148,7 @@ def wernet(
         stop_reason = "stopped by the callback before the first outer iteration"
     if start is not None:
         volume = additive_start(projector, start, nonnegative=True)
-    if math.isnan(baseline.held_out_residual):
-        stop_reason = f"no views to evaluate weights by: {baseline.reason}"
-    elif not per_view and baseline.width > WIDEST_WITH_FEW_VIEWS and not freeze_encoder:
-        stop_reason = "the few views allow no detail: smoothness would be learned as optics"
+    stop_reason = stop_reason or _nothing_to_learn(baseline, per_view or freeze_encoder)
 
     with chunk_map(place) as map_chunks:
         training = EncoderTraining(
@@ -175,14 +172,8 @@ def wernet(
             weights=weights,
         )
         saved = Checkpoint.of(checkpoint, settings, projector, measured)
-        run(
-            outer,
-            record,
-            saved,
-            resume=resume,
-            train=not freeze_encoder,
-            started=start is not None,
-        )
+        how = {"resume": resume, "train": not freeze_encoder, "started": start is not None}
+        run(outer, record, saved, **how)
     return _solution(outer, record, classic, settings)
 
 
@@ -191,6 +182,15 @@ def _check(iterations: int, encoder: object, freeze_encoder: bool) -> None:
         raise ValueError(f"iterations: found {iterations}, expected a whole number >= 0")
     if freeze_encoder and encoder is None:
         raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder as well")
+
+
+def _nothing_to_learn(baseline: Choice, details_are_seen: bool) -> str:
+    """Return why no weights can be learned from these views; nothing where they can."""
+    if math.isnan(baseline.held_out_residual):
+        return f"no views to evaluate weights by: {baseline.reason}"
+    if not details_are_seen and baseline.width > WIDEST_WITH_FEW_VIEWS:
+        return "the few views allow no detail: smoothness would be learned as optics"
+    return ""
 
 
 def _name(encoder: str | Path | CorrectionEncoder | None) -> str | None:
