@@ -8,8 +8,8 @@ from studies.stress.scene import jet_by, ring
 
 
 @pytest.fixture(scope="module")
-def flame(tmp_path_factory):
-    return Flame.seen(simulated(), tmp_path_factory.mktemp("flame"))
+def flame():
+    return Flame.seen(simulated())
 
 
 @pytest.mark.parametrize("kind", KINDS)

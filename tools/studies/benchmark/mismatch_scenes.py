@@ -12,10 +12,9 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 import phantoms
-from rigs import Rig
 from studies.common.flames import FlameSize, flame_rig, with_noise
 from studies.common.problems import Problem, problem
-from studies.common.scans import reconstructed
+from studies.common.scans import OfScan, reconstructed
 from tomo import LinearSystem, Projector, Segments, VoxelGrid
 from tomo.operators import LINEAR
 from tomo.operators.operator import ProjectionOperator
@@ -57,7 +56,7 @@ EFFECTS: Mapping[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class MismatchScene:
+class MismatchScene(OfScan):
     """Images with one of `EFFECTS`, and the flame they are of.
 
     Attributes
@@ -76,26 +75,6 @@ class MismatchScene:
     seed: int
     effects: Effects
     scan: SimulatedImages
-
-    @property
-    def rig(self) -> Rig:
-        """The cameras, as a reconstruction knows them."""
-        return self.scan.rig
-
-    @property
-    def grid(self) -> VoxelGrid:
-        """The voxels to reconstruct."""
-        return self.scan.grid
-
-    @property
-    def images(self) -> list[NDArray[np.float32]]:
-        """One a camera, in the rig's order."""
-        return list(self.scan.images.values())
-
-    @property
-    def truth(self) -> NDArray[np.float32]:
-        """The flame's means over the voxels."""
-        return self.scan.truth
 
     def problem(self, *, midpoints: bool = False) -> Problem:
         """Return the equations of chords, one ray a pixel, carved as the default carves."""

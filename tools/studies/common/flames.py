@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rigs
-from studies.common.scans import simulated_by
+from studies.common.scans import OfScan, simulated_by
 from tomo import VoxelGrid
 from tomo.simulation import camera_noise as noises
 from tomo.simulation.simulate import SimulatedImages
@@ -45,7 +45,7 @@ PHOTONS = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(OfScan):
     """Images of a flame that is known.
 
     Attributes
@@ -65,11 +65,6 @@ class Scene:
     def named(self) -> dict[str, str | int]:
         """What tells it from others, for a row of a table."""
         return {"flame": self.flame, "views": self.views, "noise": self.noise, "seed": self.seed}
-
-    @property
-    def images(self) -> list[NDArray[np.float32]]:
-        """One a camera, in the rig's order."""
-        return list(self.scan.images.values())
 
 
 def flame_rig(views: int, shrink: int) -> rigs.Rig:

@@ -1,8 +1,11 @@
-"""Simulated scans, and the way back: through files, as a user would."""
+"""Simulated scans, and the way back, as a user would."""
 
 from __future__ import annotations
 
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 import phantoms
 from rigs import Rig
@@ -33,3 +36,29 @@ def seconds_of(outcome: Reconstruction) -> float:
     """Return the seconds from images in memory to the volume, without what is judged after."""
     others = sum(outcome.seconds[key] for key in ("load", "compare", "evaluate", "uncertainty"))
     return outcome.seconds["total"] - others
+
+
+class OfScan:
+    """What a scene's ``scan`` holds, by shorter names."""
+
+    scan: SimulatedImages
+
+    @property
+    def rig(self) -> Rig:
+        """The cameras, as a reconstruction knows them."""
+        return self.scan.rig
+
+    @property
+    def grid(self) -> VoxelGrid:
+        """The voxels to reconstruct."""
+        return self.scan.grid
+
+    @property
+    def truth(self) -> NDArray[np.float32]:
+        """The flame's means over the voxels."""
+        return self.scan.truth
+
+    @property
+    def images(self) -> list[NDArray[np.float32]]:
+        """One a camera, in the rig's order."""
+        return [self.scan.images[name] for name in self.scan.rig.names]

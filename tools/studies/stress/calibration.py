@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Sequence
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import shift
@@ -54,32 +52,28 @@ def run(request: Request) -> Tables:
 def _rows(request: Request) -> Iterator[Row]:
     quick, progress = request.size != "full", request.progress
     parts = 2 * len(KINDS) + 2
-    with tempfile.TemporaryDirectory() as folder:
-        clean, noisy = _pair(Path(folder), request.seed)
-        methods = QUICK_METHODS if quick else METHODS
-        pixels = JUDGED if quick else PIXELS
-        progress(0, parts, "as the cameras are")
-        least = {method: _error(clean, "pose", 0.0, method) for method in methods}
-        for done, kind in enumerate(KINDS):
-            progress(1 + done, parts, kind)
-            yield from _growth(clean, kind, least, pixels)
-        for done, kind in enumerate(KINDS):
-            progress(1 + len(KINDS) + done, parts, f"{kind}: warnings")
-            for name, flame in (("clean", clean), (f"{NOISE:.0%} noise", noisy)):
-                yield _warned_from(flame, kind, name, (0.5, 1.0) if quick else PIXELS)
-        progress(parts - 1, parts, "false alarms")
-        more = () if quick else range(request.seed + 1, request.seed + SEEDS)
-        yield _false_alarms([(clean, noisy), *(_pair(Path(folder), seed) for seed in more)])
-        yield _single(clean, noisy, 6 if quick else 1)
+    clean, noisy = _pair(request.seed)
+    methods = QUICK_METHODS if quick else METHODS
+    pixels = JUDGED if quick else PIXELS
+    progress(0, parts, "as the cameras are")
+    least = {method: _error(clean, "pose", 0.0, method) for method in methods}
+    for done, kind in enumerate(KINDS):
+        progress(1 + done, parts, kind)
+        yield from _growth(clean, kind, least, pixels)
+    for done, kind in enumerate(KINDS):
+        progress(1 + len(KINDS) + done, parts, f"{kind}: warnings")
+        for name, flame in (("clean", clean), (f"{NOISE:.0%} noise", noisy)):
+            yield _warned_from(flame, kind, name, (0.5, 1.0) if quick else PIXELS)
+    progress(parts - 1, parts, "false alarms")
+    more = () if quick else range(request.seed + 1, request.seed + SEEDS)
+    yield _false_alarms([(clean, noisy), *(_pair(seed) for seed in more)])
+    yield _single(clean, noisy, 6 if quick else 1)
 
 
-def _pair(folder: Path, seed: int) -> tuple[Flame, Flame]:
+def _pair(seed: int) -> tuple[Flame, Flame]:
     """Return a flame without and with noise, simulated once."""
     made = simulated(seed)
-    return (
-        Flame.seen(made, folder / f"{seed} clean"),
-        Flame.seen(noisier(made, NOISE, seed), folder / f"{seed} noisy"),
-    )
+    return Flame.seen(made), Flame.seen(noisier(made, NOISE, seed))
 
 
 def _error(flame: Flame, kind: str, pixels: float, method: str) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import Self
 
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 import rigs
 from rigs import Camera, Distortion, Rig
 from studies.common.scans import simulated_by
-from tomo import Scan, load_scan
+from tomo import Scan
 from tomo.grid import VoxelGrid
 from tomo.simulation.camera_noise import gaussian
 from tomo.simulation.simulate import SimulatedImages
@@ -88,9 +87,9 @@ class Flame:
     truth: NDArray[np.float32]
 
     @classmethod
-    def seen(cls, made: SimulatedImages, folder: Path) -> Self:
-        """Return a simulated flame, its images written to a folder."""
-        return cls(load_scan(made.save(folder)), made.rig, made.truth)
+    def seen(cls, made: SimulatedImages) -> Self:
+        """Return a simulated flame."""
+        return cls(made.scan, made.rig, made.truth)
 
     def seen_wrongly(self, kind: str, pixels: float, seed: int = 0) -> Scan:
         """Return the scan with a rig that is off by so many pixels, in each camera anew."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import rigs
 from rigs import Rig
-from studies.common.scans import reconstructed, simulated_by
+from studies.common.scans import OfScan, reconstructed, simulated_by
 from tomo import VoxelGrid
 from tomo.pipeline import Reconstruction
 from tomo.simulation.effects import Effects
@@ -33,7 +33,7 @@ Images = list[NDArray[np.float32]]
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(OfScan):
     """Images of a known flame.
 
     Attributes
@@ -44,21 +44,6 @@ class Scene:
 
     flame: str
     scan: SimulatedImages
-
-    @property
-    def rig(self) -> Rig:
-        """The cameras."""
-        return self.scan.rig
-
-    @property
-    def grid(self) -> VoxelGrid:
-        """The voxels."""
-        return self.scan.grid
-
-    @property
-    def images(self) -> Images:
-        """One a camera, in the rig's order."""
-        return [self.scan.images[name] for name in self.rig.names]
 
     @property
     def brightest(self) -> float:
