@@ -129,8 +129,6 @@ def calibrate_rig(
         from rigs.calibrate.targets import parse_target
         from rigs.files.json_file import write_json
 
-        found = image_set(images, every)
-        frames = {frame for of_camera in found.values() for frame in of_camera}
         how = {
             "intrinsics": load_rig_or_preset(intrinsics) if intrinsics else None,
             "world": _world(world),
@@ -140,6 +138,8 @@ def calibrate_rig(
             "target": parse_target(target),
         }
         volume = _volume(grid, spacing, center)
+        found = image_set(images, every)
+        frames = {frame for of_camera in found.values() for frame in of_camera}
         check_options(found, frames, **how)
         with progress_bar("detect") as progress:
             seen = detections(found, how["target"], cache=cache, progress=progress)
