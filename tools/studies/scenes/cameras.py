@@ -1,0 +1,118 @@
+"""Rigs of small cameras around a grid: rings, two levels, half rings, domes, unlike cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from rigs import Camera, Distortion, Rig
+from rigs.layouts import ring
+from tomo import VoxelGrid
+
+IMAGE_SIZE = (64, 80)
+DISTANCE = 150.0
+"""Voxels between cameras and the grid's middle: rays of one camera are up to 15 degrees apart."""
+
+ROOM = 1.08
+"""Of the grid's outline, that an image shows."""
+
+GOLDEN_ANGLE = 137.50776405
+
+
+def rig(name: str, grid: VoxelGrid, seed: int) -> Rig:
+    """Return a rig by its kind and its number of views, such as ``dome-12``.
+
+    Parameters
+    ----------
+    name : str
+        One of `KINDS`, a hyphen and the number of views.
+    grid : VoxelGrid
+        All cameras look at its middle; cubic voxels.
+    seed : int
+        Of where the first camera stands, and of small differences of height.
+
+    Raises
+    ------
+    ValueError
+        If there is no such kind.
+    """
+    kind, _, views = name.rpartition("-")
+    if kind not in KINDS:
+        raise ValueError(f"rig: found {name!r}, expected one of {', '.join(KINDS)}, and -VIEWS")
+    return KINDS[kind](int(views), grid, np.random.default_rng([seed, int(views)]))
+
+
+def _ring(views: int, grid: VoxelGrid, random: np.random.Generator) -> Rig:
+    return _around(grid, random, np.full(views, random.uniform(-5, 12)))
+
+
+def _two_level(views: int, grid: VoxelGrid, random: np.random.Generator) -> Rig:
+    return _around(grid, random, np.where(np.arange(views) % 2, 32.0, -4.0))
+
+
+def _half_ring(views: int, grid: VoxelGrid, random: np.random.Generator) -> Rig:
+    pitch, span = np.full(views, random.uniform(-5, 12)), 180.0 * (views - 1) / views
+    return _around(grid, random, pitch, span / (views - 1))
+
+
+def _dome(views: int, grid: VoxelGrid, random: np.random.Generator) -> Rig:
+    heights = np.sin(np.deg2rad(64)) * (np.arange(views) + 0.5) / views  # equal solid angles
+    return _around(grid, random, np.rad2deg(np.arcsin(heights)), GOLDEN_ANGLE)
+
+
+def _unlike(views: int, grid: VoxelGrid, random: np.random.Generator) -> Rig:
+    """Cameras of other distances, sizes, lenses and distortions; one sees a part of the grid."""
+    near = _around(grid, random, random.uniform(-12, 35, views), distance=65.0)
+    cameras = []
+    for number, camera in enumerate(near):
+        zoom = 1.9 if number == views // 2 else random.uniform(0.9, 1.2)
+        cameras.append(_changed(camera, zoom, random.uniform(0.75, 1.2), random))
+    return replace(near, cameras=tuple(cameras))
+
+
+def _changed(camera: Camera, zoom: float, scale: float, random: np.random.Generator) -> Camera:
+    """Return a camera with another lens and another sensor."""
+    camera = camera.scaled(scale)
+    matrix = np.array(camera.camera_matrix)
+    matrix[[0, 1], [0, 1]] *= zoom
+    matrix[:2, 2] += random.uniform(-1.5, 1.5, 2)
+    lens = Distortion("brown", (random.uniform(-0.25, 0.1), 0.02, *random.uniform(-2e-3, 2e-3, 2)))
+    return replace(camera, camera_matrix=matrix, distortion=lens)
+
+
+def _around(
+    grid: VoxelGrid,
+    random: np.random.Generator,
+    pitch: np.ndarray,
+    step: float | None = None,
+    distance: float = DISTANCE,
+) -> Rig:
+    """Return cameras around the grid that show all of it; pitches ``(views,)`` in degrees."""
+    views, voxel = len(pitch), grid.spacing[0]
+    pitch = pitch + random.uniform(-2, 2, views)
+    across = np.hypot(grid.extent[0], grid.extent[2])
+    slope = np.deg2rad(np.abs(pitch).max())
+    tall = grid.extent[1] * np.cos(slope) + across * np.sin(slope)
+    nearer = 1 - max(across, tall) / 2 / (distance * voxel)  # what is near looks larger
+    needed = max(across / IMAGE_SIZE[0], tall / IMAGE_SIZE[1]) * ROOM / nearer
+    return ring(
+        views,
+        step,
+        distance * voxel * random.uniform(0.97, 1.03, views),
+        image_size=IMAGE_SIZE,
+        footprint=needed,
+        pitch_degrees=pitch,
+        start_degrees=random.uniform(0, 360),
+        center=grid.center,
+    )
+
+
+KINDS: Mapping[str, Callable[[int, VoxelGrid, np.random.Generator], Rig]] = {
+    "ring": _ring,
+    "two-level": _two_level,
+    "half-ring": _half_ring,
+    "dome": _dome,
+    "unlike": _unlike,
+}

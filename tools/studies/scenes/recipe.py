@@ -1,0 +1,92 @@
+"""Recipes: everything that determines a scene, and the families of either half."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, replace
+
+from studies.scenes.faults import FAULTS, SIZES
+from studies.scenes.fields import FAMILIES, REPORT, SETTLE
+from studies.scenes.recording import NOISES
+from tomo import VoxelGrid
+
+VERSION = 1
+"""Of what scenes are; another one makes all of them anew."""
+
+HALVES = {"settle": tuple(SETTLE), "report": tuple(REPORT)}
+"""The families of either half: rules are settled on one, figures come from the other."""
+
+GRIDS = ((24, 32, 24), (28, 36, 28), (32, 40, 32))
+CENTER = (1.3, -0.7, 0.4)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Everything that determines a scene.
+
+    Parameters
+    ----------
+    half : str
+        One of `HALVES`.
+    family : str
+        Of the half's fields.
+    rig : str
+        See `studies.scenes.cameras.rig`.
+    noise : str
+        One of `NOISES`.
+    seed : int
+        Of field, grid, rig, noise and fault.
+    fault : str
+        One of `studies.scenes.faults.FAULTS`; none when empty.
+    size : int
+        0, 1 or 2: which of the fault's sizes.
+
+    Raises
+    ------
+    ValueError
+        If there is no such half, noise or fault, or the family is not of the half.
+    """
+
+    half: str
+    family: str
+    rig: str
+    noise: str
+    seed: int
+    fault: str = ""
+    size: int = 0
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        known = {"half": HALVES, "family": HALVES.get(self.half, FAMILIES), "noise": NOISES}
+        for name, values in (known | {"fault": ("", *FAULTS), "size": range(SIZES)}).items():
+            if getattr(self, name) not in values:
+                found, words = getattr(self, name), ", ".join(map(str, values))
+                raise ValueError(f"{name}: found {found!r}, expected one of {words}")
+
+    @property
+    def name(self) -> str:
+        """As a table has it."""
+        what = f", {self.fault} {self.size + 1}" if self.fault else ""
+        return f"{self.family}, {self.rig}, {self.noise}, seed {self.seed}{what}"
+
+    @property
+    def key(self) -> str:
+        """The hash that the scene is stored under."""
+        text = json.dumps(asdict(self) | {"version": VERSION}, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def views(self) -> int:
+        """The number of cameras."""
+        return int(self.rig.rpartition("-")[2])
+
+    @property
+    def faultless(self) -> Recipe:
+        """The same scene without its fault."""
+        return replace(self, fault="", size=0)
+
+    @property
+    def grid(self) -> VoxelGrid:
+        """The voxels to reconstruct, of edge length one."""
+        return VoxelGrid(GRIDS[self.seed % len(GRIDS)], 1.0, CENTER)

@@ -1,0 +1,134 @@
+"""A known scene: images of a field whose truth is known, in memory as a scan; cached on disk."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+import phantoms
+from rigs import Rig
+from rigs.files import atomic_path
+from rigs.files.archives import read_arrays
+from studies.scenes import cameras
+from studies.scenes.exposure import Exposure
+from studies.scenes.faults import FAULTS, Exposures, Setting
+from studies.scenes.fields import KnownField
+from studies.scenes.recipe import Recipe
+from studies.scenes.recording import BRIGHTEST, CLEAN, corrections, recorded
+from tomo import Scan, VoxelGrid
+
+TRUTH_POINTS = 6
+"""Points along each edge of a voxel whose mean is the truth; half-voxel sheets need as many."""
+
+Arrays = dict[str, NDArray]
+
+
+@dataclass(frozen=True, eq=False)
+class KnownScene:
+    """Images of a known field.
+
+    Attributes
+    ----------
+    recipe : Recipe
+    rig : Rig
+        The cameras as a reconstruction is given them.
+    grid : VoxelGrid
+    images : mapping of str to (height, width)
+        float32, or uint16 with a pedestal that the scan knows as dark.
+    truth : (nx, ny, nz) float32
+        Means of the field over the voxels, in full scales per unit of length.
+    wrong : tuple of str
+        The cameras whose images the fault changed.
+    """
+
+    recipe: Recipe
+    rig: Rig
+    grid: VoxelGrid
+    images: Mapping[str, NDArray]
+    truth: NDArray[np.float32]
+    wrong: tuple[str, ...] = ()
+
+    @property
+    def at_fault(self) -> tuple[str, ...]:
+        """The cameras that a report should name: none for faults of all cameras."""
+        fault = FAULTS.get(self.recipe.fault)
+        return self.wrong if fault is not None and fault.single else ()
+
+    @property
+    def scan(self) -> Scan:
+        """The images as a scan in memory, with the truth."""
+        known = corrections(self.recipe.noise)
+        return Scan.from_arrays(
+            self.rig, self.images, self.grid, corrections=known, truth=self.truth
+        )
+
+
+def known_scene(recipe: Recipe, cache: Path | None = None) -> KnownScene:
+    """Return a scene, from the folder ``cache`` where it is there; else it is made and kept."""
+    rig = cameras.rig(recipe.rig, recipe.grid, recipe.seed)
+    arrays = _kept(cache, recipe.key, lambda: _taken(recipe, rig, cache))
+    images = MappingProxyType({name: arrays[name] for name in rig.names})
+    wrong = tuple(rig.names[view] for view in arrays["_wrong"])
+    return KnownScene(recipe, rig, recipe.grid, images, arrays["_truth"], wrong)
+
+
+def _kept(cache: Path | None, key: str, make: Callable[[], Arrays]) -> Arrays:
+    """Return arrays from the cache; else make and keep them."""
+    path = None if cache is None else cache / f"{key}.npz"
+    if path is not None and path.is_file():
+        return read_arrays(path)
+    arrays = make()
+    if path is not None:
+        with atomic_path(path) as temporary:
+            np.savez_compressed(temporary, **arrays)
+    return arrays
+
+
+def _taken(recipe: Recipe, rig: Rig, cache: Path | None) -> Arrays:
+    """Return the images by camera, the truth, and the numbers of the cameras at fault."""
+    field = KnownField(recipe.family, recipe.seed, recipe.grid)
+    plain = tuple(Exposure(camera, field) for camera in rig)
+    seen = replace(recipe.faultless, noise=CLEAN)
+    light = _kept(cache, f"light-{seen.key}", lambda: _light(plain))
+    lights, truth = [light[camera.name] for camera in rig], light["_truth"]
+    brightest = max(float(one.max()) for one in lights)
+    exposures = _with_fault(recipe, plain, brightest)
+    wrong = [view for view, (a, b) in enumerate(zip(plain, exposures, strict=True)) if a != b]
+    for view in wrong:
+        if exposures[view].sight != plain[view].sight:
+            lights[view] = exposures[view].light()
+    if recipe.fault and not FAULTS[recipe.fault].single:  # a lamp asks for a shorter exposure
+        brightest = max(brightest, *(float(one.max()) for one in lights))
+    unit, taken = BRIGHTEST / brightest, {}
+    for view, (exposure, one) in enumerate(zip(exposures, lights, strict=True)):
+        image = exposure.image(unit * one)
+        most = exposure.saturation * image.max() if exposure.saturation < 1 else np.inf
+        taken[rig.names[view]] = recorded(image, recipe.noise, (recipe.seed, view), most)
+    return taken | {
+        "_truth": (unit * truth).astype(np.float32),
+        "_wrong": np.array(wrong, np.int64),
+    }
+
+
+def _light(plain: Exposures) -> Arrays:
+    """Return what arrives at every camera, and the means of the field over the voxels."""
+    field = plain[0].field
+    found = {exposure.camera.name: exposure.light() for exposure in plain}
+    return found | {"_truth": phantoms.sample(field, field.grid, TRUTH_POINTS)}
+
+
+def _with_fault(recipe: Recipe, plain: Exposures, brightest: float) -> Exposures:
+    """Return the exposures with the recipe's fault, if it has one."""
+    if not recipe.fault:
+        return plain
+    fault, report = FAULTS[recipe.fault], recipe.half == "report"
+    size = (fault.report if report else fault.settle)[recipe.size]
+    view = (2 * recipe.seed + report) % len(plain)
+    random = np.random.default_rng([recipe.seed, zlib.crc32(recipe.fault.encode())])
+    return fault.make(plain, Setting(view, size, brightest, random))
