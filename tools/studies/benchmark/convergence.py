@@ -57,6 +57,7 @@ def converged(
     passes: int,
     width: float = 0.0,
     least_passes: int = 0,
+    by_nrmse: bool = False,
 ) -> Convergence:
     """Run a method until it gets no better for `PATIENCE` passes; judge it after each.
 
@@ -74,6 +75,8 @@ def converged(
         Of the blobs of a `tomo.operators.GaussianBasis`, in voxels; the voxel basis when 0.
     least_passes : int
         As many are done whatever comes of them, for methods that change on their way.
+    by_nrmse : bool
+        Whether the NRMSE, not the cosine distance, says what is better.
     """
     reached: list[tuple[float, float, float]] = []
     projector = problem.system.projector
@@ -86,7 +89,7 @@ def converged(
             found = projector.voxel_means(projector.active.expand(values).reshape(truth.shape))
             distance = metrics.cosine_distance(found, truth)
             reached.append((problem.seconds + solving, distance, metrics.nrmse(found, truth)))
-            best = int(np.argmin([r[1] for r in reached]))
+            best = int(np.argmin([r[2 if by_nrmse else 1] for r in reached]))
             return index - max(best, least_passes) >= PATIENCE
 
     solver: Callable = getattr(solvers, method)

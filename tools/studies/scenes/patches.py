@@ -1,0 +1,69 @@
+"""Constants of modules set to other values for a while: what an ablation changes."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+
+def parsed(settings: Sequence[str], option: str) -> dict[str, Any]:
+    """Return ``NAME=VALUE`` settings as a mapping; values as Python writes them, else as text.
+
+    Raises
+    ------
+    ValueError
+        Naming ``option``, if one has no ``=``.
+    """
+    found = {}
+    for setting in settings:
+        name, sign, value = setting.partition("=")
+        if not (name and sign):
+            raise ValueError(f"{option}: found {setting!r}, expected NAME=VALUE")
+        try:
+            found[name] = ast.literal_eval(value)
+        except (ValueError, SyntaxError):
+            found[name] = value
+    return found
+
+
+@contextmanager
+def patched(constants: Mapping[str, Any]) -> Iterator[None]:
+    """Set constants such as ``tomo.hull.darkness.VOTES`` to other values within a block.
+
+    Modules that have imported the constant by its name see the other value too. Default arguments
+    do not, nor do kernels that are compiled already.
+
+    Raises
+    ------
+    ValueError
+        If there is no such module or constant.
+    """
+    changed = []
+    try:
+        for path, value in constants.items():
+            module, _, name = path.rpartition(".")
+            try:
+                before = getattr(import_module(module), name)
+            except (ImportError, AttributeError, ValueError):
+                raise ValueError(
+                    f"--set: found {path!r}, expected a module's constant, like "
+                    "tomo.solvers.curvature.FIRST"
+                ) from None
+            for holder in _holders(module, name, before):
+                changed.append((holder, name, before))
+                setattr(holder, name, value)
+        yield
+    finally:
+        for holder, name, before in reversed(changed):
+            setattr(holder, name, before)
+
+
+def _holders(module: str, name: str, value: Any) -> list[Any]:
+    """Return the loaded modules of the toolkit that have the constant under its name."""
+    package = module.partition(".")[0]
+    loaded = [m for key, m in list(sys.modules.items()) if key.partition(".")[0] == package]
+    return [one for one in loaded if vars(one).get(name) is value or one.__name__ == module]
