@@ -165,7 +165,11 @@ def test_commands_have_the_options_that_pages_give_them(page):
 
 @pytest.mark.parametrize("folder", ["guide", "theory", "reference", "results"])
 def test_options_named_in_the_pages_are_some_verbs(folder):
-    studies = {"--part", "--size"}  # of tools/benchmark.py, stress.py and paper.py
+    studies = {
+        "--part",
+        "--size",
+        "--half",
+    }  # of programs in tools/
     known = {"--help"}.union(studies, *options_of_verbs().values())
     for page in (ROOT / "docs" / folder).glob("*.md"):
         for option in re.findall(r"`(--[a-z][\w-]*)", page.read_text("utf-8")):

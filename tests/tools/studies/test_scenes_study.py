@@ -1,0 +1,205 @@
+"""The runs of known scenes: what is kept, what counts as named, and what is refused."""
+
+import json
+from concurrent.futures import Future
+from dataclasses import replace
+from importlib import import_module
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from studies.scenes import accuracy, cameras, confusion, design, oracle, patches, trial
+from studies.scenes.answer import WORDS, answer_of
+from studies.scenes.faults import FAULTS
+from studies.scenes.recipe import HALVES, Recipe
+from studies.scenes.scene import KnownScene
+from studies.scenes.trial import Trials
+
+import rigs
+from rigs.layouts import ring
+from tomo import LinearSystem, VoxelGrid
+
+RECIPE = Recipe("settle", "tilted cone", "ring-5", "clean", 0)
+
+
+class InTurn:
+    """A pool of processes that works in this one."""
+
+    def __init__(self, processes):
+        pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        return None
+
+    def submit(self, function, *arguments):
+        done = Future()
+        done.set_result(function(*arguments))
+        return done
+
+
+@pytest.fixture
+def rows(monkeypatch):
+    """Return what was run, and let scenes come to what their numbers of views say."""
+    ran = []
+
+    def row_of(recipe, cache, options, constants, *, oracle):
+        ran.append((recipe, dict(options), dict(constants), oracle))
+        wrong = ["cam02"] if recipe.fault == "gain" else []
+        return {
+            **vars(recipe), "views": recipe.views, "scene": recipe.name, "seconds": 1.0,
+            "nrmse": 0.1 * (1 + bool(recipe.fault)) * (1 + bool(constants)),
+            "cosine_distance": 0.01, "of_best": 1 + recipe.views / 10, "cosine_of_best": 1.0,
+            "at_fault": wrong, "cameras_named": wrong, "causes_named": wrong and ["gain"],
+        }  # fmt: skip
+
+    monkeypatch.setattr(trial, "row_of", row_of)
+    monkeypatch.setattr(trial, "_pool", InTurn)
+    return ran
+
+
+@pytest.fixture
+def trials(tmp_path):
+    return Trials(tmp_path / "cache", tmp_path / "rows")
+
+
+def silent(done, total, name):
+    pass
+
+
+def test_an_interrupted_run_goes_on_where_it_is_told_to(rows, trials):
+    first = trials.run([RECIPE], silent)
+    again = replace(trials, resume=True)
+    assert again.run([RECIPE, replace(RECIPE, seed=1)], silent)[0] == first[0]
+    assert len(rows) == 2
+    trials.run([RECIPE], silent)
+    replace(again, constants={"tomo.x": 2}).run([RECIPE], silent)
+    assert [constants for _, _, constants, _ in rows] == [{}, {}, {}, {"tomo.x": 2}]
+
+
+def test_errors_are_summed_up_by_family_views_and_noise(rows, trials):
+    tables = accuracy.accuracy(trials, "settle", quick=True, progress=silent)
+    assert all(oracle for *_, oracle in rows)
+    assert tables["overall"][0]["scenes"] == len(HALVES["settle"])
+    assert sum(row["scenes"] for row in tables["by_noise"]) == len(HALVES["settle"])
+    for row in tables["by_views"]:
+        assert row["of_best"] == pytest.approx(1 + row["views"] / 10)
+    ratios = [row["of_best"] for row in tables["scenes"]]
+    assert ratios == sorted(ratios, reverse=True)
+    assert tables["overall"][0]["worst"] == ratios[0]
+
+
+def test_faults_are_counted_where_the_error_grows(rows, trials):
+    tables = confusion.confusion(trials, "settle", quick=True, progress=silent)
+    by_fault = {row["fault"]: row for row in tables["by_fault"]}
+    assert set(by_fault) == set(FAULTS)
+    assert by_fault["gain"]["times"] == pytest.approx(2.0)
+    assert by_fault["gain"]["camera"] == by_fault["gain"]["first_cause"] == 1
+    assert by_fault["shift"]["silent"] == 1
+    assert by_fault["self-absorption"]["camera"] is None
+    assert tables["overall"][0]["count"] == 3 * len(FAULTS)
+    assert tables["alarms"] == []
+
+
+@pytest.mark.parametrize(
+    ("family", "cameras", "causes", "alarm"),
+    [
+        ("sparks", [], [], False),
+        ("sparks", ["cam01"], [], True),
+        ("sparks", [], ["gain"], True),
+        ("cut column", ["cam01"], ["outside"], False),
+        ("cut column", [], ["gain", "outside"], True),
+    ],
+)
+def test_an_alarm_is_false_where_nothing_is_wrong(family, cameras, causes, alarm):
+    row = {"family": family, "cameras_named": cameras, "causes_named": causes}
+    assert confusion._is_alarm(row) == alarm
+
+
+@pytest.mark.parametrize(
+    ("warning", "cameras", "causes"),
+    [
+        ("few views: the typical emitting voxel is seen by 3", (), ()),
+        ("the cameras' gains differ by 4.5%", (), ("gain",)),
+        ("camera cam02: it looks like camera cam05's: excluded", ("cam02", "cam05"), ("swapped",)),
+        ("5% of camera cam01's light comes from outside the grid", ("cam01",), ("outside",)),
+        ("self-absorption of depth 0.3", (), ("self-absorption",)),
+        ("a medium absorbs", (), ("absorption",)),
+    ],
+)
+def test_a_report_names_cameras_and_causes(warning, cameras, causes):
+    rig = ring(6, image_size=(4, 4), footprint=1.0)
+    answer = answer_of(SimpleNamespace(rig=rig, warnings=(warning,)))
+    assert (answer.cameras, answer.causes) == (cameras, causes)
+    assert answer.silent == (not causes)
+
+
+def test_every_cause_has_its_words():
+    assert {fault.cause for fault in FAULTS.values()} == set(WORDS)
+
+
+def test_constants_are_set_for_a_while_wherever_they_were_imported():
+    methods, solve = map(import_module, ("tomo.pipeline.methods", "tomo.pipeline.solve"))
+    before = methods.AUTO
+    with patches.patched(patches.parsed(["tomo.pipeline.methods.AUTO=other"], "--set")):
+        assert methods.AUTO == solve.AUTO == "other"
+    assert methods.AUTO == solve.AUTO == before
+    with (
+        pytest.raises(ValueError, match=r"--set: found 'tomo\.solvers\.nothing\.X'"),
+        patches.patched({"tomo.solvers.nothing.X": 1}),
+    ):
+        pass
+
+
+def test_designs_meet_every_family_rig_and_noise():
+    for half, families in HALVES.items():
+        for recipes in (design.faultless(half), design.alarms(half)):
+            assert {r.family for r in recipes} == set(families)
+            assert {r.views for r in recipes} == {5, 6, 8, 12, 24, 33}
+            assert {r.rig.rpartition("-")[0] for r in recipes} == set(cameras.KINDS)
+            assert len({r.noise for r in recipes}) == 3
+            assert len(set(recipes)) == len(recipes)
+        assert len(design.faulty(half)) == 27 * len(FAULTS)
+    assert len(design.faultless("report")) >= 60
+    assert len(design.alarms("report")) == 200
+
+
+def test_the_best_of_the_list_is_stopped_by_the_truth(monkeypatch, tmp_path):
+    grid = VoxelGrid((8, 8, 8), 1.0)
+    rig = ring(5, image_size=(14, 14), footprint=0.9)
+    truth = np.zeros(grid.shape, np.float32)
+    truth[3:6, 2:6, 3:5] = 0.05
+    system = LinearSystem.from_rig(rig, grid, skip=False)
+    flat = system.projector @ truth.ravel()
+    images = dict(zip(rig.names, flat.reshape(5, 14, 14), strict=True))
+    scene = KnownScene(RECIPE, rigs.Rig(tuple(rig)), grid, images, truth)
+    monkeypatch.setattr(oracle, "PLAIN", {"mlem": 40, "art": 5})
+    monkeypatch.setattr(oracle, "STARTS", {"tikhonov": 1e-3})
+    best = oracle.best_of(scene, tmp_path)
+    assert best.nrmse == min(best.by_method.values())
+    assert set(best.by_method) == {
+        "mlem, voxel", "art, voxel", "tikhonov, voxel", "mlem, linear", "tikhonov, linear",
+    }  # fmt: skip
+    assert best.nrmse < 0.5
+    assert oracle.best_of(scene, tmp_path) == best
+    (path,) = tmp_path.iterdir()
+    assert json.loads(path.read_text())["name"] == best.name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--half", "all", "--part", "faults"), "--half: found 'all', expected one of settle"),
+        (("--half", "settle", "--part", "x"), "--part: found 'x', expected one of accuracy"),
+        (("--half", "settle", "--part", "ablation"), "expected --set or --option"),
+        (("--half", "settle", "--part", "ablation", "--set", "x"), "--set: found 'x'"),
+        (("--half", "settle", "--part", "ablation", "--option", "x=1"), "options: found 'x'"),
+    ],
+)
+def test_bad_input_is_one_line(run_tool, tmp_path, arguments, words):
+    done = run_tool("scenes", *arguments, "-o", str(tmp_path))
+    assert done.exit_code == 2
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error")]
+    assert words in line
