@@ -11,7 +11,11 @@ from rigs import Camera, Distortion, Rig
 from rigs.layouts import ring
 from tomo import VoxelGrid
 
-IMAGE_SIZE = (64, 80)
+Size = tuple[int, int]
+
+IMAGE_SIZES = ((80, 100), (96, 120), (96, 120), (64, 80), (80, 100))
+"""By the seed, in turn: pixels are 0.45 to 1 voxels wide in the middle of the grid."""
+
 DISTANCE = 150.0
 """Voxels between cameras and the grid's middle: rays of one camera are up to 15 degrees apart."""
 
@@ -31,7 +35,7 @@ def rig(name: str, grid: VoxelGrid, seed: int) -> Rig:
     grid : VoxelGrid
         All cameras look at its middle; cubic voxels.
     seed : int
-        Of where the first camera stands, and of small differences of height.
+        Of the size of images, of where the first camera stands, and of differences of height.
 
     Raises
     ------
@@ -41,30 +45,31 @@ def rig(name: str, grid: VoxelGrid, seed: int) -> Rig:
     kind, _, views = name.rpartition("-")
     if kind not in KINDS:
         raise ValueError(f"rig: found {name!r}, expected one of {', '.join(KINDS)}, and -VIEWS")
-    return KINDS[kind](int(views), grid, np.random.default_rng([seed, int(views)]))
+    size = IMAGE_SIZES[seed % len(IMAGE_SIZES)]
+    return KINDS[kind](int(views), grid, size, np.random.default_rng([seed, int(views)]))
 
 
-def _ring(views: int, grid: VoxelGrid, random: np.random.Generator) -> Rig:
-    return _around(grid, random, np.full(views, random.uniform(-5, 12)))
+def _ring(views: int, grid: VoxelGrid, size: Size, random: np.random.Generator) -> Rig:
+    return _around(grid, size, random, np.full(views, random.uniform(-5, 12)))
 
 
-def _two_level(views: int, grid: VoxelGrid, random: np.random.Generator) -> Rig:
-    return _around(grid, random, np.where(np.arange(views) % 2, 32.0, -4.0))
+def _two_level(views: int, grid: VoxelGrid, size: Size, random: np.random.Generator) -> Rig:
+    return _around(grid, size, random, np.where(np.arange(views) % 2, 32.0, -4.0))
 
 
-def _half_ring(views: int, grid: VoxelGrid, random: np.random.Generator) -> Rig:
+def _half_ring(views: int, grid: VoxelGrid, size: Size, random: np.random.Generator) -> Rig:
     pitch, span = np.full(views, random.uniform(-5, 12)), 180.0 * (views - 1) / views
-    return _around(grid, random, pitch, span / (views - 1))
+    return _around(grid, size, random, pitch, span / (views - 1))
 
 
-def _dome(views: int, grid: VoxelGrid, random: np.random.Generator) -> Rig:
+def _dome(views: int, grid: VoxelGrid, size: Size, random: np.random.Generator) -> Rig:
     heights = np.sin(np.deg2rad(64)) * (np.arange(views) + 0.5) / views  # equal solid angles
-    return _around(grid, random, np.rad2deg(np.arcsin(heights)), GOLDEN_ANGLE)
+    return _around(grid, size, random, np.rad2deg(np.arcsin(heights)), GOLDEN_ANGLE)
 
 
-def _unlike(views: int, grid: VoxelGrid, random: np.random.Generator) -> Rig:
+def _unlike(views: int, grid: VoxelGrid, size: Size, random: np.random.Generator) -> Rig:
     """Cameras of other distances, sizes, lenses and distortions; one sees a part of the grid."""
-    near = _around(grid, random, random.uniform(-12, 35, views), distance=65.0)
+    near = _around(grid, size, random, random.uniform(-12, 35, views), distance=65.0)
     cameras = []
     for number, camera in enumerate(near):
         zoom = 1.9 if number == views // 2 else random.uniform(0.9, 1.2)
@@ -84,6 +89,7 @@ def _changed(camera: Camera, zoom: float, scale: float, random: np.random.Genera
 
 def _around(
     grid: VoxelGrid,
+    size: Size,
     random: np.random.Generator,
     pitch: np.ndarray,
     step: float | None = None,
@@ -96,12 +102,12 @@ def _around(
     slope = np.deg2rad(np.abs(pitch).max())
     tall = grid.extent[1] * np.cos(slope) + across * np.sin(slope)
     nearer = 1 - max(across, tall) / 2 / (distance * voxel)  # what is near looks larger
-    needed = max(across / IMAGE_SIZE[0], tall / IMAGE_SIZE[1]) * ROOM / nearer
+    needed = max(across / size[0], tall / size[1]) * ROOM / nearer
     return ring(
         views,
         step,
         distance * voxel * random.uniform(0.97, 1.03, views),
-        image_size=IMAGE_SIZE,
+        image_size=size,
         footprint=needed,
         pitch_degrees=pitch,
         start_degrees=random.uniform(0, 360),
@@ -109,7 +115,7 @@ def _around(
     )
 
 
-KINDS: Mapping[str, Callable[[int, VoxelGrid, np.random.Generator], Rig]] = {
+KINDS: Mapping[str, Callable[[int, VoxelGrid, Size, np.random.Generator], Rig]] = {
     "ring": _ring,
     "two-level": _two_level,
     "half-ring": _half_ring,

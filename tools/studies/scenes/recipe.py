@@ -11,7 +11,7 @@ from studies.scenes.fields import FAMILIES, REPORT, SETTLE
 from studies.scenes.recording import NOISES
 from tomo import VoxelGrid
 
-VERSION = 1
+VERSION = 2
 """Of what scenes are; another one makes all of them anew."""
 
 HALVES = {"settle": tuple(SETTLE), "report": tuple(REPORT)}
