@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-
-from tomo import Reconstruction
 
 WORDS: Mapping[str, str] = {
     "gain": r"\bgain",
@@ -23,7 +21,9 @@ WORDS: Mapping[str, str] = {
     "blur": r"blur|focus",
     "out of step": r"out of step|another moment",
 }
-"""Words in warnings by which a cause is named."""
+"""Words by which a cause is named in the first sentence of a warning: the rest is advice."""
+
+UNEXPLAINED = r"unexplained|not explained"
 
 
 @dataclass(frozen=True)
@@ -35,20 +35,33 @@ class Answer:
     cameras : tuple of str
         The cameras that it names, in the rig's order.
     causes : tuple of str
-        The causes that it names: keys of `WORDS`, the likeliest first where it has an order.
+        The causes that it names: keys of `WORDS`, in the order of the warnings.
+    unexplained : bool
+        Whether it says that the images are not explained.
     """
 
-    cameras: tuple[str, ...]
-    causes: tuple[str, ...]
+    cameras: tuple[str, ...] = ()
+    causes: tuple[str, ...] = ()
+    unexplained: bool = False
 
     @property
     def silent(self) -> bool:
         """Whether nothing is said to be wrong."""
-        return not self.cameras and not self.causes
+        return not (self.cameras or self.causes or self.unexplained)
 
 
-def answer_of(outcome: Reconstruction) -> Answer:
-    """Return what the report of a reconstruction says; the one place that reads reports."""
-    text = "\n".join(outcome.warnings)
-    cameras = [name for name in outcome.rig.names if re.search(rf"\b{re.escape(name)}\b", text)]
-    return Answer(tuple(cameras), tuple(c for c, words in WORDS.items() if re.search(words, text)))
+def answer_of(warnings: Sequence[str], names: Sequence[str]) -> Answer:
+    """Return what a report says, the one place that reads reports.
+
+    Parameters
+    ----------
+    warnings : sequence of str
+    names : sequence of str
+        All cameras, in the rig's order.
+    """
+    findings = [re.split(r"\. (?=[A-Z])", warning)[0] for warning in warnings]
+    text = "\n".join(findings)
+    cameras = [name for name in names if re.search(rf"\b{re.escape(name)}\b", text)]
+    causes = [c for line in findings for c, words in WORDS.items() if re.search(words, line)]
+    unexplained = re.search(UNEXPLAINED, text) is not None
+    return Answer(tuple(cameras), tuple(dict.fromkeys(causes)), unexplained)

@@ -55,7 +55,6 @@ def _judged(row: Row, faultless: Row, recipe: Recipe) -> Row:
     causes = row["causes_named"][:NAMED_CAUSES]
     return row | {
         "times": row["nrmse"] / faultless["nrmse"],
-        "silent": not cameras and not row["causes_named"],
         "camera": wrong <= cameras if fault.single else None,
         "others": bool(cameras - wrong) if fault.single else None,
         "cause": fault.cause in causes,

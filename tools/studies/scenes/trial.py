@@ -112,7 +112,7 @@ def row_of(
     _warm_up()
     with patched(constants or {}):
         outcome = reconstruct(scene.scan, None, Options.from_mapping(options or {}))
-    answer, quality = answer_of(outcome), outcome.solution.quality
+    answer, quality = answer_of(outcome.warnings, outcome.rig.names), outcome.solution.quality
     row: Row = {
         **asdict(recipe),
         "views": recipe.views,
@@ -126,6 +126,7 @@ def row_of(
         "at_fault": list(scene.at_fault),
         "cameras_named": list(answer.cameras),
         "causes_named": list(answer.causes),
+        "silent": answer.silent,
         "warnings": list(outcome.warnings),
     }
     if oracle:
