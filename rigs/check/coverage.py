@@ -1,4 +1,4 @@
-"""Coverage of given points by a rig: views, gaps, pixel sizes, blur, ray-miss."""
+"""Coverage of given points by a rig: views, pixel sizes, blur, ray-miss."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.camera_protocol import CameraLike
-from rigs.check.angular_gap import angles_between, largest_gap
-from rigs.check.lines_of_sight import expected_ray_miss
+from rigs.check.lines_of_sight import angles_between, expected_ray_miss
+from rigs.check.resolved_wavelength import ViewsOfObject
 from rigs.geometry.points import image_motion
 from rigs.rig import Rig
 
@@ -35,10 +35,6 @@ class Coverage:
     blur : (C, N) float64
         Diameter at the point of the defocus cone of a pixel's centre; NaN where not seen or where
         the lens's figures are unknown.
-    gap : (N,) float64
-        The largest angular gap in degrees, see `rigs.check.angular_gap.largest_gap`.
-    gap_normal : (N, 3) float64
-        Its direction, as from `largest_gap`.
     ray_miss : (N,) float64
         Expected RMS distance of the lines of sight from their best common point, for the pixel
         accuracy given; NaN with fewer than two views.
@@ -50,8 +46,6 @@ class Coverage:
     directions: NDArray[np.float64]
     footprint: NDArray[np.float64]
     blur: NDArray[np.float64]
-    gap: NDArray[np.float64]
-    gap_normal: NDArray[np.float64]
     ray_miss: NDArray[np.float64]
 
     def __repr__(self) -> str:
@@ -80,10 +74,14 @@ class Coverage:
     def angles_to_middle(self) -> NDArray[np.float64]:
         """Return the angles in degrees between lines from cameras to the points' mean, ``(C, C)``.
 
-        See `rigs.check.angular_gap.angles_between`.
+        See `rigs.check.lines_of_sight.angles_between`.
         """
         away = self.points.mean(axis=0) - np.array([camera.position for camera in self.rig])
         return angles_between(away)
+
+    def views_of(self, covariance: NDArray[np.float64], voxel: float) -> ViewsOfObject:
+        """Return the points' views of an object of that covariance ``(3, 3)``."""
+        return ViewsOfObject(self.directions, self.seen.T, self.footprint.T, covariance, voxel)
 
 
 def coverage(
@@ -143,10 +141,9 @@ def coverage(
     for number, camera in enumerate(rig):
         view = _view(camera, points)
         directions[:, number], seen[number], footprint[number], blur[number] = view
-    gap, normal = largest_gap(directions, seen.T)
     error = footprint * np.broadcast_to(accuracy, len(rig))[:, None]
     miss = expected_ray_miss(directions, np.where(seen, error, np.nan).T)
-    return Coverage(rig, points, seen, directions, footprint, blur, gap, normal, miss)
+    return Coverage(rig, points, seen, directions, footprint, blur, miss)
 
 
 def _view(camera: CameraLike, points: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:

@@ -7,15 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.check.angular_gap import new_view
 from rigs.check.convention_errors import find_convention_errors
-from rigs.check.result import Finding, RigCheck, short
+from rigs.check.resolved_wavelength import closing_view
+from rigs.check.result import Finding, RigCheck
+from rigs.check.words import short
 from rigs.geometry.points import evenly_spread
 
 _LEVELS = ("fault", "warning", "note")
 _AXES = "xyz"
 _CONVENTION_POINTS = 60  # of the volume, at which units and conventions are tried
-_WIDE_GAP = 35.0  # degrees; wider gaps smear details of two thirds of the width
+_SILENT = 0.1  # voxels; lines of sight that miss by less change no voxel
 
 
 def findings(check: RigCheck) -> tuple[Finding, ...]:
@@ -26,7 +27,7 @@ def findings(check: RigCheck) -> tuple[Finding, ...]:
         _sees_nothing,
         _cut_off,
         _unseen,
-        _gaps,
+        _details,
         _same_views,
         _footprints,
         _blur,
@@ -158,44 +159,33 @@ def _unseen(check: RigCheck) -> Iterator[Finding]:
         yield Finding("fault", "a single view gives no depth: expected at least two cameras")
 
 
-def _gaps(check: RigCheck) -> Iterator[Finding]:
-    """Find the largest angular gap, its consequence, and where a camera would close it."""
-    found = check.coverage
+def _details(check: RigCheck) -> Iterator[Finding]:
+    """Find the details that the views measure, and where a camera would close the largest gap."""
+    found, resolved = check.coverage, check.resolved
     some = found.views >= 2
     if not some.any():
         return
-    gap = float(np.median(found.gap[some]))
-    middle = found.points.mean(axis=0)
-    point = np.flatnonzero(some)[np.linalg.norm(found.points[some] - middle, axis=1).argmin()]
-    normal = found.gap_normal[point]
-    lines = found.directions[point][found.seen[:, point]]
-    names = [
-        name for name, sees in zip(found.rig.names, found.seen[:, point], strict=True) if sees
-    ]
-    direction = new_view(normal, lines)
-    if direction is None:
-        return
-    size = float(np.abs(direction) @ check.extent)
-    feature = size * np.radians(gap)
-    even = 180.0 / len(names)
-    text = f"the largest angular gap is {gap:.3g} degrees ({len(names)} views, even in a ring: "
     unit = found.rig.length_unit
-    text += f"{even:.3g}); the angles alone resolve no detail "
-    if feature < size:
-        text += f"below {feature:.3g} {unit} ({short(feature / check.voxel)} voxels) "
-    text += f"across {size:.3g} {unit}"
-    # in a ring the gap is a wedge of all heights, else the widest of many small holes
-    is_ring = np.linalg.eigvalsh(lines.T @ lines)[0] < 0.01 * len(lines)
-    if gap <= _WIDE_GAP and not (is_ring and gap > max(2.5 * even, 15.0)):
+    text = resolved.words(unit)
+    if not resolved.is_coarse:
         yield Finding("note", text)
         return
+    middle = found.points.mean(axis=0)
+    point = np.flatnonzero(some)[np.linalg.norm(found.points[some] - middle, axis=1).argmin()]
+    sees = found.seen[:, point]
+    lines = found.directions[point][sees]
+    names = np.array(found.rig.names)[sees]
+    normal = resolved.worst_direction
+    text += ", as large as the volume itself: shapes along it are a guess"
+    direction = closing_view(normal, lines)
+    if direction is not None:
+        away = float(np.median([figures.distance for figures in check.cameras]))
+        position = middle - away * direction
+        step = 10.0 ** np.floor(np.log10(away) - 1)
+        spot = ", ".join(f"{value:.6g}" for value in np.round(position / step) * step + 0.0)
+        text += f"; a camera at ({spot}), or opposite, would measure them"
     neighbours = np.argsort(np.abs(lines @ normal), kind="stable")[:2]
-    away = float(np.median([figures.distance for figures in check.cameras]))
-    position = middle - away * direction
-    step = 10.0 ** np.floor(np.log10(away) - 2)
-    spot = ", ".join(f"{value:.6g}" for value in np.round(position / step) * step + 0.0)
-    text += f"; a camera at ({spot}), or opposite, would close it"
-    yield Finding("warning", text, tuple(names[number] for number in sorted(neighbours)))
+    yield Finding("warning", text, tuple(names[sorted(neighbours)].tolist()))
 
 
 def _same_views(check: RigCheck) -> Iterator[Finding]:
@@ -216,7 +206,7 @@ def _same_views(check: RigCheck) -> Iterator[Finding]:
         )
         distinct = len(rig) - len(pairs)
         yield Finding(
-            "warning" if 3 * len(pairs) >= len(rig) else "note",
+            "note",
             f"{words}: line integrals are the same from both ends: {len(rig)} cameras give "
             f"{distinct} different views. An odd number in a ring, or one of each pair turned by "
             "half a step, gives more",
@@ -265,9 +255,9 @@ def _blur(check: RigCheck) -> Iterator[Finding]:
 
 def _ray_misses(check: RigCheck) -> Iterator[Finding]:
     """Find lines of sight that do not meet within a voxel."""
-    if not np.isfinite(check.ray_miss):
-        return
     ratio = check.ray_miss / check.voxel
+    if not ratio >= _SILENT:
+        return
     unit = check.coverage.rig.length_unit
     text = f"lines of sight miss each other by {check.ray_miss:.3g} {unit} ({ratio:.2g} voxels)"
     text += f", by {check.ray_miss_from}"

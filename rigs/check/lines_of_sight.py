@@ -1,4 +1,4 @@
-"""Ray-miss: the distance of cameras' lines of sight from their best common point."""
+"""Lines of sight: the angles between them, and ray-miss, their distance from a common point."""
 
 from __future__ import annotations
 
@@ -87,3 +87,16 @@ def expected_ray_miss(
     count = there.sum(axis=1)
     miss = np.sqrt(np.maximum(total, 0) / np.maximum(count, 1))
     return np.where(count >= 2, miss, np.nan)
+
+
+def angles_between(lines: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the angles in degrees, 0 to 90, between lines along ``(C, 3)``: ``(C, C)``.
+
+    The diagonal is infinite, so that a row's minimum is the nearest other line.
+    """
+    lines = lines / np.maximum(np.linalg.norm(lines, axis=1, keepdims=True), 1e-300)
+    # by sine and cosine: the arc cosine alone is inexact for nearly equal lines
+    sine = np.linalg.norm(np.cross(lines[:, None], lines[None]), axis=2)
+    angles = np.degrees(np.arctan2(sine, np.abs(lines @ lines.T)))
+    np.fill_diagonal(angles, np.inf)
+    return angles

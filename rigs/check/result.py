@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.check.coverage import Coverage
+from rigs.check.resolved_wavelength import ResolvedWavelength, ViewsOfObject, box_covariance
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,9 @@ class CameraFigures:
         The largest diameter of the defocus in the volume.
     nearest_view : float
         Angle modulo 180 degrees to the camera with the most similar line of sight.
-    gap_without : float
-        Growth in degrees of the largest angular gap, its median over the volume, without this
-        camera.
+    wavelength_without : float
+        Growth without this camera of the wavelength down to which 90 % of all waves are measured,
+        its median over the volume; infinite for the only camera.
     ray_miss : float
         Ray-miss of the camera's lines of sight as the calibration predicts; NaN without one.
     """
@@ -66,7 +67,7 @@ class CameraFigures:
     blur_in_pixels: float
     blur_in_voxels: float
     nearest_view: float
-    gap_without: float
+    wavelength_without: float
     ray_miss: float = math.nan
 
 
@@ -83,6 +84,8 @@ class RigCheck:
     voxel : float
         A voxel's edge length; the geometric mean where edges differ.
     cameras : tuple of CameraFigures
+    resolved : ResolvedWavelength
+        The details that the views measure of a volume that emits everywhere.
     findings : tuple of Finding
         Faults first.
     ray_miss : float
@@ -96,10 +99,16 @@ class RigCheck:
     extent: NDArray[np.float64]
     voxel: float
     cameras: tuple[CameraFigures, ...]
+    resolved: ResolvedWavelength
     findings: tuple[Finding, ...]
     ray_miss: float
     ray_miss_from: str
     weights: NDArray[np.float64]
+
+    @property
+    def views_of_volume(self) -> ViewsOfObject:
+        """The views of the whole volume, for the details that they measure at each point."""
+        return self.coverage.views_of(box_covariance(self.extent), self.voxel)
 
     def fraction(self, points: NDArray[np.bool_]) -> float:
         """Return the fraction of the volume that a mask of the points ``(N,)`` stands for."""
@@ -110,8 +119,3 @@ class RigCheck:
         """``"good"``, ``"limited"`` where there is a warning, ``"not usable"`` with a fault."""
         levels = {finding.level for finding in self.findings}
         return "not usable" if "fault" in levels else "limited" if "warning" in levels else "good"
-
-
-def short(value: float) -> str:
-    """Return a number of two digits, without an exponent where it is large."""
-    return f"{value:.2g}" if value < 100 else f"{value:.0f}"

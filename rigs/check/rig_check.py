@@ -10,15 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.camera_protocol import CameraLike
-from rigs.check.angular_gap import largest_gap
 from rigs.check.coverage import PIXEL_ACCURACY, Coverage, coverage
 from rigs.check.findings import findings
 from rigs.check.lines_of_sight import finite_rms
+from rigs.check.resolved_wavelength import ViewsOfObject, box_covariance
 from rigs.check.result import CameraFigures, RigCheck
-from rigs.geometry.points import evenly_spread
 from rigs.rig import Rig
-
-_GAP_POINTS = 40  # of the volume, at which each camera is left out; more take longer
 
 
 def check_rig(
@@ -65,11 +62,13 @@ def check_rig(
     weights = weights / weights.sum()
     calibrated = calibrated_ray_miss(rig)
     miss = calibrated if calibrated is not None else finite_rms(found.ray_miss)
+    views = found.views_of(box_covariance(extent), float(voxel))
     check = RigCheck(
         found,
         extent,
         float(voxel),
-        _figures(found, float(voxel), weights),
+        _figures(found, views, weights),
+        views.resolved(weights),
         (),
         miss,
         "pixel accuracy" if calibrated is None else "calibration",
@@ -96,11 +95,11 @@ def calibrated_ray_miss(rig: Rig, camera: str | None = None) -> float | None:
     return float(value) if known else None
 
 
-def _figures(found: Coverage, voxel: float, weights: NDArray) -> tuple[CameraFigures, ...]:
+def _figures(found: Coverage, views: ViewsOfObject, weights: NDArray) -> tuple[CameraFigures, ...]:
     """Return every camera's figures."""
-    rig, middle = found.rig, found.points.mean(axis=0)
+    rig, middle, voxel = found.rig, found.points.mean(axis=0), views.voxel
     between = found.angles_to_middle()
-    growth = _gap_without(found)
+    growth = views.growth_without()
     figures = []
     for number, camera in enumerate(rig):
         footprint = _nan(np.nanmedian, found.footprint[number])
@@ -129,19 +128,6 @@ def field_of_view(camera: CameraLike) -> float:
     rays = camera.rays(corners)[1]
     cosines = [float(rays[0] @ rays[1]), float(rays[2] @ rays[3])]
     return float(np.degrees(np.arccos(np.clip(min(cosines), -1, 1))))
-
-
-def _gap_without(found: Coverage) -> NDArray[np.float64]:
-    """Return the growth of the median gap without each camera, ``(C,)`` degrees."""
-    some = evenly_spread(len(found.points), _GAP_POINTS)
-    directions, seen = found.directions[some], found.seen[:, some].T
-    gap = np.median(largest_gap(directions, seen)[0])
-    grown = []
-    for number in range(len(found.rig)):
-        left = seen.copy()
-        left[:, number] = False
-        grown.append(np.median(largest_gap(directions, left)[0]) - gap)
-    return np.maximum(grown, 0.0)
 
 
 def _nan(function: object, values: NDArray) -> float:

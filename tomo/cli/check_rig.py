@@ -134,7 +134,7 @@ def _write_maps(
     from tomo.draw.rig.rig_page import check_table
     from tomo.draw.rig.rig_scene import Target, up_of
 
-    maps = coverage_maps(check.coverage, coarse, check.voxel)
+    maps = coverage_maps(check, coarse)
     unit = rig.length_unit
     if path.suffix.lower() == ".png":
         write_coverage(
@@ -165,7 +165,7 @@ def _write_maps(
         grid=voxels,
         views=camera_views(rig, voxels, pictures),
         tables=[check_table(check)],
-        shown=["map: angular gap"],
+        shown=["map: details"],
         close_up=True,
     )
 
@@ -200,7 +200,7 @@ def _say_finding(level: str, cameras: tuple[str, ...], text: str) -> None:
 
 def _costs(need: object, effort: Effort | None, iterations: int, why: str) -> str:
     """Return memory and time in words."""
-    from rigs.check.result import short
+    from rigs.check.words import short
 
     text = f"{need.voxels:,} voxels, {need.rays:,} rays, {need.segments:,} segments, "
     text += f"about {need.nbytes / 1e9:.2g} GB"
@@ -245,9 +245,9 @@ def _report(
             "most": int(found.views.max()),
             "unseen": check.fraction(~seen),
         },
-        "angular_gap": {
-            "median": finite_or_none(_median(found.gap)),
-            "largest": finite_or_none(float(found.gap.max())),
+        "resolved_wavelength": {
+            name: value if isinstance(value, list) else finite_or_none(value)
+            for name, value in check.resolved.report().items()
         },
         "pixel_in_voxels": finite_or_none(_median(found.median_footprint[seen]) / check.voxel),
         "ray_miss": finite_or_none(check.ray_miss),

@@ -66,7 +66,7 @@ def visualize_rig(
         bool, typer.Option(help="Align the other rig with the first by the best rigid motion.")
     ] = True,
     coverage: Annotated[
-        bool, typer.Option(help="Show maps of views, angular gap and pixel size in .html.")
+        bool, typer.Option(help="Show maps of views, resolved details and pixel size in .html.")
     ] = True,
     title: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Title of the picture.")
@@ -227,7 +227,7 @@ def _write_page(
         from tomo.draw.rig.rig_page import check_on_grid, check_table
 
         check, coarse = check_on_grid(rig, voxels)
-        maps = coverage_maps(check.coverage, coarse, check.voxel)
+        maps = coverage_maps(check, coarse)
         scene += coverage_scene(maps, coarse, rig.length_unit)
         tables = [*tables, check_table(check)]
     write_html(

@@ -10,7 +10,7 @@ _VIEW_BINS = ((0, 0), (1, 1), (2, 2), (3, 4), (5, 8), (9, 16), (17, 32), (33, ma
 
 
 def condition_section(condition: Mapping | None, length_unit: str) -> dict[str, Any] | None:
-    """Return the uncertainty section of the page: warnings, words and two tables.
+    """Return the uncertainty section of the page: warnings, words and a table.
 
     Parameters
     ----------
@@ -22,34 +22,27 @@ def condition_section(condition: Mapping | None, length_unit: str) -> dict[str, 
         return None
     voxels = condition["voxels"]
     warnings = list(condition.get("warnings") or ())
-    views, gaps = _by_views(voxels), _by_gap(voxels)
+    views = _by_views(voxels)
     return {
         "warnings": warnings,
         "words": [
-            *([] if warnings else ["No warning: enough views, no wide gap, images explained."]),
+            *([] if warnings else ["No warning: views all round, images explained."]),
             *_of_views(voxels),
             *_of_images(condition.get("images") or {}),
             *_of_deviations(condition.get("standard_deviation")),
             *_of_resolution(condition.get("resolution"), length_unit),
         ],
-        "tables": [
-            {"titles": titles, "rows": rows}
-            for titles, rows in (
-                (("Views", "voxels that may emit", "voxels that do"), views),
-                (("Largest gap (degrees)", "voxels that emit"), gaps),
-            )
-            if rows
-        ],
+        "tables": [{"titles": ("Views", "voxels that may emit", "voxels that do"), "rows": views}],
     }
 
 
 def _of_views(voxels: Mapping) -> list[str]:
     if "median_views" not in voxels:
         return ["No voxel emits."]
+    words = voxels["resolved_wavelength"]["in_words"]
     return [
         f"{voxels['emitting']:,} voxels emit (above a hundredth of the brightest). The typical "
-        f"one is seen by {voxels['median_views']:g} views along {voxels['median_lines']:g} lines "
-        f"of sight, which leave {voxels['median_gap_degrees']:.0f} degrees open at most."
+        f"one is seen by {voxels['median_views']:g} views. {words[:1].upper()}{words[1:]}."
     ]
 
 
@@ -108,15 +101,6 @@ def _by_views(voxels: Mapping) -> list[tuple[str, str, str]]:
             name = str(first) if first == last else f"{first} to {last}"
             rows.append((name, *_shares(counts, totals)))
     return rows
-
-
-def _by_gap(voxels: Mapping) -> list[tuple[str, str]]:
-    edges, shares = voxels["gap_edges_degrees"], voxels["emitting_share_by_gap"]
-    return [
-        (f"{low:g} to {high:g}", f"{share:.0%}")
-        for low, high, share in zip(edges[:-1], edges[1:], shares, strict=True)
-        if share > 0
-    ]
 
 
 def _shares(counts: Sequence[int], totals: Sequence[int]) -> list[str]:

@@ -1,31 +1,24 @@
-"""The views that cross each emitting voxel, and the angular gaps between them."""
+"""The views that cross each emitting voxel, and the details that they measure."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.check.angular_gap import largest_gap, lines_of_sight
 from rigs.check.coverage import coverage
+from rigs.check.resolved_wavelength import ResolvedWavelength, box_covariance
 from tomo.operators import LinearSystem
 
 EMITTING = 0.01
 """Fraction of the brightest voxel above which a voxel counts as emitting."""
 
 SAMPLED = 150
-"""Emitting voxels, spread evenly, at which angular gaps and pixel sizes are computed."""
-
-SAME_LINE = 5.0
-"""Degrees up to which two views share a line of sight. Opposite views measure the same integral:
-an even ring of cameras has half as many lines."""
-
-GAP_EDGES = (0.0, 15.0, 30.0, 45.0, 60.0, 90.0, 180.0)
-"""Edges, in degrees, of the histogram of gaps."""
+"""Emitting voxels, spread evenly, at which details and pixel sizes are computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,19 +31,19 @@ class AngularCoverage:
         Views with a usable pixel whose rays cross the voxel.
     emitting : (unknowns,) bool
         True above `EMITTING` times the brightest voxel.
-    lines : (samples,) int64
-        Lines of sight through sampled emitting voxels, see `SAME_LINE`.
-    gap : (samples,) float64
-        Largest angular gap at the same voxels, in degrees, see `rigs.check.angular_gap`.
+    resolved : ResolvedWavelength, optional
+        The details that the views measure of the emission; None where no voxel emits.
     pixel : float
-        Median pixel size there, across the line of sight, in the rig's unit; NaN if unknown.
+        Median pixel size at emitting voxels, across the line of sight, in the rig's unit; NaN if
+        unknown.
+    length_unit : str
     """
 
     views: NDArray[np.int64]
     emitting: NDArray[np.bool_]
-    lines: NDArray[np.int64]
-    gap: NDArray[np.float64]
+    resolved: ResolvedWavelength | None
     pixel: float
+    length_unit: str
 
     @property
     def median_views(self) -> float:
@@ -59,30 +52,21 @@ class AngularCoverage:
         return float(np.median(seen)) if len(seen) else float("nan")
 
     @property
-    def median_sight_lines(self) -> float:
-        """Median number of lines of sight of emitting voxels; NaN where none emits."""
-        return float(np.median(self.lines)) if len(self.lines) else float("nan")
-
-    @property
-    def median_gap(self) -> float:
-        """Median angular gap in degrees; NaN where no voxel emits."""
-        return float(np.median(self.gap)) if len(self.gap) else float("nan")
+    def words(self) -> str:
+        """The details that the views measure, as a clause; empty where no voxel emits."""
+        return "" if self.resolved is None else self.resolved.words(self.length_unit)
 
     def report(self) -> Mapping[str, Any]:
-        """Return the counts of voxels by views and by gap."""
+        """Return the counts of voxels by views, and the details that the views measure."""
         numbers, counts = np.unique(self.views, return_counts=True)
         bright, bright_counts = np.unique(self.views[self.emitting], return_counts=True)
-        fractions = np.histogram(self.gap, GAP_EDGES)[0] / max(len(self.gap), 1)
         return {
             "emitting": int(np.count_nonzero(self.emitting)),
             "by_views": dict(zip(numbers.tolist(), counts.tolist(), strict=True)),
             "emitting_by_views": dict(zip(bright.tolist(), bright_counts.tolist(), strict=True)),
             "median_views": self.median_views,
-            "median_lines": self.median_sight_lines,
-            "gap_edges_degrees": list(GAP_EDGES),
-            "emitting_share_by_gap": fractions.tolist(),
-            "median_gap_degrees": self.median_gap,
-            "sampled": len(self.gap),
+            "resolved_wavelength": self.resolved
+            and {**self.resolved.report(), "in_words": self.words},
         }
 
 
@@ -106,16 +90,29 @@ def view_coverage(system: LinearSystem, volume: NDArray[np.float32]) -> AngularC
         crossed = projector.view(number).column_sums > 0
         views += crossed
         seen[:, number] = crossed[sample]
+    unit = system.rig.length_unit
     if not len(sample):
-        return AngularCoverage(views, emitting, np.zeros(0, np.int64), np.zeros(0), float("nan"))
-    points = _centers(system, sample)
-    found = coverage(system.rig, points)
-    lines = lines_of_sight(found.directions, seen, SAME_LINE)
-    gap, _ = largest_gap(found.directions, seen)
+        return AngularCoverage(views, emitting, None, math.nan, unit)
+    grid = projector.active.grid
+    found = coverage(system.rig, _centers(system, sample))
+    sight = found.views_of(
+        _emission_covariance(system, bright, volume[bright]),
+        float(np.prod(grid.spacing)) ** (1 / 3),
+    )
+    resolved = replace(sight, seen=seen).resolved()
     sizes = found.median_footprint
     known = np.isfinite(sizes)
     pixel = float(np.median(sizes[known])) if known.any() else math.nan
-    return AngularCoverage(views, emitting, lines, gap, pixel)
+    return AngularCoverage(views, emitting, resolved, pixel, unit)
+
+
+def _emission_covariance(
+    system: LinearSystem, unknowns: NDArray[np.int64], emission: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    """Return the covariance ``(3, 3)`` of the places that light comes from."""
+    points, weights = _centers(system, unknowns), emission.astype(np.float64)
+    covariance = np.cov(points.T, aweights=weights, ddof=0)
+    return covariance + box_covariance(system.projector.active.grid.spacing)  # within a voxel
 
 
 def _centers(system: LinearSystem, unknowns: NDArray[np.int64]) -> NDArray[np.float64]:

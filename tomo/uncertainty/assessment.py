@@ -99,7 +99,7 @@ class Assessment:
 
         ``voxels``
             ``emitting`` (above a hundredth of the brightest), counts of unknowns and of emitting
-            voxels by number of views, fractions of ``sampled`` emitting voxels by angular gap.
+            voxels by number of views, and ``resolved_wavelength``: see `ResolvedWavelength`.
         ``images``
             ``residual`` and ``noise`` relative to the images, and the first over the second.
         ``standard_deviation``

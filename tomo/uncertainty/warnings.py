@@ -6,14 +6,8 @@ import math
 
 import numpy as np
 
+from rigs.check.words import direction_words
 from tomo.uncertainty.angular_coverage import AngularCoverage
-
-FEW_SIGHT_LINES = 4
-"""Least number of lines of sight through the typical emitting voxel. Fewer leave positions along
-them undetermined."""
-
-WIDE_GAP = 75.0
-"""Largest angular gap, in degrees: two views at right angles leave 90, three evenly spread 60."""
 
 BARELY_SEEN = 0.05
 """Largest fraction of the emitting voxels that fewer than two views may see."""
@@ -42,20 +36,11 @@ def trust_warnings(
         Root mean square standard deviation over that of the emission; NaN where unknown.
     """
     lines = []
-    if seen.median_sight_lines < FEW_SIGHT_LINES:
-        found, what = f"{seen.median_views:g}", "positions along the lines of sight are uncertain"
-        if seen.median_sight_lines < seen.median_views:
-            ending = "" if seen.median_sight_lines == 1 else "s"
-            found += f", along {seen.median_sight_lines:g} line{ending} of sight"
-            what = "opposite or neighbouring views share a line; positions along it are uncertain"
+    if seen.resolved is not None and seen.resolved.is_coarse:
+        direction = direction_words(seen.resolved.worst_direction)
         lines.append(
-            f"few views: the typical emitting voxel is seen by {found}, expected at least "
-            f"{FEW_SIGHT_LINES}: {what}. Add cameras"
-        )
-    if seen.median_gap > WIDE_GAP:
-        lines.append(
-            f"wide gap: no camera looks within {seen.median_gap:.0f} degrees, expected at most "
-            f"{WIDE_GAP:.0f}: shapes are stretched along the existing views. Add a camera there"
+            f"few directions: {seen.words}, as large as the emission itself: shapes along "
+            f"{direction} are a guess. Add a camera that looks across {direction}"
         )
     barely = float(np.mean(seen.views[seen.emitting] < 2)) if seen.emitting.any() else 0.0
     if barely > BARELY_SEEN and seen.median_views > 2:

@@ -47,7 +47,8 @@ def test_points_beside_and_behind_are_not_seen():
     assert found.seen[0].tolist() == [False, True, False]
     assert np.isnan(found.footprint[0, [0, 2]]).all()
     assert np.isnan(found.median_footprint[0])
-    assert found.gap.tolist() == [180.0, 180.0, 180.0]
+    at_points = found.views_of(np.eye(3), 1.0).at_points()
+    assert np.isfinite(at_points).tolist() == [False, True, False]
     assert np.isnan(found.ray_miss).all()
 
 

@@ -43,7 +43,7 @@ def test_a_sound_ring_is_good():
     assert figures.sees == 1
     assert figures.footprint_in_voxels == pytest.approx(1, rel=0.02)
     assert figures.nearest_view == pytest.approx(20, abs=1e-6)
-    assert figures.gap_without == pytest.approx(20, abs=1.5)
+    assert 0.4 < figures.wavelength_without < 1.0
     assert figures.field_of_view == pytest.approx(
         np.degrees(2 * np.arctan(np.hypot(35, 55) / 1800))
     )
@@ -110,14 +110,30 @@ def test_the_camera_responsible_is_named(change, words, level):
 
 def test_a_gap_names_its_neighbours_and_where_a_camera_would_close_it():
     answer = check(arc(7, 90.0, distance=900.0, image_size=(70, 110), footprint=0.5))
-    finding = found(answer, "largest angular gap is 90", "warning")
+    finding = found(answer, "as large as the volume itself", "warning")
     assert finding.cameras == ("cam00", "cam06")
-    assert "900, 0, 0), or opposite, would close it" in finding.text
+    assert "least: flat layers across z (23 mm)" in finding.text
+    assert "900, 0, 0), or opposite, would measure them" in finding.text
+
+
+def test_the_details_that_views_measure_are_said_and_limit_only_rigs_that_miss_whole_shapes():
+    good = check(a_ring(9))
+    assert "half of all details down to 4.1 voxels" in found(good, "details", "note").text
+    assert check(a_ring(5)).assessment == "good"
+    for count in (2, 3, 4, 6):  # one line, three, two, three
+        assert found(check(a_ring(count)), "shapes along it are a guess", "warning")
+
+
+def test_lines_of_sight_that_miss_by_less_than_a_tenth_of_a_voxel_are_no_finding():
+    miss = {"ray_miss_predicted": 0.04}
+    answer = check(replace(a_ring(), calibration=miss))
+    assert answer.ray_miss == 0.04
+    assert not any("miss each other" in finding.text for finding in answer.findings)
 
 
 def test_facing_cameras_count_once():
     answer = check(a_ring(8))
-    finding = found(answer, "8 cameras give 4 different views", "warning")
+    finding = found(answer, "8 cameras give 4 different views", "note")
     assert finding.cameras == ("cam04", "cam05", "cam06", "cam07")
     assert "cam00 and cam04" in finding.text
 

@@ -38,8 +38,11 @@ def test_a_good_rig_is_called_good_with_its_figures(run_tool, rig_file):
     report = json.loads(done.stdout)
     assert report["assessment"] == "good"
     assert report["views"] == {"least": 7, "median": 7.0, "most": 7, "unseen": 0.0}
-    # away from the axis the ring is uneven: half its size over the distance, 2.5 degrees
-    assert 180 / 7 < report["angular_gap"]["median"] < 180 / 7 + 2.5
+    resolved = report["resolved_wavelength"]
+    # the ring is pitched by 4 degrees: its lines are a little longer than the box is wide
+    assert resolved["worst"] == pytest.approx(2 * 16 * np.sin(np.pi / 14), rel=0.07)
+    assert 2 < resolved["half"] < resolved["nine_tenths"] < resolved["worst"]
+    assert abs(resolved["worst_direction"][1]) < 0.4  # flat layers upright between the views
     assert report["pixel_in_voxels"] == pytest.approx(1, rel=0.02)
     assert 0.1 < report["ray_miss"] < 0.3
     assert list(report["cameras"]) == [f"cam{k:02d}" for k in range(7)]
@@ -95,7 +98,7 @@ def test_maps_go_to_all_three_kinds_of_file(run_tool, rig_file, tmp_path):
     assert cv2.imread(str(outs[0])).std() > 10
     page = outs[1].read_text(encoding="utf-8")
     for words in (
-        "map: angular gap",
+        "map: details",
         "map: views",
         "Is this rig good enough?",
         "Assessment: good",

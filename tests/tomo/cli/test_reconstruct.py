@@ -165,7 +165,7 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
     assert {key: report["settings"][key] for key in expected} == expected
     of_truth, of_views = report["warnings"]
     assert of_truth == "truth.npz: the truth is on another grid: no quality figures"
-    assert of_views.startswith("not to be trusted: few views: ")
+    assert of_views.startswith("not to be trusted: few directions: ")
     assert report["rays"] == 3 * 12 * 16 * 2**2
 
 

@@ -102,8 +102,8 @@ def checked():
 
 def test_coverage_is_mapped_with_what_is_known(checked):
     rig, _, check, coarse = checked
-    maps = coverage_maps(check.coverage, coarse, check.voxel)
-    assert [shown.name for shown in maps] == ["views", "angular gap", "pixel size", "ray-miss"]
+    maps = coverage_maps(check, coarse)
+    assert [shown.name for shown in maps] == ["views", "details", "pixel size", "ray-miss"]
     views = maps[0].values
     assert views[tuple(n // 2 for n in coarse.shape)] == 5
     assert views[:, 0].max() == 0  # the ends of the box are outside every image
@@ -115,7 +115,7 @@ def test_coverage_is_mapped_with_what_is_known(checked):
 
 def test_the_maps_picture_shows_the_unseen_ends(checked, tmp_path):
     _, _, check, coarse = checked
-    maps = coverage_maps(check.coverage, coarse, check.voxel)
+    maps = coverage_maps(check, coarse)
     write_coverage(tmp_path / "maps.png", maps, coarse, title="<$x^$>")
     picture = matplotlib.image.imread(tmp_path / "maps.png")[..., :3]
     assert min(picture.shape[:2]) > 500

@@ -50,7 +50,7 @@ def page(lenses, tmp_path_factory):
         name: np.uint8(np.linspace(0, 255, 64 * 48)).reshape(48, 64) for name in lenses.names[:2]
     }
     check, coarse = check_on_grid(lenses, GRID)
-    maps = coverage_maps(check.coverage, coarse, check.voxel)
+    maps = coverage_maps(check, coarse)
     volume = np.exp(-((GRID.centers() - GRID.center) ** 2).sum(axis=-1) / 9).astype(np.float32)
     scene = rig_scene(lenses, GRID, volume) + coverage_scene(maps, coarse)
     scene += image_scene(lenses, Target.of(lenses, GRID), images)
@@ -100,7 +100,7 @@ def test_every_layer_switches_what_it_names_and_maps_replace_each_other(opened):
     )
     names = list(found["first"][0])
     expected = {"cameras", "names", "images", "sight lines", "box", "clicked rays"}
-    assert expected | {"map: views", "map: angular gap", "map: emission"} <= set(names)
+    assert expected | {"map: views", "map: details", "map: emission"} <= set(names)
     state = dict(found["first"][0])
     for name in names:
         state[name] = not state[name]

@@ -62,11 +62,11 @@ def test_the_figure_has_two_volumes_each_on_its_own_scale():
 def test_all_voxels_are_in_the_tables(system):
     report = condition_of(system, 2).report()
     section = condition_section(report, "mm")
-    views, gaps = (table["rows"] for table in section["tables"])
+    (views,) = (table["rows"] for table in section["tables"])
     counted = sum(int(row[1].split()[0].replace(",", "")) for row in views)
     assert counted == GRID.size
     assert views[-1][0].endswith("4")  # of four cameras: no bin promises more
-    assert sum(int(share.rstrip("%")) for _, share in gaps) == pytest.approx(100, abs=3)
+    assert any("alf of all details down to" in words for words in section["words"])
     assert any("Resolution" in words for words in section["words"])
 
 

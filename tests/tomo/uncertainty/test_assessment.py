@@ -173,37 +173,42 @@ def test_half_of_many_repeats_are_around_a_noisy_set_of_the_others(system, image
     assert np.abs(correlation).max() < 0.15  # no noise is drawn twice
 
 
-def test_views_and_gaps_of_two_and_of_many_views():
-    two = system_of(2)
-    found = view_coverage(two, np.ones(GRID.size, np.float32))
-    assert found.median_views == 2
-    assert found.median_gap > 90  # they face each other: the same line
+def test_views_and_details_of_two_and_of_many_views():
+    two = view_coverage(system_of(2), np.ones(GRID.size, np.float32))
+    assert two.median_views == 2
+    # they face each other: the same line, and layers across it as large as twice the box
+    assert two.resolved.worst == pytest.approx(2 * 10, rel=0.1)
     nine = view_coverage(system_of(9), np.ones(GRID.size, np.float32))
     assert nine.median_views == 9
-    assert nine.median_gap == pytest.approx(180 / 9, abs=3)  # from off the axis
-    shares = nine.report()["emitting_share_by_gap"]
-    assert sum(shares) == pytest.approx(1)
-    assert shares[1] > 0.9
+    assert nine.resolved.worst == pytest.approx(2 * 10 * np.sin(np.pi / 18), rel=0.15)
+    report = nine.report()["resolved_wavelength"]
+    assert 1 <= report["half"] < report["nine_tenths"] < report["worst"]
+    assert report["in_words"].startswith("half of all details down to ")
 
 
 @pytest.mark.parametrize(
-    ("views", "lines", "wide"),
-    [(2, 1, True), (3, 3, False), (4, 2, True), (5, 5, False), (6, 3, False), (8, 4, False)],
+    ("views", "coarse"), [(2, True), (3, True), (4, True), (5, False), (6, True), (8, False)]
 )
-def test_few_lines_of_sight_are_reported_however_many_views_look_along_them(views, lines, wide):
-    """Of an even number in a ring each looks along the line of the one opposite."""
+def test_shapes_that_are_a_guess_are_reported_however_many_views_share_a_line(views, coarse):
+    """Each camera of an even number in a ring looks along the line of the one opposite."""
     volume = np.ones(GRID.shape, np.float32)
     found = view_coverage(system_of(views), volume.ravel())
-    assert (found.median_views, found.median_sight_lines) == (views, lines)
-    assert found.report()["median_lines"] == lines
-    told = trust_warnings(found, residual=0.01, noise=0.01)
-    few = [line for line in told if line.startswith("few views: ")]
-    assert len(few) == (lines < 4)
+    assert found.median_views == views
+    lines = trust_warnings(found, residual=0.01, noise=0.01)
+    few = [line for line in lines if line.startswith("few directions: ")]
+    assert len(few) == len(lines) == coarse
     for line in few:
-        assert f"seen by {views}," in line
-        words = "line of sight" if lines == 1 else "lines of sight"
-        assert (f", along {lines} {words}, expected at least 4" in line) == (lines < views)
-    assert any(line.startswith("wide gap: ") for line in told) == wide
+        assert "shapes along" in line
+        assert "Add a camera that looks across" in line
+
+
+def test_details_are_those_of_the_emission_not_of_the_grid():
+    system = system_of(5)
+    volume = np.zeros(GRID.shape, np.float32)
+    volume[3:7, 5:9, 3:7] = 1.0
+    small = view_coverage(system, volume.ravel()).resolved
+    whole = view_coverage(system, np.ones(GRID.size, np.float32)).resolved
+    assert small.worst == pytest.approx(0.4 * whole.worst, rel=0.05)
 
 
 def test_only_voxels_that_emit_are_judged():

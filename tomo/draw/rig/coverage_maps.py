@@ -20,7 +20,7 @@ from tomo.grid import VoxelGrid
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from rigs.check import Coverage
+    from rigs.check.result import RigCheck
 
 _MOST_POINTS = 3000
 _LEAST_ALONG = 5  # points along an edge that has as many voxels
@@ -67,20 +67,20 @@ def _points_along(voxels: NDArray, ratio: float) -> NDArray[np.int64]:
     return np.where(wanted > 2, wanted - (wanted % 2 == 0), wanted)
 
 
-def coverage_maps(found: Coverage, grid: VoxelGrid, voxel: float) -> tuple[CoverageMap, ...]:
-    """Return the maps of views, angular gap, pixel size, ray-miss and, where known, blur.
+def coverage_maps(check: RigCheck, grid: VoxelGrid) -> tuple[CoverageMap, ...]:
+    """Return the maps of views, resolved details, pixel size, ray-miss and, where known, blur.
 
     Colours mean the same for every rig unless a figure runs off the scale: lengths are counted in
     voxels.
 
     Parameters
     ----------
-    found : Coverage
+    check : RigCheck
         At the centres of ``grid``'s voxels, in C order.
     grid : VoxelGrid
-    voxel : float
-        A voxel's edge length.
     """
+    found, voxel = check.coverage, check.voxel
+    details = check.views_of_volume.at_points() / voxel
     worst = np.full(len(found.points), np.nan)
     known = np.isfinite(found.blur).any(axis=0)
     if known.any():
@@ -88,7 +88,7 @@ def coverage_maps(found: Coverage, grid: VoxelGrid, voxel: float) -> tuple[Cover
     made = []
     for name, title, values, upper, colours in (
         ("views", "views", found.views.astype(np.float64), len(found.rig), "viridis"),
-        ("angular gap", "largest angular gap (degrees)", found.gap, 90.0, _BAD),
+        ("details", "90 % of details measured down to (voxels)", details, 10.0, _BAD),
         ("pixel size", "median pixel size (voxels)", found.median_footprint / voxel, 2.0, _BAD),
         ("ray-miss", "expected ray-miss (voxels)", found.ray_miss / voxel, 1.0, _BAD),
         ("blur", "largest blur (pixels)", worst, 3.0, _BAD),

@@ -49,7 +49,7 @@ def check_table(check: RigCheck) -> Table:
         "pixel (voxels)",
         "blur (pixels)",
         "nearest other view (°)",
-        "gap grows without it by (°)",
+        "details coarser without it by (voxels)",
         f"ray-miss ({unit})",
     )
     rows = [
@@ -61,7 +61,7 @@ def check_table(check: RigCheck) -> Table:
             number(figures.footprint_in_voxels, 3),
             number(figures.blur_in_pixels, 2),
             number(figures.nearest_view, 3),
-            number(round(figures.gap_without, 2), 2),
+            number(round(figures.wavelength_without / check.voxel, 2), 2),
             number(figures.ray_miss, 3),
         )
         for figures in check.cameras
