@@ -138,7 +138,8 @@ def calibrate(
     residuals[order] = arrays.uv - predicted(scene, arrays)
     used = np.zeros(len(observations), bool)
     used[order] = kept.used
-    warnings, notes = findings(quality, observations, used, noise)
+    voxel = None if volume is None else float(np.prod(volume.spacing)) ** (1 / 3)
+    warnings, notes = findings(quality, observations, used, noise, voxel)
     warnings = (*frozen, *poorly_met, *warnings)
     notes = (*repeats, *_unposed(scene, arrays, observations.frames), *notes)
     calibration = Calibration(
@@ -155,7 +156,7 @@ def calibrate(
         names[root],
         quality,
         warnings + notes,
-        assessment(quality, warnings, notes, length_unit),
+        assessment(quality, warnings, notes, length_unit, voxel),
     )
     return replace(calibration, rig=replace(rig, calibration=summary(calibration)))
 

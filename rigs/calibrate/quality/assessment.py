@@ -23,29 +23,42 @@ _HIGH_CROSS = 2.0  # ratio of the difference of halves to its expectation
 _HIGH_NOISE = 1.0  # pixels
 _LITTLE_COVERAGE = 0.6  # fraction of the volume's image; less is extrapolated
 _HIGH_FOCAL_ERROR = 0.05  # relative standard deviation
-_GOOD_MISS = 0.1  # of a pixel's footprint
-_TINY_MISS = 1e-4  # of a pixel's footprint; smaller differences of halves are rounding
+_SILENT = 0.1  # of a voxel; smaller displacements of rays change no voxel, however significant
 
 
 def findings(
-    quality: Quality, observations: Observations, used: NDArray[np.bool_], noise: float
+    quality: Quality,
+    observations: Observations,
+    used: NDArray[np.bool_],
+    noise: float,
+    voxel: float | None = None,
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return warnings about the rig, the gravest first, and notes on what was left out."""
+    """Return warnings about the rig, the gravest first, and notes on what was left out.
+
+    Where the rays meet within a tenth of ``voxel``, only errors that displace them by more are
+    reported; where it is None a voxel is as large as a pixel.
+    """
+    least = _least_displacement(quality, voxel)
     warnings, notes = _left_out(quality, observations, used)
-    contradictions, frame_notes = _contradictions(quality, observations, used)
+    contradictions, frame_notes = _contradictions(quality, observations, used, least)
     warnings += contradictions
     notes += frame_notes
-    warnings += _bad_images(quality, observations, used)
+    warnings += _bad_images(quality, observations, used, noise, least)
     if noise > _HIGH_NOISE:
         warnings.append(
             f"residuals of {noise:.2g} px per coordinate, far above the error of detection: check "
             "that the target is described correctly"
         )
-    return (*warnings, *_unmodelled(quality), *_thin_data(quality, observations)), tuple(notes)
+    warnings += [*_unmodelled(quality, voxel), *_thin_data(quality, observations, voxel)]
+    return tuple(warnings), tuple(notes)
 
 
 def assessment(
-    quality: Quality, warnings: tuple[str, ...], notes: tuple[str, ...], length_unit: str
+    quality: Quality,
+    warnings: tuple[str, ...],
+    notes: tuple[str, ...],
+    length_unit: str,
+    voxel: float | None = None,
 ) -> str:
     """Return a grade, the predicted ray-miss and its meaning, warnings and notes, in one text."""
     if len(quality.camera_rms) < 2:
@@ -55,9 +68,10 @@ def assessment(
     elif not np.isfinite(quality.predicted_ray_miss):
         lines = ["doubtful: no point that the target covered is seen by two cameras"]
     else:
-        pixels = quality.predicted_ray_miss / float(np.nanmedian(quality.footprint))
-        word = "good" if pixels <= _GOOD_MISS else "usable"
-        word = "poor" if pixels > 1 else "doubtful" if warnings else word
+        ratio = quality.predicted_ray_miss / _reference(quality, voxel)
+        word = "good" if ratio <= _SILENT else "usable"
+        word = "poor" if ratio > 1 else "doubtful" if warnings else word
+        what = "pixel" if voxel is None else "voxel"
         cross = (
             f"; rigs of every other frame and of the rest differ by {quality.cross_ray_miss:.2g} "
             f"{length_unit} ({quality.cross_expected:.2g} expected)"
@@ -66,7 +80,7 @@ def assessment(
         )
         lines = [
             f"{word}: rays miss each other by {quality.predicted_ray_miss:.2g} {length_unit} RMS "
-            f"in the volume, {pixels:.2g} of a pixel{cross}"
+            f"in the volume, {ratio:.2g} of a {what}{cross}"
         ]
     return "\n".join([*lines, *warnings, *notes])
 
@@ -138,7 +152,10 @@ def _many(
 
 
 def _contradictions(
-    quality: Quality, observations: Observations, used: NDArray[np.bool_]
+    quality: Quality,
+    observations: Observations,
+    used: NDArray[np.bool_],
+    least: NDArray[np.float64],
 ) -> tuple[list[str], list[str]]:
     """Return warnings on cameras and notes on frames that were used but contradict the others."""
     kept = np.zeros(quality.contradiction.shape, bool)
@@ -147,11 +164,13 @@ def _contradictions(
     cameras, frames = (np.sqrt(_mean(contradiction**2, axis)) for axis in (1, 0))
     if len(cameras) < 2:
         return [], []
+    excess = np.where(kept, quality.image_rms**2 - quality.alone_rms**2, np.nan)
+    moved, moved_frames = (np.sqrt(np.maximum(_mean(excess, axis), 0.0)) for axis in (1, 0))
     lines, notes = [], []
     worst = int(np.argmax(cameras))
     others = float(np.median(np.delete(cameras, worst)))
     name = observations.cameras[worst]
-    if cameras[worst] > _CAMERA_CONTRADICTS:
+    if cameras[worst] > _CAMERA_CONTRADICTS and (moved >= least).any():
         alone = _rms(np.where(kept, quality.alone_rms, np.nan)[worst])
         rms = f"residuals {quality.camera_rms[worst]:.2g} px, {alone:.2g}"
         if cameras[worst] > _MORE_THAN_OTHERS * others and len(cameras) > 2:
@@ -167,7 +186,8 @@ def _contradictions(
                 "the target is bent"
             )
     usual = float(np.nanmedian(frames))
-    for frame in np.flatnonzero(frames > np.fmax(_FRAME_CONTRADICTS, 3 * usual)):
+    stands_out = frames > np.fmax(_FRAME_CONTRADICTS, 3 * usual)
+    for frame in np.flatnonzero(stands_out & (moved_frames >= least.min())):
         most = int(np.nanargmax(contradiction[:, frame]))
         notes.append(
             f"frame {observations.frames[frame]}: cameras contradict each other on where the "
@@ -178,7 +198,11 @@ def _contradictions(
 
 
 def _bad_images(
-    quality: Quality, observations: Observations, used: NDArray[np.bool_]
+    quality: Quality,
+    observations: Observations,
+    used: NDArray[np.bool_],
+    noise: float,
+    least: NDArray[np.float64],
 ) -> list[str]:
     """Return lines on cameras and frames that are noisy or bent even by themselves."""
     lines = []
@@ -188,19 +212,23 @@ def _bad_images(
     for camera, name in enumerate(observations.cameras):
         others = np.delete(cameras, camera)
         usual = float(np.median(others)) if len(others) else np.inf
-        if cameras[camera] > _HIGH_RMS * usual and cameras[camera] == cameras.max():
+        is_worst = cameras[camera] > _HIGH_RMS * usual and cameras[camera] == cameras.max()
+        if is_worst and cameras[camera] >= least[camera]:
             lines.append(
                 f"camera {name}: residuals {cameras[camera]:.2g} px by itself where others have "
                 f"{usual:.2g} px: blur, or a lens beyond its model"
             )
-        if quality.lens_misfit[camera] > _LENS_MISFIT:
+        misfit = quality.lens_misfit[camera]
+        if misfit > _LENS_MISFIT and misfit * noise >= least[camera]:
             lines.append(
                 f"camera {name}: its given lens does not fit what it saw "
-                f"({quality.lens_misfit[camera]:.2g} standard deviations)"
+                f"({misfit:.2g} standard deviations)"
             )
     usual = float(np.nanmedian(quality.frame_rms))
     for frame in np.flatnonzero(quality.frame_rms > _HIGH_FRAME * usual):
         worst = int(np.nanargmax(quality.image_rms[:, frame]))
+        if quality.frame_rms[frame] < least[worst]:
+            continue
         lines.append(
             f"frame {observations.frames[frame]}: residuals {quality.frame_rms[frame]:.2g} px "
             f"where {usual:.2g} px is usual, most in camera {observations.cameras[worst]}"
@@ -221,10 +249,23 @@ def _mean(values: NDArray, axis: int) -> NDArray[np.float64]:
     return total / np.maximum(finite.sum(axis=axis), 1)
 
 
-def _unmodelled(quality: Quality) -> list[str]:
+def _reference(quality: Quality, voxel: float | None) -> float:
+    """Return a voxel's edge length; a pixel's size where there are no voxels."""
+    return float(np.nanmedian(quality.footprint)) if voxel is None else voxel
+
+
+def _least_displacement(quality: Quality, voxel: float | None) -> NDArray[np.float64]:
+    """Return the displacement in pixels from which errors are reported, ``(cameras,)``."""
+    if not quality.predicted_ray_miss < _SILENT * _reference(quality, voxel):
+        return np.zeros(len(quality.footprint))
+    pixels = np.ones(len(quality.footprint)) if voxel is None else voxel / quality.footprint
+    return _SILENT * np.where(np.isfinite(pixels), pixels, 1.0)
+
+
+def _unmodelled(quality: Quality, voxel: float | None) -> list[str]:
     """Return a line where halves of the frames differ more than noise explains."""
-    tiny = _TINY_MISS * float(np.nanmedian(quality.footprint))
-    if quality.cross_ray_miss > max(_HIGH_CROSS * quality.cross_expected, tiny):
+    least = _SILENT * _reference(quality, voxel)
+    if quality.cross_ray_miss > max(_HIGH_CROSS * quality.cross_expected, least):
         return [
             f"halves of the frames differ {quality.cross_ray_miss / quality.cross_expected:.2g} "
             "times as much as noise explains: the target is bent, something moved, or a lens is "
@@ -233,16 +274,18 @@ def _unmodelled(quality: Quality) -> list[str]:
     return []
 
 
-def _thin_data(quality: Quality, observations: Observations) -> list[str]:
+def _thin_data(quality: Quality, observations: Observations, voxel: float | None) -> list[str]:
     """Return lines on cameras with too little data."""
     lines = []
+    least = _SILENT * _reference(quality, voxel)
     for camera, name in enumerate(observations.cameras):
         if len(quality.points) and np.isnan(quality.camera_ray_miss[camera]):
             lines.append(
                 f"camera {name}: sees no part of the volume that another camera sees: the error "
                 "of its rays there is unknown"
             )
-        if quality.focal_error[camera] > _HIGH_FOCAL_ERROR:
+        harmless = quality.camera_ray_miss[camera] < least if len(quality.points) else False
+        if quality.focal_error[camera] > _HIGH_FOCAL_ERROR and not harmless:
             lines.append(
                 f"camera {name}: focal length known to {100 * quality.focal_error[camera]:.2g} % "
                 "only: tilt the target more and in different directions"

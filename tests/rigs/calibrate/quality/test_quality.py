@@ -22,6 +22,7 @@ from rigs.calibrate.quality.quality import with_scene
 from rigs.calibrate.quality.ray_miss import predicted_squares, views
 
 VOLUME = Volume((10, 10, 10), 5.0, (0.0, 0.0, 800.0))
+FINE_VOLUME = Volume((150, 150, 150), 0.33, (0.0, 0.0, 800.0))  # voxels as large as pixels
 
 
 @pytest.fixture(scope="module")
@@ -262,10 +263,25 @@ def test_a_given_lens_that_is_wrong_is_named(case):
     matrix = truth.rig[1].camera_matrix.copy()
     matrix[[0, 1], [0, 1]] *= 1.01
     wrong = with_camera(truth, 1, replace(truth.rig[1], camera_matrix=matrix)).rig
-    found = calibrate(observations, intrinsics=wrong, volume=VOLUME)
+    found = calibrate(observations, intrinsics=wrong, volume=FINE_VOLUME)
     assert found.assessment.startswith("doubtful")
     assert any(line.startswith("camera cam01: its given lens") for line in found.findings)
     assert int(np.argmax(found.quality.lens_misfit)) == 1
+
+
+def test_errors_of_less_than_a_tenth_of_a_voxel_are_no_finding(case):
+    """A displacement of a fiftieth of a pixel, however significant: 13 standard deviations."""
+    truth, _, _ = case
+    clean = truth.observe(0.005, seed=1)
+    shift = np.random.default_rng(0).normal(size=(4, 16, 2)) * 0.02
+    moved = replace(clean, uv=clean.uv + shift[clean.camera, clean.frame])
+    found = calibrate(moved, volume=FINE_VOLUME)
+    assert np.nanmax(found.quality.contradiction) > 4
+    assert found.assessment.startswith("good: ")
+    assert "of a voxel" in found.assessment
+    assert found.findings == ()
+    much = replace(clean, uv=clean.uv + 10 * shift[clean.camera, clean.frame])
+    assert calibrate(much, volume=FINE_VOLUME).findings
 
 
 def test_gross_outliers_are_left_out_and_counted(case, judged_volume):
