@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from phantoms import GaussianBlobs
 from rigs import Rig, arc
 from studies.common.study import Request, Tables
+from studies.stress.resolution import resolution_rows
 from studies.stress.row import COLUMNS, Row, measured, relative_error, worst_of
 from studies.stress.trust_scenes import SHAPE, TrustScene, seen_by, trust_scene
 from tomo.simulation import simulate_images
@@ -77,6 +78,8 @@ def _rows(request: Request) -> Iterator[Row]:
     worst, where = worst_of(noises)
     yield Row("noise found in the images", _over(cases), worst, 0.15, "off the truth", note=where)
     yield from resolved
+    progress(len(cases), len(cases) + 2, "waves on six rigs")
+    yield from resolution_rows(quick)
     progress(len(cases) + 1, len(cases) + 2, "warnings")
     yield from warning_rows(trust_scene("jet", layouts[0], "clean", seed, shape))
     progress(len(cases) + 2, len(cases) + 2, "")
