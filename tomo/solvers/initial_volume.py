@@ -10,12 +10,8 @@ from numpy.typing import NDArray
 from tomo.operators.operator import ProjectionOperator
 
 DIMMEST = 1e-4
-"""Fraction of the brightest voxel that every voxel in common view starts with at least. At zero a
+"""Fraction of the brightest voxel that every voxel in view starts with at least. At zero a
 voxel stays dark whatever the images show; a larger one leaves ghosts where few rays pass."""
-
-UNEXPLAINED = 0.01
-"""Largest fraction of a view's light that may meet no voxel in common view. A smaller one takes
-stray light for emission outside, a larger one cuts off emission that some views do not see."""
 
 
 def mlos_start(
@@ -28,9 +24,8 @@ def mlos_start(
 
     The geometric mean of the views' back-projections is dim wherever one of them is dark: with few
     views it is most of the way to the volume, where a constant start leaves ghosts in corners that
-    few rays meet. A voxel that some view cannot see starts at zero, unless the images show light
-    in such voxels: then its mean is over the views that see it. The volume reproduces the sum of
-    the images.
+    few rays meet. The mean of a voxel is over the views that see it. The volume reproduces the sum
+    of the images.
 
     Parameters
     ----------
@@ -64,9 +59,6 @@ def mlos_start(
         seen_by += seen
     x = np.exp(log_sum / np.maximum(seen_by, 1))
     x = np.where(seen_by > 0, np.maximum(x, DIMMEST * x[seen_by > 0].max(initial=0.0)), 0)
-    common = seen_by == len(views)
-    if _explained(projector, measured, views, common):
-        x = np.where(common, x, 0)
     predicted = projector @ x
     total = sum(_of_view(projector, view, predicted).sum() for view in views)
     light = sum(_of_view(projector, view, measured).sum(dtype=np.float64) for view in views)
@@ -90,17 +82,6 @@ def log_back_projections(
         with np.errstate(divide="ignore"):
             back_projections[view][seen] = np.log((block.T @ pixels)[seen] / lengths[seen])
     return back_projections
-
-
-def _explained(projector, measured, views, common) -> bool:
-    """Return whether nearly all light of every view meets a voxel that all views see."""
-    meets = projector @ common.astype(np.float64) > 0
-    for view in views:
-        pixels = _of_view(projector, view, measured).astype(np.float64)
-        lost = pixels[~_of_view(projector, view, meets)].sum()
-        if lost > UNEXPLAINED * pixels.sum():
-            return False
-    return True
 
 
 def _of_view(projector: ProjectionOperator, view: int, flat: NDArray) -> NDArray:
