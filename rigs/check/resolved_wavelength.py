@@ -43,8 +43,8 @@ class ResolvedWavelength:
     worst_direction : (3,) float64
         Its direction, a unit vector.
     of_length : float
-        The largest wavelength relative to the object's length along the same direction; 0 where
-        voxels alone limit it.
+        The largest wavelength relative to the object's extent along the same direction, which is
+        ``sqrt(12 n^T S n)``: a flat object has no waves across it. 0 where voxels alone limit it.
     voxel : float
         A voxel's edge length.
     """
@@ -171,7 +171,8 @@ class ViewsOfObject:
         half, nine_tenths = _quantiles(found, weights[some], (0.5, 0.9))
         along = np.median(found, axis=0)  # (M,)
         worst, direction = views._worst_near(directions[along.argmax()])
-        ratio = along / object_length(directions, self.covariance)
+        spread = np.einsum("mi,ij,mj->m", directions, self.covariance, directions)
+        ratio = along / np.sqrt(12 * spread)
         ratio = float(np.where(along > 2 * self.voxel, ratio, 0.0).max())
         return ResolvedWavelength(half, nine_tenths, worst, direction, ratio, self.voxel)
 
