@@ -46,10 +46,10 @@ def test_a_voxel_out_of_some_view_starts_from_the_views_that_see_it(projector_of
 
 def test_a_camera_that_sees_a_part_of_the_grid_leaves_the_rest_lit(ring_system):
     projector, measured = ring_system.projector, ring_system.measured
-    lower = projector.pixels_of([3])[160:]  # one camera shows the lower half alone
+    # one camera shows the lower half alone
     kept = np.setdiff1d(np.arange(projector.shape[0]), projector.pixels_of([3])[:160])
     cut = projector.take(kept)
-    assert len(lower) and (cut.view(3).column_sums == 0).any()
+    assert (cut.view(3).column_sums == 0).any()
     start = mlos_start(cut, measured[kept])
     found = solvers.mlem(cut, measured[kept], iterations=20, start=start)
     whole = solvers.mlem(projector, measured, iterations=20, start=mlos_start(projector, measured))
