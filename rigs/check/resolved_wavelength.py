@@ -25,7 +25,7 @@ _CHUNK = 2_000_000
 """Wavelengths computed at once, 16 MB; more need more memory."""
 
 AS_LARGE = 0.9
-"""Wavelength, relative to the object's length along the same direction, from which shapes are a
+"""Wavelength, relative to the object's extent along the same direction, from which shapes are a
 guess: half a wave is then half of the object. Three evenly spread views reach 1.0, four 0.77."""
 
 

@@ -89,7 +89,12 @@ def simulate(
         from tomo.simulation.effects import Effects
 
         effects = Effects(
-            gain_spread, absorption, self_absorption, vignetting, aperture, focus_distance
+            gain_spread=gain_spread,
+            absorption=absorption,
+            self_absorption=self_absorption,
+            vignetting=vignetting,
+            aperture=aperture,
+            focus_distance=focus_distance,
         )
         loaded, default = load_rig_and_grid(rig)
         check_output_volume(out, loaded, rig)

@@ -17,7 +17,7 @@ SHORTEST, LONGEST = 1e-100, 1e100
 """Edge lengths between which no square or quotient of lengths leaves what float64 can hold."""
 
 FINEST = 1e-4
-"""Of a voxel, that coordinates in the world have to tell apart."""
+"""Fraction of a voxel that coordinates in the world have to tell apart."""
 
 
 def _floats(found: ArrayLike) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ JUDGED = "cam02"
 """The field's held-out camera: the only one that is also predicted without skipping."""
 
 REPEATS = 3
-"""Of its runs, with and without skipping in turn."""
+"""Runs of each kind, with and without skipping in turn."""
 
 LOWER, UPPER = (0.0818, -0.0446, -0.4958), (0.5727, 0.6917, -0.0049)
 

@@ -29,7 +29,7 @@ VIEWS = 12
 """How many there are as the grid grows."""
 
 SHARE = 0.6
-"""Of the free memory, that a case may be estimated to take; larger ones are left out."""
+"""Fraction of the free memory that a case may take by estimate; larger ones are left out."""
 
 _GROWTH = (
     "form edge views segments trace_seconds forward_seconds adjoint_seconds peak_bytes "

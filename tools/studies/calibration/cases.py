@@ -16,7 +16,7 @@ TARGET = "charuco:9x7:18:13.5:DICT_4X4_50"
 """In mm; 48 inner corners on 162 x 126 mm, seen in images of 256 x 205 mm."""
 
 TEXELS = 12.0
-"""Of the print in a millimetre: squares and markers' cells are whole numbers of them."""
+"""Texels of the print in a millimetre: squares and markers' cells are whole numbers of them."""
 
 
 @dataclass(frozen=True)

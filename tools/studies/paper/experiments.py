@@ -28,7 +28,7 @@ LAYOUTS = ("paper33_level", "paper33_pitch", "paper33_random", "paper33_level" +
 FINER_LAYOUT = "paper33_level" + FINER
 FEW_VIEWS = ("paper11_11deg", "paper11_22deg", "paper11_33deg")
 LAYOUT = "paper33_pitch"
-"""Of every part that does not vary it."""
+"""The layout of every part that does not vary it."""
 
 READING = Reading()
 """What the readings decided; every other part uses it."""

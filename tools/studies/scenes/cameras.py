@@ -20,7 +20,7 @@ DISTANCE = 150.0
 """Voxels between cameras and the grid's middle: rays of one camera are up to 15 degrees apart."""
 
 ROOM = 1.08
-"""Of the grid's outline, that an image shows."""
+"""Size of the region that an image shows, over the grid's outline."""
 
 GOLDEN_ANGLE = 137.50776405
 

@@ -12,7 +12,7 @@ RIGS = (
 )  # fmt: skip
 
 SCENES = {"settle": 5, "report": 9}
-"""Of each family, faultless."""
+"""Faultless scenes of each family, by half."""
 
 FAULTY = {
     "settle": (

@@ -13,7 +13,7 @@ from studies.scenes.fields import Field
 from studies.scenes.forward import radiance
 
 LIT = 0.02
-"""Of an image's maximum, above which a pixel counts as showing the flame."""
+"""Fraction of an image's maximum above which a pixel counts as showing the flame."""
 
 
 @dataclass(frozen=True)

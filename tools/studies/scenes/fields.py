@@ -39,7 +39,7 @@ CUT = ("cut column", "cut flame")
 """Families whose light goes on above the grid: a report that says so is right."""
 
 ABOVE = 0.4
-"""Of the grid's height, that such light may reach above it."""
+"""Fraction of the grid's height that such light may reach above it."""
 
 POINTS_AT_ONCE = 1 << 15
 """Points that are evaluated together: more leave a core's cache."""

@@ -15,14 +15,14 @@ from rigs.camera_protocol import CameraLike
 from studies.scenes.fields import Field
 
 STEP = 0.25
-"""Of a voxel, between two samples of a ray. Sheets half a voxel thick are added to 1e-6."""
+"""Voxels between two samples of a ray. Sheets half a voxel thick are added to 1e-6."""
 
 SUPERSAMPLE = 2
 """Rays along each side of a pixel."""
 
 SAMPLES_AT_ONCE = 1 << 18
 DARK = 1e-6
-"""Of the brightest, below which emission is not sampled."""
+"""Fraction of the brightest below which emission is not sampled."""
 
 LOOKS = 3
 """Points along each side of a cell that is looked into before it counts as dark."""

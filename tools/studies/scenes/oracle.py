@@ -23,7 +23,7 @@ from tomo.operators import LINEAR, VOXEL
 from tomo.solvers.curvature import FIRST
 
 VERSION = 1
-"""Of the list; another one tries all scenes anew."""
+"""The list's version; another one tries all scenes anew."""
 
 PLAIN: Mapping[str, int] = {
     "art": 30,

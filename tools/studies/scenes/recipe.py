@@ -12,7 +12,7 @@ from studies.scenes.recording import NOISES
 from tomo import VoxelGrid
 
 VERSION = 2
-"""Of what scenes are; another one makes all of them anew."""
+"""The version of scenes; another one makes all of them anew."""
 
 HALVES = {"settle": tuple(SETTLE), "report": tuple(REPORT)}
 """The families of either half: rules are settled on one, figures come from the other."""

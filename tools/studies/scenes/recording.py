@@ -10,7 +10,7 @@ from tomo.simulation import camera_noise
 
 CLEAN, TWELVE_BIT, GAUSSIAN = NOISES = ("clean", "12 bit", "10 %")
 BRIGHTEST = 0.85
-"""Of full scale, the brightest pixel of faultless images without noise."""
+"""The brightest pixel of faultless images without noise, over full scale."""
 
 PHOTONS, READ_NOISE = 5000.0, 8.0
 """Electrons in the brightest pixel, and of the read-out: 1.4 % and 0.16 % of the maximum."""

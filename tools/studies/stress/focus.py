@@ -15,7 +15,7 @@ VIEWS = 9
 NOISE = 0.1
 ITERATIONS = 30
 PIXELS_ACROSS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-"""Of the discs; the images are 24 x 40 pixels."""
+"""Diameters of the discs; the images are 24 x 40 pixels."""
 
 
 def focus_rows(quick: bool) -> Iterator[Row]:

@@ -21,7 +21,7 @@ __all__ = ["COLUMNS", "run"]
 
 WITHIN = 1.5
 SHARE = 0.8
-"""Of the voxels whose standard deviations agree within `WITHIN`."""
+"""Fraction of the voxels whose standard deviations agree within `WITHIN`."""
 
 QUICK_SHARE = 0.6
 """With 12 repeats on either side, two perfect estimates scatter by 30 % and agree for 82 %."""
