@@ -55,17 +55,24 @@ def _column(values, x, y):
 
 
 @compiled(inline=True)
-def _box(low_u, high_u, low_v, high_v, height, width):
+def _box(low_u, high_u, low_v, high_v, height, width, beyond):
     """Return the pixels ``left, right, top, bottom`` whose area a box touches, ends excluded.
 
-    ``right`` is 0 where the box is not a number or leaves the image.
+    What lies beyond the image is the nearest pixel of its border if ``beyond``. ``right`` is 0
+    where the box is not a number, or leaves the image and nothing lies beyond.
     """
-    if not (low_u >= -0.5 and low_v >= -0.5 and high_u <= width - 0.5 and high_v <= height - 0.5):
+    if not (low_u <= high_u and low_v <= high_v):
         return 0, 0, 0, 0
-    left, top = math.floor(low_u + 0.5), math.floor(low_v + 0.5)
-    right = min(math.floor(high_u + 0.5) + 1, width)
-    bottom = min(math.floor(high_v + 0.5) + 1, height)
-    return min(left, width - 1), right, min(top, height - 1), bottom
+    inside = low_u >= -0.5 and low_v >= -0.5 and high_u <= width - 0.5 and high_v <= height - 0.5
+    if not (inside or beyond):
+        return 0, 0, 0, 0
+    low_u, high_u = max(low_u, -0.5), max(min(high_u, width - 0.5), -0.5)
+    low_v, high_v = max(low_v, -0.5), max(min(high_v, height - 0.5), -0.5)
+    left = np.int64(min(math.floor(low_u + 0.5), width - 1))
+    top = np.int64(min(math.floor(low_v + 0.5), height - 1))
+    right = np.int64(min(math.floor(high_u + 0.5) + 1, width))
+    bottom = np.int64(min(math.floor(high_v + 0.5) + 1, height))
+    return left, right, top, bottom
 
 
 @compiled(inline=True)
@@ -106,11 +113,11 @@ def sum_up(tables, layout):
 
 
 @compiled(parallel=True)
-def vote(tables, layout, corners, reach, enough, votes):
+def vote(tables, layout, corners, reach, enough, beyond, votes):
     """Count in ``votes`` (nx, ny, nz) uint8 the views without a bright pixel in a voxel's box.
 
     ``tables`` hold the sums of bright pixels above and left of each corner, ``reach`` (views,)
-    grows the boxes on every side. Counting ends at ``enough``.
+    grows the boxes on every side. Counting ends at ``enough``; for ``beyond`` see `_box`.
     """
     nx, ny, nz = votes.shape
     n_views, _, bricks_y, bricks_z, _ = corners.shape
@@ -128,8 +135,9 @@ def vote(tables, layout, corners, reach, enough, votes):
             _, low_v, high_v, half_v = _brick(corners, view, bx, by, bz, 1)
             grow = reach[view]
             left, right, top, bottom = _box(
-                low_u - grow, high_u + grow, low_v - grow, high_v + grow, height, width
-            )
+                low_u - grow, high_u + grow, low_v - grow, high_v + grow,
+                height, width, beyond,
+            )  # fmt: skip
             if right == 0:  # some of its voxels may yet lie in the image
                 mixed[view] = half_u >= 0 and half_v >= 0
                 continue
@@ -169,7 +177,7 @@ def vote(tables, layout, corners, reach, enough, votes):
                         else:
                             left, right, top, bottom = _box(
                                 at_u - half_u, at_u + half_u, at_v - half_v, at_v + half_v,
-                                height, width,
+                                height, width, beyond,
                             )  # fmt: skip
                             if right == 0:
                                 continue
@@ -208,7 +216,7 @@ def splat(corners, bricks, ptr, shown, slack, layout, steps):
                     left, right, top, bottom = _box(
                         max(at_u - half_u, -0.5), min(at_u + half_u, width - 0.5),
                         max(at_v - half_v, -0.5), min(at_v + half_v, height - 0.5),
-                        height, width,
+                        height, width, False,
                     )  # fmt: skip
                     if right <= left or bottom <= top:
                         continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
@@ -128,6 +128,11 @@ def carve(
     then meet no active voxel. The margin grows until at most a thousandth of the bright light of
     any view is unexplained. Where no margin suffices, one more view must agree; where two more do
     not suffice either, nothing is carved.
+
+    Emission that an image cuts shows at its border. Boxes that leave an image are therefore tested
+    by the nearest pixels of its border as well, and voxels that are dark by these are carved too,
+    unless that leaves more light of any view unexplained: a second flame may lie out of one
+    camera's view.
     """
     _check(cameras, images, masks, margin, threshold, votes)
     lattices = Lattice.of_all(cameras, grid)
@@ -145,6 +150,9 @@ def carve(
         return _uncarved(
             brightness, hull.seen, grid, "the views contradict each other: nothing is carved"
         )
+    if math.isfinite(found[0]):
+        further = replace(hull, beyond=True).at(found[0], enough)
+        found = further if further[-1] <= found[-1] else found
     reach, active, explained, missed = found
     if active.mean() > WORTH_IT:
         reason = "hardly any voxel is dark: nothing is carved"

@@ -26,20 +26,23 @@ def dark_votes(
     *,
     margin: float,
     enough: int,
+    beyond: bool = False,
 ) -> NDArray[np.uint8]:
     """Return how many views prove each voxel dark, counted up to ``enough``: ``shape``.
 
     Parameters
     ----------
     bright : sequence of (height, width) bool
-        True where a pixel is bright or unusable. A box that holds one, or leaves the image, is
-        not dark.
+        True where a pixel is bright or unusable. A box that holds one is not dark.
     lattices : sequence of Lattice
         One a view.
     margin : float
         Pixels by which a voxel's box is grown on every side.
     enough : int
         1 to 255.
+    beyond : bool
+        Whether what lies beyond an image is as dark as the nearest pixel of its border; else a
+        box that leaves the image is not dark.
     """
     votes = np.zeros(shape, np.uint8)
     reach = np.array([margin + lattice.slack for lattice in lattices])
@@ -49,7 +52,7 @@ def dark_votes(
     for image, table in zip(bright, _tables(tables, layout), strict=True):
         table[1:, 1:] = image
     kernels.sum_up(tables, layout)
-    kernels.vote(tables, layout, corners, reach, enough, votes)
+    kernels.vote(tables, layout, corners, reach, enough, beyond, votes)
     return votes
 
 

@@ -31,12 +31,16 @@ Found = tuple[float, NDArray[np.bool_], list[NDArray[np.bool_]], float]
 
 @dataclass(frozen=True, eq=False)
 class Hulls:
-    """The voxels that the votes leave active at a margin, and the light then unexplained."""
+    """The voxels that the votes leave active at a margin, and the light then unexplained.
+
+    ``beyond``: see `tomo.hull.dark_votes.dark_votes`.
+    """
 
     lattices: list[Lattice]
     brightness: Brightness
     voters: list[int]
     shape: tuple[int, int, int]
+    beyond: bool = False
 
     @cached_property
     def seen(self) -> list[NDArray[np.bool_]]:
@@ -55,7 +59,8 @@ class Hulls:
         """Return the hull in which ``enough`` views find every carved voxel dark."""
         bright = [self.brightness.bright[view] for view in self.voters]
         lattices = [self.lattices[view] for view in self.voters]
-        active = dark_votes(bright, lattices, self.shape, margin=margin, enough=enough) < enough
+        how = {"margin": margin, "enough": enough, "beyond": self.beyond}
+        active = dark_votes(bright, lattices, self.shape, **how) < enough
         explained = touched(active, self.lattices, self._image_shapes)
         missed = max(self._missed(view, explained[view]) for view in self.voters)
         return margin, active, explained, missed

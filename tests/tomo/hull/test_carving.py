@@ -89,6 +89,47 @@ def test_the_kept_pixels_are_all_that_see_a_live_voxel():
         assert kept.mean() < 0.6
 
 
+def cropped(camera, image, columns):
+    """Return a camera that records only the first columns of its image, and what it records."""
+    narrow = replace(camera, image_size=(columns, SIZE[1]))
+    return narrow, np.ascontiguousarray(image[:, :columns])
+
+
+def seen_by(camera, volume):
+    """Return which voxels' centres a camera sees: (nx, ny, nz)."""
+    uv, _, valid = camera.project(GRID.centers().reshape(-1, 3))
+    inside = valid & (uv > -0.5).all(axis=1) & (uv < np.array(camera.image_size) - 0.5).all(axis=1)
+    return inside.reshape(volume.shape)
+
+
+def test_voxels_beyond_a_dark_border_are_empty_and_beyond_a_bright_one_not():
+    rig, volume = rig_of(4), ball(1.5)
+    images = images_of(rig, volume)
+    whole = carve(tuple(rig), images, None, GRID)
+    for columns, cuts in ((42, False), (30, True)):
+        camera, image = cropped(rig[0], images[0], columns)
+        assert (image[:, -1].max() > 0.1 * image.max()) == cuts
+        found = carve((camera, *rig[1:]), [image, *images[1:]], None, GRID)
+        assert lost(found, volume) < 1e-4
+        out_of_view = ~seen_by(camera, volume)
+        assert out_of_view.any()
+        assert (found.active.mask & out_of_view).any() == cuts
+        assert cuts or found.active.size == whole.active.size
+
+
+def test_a_second_flame_out_of_one_view_stays():
+    rig = rig_of(6)
+    volume = ball(1.5, (-1.5, 0, 0)) + ball(1.0, (2.5, 0, 0))
+    images = images_of(rig, volume)
+    for number, camera in enumerate(rig):
+        for columns in (26, 34):
+            narrow, image = cropped(camera, images[number], columns)
+            cameras = [*rig[:number], narrow, *rig[number + 1 :]]
+            found = carve(cameras, [*images[:number], image, *images[number + 1 :]], None, GRID)
+            assert lost(found, volume) < 1e-3
+            assert found.active.size < 0.7 * GRID.size
+
+
 def shifted(camera, pixels):
     matrix = camera.camera_matrix.copy()
     matrix[:2, 2] += np.multiply(pixels, [1, -1])

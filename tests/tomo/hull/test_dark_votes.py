@@ -38,10 +38,16 @@ def boxes(camera):
     return uv.min(axis=1), uv.max(axis=1)
 
 
-def is_dark(bright, low, high, grow):
-    """Say whether no bright pixel's area meets a box grown by some pixels; not if it leaves."""
+def is_dark(bright, low, high, grow, beyond):
+    """Say whether no bright pixel's area meets a box grown by some pixels; not if it leaves.
+
+    With ``beyond`` the border goes on for ever.
+    """
     height, width = bright.shape
     (left, top), (right, bottom) = low - grow, high + grow
+    if beyond:
+        left, right = np.clip([left, right], -0.5, width - 0.501)
+        top, bottom = np.clip([top, bottom], -0.5, height - 0.501)
     if left < -0.5 or top < -0.5 or right > width - 0.5 or bottom > height - 0.5:
         return False
     columns = slice(int(np.floor(left + 0.5)), int(np.floor(right + 0.5)) + 1)
@@ -52,17 +58,19 @@ def is_dark(bright, low, high, grow):
 @pytest.mark.parametrize("lens", ["none", "brown", "fisheye"])
 @pytest.mark.parametrize("margin", [0.0, 2.0])
 @pytest.mark.parametrize("footprint", [0.2, 0.3])  # the nearer one cuts the grid off
-def test_votes_are_those_of_the_exact_boxes(lens, margin, footprint):
+@pytest.mark.parametrize("beyond", [False, True])
+def test_votes_are_those_of_the_exact_boxes(lens, margin, footprint, beyond):
     views = cameras(lens, footprint)
     lattices = [Lattice.of(camera, GRID) for camera in views]
     random = np.random.default_rng(1)
     images = [random.random((48, 40)) < 0.06 / (1 + 2 * margin) for _ in views]
-    votes = dark_votes(images, lattices, GRID.shape, margin=margin, enough=9).ravel()
+    how = {"margin": margin, "enough": 9, "beyond": beyond}
+    votes = dark_votes(images, lattices, GRID.shape, **how).ravel()
     surely, perhaps = np.zeros(GRID.size, int), np.zeros(GRID.size, int)
     for camera, image in zip(views, images, strict=True):
         for voxel, (low, high) in enumerate(zip(*boxes(camera), strict=True)):
-            surely[voxel] += is_dark(image, low, high, margin + 0.5)
-            perhaps[voxel] += is_dark(image, low, high, margin)
+            surely[voxel] += is_dark(image, low, high, margin + 0.5, beyond)
+            perhaps[voxel] += is_dark(image, low, high, margin, beyond)
     assert (votes <= perhaps).all()
     assert (votes >= surely).all()
     assert 0.05 < (votes > 1).mean() < 0.95
