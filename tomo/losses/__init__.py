@@ -2,10 +2,11 @@
 
 | loss           | formula                               | solvers                             |
 |----------------|---------------------------------------|-------------------------------------|
-| `LeastSquares` | ``||W^½ (b - A x)||² + s m ||D x||²`` | cgls, nnls, tikhonov, curvature, tv |
-| `Poisson`      | ``sum_p (A x)_p - b_p log (A x)_p``   | mlem                                |
+| `LeastSquares` | ``||W^½ (b - A x)||² + s m ||D x||²`` | cgls, projected_cg, curvature       |
+|                | ``½ ||W^½ (b - A x)||² + s u R(x)``   | proximal_gradient                   |
+| `Poisson`      | ``sum_p (A x)_p - b_p log (A x)_p``   | mlem, with ``+ s l R(x)``           |
 
-Least squares take any `LinearPrior` ``D`` as added rows, see `tomo.priors`. SIRT, SART and ART
+A prior is linear, ``D``, or proximal, ``R``: see `tomo.priors`. SIRT, SART and ART
 descend least squares weighted by the reciprocal row sums of ``A``, SMART and MART the cross
 entropy: those need no more than their update.
 """
@@ -15,7 +16,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "least_squares": ["LeastSquares", "LinearPrior", "check_strength"],
+        "least_squares": ["LeastSquares", "LinearPrior", "check_prior", "check_strength"],
         "poisson": ["Poisson", "ratio", "sensitivity"],
     },
 )

@@ -45,6 +45,8 @@ class LeastSquares:
     ValueError
         If pixels or weights are too few or too many or not finite, or weights or the strength are
         negative.
+    TypeError
+        If the prior is not linear.
 
     Notes
     -----
@@ -79,6 +81,8 @@ class LeastSquares:
 
     def _add(self, prior: LinearPrior | None, strength: float) -> None:
         self.prior, self._factor = None, np.float32(0)
+        if prior is not None:
+            check_prior(prior, "forward", "adjoint")
         if check_strength(strength) > 0 and prior is not None:
             largest = float(self.curvature.max(initial=0.0))
             self.prior, self._factor = prior, np.float32(np.sqrt(strength * largest))
@@ -129,6 +133,21 @@ class LeastSquares:
 
     def _weighted(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
         return image if self.root is None else self.root * image
+
+
+def check_prior(prior: object, *methods: str) -> None:
+    """Check that a prior has the methods that a solver calls.
+
+    Raises
+    ------
+    TypeError
+        If it has not all of them.
+    """
+    if not all(callable(getattr(prior, name, None)) for name in methods):
+        raise TypeError(
+            f"prior: found {type(prior).__name__}, expected one with {' and '.join(methods)}; "
+            "cgls and projected_cg take linear priors, proximal_gradient and mlem proximal ones"
+        )
 
 
 def check_strength(strength: float) -> float:

@@ -47,6 +47,13 @@ class Poisson:
         seen = self.projector.T @ ratio(self.counts, projected)
         return self._per_column * (seen + self._missing)
 
+    def step(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the diagonal metric ``C = x / A^T 1`` of the update, ``(unknowns,)``.
+
+        The update is a step along the gradient in it: ``x f = x - C (A^T 1 - A^T (b / A x))``.
+        """
+        return (x * self._per_column).astype(np.float32)
+
 
 def ratio(measured: NDArray[np.float32], projected: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return ``measured / projected``, and 1 (no change) where nothing is projected.

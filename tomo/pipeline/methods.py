@@ -11,7 +11,6 @@ from tomo.solvers import Solution
 
 AUTO = "auto"
 _WERNET = {"wernet": "wernet", "wernet-paper": "wernet_paper"}
-_BY_PIXEL = ("art", "mart")
 
 
 @dataclass(frozen=True)
@@ -87,5 +86,7 @@ def method_named(name: str) -> Method:
     """
     if name not in method_names():
         raise ValueError(f"method: found {name!r}, expected one of {', '.join(method_names())}")
+    if name in solvers.METHODS:
+        return Method(name, needs_matrix=not solvers.METHODS[name].any_basis)
     learns = name in _WERNET
-    return Method(name, needs_midpoints=learns, needs_matrix=learns or name in _BY_PIXEL)
+    return Method(name, needs_midpoints=learns, needs_matrix=learns)

@@ -5,11 +5,12 @@
 | `Magnitude`          | ``||x||²``                | linear    | cgls, projected_cg               |
 | `Gradient`           | ``||D x||²``              | linear    | cgls, projected_cg (tikhonov)    |
 | `RelativeCurvature`  | ``||w D^T D x||²``        | linear    | cgls, projected_cg (curvature)   |
-| `TotalVariation`     | ``sum_v |D x|_v``         | proximal  | proximal_gradient (tv)           |
+| `TotalVariation`     | ``sum_v |D x|_v``         | proximal  | proximal_gradient (tv), mlem     |
+| `L1`                 | ``sum_v |x|_v``           | proximal  | proximal_gradient (l1), mlem     |
 
 A *linear* prior is a map with `forward` and `adjoint` (`tomo.losses.LinearPrior`), a *proximal*
 one has a `proximal_map` (`tomo.priors.ProximalPrior`). A new class with these methods works with
-every solver of its kind::
+every solver of its kind, see ``docs/develop/adding_a_prior.md``::
 
     tomo.solvers.projected_cg(A, images, prior=MyPrior(A.active), strength=1e-3)
 
@@ -19,12 +20,22 @@ argument ``nonnegative`` of all of them.
 
 import lazy_loader
 
+PRIORS = {
+    "magnitude": "Magnitude",
+    "differences": "Gradient",
+    "relative curvature": "RelativeCurvature",
+    "total variation": "TotalVariation",
+    "l1": "L1",
+}
+"""The classes by the names that `tomo.solvers.METHODS` gives the priors."""
+
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "curvature": ["RelativeCurvature"],
         "differences": ["Gradient"],
-        "magnitude": ["Magnitude"],
+        "magnitude": ["L1", "Magnitude"],
         "total_variation": ["ProximalMap", "ProximalPrior", "TotalVariation"],
     },
 )
+__all__ += ["PRIORS"]

@@ -13,36 +13,32 @@
 | tikhonov  | the same with a prior on differences of neighbours                |
 | curvature | the same with a prior on curvature, larger where it is dark       |
 | tv        | proximal gradients: least squares with total variation            |
+| l1        | the same with the sum of magnitudes                               |
 
-The last four are combinations of a loss (`tomo.losses`), a prior (`tomo.priors`) and one of two
-solvers for any prior: `projected_cg` for linear ones, `proximal_gradient` for proximal ones. Every
-solver returns a `Solution` with its history. The parameters that they share are documented once,
-in `tomo.solvers._parameters`, and ``help(solver)`` shows all.
+A method is a row of `METHODS`: a name for a loss (`tomo.losses`), a prior (`tomo.priors`) and a
+solver. `cgls` and `projected_cg` take any linear prior, `proximal_gradient` and `mlem` any
+proximal one; ``nnls``, ``tikhonov``, ``tv`` and ``l1`` are no more than that. Every solver returns
+a `Solution` with its history. The parameters that they share are documented once, in
+`tomo.solvers._parameters`, and ``help(solver)`` shows all.
 """
 
 import lazy_loader
-
-METHODS = (
-    "art", "cgls", "curvature", "mart", "mlem", "nnls", "sart", "sirt", "smart", "tikhonov", "tv",
-)  # fmt: skip
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "art": ["art"],
         "cgls": ["cgls"],
+        "combinations": ["l1", "nnls", "tikhonov", "tv"],
         "curvature": ["curvature"],
         "mart": ["mart"],
+        "methods": ["METHODS", "Method"],
         "mlem": ["mlem"],
-        "nnls": ["nnls"],
         "projected_cg": ["projected_cg"],
         "proximal_gradient": ["proximal_gradient"],
         "sart": ["sart"],
         "sirt": ["sirt"],
         "smart": ["smart"],
         "solution": ["Iteration", "Solution"],
-        "tikhonov": ["tikhonov"],
-        "tv": ["tv"],
     },
 )
-__all__ += ["METHODS"]

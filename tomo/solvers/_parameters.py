@@ -27,6 +27,7 @@ SHARED = {
         "    With weights the history holds ``||W^½ (b - A x)|| / ||W^½ b||``."
     ),
     "relaxation": "relaxation : float\n    ``r``, above 0 and below 2.",
+    "strength": "strength : float\n    ``s``, >= 0, without a unit: how much the prior counts.",
     "seed": "seed : int\n    Seed of the order of the pixels.",
     "callback": (
         "callback : callable, optional\n"

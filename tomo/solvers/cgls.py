@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tomo._compute.reductions import norm
-from tomo.losses import LeastSquares
+from tomo.losses import LeastSquares, LinearPrior
 from tomo.operators.operator import ProjectionOperator
 from tomo.priors import Magnitude
 from tomo.solvers._parameters import shared_parameters
@@ -28,6 +28,7 @@ def cgls(
     start: ArrayLike | None = None,
     nonnegative: bool = True,
     weights: ArrayLike | None = None,
+    prior: LinearPrior | None = None,
     strength: float = 0.0,
     callback: Callback | None = None,
 ) -> Solution:
@@ -46,14 +47,16 @@ def cgls(
         Whether each volume passed on is ``max(x, 0)``. The iteration goes on from the unclipped
         ``x``, whose residual the history holds.
     {weights}
+    prior : LinearPrior, optional
+        ``D``, see `tomo.priors`; when None the identity, whose strength is damping.
     strength : float
-        ``s``, >= 0: damping. ``m`` is the largest element of ``A^T W A 1``, so that ``s`` has no
+        ``s``, >= 0. ``m`` is the largest element of ``A^T W A 1``, so that ``s`` has no
         unit.
     {callback}
 
     Notes
     -----
-    Minimises ``||W^½ (b - A x)||² + s m ||x||²`` (`tomo.losses.LeastSquares`), without a
+    Minimises ``||W^½ (b - A x)||² + s m ||D x||²`` (`tomo.losses.LeastSquares`), without a
     preconditioner: the reciprocal column sums save no iteration on views of a flame. The
     recurrence's residual, in single precision with scalars in double, stays true far beyond 1e-8,
     so that it is never computed anew. The iteration ends where the gradient is no more than
@@ -66,7 +69,8 @@ def cgls(
     Research of the National Bureau of Standards 49 (1952), section 10; Björck, "Numerical
     Methods for Least Squares Problems" (1996), algorithm 7.4.1.
     """
-    problem = LeastSquares(projector, measured, weights, Magnitude(), strength)
+    prior = Magnitude() if prior is None else prior
+    problem = LeastSquares(projector, measured, weights, prior, strength)
 
     def states() -> States:
         x = problem.start(start, nonnegative=False)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo._compute.reductions import dot
-from tomo.losses import LeastSquares, check_strength
+from tomo.losses import LeastSquares, check_prior, check_strength
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import damped
 from tomo.priors import ProximalPrior
@@ -78,6 +78,7 @@ def proximal_gradient(
     and Fessler, "Ordered subsets algorithms for transmission tomography", Physics in Medicine and
     Biology 44 (1999).
     """
+    check_prior(prior, "proximal_map")
     problem = LeastSquares(projector, measured, weights)
     strength = check_strength(strength)
 

@@ -10,8 +10,8 @@ def test_every_classic_method_the_papers_and_auto_have_a_name():
     assert set(names) == {AUTO, "wernet", "wernet-paper", *solvers.METHODS}
     assert len(set(names)) == len(names)
     assert set(solvers.METHODS) == {
-        "art", "cgls", "curvature", "mart", "mlem", "nnls", "sart", "sirt", "smart", "tikhonov",
-        "tv",
+        "art", "cgls", "curvature", "l1", "mart", "mlem", "nnls", "sart", "sirt", "smart",
+        "tikhonov", "tv",
     }  # fmt: skip
 
 

@@ -9,6 +9,7 @@ ENOUGH = {
     "art": {"iterations": 60},
     "cgls": {"iterations": 60},
     "curvature": {"iterations": 60, "strength": 1e-7},
+    "l1": {"iterations": 200, "strength": 1e-6},
     "mart": {"iterations": 60},
     "mlem": {"iterations": 400},
     "nnls": {"iterations": 60},
