@@ -7,8 +7,9 @@ import pytest
 import scipy.optimize
 from numpy.testing import assert_allclose
 
-from tomo import solvers
-from tomo.priors import Gradient, TotalVariation
+from tomo import priors, solvers
+from tomo.priors import L1, Gradient, TotalVariation
+from tomo.solvers.methods import NONE
 
 
 class Towards:
@@ -43,23 +44,33 @@ def noisy(projector_of):
     return projector_of(matrix), matrix, measured.astype(np.float32)
 
 
-def test_a_linear_prior(noisy):
+@pytest.mark.parametrize(
+    ("solver", "nonnegative"),
+    [(solvers.projected_cg, True), (solvers.projected_cg, False), (solvers.cgls, False)],
+)
+def test_a_linear_prior(noisy, solver, nonnegative):
     projector, matrix, measured = noisy
     known = np.random.default_rng(1).normal(0, 1, (7, 12))
-    found = solvers.projected_cg(
-        projector, measured, prior=Towards(known), strength=0.05, iterations=300
-    )
+    found = solver(
+        projector, measured, prior=Towards(known), strength=0.05, iterations=300,
+        nonnegative=nonnegative,
+    )  # fmt: skip
     factor = (matrix.T @ (matrix @ np.ones(12))).max()
     rows = np.vstack([matrix, np.sqrt(0.05 * factor) * known])
-    expected, _ = scipy.optimize.nnls(rows, np.concatenate([measured, np.zeros(7)]))
+    lowest = 0 if nonnegative else -np.inf
+    expected = scipy.optimize.lsq_linear(
+        rows, np.concatenate([measured, np.zeros(7)]), (lowest, np.inf), tol=1e-14
+    ).x
     assert_allclose(found.volume.ravel(), expected, atol=1e-4)
     assert found.settings["strength"] == 0.05
 
 
-def test_a_proximal_prior(noisy):
+@pytest.mark.parametrize("own", [True, False])
+def test_a_proximal_prior(noisy, own):
     projector, matrix, measured = noisy
+    prior = Sum() if own else L1(projector.active)
     found = solvers.proximal_gradient(
-        projector, measured, prior=Sum(), strength=0.05, iterations=3000
+        projector, measured, prior=prior, strength=0.05, iterations=3000
     )
     weight = 0.05 * np.abs(matrix.T @ measured).max()
 
@@ -74,12 +85,119 @@ def test_a_proximal_prior(noisy):
     assert_allclose(found.volume.ravel(), expected, atol=1e-3)
 
 
+class Square:
+    """``R(x) = ||x||²/2`` by its proximal map."""
+
+    def proximal_map(self, inverse, nonnegative):
+        def shrunk(center, weight, steps, stretch=1.0):
+            found = center / (1 + np.float32(weight * stretch) * inverse)
+            return np.maximum(found, 0) if nonnegative else found
+
+        return shrunk
+
+
+STEPS = np.diff(np.eye(12), axis=0)  # (11, 12): the differences of neighbours
+
+
+@pytest.mark.parametrize("prior", ["l1", "square", "total variation"])
+def test_the_likelihood_with_a_proximal_prior(noisy, prior):
+    projector, matrix, measured = noisy
+    measured = np.maximum(measured, 0).astype(np.float64)
+    given = {"l1": Sum(), "square": Square(), "total variation": TotalVariation(projector.active)}
+    settings = {"prior": given[prior], "strength": 0.05, "iterations": 3000}
+    found = solvers.mlem(projector, measured, **settings)
+    weight = 0.05 * matrix.sum(axis=0).max()
+
+    def objective(both):
+        """Return likelihood and prior of unknowns and bounds on steps, and the gradient."""
+        x, steps = both[:12], both[12:]
+        image = np.maximum(matrix @ x, 1e-12)
+        value = image.sum() - measured @ np.log(image)
+        slope = matrix.sum(axis=0) - matrix.T @ (measured / image)
+        if prior == "l1":
+            value, slope = value + weight * x.sum(), slope + weight
+        if prior == "square":
+            value, slope = value + weight * x @ x / 2, slope + weight * x
+        along = weight * (prior == "total variation")
+        return value + along * steps.sum(), np.concatenate([slope, np.full(11, along)])
+
+    sides = [np.hstack([sign * STEPS, np.eye(11)]) for sign in (1, -1)]
+    expected = scipy.optimize.minimize(
+        objective, np.ones(23), jac=True, bounds=[(0, None)] * 23, method="SLSQP",
+        constraints={"type": "ineq", "fun": lambda both: np.vstack(sides) @ both},
+        options={"ftol": 1e-13, "maxiter": 2000},
+    ).x[:12]  # fmt: skip
+    assert_allclose(found.volume.ravel(), expected, atol=3e-3)
+    plain = solvers.mlem(projector, measured, iterations=3000).volume.ravel()
+    assert np.abs(plain - expected).max() > 0.03
+    assert found.settings["strength"] == 0.05
+
+
+def test_subsets_with_a_prior_come_close_sooner(noisy):
+    projector, _, measured = noisy
+    settings = {"prior": TotalVariation(projector.active), "strength": 0.05}
+    whole = solvers.mlem(projector, measured, iterations=3000, **settings).volume
+    few = solvers.mlem(projector, measured, iterations=5, **settings).volume
+    subsets = solvers.mlem(projector, measured, iterations=5, subsets=3, **settings).volume
+    assert np.linalg.norm(subsets - whole) < 0.7 * np.linalg.norm(few - whole)
+
+
+def test_the_strength_of_a_prior_of_the_likelihood_has_no_unit(noisy, projector_of):
+    projector, matrix, measured = noisy
+    settings = {"prior": L1(projector.active), "strength": 0.1, "iterations": 20}
+    expected = solvers.mlem(projector, measured, **settings).volume
+    longer = solvers.mlem(projector_of(7 * matrix), 3 * measured, **settings).volume
+    assert_allclose(longer, expected * 3 / 7, rtol=1e-4, atol=1e-6)
+
+
+def test_a_prior_of_another_kind_is_refused(noisy):
+    projector, _, measured = noisy
+    linear, proximal = Gradient(projector.active), TotalVariation(projector.active)
+    for solver, prior in (
+        (solvers.cgls, proximal), (solvers.projected_cg, proximal),
+        (solvers.mlem, linear), (solvers.proximal_gradient, linear),
+    ):  # fmt: skip
+        with pytest.raises(TypeError, match=r"prior: found \w+, expected one with ") as error:
+            solver(projector, measured, prior=prior, strength=0.1)
+        assert type(prior).__name__ in str(error.value)
+
+
+def test_rows_name_losses_priors_and_solvers_that_there_are():
+    for name, row in solvers.METHODS.items():
+        assert row.name == name
+        assert callable(getattr(solvers, row.solver))
+        assert row.prior == NONE or hasattr(priors, priors.PRIORS[row.prior])
+        parameters = inspect.signature(getattr(solvers, name)).parameters
+        assert all(parameters[key].default == value for key, value in row.defaults.items())
+    assert list(solvers.METHODS) == sorted(solvers.METHODS)
+
+
+@pytest.mark.parametrize("name", [r.name for r in solvers.METHODS.values() if r.is_combination])
+def test_a_named_method_takes_no_other_prior(noisy, name):
+    projector, _, measured = noisy
+    with pytest.raises(TypeError, match="prior"):
+        getattr(solvers, name)(projector, measured, prior=Sum())
+    with pytest.raises(TypeError, match="positional"):
+        getattr(solvers, name)(projector, measured, 3)
+
+
+def test_l1_leaves_dark_what_is_dark_and_nothing_at_the_largest_strength(noisy):
+    projector, _, measured = noisy
+    dark = [
+        int((solvers.l1(projector, measured, strength=s, iterations=300).volume == 0).sum())
+        for s in (0.0, 0.1, 0.5, 1.0)
+    ]
+    assert dark == sorted(dark)
+    assert dark[0] < dark[1] < dark[-1] == 12
+
+
 def test_named_methods_are_combinations(noisy):
     projector, _, measured = noisy
     pairs = [
         (solvers.nnls, solvers.projected_cg, {}),
         (solvers.tikhonov, solvers.projected_cg, {"prior": Gradient(projector.active)}),
         (solvers.tv, solvers.proximal_gradient, {"prior": TotalVariation(projector.active)}),
+        (solvers.l1, solvers.proximal_gradient, {"prior": L1(projector.active)}),
     ]
     for method, solver, prior in pairs:
         strength = {"strength": 0.01} if prior else {}
