@@ -11,6 +11,8 @@ import typer
 from rigs import load_rig
 from rigs.recordings import write_image
 from tomo import load_scan
+from tomo.pipeline.methods import method_names
+from tomo.solvers import METHODS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
@@ -178,7 +180,12 @@ def test_options_named_in_the_pages_are_some_verbs(folder):
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_paths_and_modules_named_in_code_marks_exist(page):
-    if page.name in ("CHANGELOG.md", "adding_a_solver.md", "adding_a_rig_format.md"):
+    if page.name in (
+        "CHANGELOG.md",
+        "adding_a_prior.md",
+        "adding_a_solver.md",
+        "adding_a_rig_format.md",
+    ):
         pytest.skip("names what is not there: what left, or what a reader is to write")
     code = re.findall(r"`([^`\n]+)`", page.read_text("utf-8"))
     for path in code:
@@ -212,13 +219,27 @@ def test_the_floors_are_those_that_are_tested():
     assert named == [name for name in tested if list((ROOT / "tomo").glob(f"{name}*"))]
 
 
-def test_the_examples_of_a_prior_and_of_a_solver_run():
-    *parts, use = blocks("docs/develop/adding_a_solver.md", "python")
-    names = {}
+@pytest.mark.parametrize("page", ["adding_a_prior.md", "adding_a_solver.md"])
+def test_the_examples_of_a_prior_and_of_a_solver_run(page):
+    *parts, use = blocks(f"docs/develop/{page}", "python")
+    residuals = []
+    names = {"print": residuals.append}
     for part in parts:
-        exec(compile(part, "adding_a_solver.md", "exec"), names)
-    exec(compile(use.replace("print(", "shown = ("), "adding_a_solver.md", "exec"), names)
-    assert names["found"].relative_residual < 0.05
+        exec(compile(part, page, "exec"), names)
+    exec(compile(use, page, "exec"), names)
+    assert len(residuals) == (4 if page == "adding_a_prior.md" else 1)
+    assert max(residuals) < 0.05
+
+
+def test_the_guide_names_every_method_with_its_loss_and_its_prior():
+    table = rows("docs/guide/choosing_a_method.md", "The methods")
+    told = {name: (loss, prior) for names, loss, prior, _ in table
+            for name in re.findall(r"`([\w-]+)`", names)}  # fmt: skip
+    assert set(told) == set(method_names())
+    for name, row in METHODS.items():
+        loss, prior = told[name]
+        assert loss.startswith(row.loss), name
+        assert prior.startswith(row.prior), name
 
 
 def test_constants_of_the_tuning_page_are_where_it_says():
