@@ -142,13 +142,20 @@ def resolution_rows(quick: bool) -> Iterator[Row]:
         yield wave_row(name, WaveScene.of(rig, side), half_sphere(count))
 
 
-def wave_row(name: str, scene: WaveScene, directions: NDArray[np.float64]) -> Row:
-    """Compare predicted and measured wavelengths along some directions."""
+def wavelengths(
+    scene: WaveScene, directions: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return predicted and measured lengths, and where one is above `FINEST`: ``(M,)`` each."""
     predicted = np.maximum(scene.predicted(directions), FINEST)
     measured = np.maximum([scene.measured(direction) for direction in directions], FINEST)
-    above = (predicted > FINEST) | (measured > FINEST)
+    return predicted, measured, (predicted > FINEST) | (measured > FINEST)
+
+
+def wave_row(name: str, scene: WaveScene, directions: NDArray[np.float64]) -> Row:
+    """Compare predicted and measured wavelengths along some directions."""
+    predicted, measured, above = wavelengths(scene, directions)
     ratio = measured[above] / predicted[above]
-    within = float(np.mean((ratio < FACTOR) & (ratio > 1 / FACTOR)))
+    within = within_factor(ratio)
     quantiles = (np.quantile(values, (0.5, 0.9)) for values in (predicted, measured))
     stated, found = (f"{half:.1f} and {most:.1f}" for half, most in quantiles)
     return Row(
@@ -161,6 +168,11 @@ def wave_row(name: str, scene: WaveScene, directions: NDArray[np.float64]) -> Ro
         note=f"measured over predicted: median {np.median(ratio):.2f}; 50 % and 90 % of all waves "
         f"down to {stated} voxels predicted, {found} measured",
     )
+
+
+def within_factor(ratio: NDArray[np.float64]) -> float:
+    """Return the fraction of the ratios of wavelengths that are within `FACTOR`."""
+    return float(np.mean((ratio < FACTOR) & (ratio > 1 / FACTOR)))
 
 
 def _joined(*parts: Rig) -> Rig:
