@@ -36,10 +36,10 @@ def findings(
     """Return warnings about the rig, the gravest first, and notes on what was left out.
 
     Where the rays meet within a tenth of ``voxel``, only errors that displace them by more are
-    reported; where it is None a voxel is as large as a pixel.
+    reported, and points left out are a note; where it is None a voxel is as large as a pixel.
     """
     least = _least_displacement(quality, voxel)
-    warnings, notes = _left_out(quality, observations, used)
+    warnings, notes = _left_out(quality, observations, used, harmless=bool(least.all()))
     contradictions, frame_notes = _contradictions(quality, observations, used, least)
     warnings += contradictions
     notes += frame_notes
@@ -86,9 +86,12 @@ def assessment(
 
 
 def _left_out(
-    quality: Quality, observations: Observations, used: NDArray[np.bool_]
+    quality: Quality, observations: Observations, used: NDArray[np.bool_], *, harmless: bool
 ) -> tuple[list[str], list[str]]:
-    """Return warnings and notes on what was left out: whole images, and single observations."""
+    """Return warnings and notes on what was left out: whole images, and single observations.
+
+    Single observations are a note where the rays of those that remain meet: ``harmless``.
+    """
     shape = observations.counts().shape
     seen, kept = observations.counts(), np.zeros(shape, int)
     np.add.at(kept, (observations.camera[used], observations.frame[used]), 1)
@@ -134,7 +137,8 @@ def _left_out(
                 f"detected in the wrong place in frames {', '.join(where[:5])}"
                 + (f" and {len(where) - 5} more" if len(where) > 5 else "")
             )
-            (warnings if single.sum() > _MANY_POINTS * own.sum() else notes).append(line)
+            many = single.sum() > _MANY_POINTS * own.sum()
+            (warnings if many and not harmless else notes).append(line)
     return warnings, notes
 
 

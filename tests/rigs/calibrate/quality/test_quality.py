@@ -284,6 +284,21 @@ def test_errors_of_less_than_a_tenth_of_a_voxel_are_no_finding(case):
     assert calibrate(much, volume=FINE_VOLUME).findings
 
 
+@pytest.mark.parametrize(("voxel", "word"), [(5.0, "good"), (0.01, "doubtful")])
+def test_points_left_out_are_a_warning_only_where_the_rest_does_not_suffice(case, voxel, word):
+    _, observations, _ = case
+    random = np.random.default_rng(0)
+    wrong = (observations.camera == 2) & (random.random(len(observations)) < 0.15)
+    uv = observations.uv + 10 * wrong[:, None] * random.choice([-1, 1], (len(observations), 2))
+    count = round(50 / voxel)
+    found = calibrate(
+        replace(observations, uv=uv), volume=Volume((count,) * 3, voxel, (0.0, 0.0, 800.0))
+    )
+    assert "camera cam02: " in found.assessment
+    assert "points left out" in found.assessment
+    assert found.assessment.startswith(word)
+
+
 def test_gross_outliers_are_left_out_and_counted(case, judged_volume):
     truth, observations, found = case
     rng = np.random.default_rng(0)
