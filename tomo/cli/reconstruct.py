@@ -83,6 +83,7 @@ def reconstruct(
         with progress_bar("reconstruct") as progress:
             outcome = run(loaded, voxels, options, progress=progress)
         report = write_outcome(out, outcome, with_pictures=pictures)
+    say(report["answer"]["sentence"], "bold")
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")
     say(_summary(report, out))

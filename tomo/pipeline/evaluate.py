@@ -183,7 +183,14 @@ def views_of(
 ) -> list[View]:
     """Return each camera's image beside the image that the volume would have shown it."""
     projected = system.projector @ system.projector.active.compress(volume)
-    reprojected = system.images(gains.apply(system.projector, projected) if gains else projected)
+    if gains is None:
+        reprojected = system.images(projected)
+    else:  # pixels that see no active voxel show the background alone
+        reprojected = system.images(gains.apply(system.projector, projected))
+        for image, kept, offset in zip(reprojected, system.pixels, gains.offset, strict=True):
+            seen = np.zeros(image.size, bool)
+            seen[kept] = True
+            image[~seen.reshape(image.shape)] = offset
     return [
         View(camera.name, image, seen, mask)
         for camera, image, seen, mask in zip(system.rig, images, reprojected, masks, strict=True)

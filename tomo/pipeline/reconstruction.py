@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Rig
+from tomo.pipeline.answer import Answer, answer_of
 from tomo.pipeline.options import NOT_A_NUMBER, Options
 from tomo.pipeline.report_json import report_of
 from tomo.pipeline.view import View
@@ -102,6 +104,11 @@ class Reconstruction:
         if self.unseen is None or self.options.unseen != NOT_A_NUMBER:
             return volume
         return np.where(self.unseen, np.float32(np.nan), volume)
+
+    @cached_property
+    def answer(self) -> Answer:
+        """Whether the volume explains the images, and the likely causes where it does not."""
+        return answer_of(self)
 
     def report(self) -> dict[str, Any]:
         """Return the contents of ``report.json``: plain numbers, strings, lists and mappings."""

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from tomo.pipeline.answer import verdict_of
+
 _REPORTED_PACKAGES = ("flametomo", "numpy", "scipy", "numba", "torch", "open3d", "open3d-cpu")
 
 
@@ -20,6 +22,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
     """
     found = outcome.solution
     report = {
+        "answer": outcome.answer.report(),
         "method": found.settings["method"],
         "seconds": dict(outcome.seconds),
         "first_use_seconds": outcome.first_use_seconds,
@@ -46,7 +49,11 @@ def report_of(outcome: Any) -> dict[str, Any]:
         },
         "views": {
             view.name: {
+                "verdict": verdict_of(view),
                 "relative_residual": view.relative_residual,
+                "noise": view.relative_noise,
+                "residual_over_noise": view.residual_over_noise,
+                "beyond_noise": view.beyond_noise,
                 "gain": view.gain,
                 "held_out": view.held_out,
                 "excluded": view.excluded,

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo import metrics
 from tomo._compute.reductions import dot, norm
+from tomo.measurement import estimate_noise
+from tomo.measurement.pixel_blocks import SIDE, block_means
+
+SURE = 1.5
+"""Ratio of a residual to the noise up to which it may be noise: estimates are good to a quarter.
+Lower: noise of a tenth is taken for light. Higher: weak faults in noisy images are overlooked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +55,11 @@ class View:
                 )
 
     @property
+    def takes_part(self) -> bool:
+        """Whether the volume was reconstructed from this view."""
+        return not (self.held_out or self.excluded)
+
+    @property
     def usable(self) -> NDArray[np.bool_]:
         """Which pixels count, ``(rows, columns)``."""
         finite = np.isfinite(self.measured) & np.isfinite(self.reprojected)
@@ -59,6 +71,56 @@ class View:
         measured, reprojected = self._usable_pixels()
         size = norm(measured)
         return norm(measured - reprojected) / size if size > 0 else math.nan
+
+    @cached_property
+    def relative_noise(self) -> float:
+        """Root mean square of the image's noise over that of the image; NaN if it is dark.
+
+        The noise is that of the finest structure in the image or in the residual, whichever has
+        less: voxels wider than a pixel give the residual steps, details finer than voxels stand in
+        the image.
+        """
+        usable, (measured, reprojected) = self.usable, self._usable_pixels()
+        size = norm(measured)
+        if not size > 0:
+            return math.nan
+        whole = np.where(usable, self.reprojected, 0)
+        found = (estimate_noise(self.measured, usable, expected) for expected in (None, whole))
+        light = np.maximum(reprojected, 0)
+        return min(math.sqrt(float(one.variance(light).sum())) for one in found) / size
+
+    @property
+    def residual_over_noise(self) -> float:
+        """The residual over the image's noise; infinite where there is none of it."""
+        noise = self.relative_noise
+        return self.relative_residual / noise if noise > 0 else math.inf
+
+    @cached_property
+    def beyond_noise(self) -> float:
+        """The residual of means over 4 x 4 pixels that noise does not explain; NaN if dark.
+
+        Relative to the image's own means. Noise is down to a quarter in these means, and details
+        finer than a voxel, which cancel in them, do not count.
+
+        Notes
+        -----
+        ``sqrt(max(r^2 - (n / 4)^2, 0)) / m`` with the root mean squares ``r`` of the residual's
+        means, ``m`` of the image's, and ``n`` of the noise; zero up to `SURE` times ``n / 4``.
+        """
+        usable = self.usable
+        measured = np.where(usable, self.measured, 0).astype(np.float64)
+        residual = measured - np.where(usable, self.reprojected, 0)
+        light, missed = block_means(measured, usable), block_means(residual, usable)
+        side = SIDE
+        if not len(light):
+            light, missed, side = measured[usable], residual[usable], 1
+        if not norm(light) > 0:
+            return math.nan
+        noise = self.relative_noise * norm(measured) / math.sqrt(np.count_nonzero(usable)) / side
+        found = norm(missed) / math.sqrt(len(missed))
+        if found <= SURE * noise:
+            return 0.0
+        return math.sqrt(found**2 - noise**2) * math.sqrt(len(light)) / norm(light)
 
     @property
     def gain(self) -> float:

@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from rigs.files import atomic_path
 from tomo.draw.page import embedded, render
 from tomo.metrics import cosine_distance, nrmse
+from tomo.pipeline.answer import MOST_TIMES, VERDICTS, verdict_of
+from tomo.pipeline.view import View
 from tomo.report.content import Results
 from tomo.report.pictures import Picture, draw
 from tomo.report.uncertainty_tables import condition_section
@@ -23,6 +25,9 @@ _TITLES = {
     "learned": "Weights learned in place of segment lengths",
 }
 
+
+SHOWN_VIEWS = 6
+"""Rows of the table of views that stand open; the others, better explained, are folded up."""
 
 LONGEST_DETAIL = 1200
 """Characters; what is longer, values of dozens of cameras, is left to report.json."""
@@ -61,10 +66,12 @@ def write_report(
     text = render(
         "report.html",
         method=str(report.get("method", results.method)),
+        answer=_answer(report),
         headline=_headline(report),
         warnings=list(report.get("warnings") or ()),
         pictures=shown,
         views=_view_rows(report, results),
+        shown_views=SHOWN_VIEWS,
         comparisons=_comparison_rows(results),
         condition=condition_section(report.get("uncertainty"), results.rig.length_unit),
         refinement=_refinement(report, results.rig.length_unit),
@@ -131,26 +138,49 @@ def _headline(report: Mapping) -> list[tuple[str, str, str]]:
     return rows
 
 
+def _answer(report: Mapping) -> dict[str, str] | None:
+    """Return the first sentence of the page and the verdict that colours it."""
+    found = report.get("answer")
+    if not found:
+        return None
+    return {"sentence": found["sentence"], "verdict": found["verdict"].replace(" ", "-")}
+
+
 def _view_rows(report: Mapping, results: Results) -> list[dict]:
-    """Return one row a view, held-out ones first."""
+    """Return one row a view: those that took no part, then the least explained ones first."""
     held_out, listed = report.get("held_out") or {}, report.get("views") or {}
     rows = []
-    for view in sorted(results.views, key=lambda v: not (v.held_out or v.excluded)):
+    for view in sorted(results.views, key=_order):
         figures = {**listed.get(view.name, {}), **held_out.get(view.name, {})}
         residual = figures.get("relative_residual", view.relative_residual)
+        lit = math.isfinite(residual)
         rows.append(
             {
                 "name": view.name,
                 "held_out": view.held_out,
                 "excluded": view.excluded,
-                "relative_residual": f"{residual:.2%}" if math.isfinite(residual) else "dark",
-                "bar": residual if math.isfinite(residual) else 0.0,
+                "relative_residual": f"{residual:.2%}" if lit else "dark",
+                "noise": f"{view.relative_noise:.2%}" if lit else "",
+                "ratio": _times(view.residual_over_noise) if lit else "",
+                "verdict": verdict_of(view) if view.takes_part else "",
+                "bar": residual if lit else 0.0,
                 "gain": f"{figures['gain']:.3f}" if "gain" in figures else "",
                 **{k: _number(figures[k]) if k in figures else "" for k in ("psnr", "ssim")},
             }
         )
     longest = max((row["bar"] for row in rows), default=0.0) or 1.0
     return [{**row, "bar": 100 * row["bar"] / longest} for row in rows]
+
+
+def _order(view: View) -> tuple[bool, int, float]:
+    """Return the place of a view in the table: what took no part, then by what is unexplained."""
+    beyond = view.beyond_noise if math.isfinite(view.beyond_noise) else 0.0
+    return view.takes_part, -VERDICTS.index(verdict_of(view)), -beyond
+
+
+def _times(ratio: float) -> str:
+    """Return residual over noise as text; clean images have a ratio that says nothing."""
+    return f"{ratio:.1f}" if ratio <= MOST_TIMES else f"above {MOST_TIMES:.0f}"
 
 
 def _comparison_rows(results: Results) -> list[tuple[str, str, str]]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tomo.draw.figures import INK, MUTED, new_figure, plain, thin_lines
 from tomo.draw.volume.planes import few_ticks, middle_planes, room_of_number, show_plane
 from tomo.metrics import cosine_distance, nrmse
+from tomo.pipeline.answer import worst_view
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,12 +28,15 @@ _THINNEST = 0.15
 
 
 def views_to_show(views: Sequence[View], most: int = _MOST_VIEWS) -> list[View]:
-    """Return views that took no part, then others evenly spread over the rig."""
-    apart = [view for view in views if view.held_out or view.excluded][:most]
-    others = [view for view in views if not (view.held_out or view.excluded)]
-    free = min(most - len(apart), len(others))
+    """Return views that took no part, the least explained one, then others evenly spread."""
+    apart = [view for view in views if not view.takes_part]
+    others = [view for view in views if view.takes_part]
+    worst = worst_view(others)
+    first = apart[: most - 1] + ([] if worst is None else [worst])
+    others = [view for view in others if view is not worst]
+    free = min(most - len(first), len(others))
     spread = np.round(np.arange(free) * len(others) / max(free, 1)).astype(int)
-    return apart + [others[i] for i in spread]
+    return first + [others[i] for i in spread]
 
 
 def draw_views(views: Sequence[View]) -> Figure:
@@ -78,7 +82,7 @@ def draw_views(views: Sequence[View]) -> Figure:
         figure.text(
             x0 / width,
             (top + 0.28) / height,
-            f"{_short(view.name)}{role}: residual {residual:.1%}",
+            f"{_short(view.name)}{role}: residual {residual:.1%}, noise {view.relative_noise:.1%}",
             fontsize=8,
             weight="bold" if role else "normal",
             color="#c2500f" if role else INK,

@@ -26,7 +26,6 @@ def condition_section(condition: Mapping | None, length_unit: str) -> dict[str, 
     return {
         "warnings": warnings,
         "words": [
-            *([] if warnings else ["No warning: views all round, images explained."]),
             *_of_views(voxels),
             *_of_images(condition.get("images") or {}),
             *_of_deviations(condition.get("standard_deviation")),

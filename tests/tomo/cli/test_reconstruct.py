@@ -77,6 +77,11 @@ def test_the_summary_is_on_stderr_one_line_a_fact(done):
     out, result = done
     lines = result.stderr.splitlines()
     assert f"open {out / 'report.html'}" in lines
+    report = json.loads((out / "report.json").read_text())
+    assert next(iter(report)) == "answer"
+    said = [*report["warnings"], f"{report['method']}: relative residual"]
+    answer = lines.index(report["answer"]["sentence"])
+    assert all(answer < next(n for n, x in enumerate(lines) if one in x) for one in said)
     assert sum(line.startswith("held out cam02: psnr ") for line in lines) == 1
 
 

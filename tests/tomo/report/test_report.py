@@ -169,8 +169,18 @@ def test_held_out_views_are_shown_first_and_the_others_spread():
     image = np.ones((2, 2))
     views = [View(f"{i}", image, image, held_out=i == 20) for i in range(33)]
     names = [int(v.name) for v in views_to_show(views, 5)]
-    assert names[0] == 20
-    assert names[1:] == [0, 8, 16, 25]
+    assert names[:2] == [20, 0]
+    assert names[2:] == [1, 11, 23]
+
+
+@pytest.mark.parametrize("most", [2, 6])
+def test_the_least_explained_view_is_always_shown(most):
+    image = np.ones((2, 2))
+    views = [View(f"{i}", image, image * (0.4 if i == 17 else 1.0)) for i in range(33)]
+    views += [View(f"held out {i}", image, image, held_out=True) for i in range(8)]
+    shown = [view.name for view in views_to_show(views, most)]
+    assert "17" in shown
+    assert len(shown) == len(set(shown)) == most
 
 
 def test_images_of_cameras_of_different_shapes_are_drawn_to_scale():

@@ -1,0 +1,111 @@
+"""Why a volume may not explain the images: whatever the stages found, as one list.
+
+Each finder takes the reconstruction and yields the causes that it knows of. Another stage joins
+by a finder of its own in `FINDERS`; they are asked in their order, the likeliest first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from tomo.screening.screening import OUTSIDE
+
+Finder = Callable[[Any], Iterator[str]]
+"""From a `tomo.Reconstruction` to causes, each a phrase that fits after "likely causes:"."""
+
+UNKNOWN = "absorption, a scene that moved between exposures, or voxels too coarse for the images"
+"""The causes of an answer for which no stage found any: those that none of them tests."""
+
+STANDS_OUT = 2.0
+"""Ratio of a camera's residual beyond noise to the median of all, from which the cause is that
+camera's own. Cameras at fault spoil the others' images too, by less than half of their own."""
+
+
+def likely_causes(outcome: Any) -> tuple[str, ...]:
+    """Return what the stages found that keeps a volume from explaining the images.
+
+    Parameters
+    ----------
+    outcome : tomo.Reconstruction
+        Its screening, alignment, gains, carving and views are asked.
+
+    Returns
+    -------
+    causes : tuple of str
+        Each fits after "likely causes:"; empty where nothing was found.
+    """
+    return tuple(cause for find in FINDERS for cause in find(outcome))
+
+
+def _background(outcome: Any) -> Iterator[str]:
+    levels = (outcome.screening or {}).get("background") or {}
+    if levels:
+        worst = _largest(levels)
+        yield f"a uniform background (camera {worst}: {levels[worst]:.3g})"
+
+
+def _light_outside(outcome: Any) -> Iterator[str]:
+    screening = outcome.screening or {}
+    lit = screening.get("background") or {}
+    fractions = {
+        name: fraction
+        for name, fraction in (screening.get("light_outside_grid") or {}).items()
+        if name not in lit
+    }
+    worst = _largest(fractions)
+    if worst is not None and fractions[worst] > OUTSIDE:
+        yield f"light from outside the grid ({fractions[worst]:.0%} of camera {worst}'s)"
+
+
+def _below_zero(outcome: Any) -> Iterator[str]:
+    depths = (outcome.screening or {}).get("below_zero") or {}
+    if depths:
+        worst = _largest(depths)
+        yield f"too much subtracted as dark (camera {worst}: {depths[worst]:.3g})"
+
+
+def _pointing(outcome: Any) -> Iterator[str]:
+    found = (outcome.alignment or {}).get("displacement") or {}
+    if found.get("disagrees"):
+        worst = _largest(found["pixels"])
+        pixels = found["pixels"][worst]
+        yield f"cameras that point elsewhere (camera {worst}'s image lies {pixels:.1f} pixels off)"
+
+
+def _gains(outcome: Any) -> Iterator[str]:
+    if outcome.gains:
+        yield f"gains or backgrounds that differ (gains by {outcome.gains['disagreement']:.1%})"
+
+
+def _one_camera(outcome: Any) -> Iterator[str]:
+    beyond = {
+        view.name: view.beyond_noise
+        for view in outcome.views
+        if view.takes_part and math.isfinite(view.beyond_noise)
+    }
+    worst = _largest(beyond)
+    if worst is None or len(beyond) < 3:
+        return
+    typical = sorted(beyond.values())[len(beyond) // 2]
+    if beyond[worst] > STANDS_OUT * typical:
+        yield (
+            f"camera {worst} itself: its image is missed by {beyond[worst]:.1%} beyond noise, "
+            f"those of the others by {typical:.1%}"
+        )
+
+
+FINDERS: tuple[Finder, ...] = (
+    _background,
+    _light_outside,
+    _below_zero,
+    _pointing,
+    _gains,
+    _one_camera,
+)
+
+
+def _largest(values: Mapping[str, float]) -> str | None:
+    """Return the key of the largest value; None where there is none."""
+    return max(values, key=values.__getitem__, default=None)
