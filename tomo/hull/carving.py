@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull.darkness import Brightness
-from tomo.hull.margins import Hulls, margins_to_try, smallest, votes_to_try
+from tomo.hull.margins import (
+    CARVED_AWAY,
+    UNEXPLAINED,
+    Hull,
+    Hulls,
+    margins_to_try,
+    smallest,
+    votes_to_try,
+)
 from tomo.hull.projection_lattice import Lattice
 from tomo.measurement import NoiseModel
 
@@ -42,6 +50,10 @@ class Carving:
         Views that had to find a voxel dark.
     unexplained : float
         The largest fraction, over views, of bright light that meets no active voxel.
+    light_carved_away : float
+        The fraction of all images' light, however faint, that meets no active voxel.
+    faint_light : float
+        That fraction at the smallest margin tried.
     noise : tuple of NoiseModel
         One a view.
     reason : str
@@ -55,8 +67,28 @@ class Carving:
     smoothing: float
     votes: int
     unexplained: float
+    light_carved_away: float
+    faint_light: float
     noise: tuple[NoiseModel, ...]
     reason: str
+
+    @property
+    def warnings(self) -> list[str]:
+        """A line where faint light would have been carved away, or was."""
+        if self.light_carved_away > CARVED_AWAY:
+            return [
+                f"carving: {self.light_carved_away:.1%} of the light meets no voxel that was "
+                "kept: it is missing in the volume. Let the margin be chosen (carving: auto), or "
+                "keep all voxels (--no-skip)"
+            ]
+        if self.faint_light <= CARVED_AWAY:
+            return []
+        kept = "all voxels were kept" if self.active.all else f"{self.margin:g} pixels around it"
+        return [
+            f"faint light around the flame, {self.faint_light:.1%} of all, was kept: {kept}. If "
+            "it is no emission but reflections or a background, subtract it (scan.yaml, "
+            "corrections: dark) or mask it"
+        ]
 
     def report(self, names: Sequence[str]) -> dict[str, Any]:
         """Return plain numbers and words for report.json; ``names`` are the cameras'."""
@@ -69,6 +101,7 @@ class Carving:
             "smoothing": self.smoothing,
             "votes": self.votes,
             "unexplained": self.unexplained,
+            "light_carved_away": self.light_carved_away,
             "noise": {
                 name: {"read": one.read, "gain": one.gain}
                 for name, one in zip(names, self.noise, strict=True)
@@ -126,8 +159,8 @@ def carve(
 
     Inexact cameras contradict each other: one carves away what another sees, whose bright pixels
     then meet no active voxel. The margin grows until at most a thousandth of the bright light of
-    any view is unexplained. Where no margin suffices, one more view must agree; where two more do
-    not suffice either, nothing is carved.
+    any view is unexplained, and at most half a per cent of all light. Where no margin suffices,
+    one more view must agree; where two more do not suffice either, nothing is carved.
 
     Emission that an image cuts shows at its border. Boxes that leave an image are therefore tested
     by the nearest pixels of its border as well, and voxels that are dark by these are carved too,
@@ -142,31 +175,44 @@ def carve(
     if not hull.bright:
         reason = "no pixel is certainly bright: nothing is carved"
         return _uncarved(brightness, hull.seen, grid, reason)
+    firsts = []
     for enough in votes_to_try(votes, len(voters)):
-        found = smallest(hull, enough, margins_to_try(margin, voters, images), margin != "auto")
+        margins = margins_to_try(margin, voters, images)
+        found, first = smallest(hull, enough, margins, margin != "auto")
+        firsts.append(first)
         if found is not None:
             break
-    else:
-        return _uncarved(
-            brightness, hull.seen, grid, "the views contradict each other: nothing is carved"
+    faint = min(one.carved_away for one in firsts)
+    if found is None:
+        agree = min(one.missed for one in firsts) <= UNEXPLAINED
+        reason = (
+            f"{faint:.1%} of the light is faint and would be carved away"
+            if agree
+            else "the views contradict each other"
         )
-    if math.isfinite(found[0]):
-        further = replace(hull, beyond=True).at(found[0], enough)
-        found = further if further[-1] <= found[-1] else found
-    reach, active, explained, missed = found
-    if active.mean() > WORTH_IT:
+        return _uncarved(
+            brightness, hull.seen, grid, f"{reason}: nothing is carved", faint if agree else 0.0
+        )
+    if math.isfinite(found.margin):
+        further = replace(hull, beyond=True).at(found.margin, enough)
+        most = max(found.carved_away, CARVED_AWAY)
+        if further.missed <= found.missed and further.carved_away <= most:
+            found = further
+    if found.active.mean() > WORTH_IT:
         reason = "hardly any voxel is dark: nothing is carved"
         return _uncarved(brightness, hull.seen, grid, reason)
     return Carving(
-        ActiveVoxels.from_mask(grid, active),
-        tuple(a & b for a, b in zip(explained, brightness.usable, strict=True)),
-        reach,
+        ActiveVoxels.from_mask(grid, found.active),
+        tuple(a & b for a, b in zip(found.explained, brightness.usable, strict=True)),
+        found.margin,
         brightness.threshold,
         brightness.smoothing,
         enough,
-        missed,
+        found.missed,
+        found.carved_away,
+        faint,
         brightness.noise,
-        _in_words(active, reach, enough, len(voters), brightness, missed),
+        _in_words(found, enough, len(voters), brightness),
     )
 
 
@@ -177,7 +223,11 @@ def _pixels_a_voxel(lattices: list[Lattice]) -> float:
 
 
 def _uncarved(
-    brightness: Brightness, seen: list[NDArray[np.bool_]], grid: VoxelGrid, reason: str
+    brightness: Brightness,
+    seen: list[NDArray[np.bool_]],
+    grid: VoxelGrid,
+    reason: str,
+    faint_light: float = 0.0,
 ) -> Carving:
     return Carving(
         ActiveVoxels(grid),
@@ -187,24 +237,20 @@ def _uncarved(
         brightness.smoothing,
         0,
         0.0,
+        0.0,
+        faint_light,
         brightness.noise,
         reason,
     )
 
 
-def _in_words(
-    active: NDArray[np.bool_],
-    margin: float,
-    votes: int,
-    views: int,
-    brightness: Brightness,
-    missed: float,
-) -> str:
+def _in_words(found: Hull, votes: int, views: int, brightness: Brightness) -> str:
     blur = f" after a blur of {brightness.smoothing:.1f} pixels" if brightness.smoothing else ""
     return (
-        f"{1 - active.mean():.1%} of the voxels are dark in {votes} or more of {views} views: no "
-        f"pixel within {margin:g} of them is above {brightness.threshold:.3g}{blur}; "
-        f"at most {missed:.2%} of the bright light of a view is unexplained"
+        f"{1 - found.active.mean():.1%} of the voxels are dark in {votes} or more of {views} "
+        f"views: no pixel within {found.margin:g} of them is above {brightness.threshold:.3g}"
+        f"{blur}; at most {found.missed:.2%} of the bright light of a view is unexplained, and "
+        f"{found.carved_away:.2%} of all light is carved away"
     )
 
 

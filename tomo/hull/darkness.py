@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from tomo.measurement import NoiseModel, estimate_noise, usable_pixels
 
 DARK = 0.005
-"""Fraction of the brightest pixel up to which a pixel is dark, without noise."""
+"""Fraction of the brightest pixel up to which a pixel may be dark, without noise."""
+
+FAINT = 0.002
+"""Fraction of all light that dark pixels may hold together, without noise. Higher: a faint halo is
+dark. Lower: the tails of every flame are bright, and less is carved."""
+
+ENOUGH_AROUND = 0.01
+"""Fraction of an image that must miss the grid before those pixels tell its level."""
 
 SIGMAS_DARK = 2.0
 """Standard deviations of the smoothed noise up to which a pixel is dark."""
@@ -71,10 +78,11 @@ class Brightness:
 
         Notes
         -----
-        ``DARK`` is a fraction of the median of the views' maxima, which one hot pixel does not
-        change. A Gaussian of standard deviation ``s`` divides that of white noise by
-        ``2 sqrt(pi) s``; ``s`` is chosen to bring the noise down to the fraction ``DARK``, up to
-        ``widest``.
+        Noise sets the threshold. Where there is none, it is ``DARK`` of the median of the views'
+        maxima, which one hot pixel does not change, or the level below which pixels hold ``FAINT``
+        of the light, if that is lower. A Gaussian of standard deviation ``s`` divides that of
+        white noise by ``2 sqrt(pi) s``; ``s`` is chosen to bring the noise down to the fraction
+        ``DARK``, up to ``widest``.
         """
         masks = [None] * len(images) if masks is None else masks
         if noise is None:
@@ -98,7 +106,8 @@ class Brightness:
         else:
             smoothing = 0.0
         if threshold == "auto":
-            threshold = max(floor, SIGMAS_DARK * gain * max(sigmas))
+            level = min(floor, _level_of_faint_light(clean))
+            threshold = max(level, SIGMAS_DARK * gain * max(sigmas))
         certain = max(float(threshold), SIGMAS_CERTAIN * gain * max(sigmas))
         pairs = list(zip(clean, usable, strict=True))
         return cls(
@@ -119,6 +128,60 @@ class Brightness:
         light = np.sum(self.images[view], where=certain, dtype=np.float64)
         lost = np.sum(self.images[view], where=certain & ~explained, dtype=np.float64)
         return float(lost / light) if light > 0 else 0.0
+
+    def carved_away(
+        self,
+        explained: Sequence[NDArray[np.bool_]],
+        seen: Sequence[NDArray[np.bool_]],
+        views: Sequence[int],
+    ) -> float:
+        """Return the fraction of all light in ``seen`` that is not ``explained``.
+
+        Parameters
+        ----------
+        explained, seen : sequence of (height, width) bool
+            One a view: the pixels that see an active voxel, and those that see any voxel.
+        views : sequence of int
+            The views that count.
+
+        Notes
+        -----
+        Light counts above the median of the pixels that see no voxel: a level that the camera adds
+        to all pixels is not carved away. Where noise was cut off at zero, dark pixels have the
+        mean ``sigma / sqrt(2 pi)``, which is no light either. Two standard deviations of the sum
+        are taken off: noise alone is no light.
+        """
+        light = lost = variance = 0.0
+        for view in views:
+            usable, image = self.usable[view], self.images[view]
+            shown = usable & seen[view]
+            level = self._dark_level(view, usable & ~seen[view])
+            light += np.sum(image, where=shown, dtype=np.float64) - level * shown.sum()
+            shown &= ~explained[view]
+            lost += np.sum(image, where=shown, dtype=np.float64) - level * shown.sum()
+            variance += self.noise[view].read ** 2 * shown.sum()
+        lost -= SIGMAS_DARK * math.sqrt(variance)
+        return max(lost / light, 0.0) if light > 0 else 0.0
+
+    def _dark_level(self, view: int, around: NDArray[np.bool_]) -> float:
+        """Return the mean of a view's dark pixels; ``around`` are those that see no voxel."""
+        image, usable = self.images[view], self.usable[view]
+        level = 0.0
+        if np.count_nonzero(around) > ENOUGH_AROUND * image.size:
+            level = max(float(np.median(image[around])), 0.0)
+        if image.min(where=usable, initial=0.0) >= 0:
+            level = max(level, self.noise[view].read / math.sqrt(2 * math.pi))
+        return level
+
+
+def _level_of_faint_light(images: Sequence[NDArray[np.float32]]) -> float:
+    """Return the level below which the pixels of all images hold `FAINT` of the light."""
+    values = np.concatenate([image[image > 0] for image in images])
+    if not len(values):
+        return 0.0
+    values.sort()
+    held = np.cumsum(values, dtype=np.float64)
+    return float(values[np.searchsorted(held, FAINT * held[-1])])
 
 
 def _blurred(

@@ -1,4 +1,4 @@
-"""The smallest margin at which the views do not contradict each other."""
+"""The smallest margin at which views do not contradict each other and faint light stays."""
 
 from __future__ import annotations
 
@@ -25,13 +25,42 @@ MARGINS = (0, 1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 26, 32)
 
 WIDEST_MARGIN = 0.1  # fraction of the smallest image's shorter side
 
-Found = tuple[float, NDArray[np.bool_], list[NDArray[np.bool_]], float]
-"""Margin, active voxels, the pixels they explain, and the fraction of light they do not."""
+CARVED_AWAY = 0.005
+"""Largest fraction of all light that may meet no active voxel: faint light around a bright core is
+part of the flame. Lower: noise and the tails of every flame count."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """The voxels that the votes leave active at a margin, and the light then unexplained.
+
+    Attributes
+    ----------
+    margin : float
+    active : (nx, ny, nz) bool
+    explained : list of (height, width) bool
+        The pixels that see an active voxel.
+    missed : float
+        The largest fraction, over views, of bright light that meets no active voxel.
+    carved_away : float
+        The fraction of all light, however faint, that meets no active voxel.
+    """
+
+    margin: float
+    active: NDArray[np.bool_]
+    explained: list[NDArray[np.bool_]]
+    missed: float
+    carved_away: float
+
+    @property
+    def keeps_the_light(self) -> bool:
+        """Whether no more light is unexplained than noise and rounding make."""
+        return self.missed <= UNEXPLAINED and self.carved_away <= CARVED_AWAY
 
 
 @dataclass(frozen=True, eq=False)
 class Hulls:
-    """The voxels that the votes leave active at a margin, and the light then unexplained.
+    """The hulls of a set of views, by margin and votes.
 
     ``beyond``: see `tomo.hull.dark_votes.dark_votes`.
     """
@@ -55,7 +84,7 @@ class Hulls:
             return True
         return any((certain[view] & self.seen[view]).any() for view in self.voters)
 
-    def at(self, margin: float, enough: int) -> Found:
+    def at(self, margin: float, enough: int) -> Hull:
         """Return the hull in which ``enough`` views find every carved voxel dark."""
         bright = [self.brightness.bright[view] for view in self.voters]
         lattices = [self.lattices[view] for view in self.voters]
@@ -63,7 +92,7 @@ class Hulls:
         active = dark_votes(bright, lattices, self.shape, **how) < enough
         explained = touched(active, self.lattices, self._image_shapes)
         missed = max(self._missed(view, explained[view]) for view in self.voters)
-        return margin, active, explained, missed
+        return Hull(margin, active, explained, missed, self._carved_away(explained))
 
     @property
     def _image_shapes(self) -> list[tuple[int, int]]:
@@ -77,6 +106,14 @@ class Hulls:
         place = place[((place >= 0) & (place < (width, height))).all(axis=1)].astype(np.int64)
         return place[:, 1], place[:, 0]
 
+    def _carved_away(self, explained: list[NDArray[np.bool_]]) -> float:
+        """Return the fraction of all light in the grid that is unexplained."""
+        everything = [np.ones(shape, bool) for shape in self._image_shapes]
+        found = self.brightness.carved_away(explained, everything, self.voters)
+        if found <= CARVED_AWAY:  # light that misses the grid is in it: an upper bound
+            return found
+        return self.brightness.carved_away(explained, self.seen, self.voters)
+
     def _missed(self, view: int, explained: NDArray[np.bool_]) -> float:
         """Return the fraction of a view's certain light in the grid that is unexplained."""
         if not (self.brightness.certain[view] & ~explained).any():
@@ -84,23 +121,25 @@ class Hulls:
         return self.brightness.unexplained(view, explained, self.seen[view])
 
 
-def smallest(hull: Hulls, enough: int, margins: list[float], any_will_do: bool) -> Found | None:
-    """Return the hull of the smallest margin that explains the light; None if none does.
+def smallest(
+    hull: Hulls, enough: int, margins: list[float], any_will_do: bool
+) -> tuple[Hull | None, Hull]:
+    """Return the hull of the smallest margin that keeps the light, if any, and the first tried.
 
     The first margin is tried first, since exact cameras need no other; then by bisection.
     """
-    found = hull.at(margins[0], enough)
-    if found[-1] <= UNEXPLAINED or any_will_do:
-        return found
+    first = hull.at(margins[0], enough)
+    if first.keeps_the_light or any_will_do:
+        return first, first
     best, low, high = None, 0, len(margins)  # margins[low] fails
     while high - low > 1:
         middle = (low + high) // 2
         found = hull.at(margins[middle], enough)
-        if found[-1] <= UNEXPLAINED:
+        if found.keeps_the_light:
             best, high = found, middle
         else:
             low = middle
-    return best
+    return best, first
 
 
 def votes_to_try(votes: int | str, voters: int) -> list[int]:

@@ -12,7 +12,7 @@ from tomo.pipeline.view import View
 
 EXPLAINED, PARTLY, NOT_EXPLAINED, UNKNOWN_VERDICT = VERDICTS = (
     "explained",
-    "explained within noise times",
+    "partly explained",
     "not explained",
     "not known",
 )
@@ -65,9 +65,10 @@ class Answer:
         figures = f"residual {_percent(worst.relative_residual)}, noise "
         figures += _percent(worst.relative_noise)
         if self.verdict == EXPLAINED:
+            rest = f" and {_percent(worst.beyond_noise)} of them" if worst.beyond_noise else ""
             return (
-                f"Explained: the volume reproduces {self._images} up to their noise{without}; "
-                f"least well that of camera {worst.name} ({figures})."
+                f"Explained: the volume reproduces {self._images} up to their noise{rest}"
+                f"{without}; least well that of camera {worst.name} ({figures})."
             )
         causes = f"; likely causes: {'; '.join(self.causes) or UNKNOWN}."
         if self.verdict == NOT_EXPLAINED:

@@ -123,6 +123,7 @@ def register(
         if margin is not None:
             carving = carve(tuple(rig), images, masks, grid, margin=margin, noise=noise)
             masks, active = carving.pixels, carving.active
+            stage.warnings += carving.warnings
     return Registered(rig, masks, active, alignment, carving, refinement, stage.record)
 
 

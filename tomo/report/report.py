@@ -162,6 +162,7 @@ def _view_rows(report: Mapping, results: Results) -> list[dict]:
                 "relative_residual": f"{residual:.2%}" if lit else "dark",
                 "noise": f"{view.relative_noise:.2%}" if lit else "",
                 "ratio": _times(view.residual_over_noise) if lit else "",
+                "beyond": f"{view.beyond_noise:.1%}" if lit else "",
                 "verdict": verdict_of(view) if view.takes_part else "",
                 "bar": residual if lit else 0.0,
                 "gain": f"{figures['gain']:.3f}" if "gain" in figures else "",

@@ -9,7 +9,9 @@ from rigs import ring
 from rigs.lens import Distortion
 from tomo import LinearSystem, VoxelGrid
 from tomo.hull import carve
-from tomo.hull.margins import UNEXPLAINED
+from tomo.hull.darkness import Brightness
+from tomo.hull.margins import CARVED_AWAY, UNEXPLAINED
+from tomo.measurement import NoiseModel
 from tomo.simulation import camera_noise
 
 GRID = VoxelGrid((16, 24, 18), 0.5, (1.0, -2.0, 0.5))
@@ -290,3 +292,67 @@ def test_what_does_not_fit_is_refused(changes, message):
     given = {"images": images, "masks": None, **changes}
     with pytest.raises(ValueError, match=message):
         carve(tuple(rig_of(3)), given.pop("images"), given.pop("masks"), GRID, **given)
+
+
+def core_with_halo():
+    """Return a core and a halo of a thousandth of it that holds 4 to 5 % of the light."""
+    volume = 1000 * ball(0.9) + ball(3.3)
+    assert 0.04 < ball(3.3).sum() / volume.sum() < 0.05
+    return volume
+
+
+def test_a_faint_halo_in_clean_images_stays():
+    rig, volume = rig_of(8), core_with_halo()
+    images = images_of(rig, volume)
+    full = 1.2 * np.max(images)
+    recorded = [np.round(65535 * image / full).astype(np.float32) / 65535 for image in images]
+    found = carve(tuple(rig), recorded, None, GRID)
+    assert volume[~found.active.mask].sum() < 0.004 * volume.sum()
+    assert found.light_carved_away < CARVED_AWAY
+    assert found.active.size < 0.8 * GRID.size
+    assert not found.warnings
+
+
+def test_a_halo_below_the_dark_level_makes_the_margin_grow():
+    rig, volume = rig_of(8), core_with_halo()
+    clean = images_of(rig, volume)
+    brightest = np.max(clean)
+    random = np.random.default_rng(2)
+    noisy = [image + 3e-4 * brightest * random.standard_normal(image.shape) for image in clean]
+    trusting = carve(tuple(rig), noisy, None, GRID, threshold=5e-3 * brightest, margin=0)
+    found = carve(tuple(rig), noisy, None, GRID, threshold=5e-3 * brightest)
+    assert trusting.light_carved_away > CARVED_AWAY
+    assert "missing in the volume" in trusting.warnings[0]
+    assert found.faint_light == trusting.light_carved_away
+    assert found.light_carved_away <= CARVED_AWAY
+    assert found.margin > 0
+    (warning,) = found.warnings
+    assert "faint light around the flame" in warning
+    gone = [volume[~one.active.mask].sum() for one in (found, trusting)]
+    assert gone[0] < 0.6 * gone[1]
+
+
+@pytest.mark.parametrize("change", ["level", "clipped", "noise", "halo"])
+def test_only_light_is_carved_away(change):
+    """A level that all pixels have, noise, and noise cut off at zero are no light."""
+    random = np.random.default_rng(4)
+    image = np.zeros((80, 80), np.float32)
+    image[30:50, 30:50] = 100
+    image += random.standard_normal(image.shape).astype(np.float32)
+    seen = np.zeros(image.shape, bool)
+    seen[5:-5, 5:-5] = True
+    if change == "level":
+        image += 0.5
+    if change == "clipped":
+        image = np.maximum(image, 0)
+    if change == "halo":
+        image[20:60, 20:60] += 2.0
+    explained = np.zeros(image.shape, bool)
+    explained[25:55, 25:55] = True
+    found = Brightness.of([image], None, 1.0, noise=[NoiseModel(1.0)])
+    lost = found.carved_away([explained], [seen], [0])
+    if change == "halo":  # 700 of its 1600 pixels, less two standard deviations of 4000 pixels
+        light = 400 * 100 + 1600 * 2.0
+        assert lost == pytest.approx((1400 - 2 * np.sqrt(4000)) / light, rel=0.2)
+    else:
+        assert lost < 1e-3
