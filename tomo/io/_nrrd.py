@@ -27,12 +27,14 @@ def write(
     data: NDArray[np.float32],
     grid: VoxelGrid,
     length_unit: str,
+    value_unit: str,
     is_packed: bool = True,
 ) -> None:
     """Write ``data`` whose spatial origin is the centre of voxel (0, 0, 0)."""
     import nrrd
 
-    unit = length_unit.replace("µ", "u").replace("μ", "u")  # NRRD headers are ASCII
+    # NRRD headers are ASCII
+    unit, values = (one.replace("µ", "u").replace("μ", "u") for one in (length_unit, value_unit))
     header = {
         "space": "3D-right-handed",
         "space directions": np.diag(grid.spacing),
@@ -41,6 +43,8 @@ def write(
         "kinds": ["domain"] * 3,
         "encoding": "gzip" if is_packed else "raw",
     }
+    if values:
+        header["sample units"] = values
     nrrd.write(str(path), data, header, compression_level=1, index_order="F")
 
 

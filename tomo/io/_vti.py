@@ -30,20 +30,23 @@ _ORDERS = {"LittleEndian": "<", "BigEndian": ">"}
 _OPENING = re.compile(rb"<AppendedData[^>]*+>\s*+_")
 
 
-def write(path: Path, data: NDArray[np.float32], grid: VoxelGrid, length_unit: str) -> None:
+def write(
+    path: Path,
+    data: NDArray[np.float32],
+    grid: VoxelGrid,
+    length_unit: str,
+    value_unit: str,
+) -> None:
     """Write ``data`` as point data whose points are the voxels' centres."""
     extent = " ".join(f"0 {n - 1}" for n in grid.shape)
     origin = " ".join(repr(float(x)) for x in grid.origin)
     spacing = " ".join(repr(float(x)) for x in grid.spacing)
-    unit = " ".join(str(byte) for byte in (*length_unit.encode(), 0))
+    units = {"length_unit": length_unit} | ({"value_unit": value_unit} if value_unit else {})
     head = (
         '<?xml version="1.0"?>\n'
         '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n'
         f'  <ImageData WholeExtent="{extent}" Origin="{origin}" Spacing="{spacing}">\n'
-        "    <FieldData>\n"
-        '      <Array type="String" Name="length_unit" NumberOfTuples="1" format="ascii">'
-        f"{unit}</Array>\n"
-        "    </FieldData>\n"
+        "    <FieldData>\n" + "".join(map(_text, units, units.values())) + "    </FieldData>\n"
         f'    <Piece Extent="{extent}">\n'
         '      <PointData Scalars="emission">\n'
         '        <DataArray type="Float32" Name="emission" format="appended" offset="0"/>\n'
@@ -58,6 +61,15 @@ def write(path: Path, data: NDArray[np.float32], grid: VoxelGrid, length_unit: s
         for iz in range(grid.shape[2]):  # slice by slice: x is the fastest axis on disk
             file.write(np.asfortranarray(data[:, :, iz], dtype="<f4").tobytes(order="F"))
         file.write(b"\n  </AppendedData>\n</VTKFile>\n")
+
+
+def _text(name: str, text: str) -> str:
+    """Return an array of field data with one string."""
+    codes = " ".join(str(byte) for byte in (*text.encode(), 0))
+    return (
+        f'      <Array type="String" Name="{name}" NumberOfTuples="1" format="ascii">'
+        f"{codes}</Array>\n"
+    )
 
 
 def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:

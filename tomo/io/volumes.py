@@ -76,6 +76,7 @@ def write_volume(
     grid: VoxelGrid,
     length_unit: str = "mm",
     *,
+    value_unit: str = "",
     allow_nan: bool = False,
 ) -> None:
     """Write a volume as ``.npz``, ``.vti`` or ``.nrrd``, whole or not at all.
@@ -89,6 +90,9 @@ def write_volume(
     grid : VoxelGrid
     length_unit : str
         One short word.
+    value_unit : str
+        The unit of the values, such as ``full scales per mm``; not written when empty. It stands
+        in ``.npz`` as ``value_unit``, in ``.vti`` as field data, in ``.nrrd`` as ``sample units``.
     allow_nan : bool
         Whether voxels may be NaN: unseen ones.
 
@@ -105,6 +109,7 @@ def write_volume(
         raise ValueError(f"{path}: found volume shape {data.shape}, expected {grid.shape}")
     try:
         check_length_unit(length_unit)
+        _check_value_unit(value_unit)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     with np.errstate(over="ignore"):
@@ -114,16 +119,22 @@ def write_volume(
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     with atomic_path(path) as temporary:
-        writer(temporary, data, grid, length_unit)
+        writer(temporary, data, grid, length_unit, value_unit)
         values = temporary.stat().st_size - _HEADERS
         if data.nbytes + _HEADERS > largest_claim(values):  # no reader would take it
-            writer(temporary, data, grid, length_unit, is_packed=False)
+            writer(temporary, data, grid, length_unit, value_unit, is_packed=False)
 
 
 def check_length_unit(length_unit: str) -> None:
     """Raise ValueError unless every format can hold the unit: one word, as in ``mm``."""
     if not length_unit.isprintable() or len(length_unit.split()) != 1 or '"' in length_unit:
         raise ValueError(f"length_unit: found {length_unit!r}, expected one word, like mm")
+
+
+def _check_value_unit(value_unit: str) -> None:
+    """Raise ValueError unless every format can hold the unit: some printable text."""
+    if not value_unit.isprintable() or '"' in value_unit:
+        raise ValueError(f"value_unit: found {value_unit!r}, expected text, like counts per mm")
 
 
 def _three(found: ArrayLike, name: str) -> tuple[float, float, float]:
@@ -156,10 +167,16 @@ def _read_npz(path: Path) -> tuple:
 
 
 def _write_npz(
-    path: Path, data: NDArray, grid: VoxelGrid, length_unit: str, is_packed: bool = True
+    path: Path,
+    data: NDArray,
+    grid: VoxelGrid,
+    length_unit: str,
+    value_unit: str,
+    is_packed: bool = True,
 ) -> None:
     save = np.savez_compressed if is_packed else np.savez
-    save(path, data=data, origin=grid.origin, spacing=grid.spacing, length_unit=length_unit)
+    units = {"length_unit": length_unit} | ({"value_unit": value_unit} if value_unit else {})
+    save(path, data=data, origin=grid.origin, spacing=grid.spacing, **units)
 
 
 _FORMATS: dict[str, tuple[Callable[[Path], tuple], Callable[..., None]]] = {

@@ -97,6 +97,7 @@ def assemble(
         scan={
             "frame": stages.load.frame,
             "scale": scan.shrink,
+            "value_unit": scan.value_unit(stages.load.frame),
             "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},
         },
         projector=_projector(system, options.tracer),

@@ -82,4 +82,7 @@ def _unseen_warning(unseen: NDArray[np.bool_], value: str) -> list[str]:
         return []
     fraction = np.count_nonzero(unseen) / unseen.size
     how_many = f"{fraction:.1%}" if fraction >= 0.0005 else "less than 0.1%"
-    return [f"{how_many} of the voxels are seen by no camera: their {value} says nothing"]
+    return [
+        f"{how_many} of the voxels are seen by no camera: their {value} says nothing. Use a "
+        "smaller grid, or mark them with --unseen nan"
+    ]

@@ -15,6 +15,7 @@ from tomo.measurement import NoiseModel, PixelWeights, weigh_pixels
 from tomo.operators import STORED, LinearSystem
 from tomo.operators.system import Progress, VolumeNotSeenError
 from tomo.operators.view_gains import Gains
+from tomo.pipeline.advice import lines_for_gains
 from tomo.pipeline.basis import Basis, in_basis, reason_of_method
 from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.first_use import warm_up
@@ -82,12 +83,13 @@ def build(
         measured = system.flatten(screened.images)
         if not (measured > 0).any():
             stage.warnings.append(
-                "no usable pixel that sees the volume is above 0: the volume is empty"
+                "no usable pixel that sees the volume is above 0: the volume is empty. Check the "
+                "exposure, and whether too much is subtracted as dark"
             )
         gains = gains_worth_correcting(system.projector, measured, options.fit_gain)
         if gains:
             measured = gains.correct(system.projector, measured)
-            stage.warnings += _warning_of_gains(gains, options.fit_gain)
+            stage.warnings += _warning_of_gains(gains, options.fit_gain, screened)
         against = reason_of_method(
             methods[0],
             system.projector.n_views,
@@ -121,7 +123,11 @@ def weigh_images(
 
 def blind_warnings(system: LinearSystem) -> list[str]:
     """Return a line for each camera of which no usable pixel sees the volume."""
-    return [f"camera {name}: none of its usable pixels sees the volume" for name in system.blind]
+    return [
+        f"camera {name}: none of its usable pixels sees the volume. Check its pose, its mask and "
+        "the grid (check-rig), or hold it out"
+        for name in system.blind
+    ]
 
 
 def _traced(
@@ -174,10 +180,17 @@ def _weighted(
     return weights, found.report()
 
 
-def _warning_of_gains(gains: Gains, asked: bool | None) -> list[str]:
+def _warning_of_gains(gains: Gains, asked: bool | None, screened: ScreenedScan) -> list[str]:
     if asked:
         return []
+    scan = screened.scan
+    lines = lines_for_gains(gains, scan.rig.names, scan.corrections)
+    advice = (
+        f"To have it in the scan, write into scan.yaml: {' and '.join(lines)}"
+        if lines
+        else "See report.json, gains, and check exposures and dark frames"
+    )
     return [
         f"the cameras' gains differ by {gains.disagreement:.1%}, or their backgrounds: both were "
-        "fitted and corrected"
+        f"fitted and corrected. {advice}"
     ]

@@ -96,7 +96,10 @@ def read_reference(scan: Scan, grid: VoxelGrid) -> Reference:
                 truth = data
             else:
                 name = scan.truth.name if isinstance(scan.truth, Path) else "truth"
-                stage.warnings.append(f"{name}: the truth is on another grid: no quality figures")
+                stage.warnings.append(
+                    f"{name}: the truth is on another grid: no quality figures. Reconstruct on "
+                    "its grid (--grid, --spacing, --center) to compare"
+                )
     return Reference(truth, effects, stage.record)
 
 

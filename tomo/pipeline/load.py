@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tomo.pipeline.stage import Record, timed
 from tomo.scan import Scan
+from tomo.scan.corrections import correction_line
 from tomo.scan.scan import Images, Masks
+
+SATURATED = 0.01
+"""Fraction of a camera's bright pixels at full scale, above which a warning names it. Lower: the
+brightest pixels of images scaled to their maximum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,5 +42,20 @@ def load(scan: Scan, frame: str | None) -> LoadedScan:
     """Read a frame's images; the first frame's when None."""
     with timed() as stage:
         name = scan.frame(frame).name
-        images, masks = scan.read(name)
+        images, masks, saturated = scan.read_with_saturation(name)
+        stage.warnings += _of_saturation(saturated)
     return LoadedScan(scan, name, images, masks, stage.record)
+
+
+def _of_saturation(saturated: Mapping[str, float]) -> list[str]:
+    """Return the line on cameras of which many bright pixels are at full scale."""
+    names = [name for name, fraction in saturated.items() if fraction > SATURATED]
+    if not names:
+        return []
+    worst = max(names, key=saturated.__getitem__)
+    return [
+        f"saturation: {saturated[worst]:.1%} of camera {worst}'s bright pixels are at full scale"
+        + (f", and too many of {len(names) - 1} more cameras" if len(names) > 1 else "")
+        + ": they were left out. Expose for a shorter time. Where a camera saturates below full "
+        f"scale, say so in scan.yaml: {correction_line('saturation', {worst: 0.98})}"
+    ]

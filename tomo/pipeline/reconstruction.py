@@ -63,7 +63,8 @@ class Reconstruction:
     options : Options
         The options asked for.
     scan : mapping
-        ``frame, scale, grid``: the frame's name, by how much images were shrunk, the voxels.
+        ``frame, scale, value_unit, grid``: the frame's name, by how much images were shrunk, the
+        unit of the volume's values, the voxels.
     projector, basis, pixel_weights : mapping
         The form of the projector, the unknowns and the pixels' weights that were used, and why.
     learned : LearnedWeights, optional
@@ -109,6 +110,11 @@ class Reconstruction:
     def answer(self) -> Answer:
         """Whether the volume explains the images, and the likely causes where it does not."""
         return answer_of(self)
+
+    @property
+    def value_unit(self) -> str:
+        """The unit of the volume's values, such as ``full scales per mm``; empty if unknown."""
+        return self.scan.get("value_unit", "")
 
     def report(self) -> dict[str, Any]:
         """Return the contents of ``report.json``: plain numbers, strings, lists and mappings."""

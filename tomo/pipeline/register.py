@@ -172,7 +172,7 @@ def _of_alignment(found: Alignment, rig: Rig, unmodelled_light: bool) -> list[st
     worst = int(np.argmax(lengths))
     return [
         f"camera {rig.names[worst]} looks {lengths[worst]:.1f} pixels beside where the "
-        f"rig says, others less: images were shifted to agree ({found.reason}); "
+        f"rig says, others less: images were shifted to agree ({found.reason}): "
         f"{_advice('calibrate again', unmodelled_light)}"
     ]
 
@@ -180,8 +180,14 @@ def _of_alignment(found: Alignment, rig: Rig, unmodelled_light: bool) -> list[st
 def _of_refinement(found: Refinement) -> str:
     names = ", ".join(found.cameras)
     if found.accepted:
-        return f"cameras refined from the images: {names}: {found.reason}"
-    return f"cameras stay as the rig says: {names}: {found.reason}"
+        return (
+            f"cameras refined from the images: {names}: {found.reason}. Use refined_rig.yaml for "
+            "further frames"
+        )
+    return (
+        f"cameras stay as the rig says: {names}: {found.reason}. Leave --refine-cameras out, or "
+        "name other cameras"
+    )
 
 
 def _advice(usual: str, unmodelled_light: bool) -> str:

@@ -275,6 +275,9 @@ def _save_encoder(found: Solution, path: str) -> list[str]:
     from tomo.wernet import save_encoder
 
     if found.encoder is None:
-        return [f"save_encoder: {path} was not written: no encoder was trained"]
+        return [
+            f"save_encoder: {path} was not written: no encoder was trained. "
+            "Use a method that trains one (--method wernet), or leave --save-encoder out"
+        ]
     save_encoder(found.encoder, path)
     return []

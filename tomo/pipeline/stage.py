@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+UNAFFECTED = "The volume is not affected: use it without, and report this line"
+"""What to do where a step after the solve fails."""
+
 
 @dataclass
 class Stage:
@@ -64,4 +67,4 @@ def as_warning(step: str, warnings: list[str]) -> Iterator[None]:
         reason = " ".join(str(error).split())
         if not (reason and isinstance(error, (ValueError, RuntimeError))):
             reason = f"{type(error).__name__}: {reason}".removesuffix(": ")
-        warnings.append(f"{step}: {reason}")
+        warnings.append(f"{step}: {reason}. {UNAFFECTED}")

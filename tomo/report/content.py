@@ -67,6 +67,8 @@ class Results:
         Weights learned in place of segment lengths.
     deviation : (nx, ny, nz), optional
         The standard deviation of every voxel.
+    value_unit : str
+        The unit of the volume's values; empty if unknown.
     """
 
     rig: Rig
@@ -79,6 +81,7 @@ class Results:
     method: str = "reconstruction"
     learned: LearnedWeights | None = None
     deviation: NDArray | None = None
+    value_unit: str = ""
 
     def __post_init__(self) -> None:
         """Take mappings for views and histories too, and check shapes."""

@@ -42,16 +42,18 @@ def write_outcome(
     drawn where ``with_pictures`` is False, and the page has none.
     """
     found, report = outcome.solution, outcome.report()
+    length, unit = outcome.rig.length_unit, outcome.value_unit
     others = (RIG_FILE, *DEVIATION_FILES, *(f"{name}.png" for name in PICTURES))
     with whole_folder(folder, last=(PAGE, FIGURES), others=others) as staging:
         for name in VOLUME_FILES:
             path = staging / name
-            write_volume(path, outcome.volume, found.grid, outcome.rig.length_unit, allow_nan=True)
+            volume = outcome.volume
+            write_volume(path, volume, found.grid, length, value_unit=unit, allow_nan=True)
         results = results_of(outcome)
         if results.deviation is not None:
             for name in DEVIATION_FILES:
                 path = staging / name
-                write_volume(path, results.deviation, found.grid, outcome.rig.length_unit)
+                write_volume(path, results.deviation, found.grid, length, value_unit=unit)
         pictures = draw(results, report["warnings"]) if with_pictures else ()
         write_pictures(staging, pictures)
         write_report(staging / PAGE, report, results, pictures)
@@ -75,6 +77,7 @@ def results_of(outcome: Reconstruction) -> Results:
         comparisons=[(other.settings["method"], other.volume) for other in outcome.comparisons],
         method=found.settings["method"],
         learned=outcome.learned,
+        value_unit=outcome.value_unit,
         deviation=condition.standard_deviation if condition and condition.mapped else None,
     )
 

@@ -84,8 +84,8 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
             lambda: draw_volume(
                 results.volume, grid, length_unit=unit, title=f"Reconstruction, {results.method}"
             ),
-            "The reconstructed emission: planes through the middle of the volume, its integrals "
-            "along the three axes, and surfaces of equal emission.",
+            f"The reconstructed emission{_in_units(results)}: planes through the middle of the "
+            "volume, its integrals along the three axes, and surfaces of equal emission.",
             "Three slices, three projections and nested surfaces of the reconstructed volume.",
         ),
         (
@@ -139,6 +139,11 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
             "Middle planes of the emission and of its standard deviation side by side.",
         ),
     ]
+
+
+def _in_units(results: Results) -> str:
+    """Return words for the unit of the values, where it is known."""
+    return f" in {results.value_unit}" if results.value_unit else ""
 
 
 def _has_cosine(results: Results) -> bool:

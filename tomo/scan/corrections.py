@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
@@ -34,7 +35,8 @@ class Corrections:
     mask : Path, or a mapping to Path
         An image that is non-zero where the pixel is usable.
     saturation : float, or a mapping to float
-        Raw pixels at or above it are unusable; 1 is an integer image's full scale.
+        Raw pixels at or above it are unusable; 1, an integer image's full scale, where none is
+        given for images of integers.
     bit_depth : int, or a mapping to int
         Bits that the camera really uses of an integer image: 12 of 16, say.
     """
@@ -53,7 +55,7 @@ class Corrections:
 
     def corrected(
         self, image: Path | NDArray, camera: str, size: tuple[int, int], source: Path | None = None
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]:
         """Read a camera's image, unless it is in memory, and correct it.
 
         Parameters
@@ -71,6 +73,8 @@ class Corrections:
         image : (height, width) float32
             Zero where it is not usable.
         usable : (height, width) bool
+        full : (height, width) bool
+            True where an integer pixel is at full scale: its light is not known.
 
         Raises
         ------
@@ -86,6 +90,8 @@ class Corrections:
         )
         usable = np.ones(size[::-1], bool) if mask is None else mask != 0
         raw = _read(image, camera, size, self.of("bit_depth", camera), usable)
+        full = raw >= 1 if holds_integers(image) else np.zeros(raw.shape, bool)
+        usable = usable & ~full
         saturation = self.of("saturation", camera)
         if saturation is not None:
             usable = usable & (raw < saturation)
@@ -96,7 +102,7 @@ class Corrections:
             usable = usable & lit
         if gain is not None:
             values = values * gain
-        return np.where(usable, values, 0).astype(np.float32), usable
+        return np.where(usable, values, 0).astype(np.float32), usable, full
 
     def _check_scale(self, image: Path | NDArray, camera: str, source: Path | None) -> None:
         """Refuse corrections in a camera's counts: they would never, or always, be reached."""
@@ -120,6 +126,21 @@ class Corrections:
         # a mask's numbers are no intensities: they have a depth of their own
         bits = None if name == "mask" else self.of("bit_depth", camera)
         return _read(value, camera, size, bits)
+
+
+def correction_line(correction: str, values: float | Mapping[str, float]) -> str:
+    """Return the line of a scan.yaml with one correction, numbers rounded to three digits.
+
+    >>> correction_line("dark", {"cam03": 0.015712})
+    'corrections: {dark: {cam03: 0.0157}}'
+    """
+    import yaml
+
+    each = isinstance(values, Mapping)
+    rounded = {k: float(f"{v:.3g}") for k, v in values.items()} if each else float(f"{values:.3g}")
+    content = {"corrections": {correction: rounded}}
+    text = yaml.safe_dump(content, default_flow_style=True, width=math.inf, sort_keys=False)
+    return text.strip()[1:-1]
 
 
 def holds_integers(image: Path | NDArray) -> bool:

@@ -267,13 +267,33 @@ class Scan:
         FileNotFoundError
             If an image or a correction's image is missing.
         """
+        images, masks, _ = self.read_with_saturation(frame)
+        return images, masks
+
+    def read_with_saturation(
+        self, frame: str | None = None
+    ) -> tuple[Images, Masks, dict[str, float]]:
+        """Return what `read` does, and the fraction of each camera's bright pixels at full scale.
+
+        Pixels are bright at full scale and above half of the brightest other one. It is 0 for
+        images of no integers.
+        """
         chosen = self.frame(frame)
-        pairs = [self._read_one(chosen, name) for name in self.rig.names]
-        return [image for image, _ in pairs], [mask for _, mask in pairs]
+        found = [self._read_one(chosen, name) for name in self.rig.names]
+        images, masks, saturated = map(list, zip(*found, strict=True))
+        return images, masks, dict(zip(self.rig.names, saturated, strict=True))
 
     def holds_integers(self, frame: str | None = None) -> bool:
         """Tell whether all images of a frame hold integers, which reading scales to 0..1."""
         return all(holds_integers(image) for image in self.frame(frame).images.values())
+
+    def value_unit(self, frame: str | None = None) -> str:
+        """Return the unit of a volume from these images: theirs over the unit of length.
+
+        Integers are divided by their full scale; other images have a unit of their own.
+        """
+        own = self.corrections.gain is None and self.holds_integers(frame)
+        return f"{'full scales' if own else 'image units'} per {self.rig.length_unit}"
 
     def read_truth(self) -> tuple[NDArray[np.float32], VoxelGrid] | None:
         """Return the true volume and the grid that it lies on; None without one."""
@@ -282,12 +302,15 @@ class Scan:
         data, grid, _ = read_volume(self.truth)
         return data, grid
 
-    def _read_one(self, frame: Frame, camera: str) -> tuple[NDArray, NDArray]:
+    def _read_one(self, frame: Frame, camera: str) -> tuple[NDArray, NDArray, float]:
         if camera not in frame.images:
             raise ValueError(
                 f"{self._where}frame {frame.name!r}: camera {camera}: found no image, "
                 "expected one for every camera of the rig"
             )
         path, size = frame.images[camera], self.recorded_sizes[camera]
-        image, usable = self.corrections.corrected(path, camera, size, source=self.source)
-        return area_means(image, self.shrink), all_of_area(usable, self.shrink)
+        image, usable, full = self.corrections.corrected(path, camera, size, source=self.source)
+        count = np.count_nonzero(full)
+        bright = np.count_nonzero(image > 0.5 * image.max(initial=0.0)) if count else 0
+        saturated = count / (count + bright) if count else 0.0
+        return area_means(image, self.shrink), all_of_area(usable, self.shrink), saturated

@@ -19,6 +19,7 @@ from tomo.measurement import (
     find_outlier_pixels,
 )
 from tomo.operators.system import VolumeNotSeenError
+from tomo.scan.corrections import correction_line
 from tomo.screening.outside_light import light_outside
 from tomo.screening.view_consistency import ViewConsistency, check_consistency
 
@@ -92,7 +93,8 @@ class Screening:
         return [
             f"{len(self.background)} of {len(self.outliers)} cameras' images have a uniform "
             f"background, camera {worst} the highest ({self.background[worst]:.3g}). The volume "
-            "has to explain it, and gains and cameras may seem wrong. Subtract it as a dark frame"
+            "has to explain it, and gains and cameras may seem wrong. Subtract it: add to the "
+            f"dark level in scan.yaml {correction_line('dark', _largest(self.background))}"
         ]
 
     def _outside_warnings(self) -> list[str]:
@@ -110,6 +112,7 @@ class Screening:
         return [
             f"{view.in_words()}: "
             + ("it stays held out" if view.name in self.held_out else "excluded")
+            + ". Check whose image it is, its orientation and its moment, or calibrate it again"
             for view in self.views
             if view.inconsistent
         ]
@@ -122,7 +125,8 @@ class Screening:
         total = sum(self.outliers.values()) / max(sum(self.usable.values()), 1)
         return [
             f"{total:.2%} of the pixels are outliers, camera {worst} has most "
-            f"({fractions[worst]:.2%}): excluded"
+            f"({fractions[worst]:.2%}): excluded. Mask what is not single pixels (scan.yaml, "
+            "corrections: mask)"
         ]
 
     def _below_zero_warnings(self) -> list[str]:
@@ -132,7 +136,8 @@ class Screening:
         return [
             f"dark regions of {len(self.below_zero)} of {len(self.outliers)} cameras' images lie "
             f"below zero, camera {worst}'s most (by {self.below_zero[worst]:.3g}). Too much was "
-            "subtracted as dark, and the volume is too faint. Check the dark frames"
+            "subtracted as dark, and the volume is too faint. Check the dark frames, or lower the "
+            "dark level in scan.yaml (corrections: dark) by that much"
         ]
 
     def report(self) -> dict[str, Any]:
@@ -152,6 +157,11 @@ class Screening:
             "light_outside_grid": dict(self.outside),
             "views": {view.name: view.report() for view in self.views},
         }
+
+
+def _largest(levels: Mapping[str, float], most: int = 8) -> dict[str, float]:
+    """Return the largest levels, by camera: more make a line too long."""
+    return dict(sorted(levels.items(), key=lambda one: -one[1])[:most])
 
 
 def screen_images(

@@ -230,3 +230,20 @@ def test_an_nrrd_that_does_not_say_how_its_numbers_are_stored_is_refused(tmp_pat
     path.write_bytes(head.encode() + bytes(4))
     with pytest.raises(ValueError, match=words):
         read_volume(path)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_files_carry_the_unit_of_their_values(tmp_path, suffix):
+    path = tmp_path / f"volume{suffix}"
+    write_volume(path, VOLUME, GRID, "mm", value_unit="full scales per mm")
+    np.testing.assert_array_equal(read_volume(path)[0], VOLUME)
+    if suffix == ".npz":
+        assert str(np.load(path)["value_unit"]) == "full scales per mm"
+    if suffix == ".nrrd":
+        assert b"sample units: full scales per mm" in path.read_bytes()
+    if suffix == ".vti":
+        head = path.read_bytes().partition(b"<AppendedData")[0].decode()
+        codes = head.partition('Name="value_unit"')[2].partition(">")[2].partition("<")[0]
+        assert bytes(map(int, codes.split())) == b"full scales per mm\0"
+    with pytest.raises(ValueError, match="value_unit: found"):
+        write_volume(path, VOLUME, GRID, value_unit="counts\n")

@@ -86,6 +86,8 @@ def test_integer_images_are_evaluated_over_their_full_scale(copy, outcome):
         tifffile.imwrite(path, np.round(pixels / 4 * 65535).astype(np.uint16))
     found = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"], **SIRT))
     assert found.data_range == 1
+    assert found.value_unit == found.report()["scan"]["value_unit"] == "full scales per mm"
+    assert outcome.value_unit == "image units per mm"
     brightest = max(tifffile.imread(p).max() for p in copy.glob("images/*/*.tif")) / 65535
     assert outcome.data_range == pytest.approx(4 * brightest, rel=1e-3)
 

@@ -110,5 +110,5 @@ class _Shown:
     def __getattr__(self, name):
         return getattr(self._scan, name)
 
-    def read(self, frame):
-        return self._images, self._scan.read(frame)[1]
+    def read_with_saturation(self, frame):
+        return self._images, *self._scan.read_with_saturation(frame)[1:]

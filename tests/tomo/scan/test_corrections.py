@@ -66,9 +66,32 @@ def test_counts_of_a_camera_are_no_correction_of_integers(folder, name, edit, as
 
 
 def test_bit_depth_reaches_the_images(folder, edit):
-    write_image(folder / "images/left/first.tif", np.full((5, 7), 4095, np.uint16))
+    write_image(folder / "images/left/first.tif", np.full((5, 7), 4000, np.uint16))
     edit(folder, lambda content: content.update(corrections={"bit_depth": {"left": 12}}))
-    np.testing.assert_array_equal(load_scan(folder).images()[0], 1)
+    np.testing.assert_allclose(load_scan(folder).images()[0], 4000 / 4095, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("kind", "bits", "full"),
+    [
+        (np.uint16, 12, 4095),
+        (np.uint16, None, 65535),
+        (np.uint8, None, 255),
+        (np.float32, None, 1),
+    ],
+)
+def test_integers_at_full_scale_are_left_out(rig, kind, bits, full):
+    """The light of a saturated pixel is not known; floating point has no full scale."""
+    width, height = rig["left"].image_size
+    image = np.full((height, width), 0.9 * full).astype(kind)
+    image[2, 3:5] = full
+    corrections = Corrections(bit_depth=bits, dark=0.01)
+    scan = Scan.from_arrays(rig[:1], {"left": image}, corrections=corrections)
+    (shown,), (usable,), saturated = scan.read_with_saturation()
+    expected = [[2, 3], [2, 4]] if kind is not np.float32 else []
+    assert np.argwhere(~usable).tolist() == expected
+    assert saturated["left"] == pytest.approx(len(expected) / (height * width))
+    np.testing.assert_array_equal(shown[~usable], 0)
 
 
 def test_corrections_of_a_scan_built_by_hand(tmp_path, rig, frames):

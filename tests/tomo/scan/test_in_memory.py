@@ -57,7 +57,7 @@ def test_a_truth_on_another_grid_is_a_warning():
     scan = tomo.simulate(RIG, create("jet", 1, GRID.extent), GRID)
     other = VoxelGrid((3, 5, 3), 2.0)
     found = tomo.reconstruct(scan, other, Options(method="sirt", iterations=2))
-    assert found.warnings[0] == "truth: the truth is on another grid: no quality figures"
+    assert found.warnings[0].startswith("truth: the truth is on another grid: no quality")
     assert found.truth is None
 
 
