@@ -56,7 +56,7 @@ def test_the_volumes_are_equal_and_on_the_grid(done):
         np.testing.assert_allclose(grid.spacing, GRID.spacing, rtol=1e-12)
         assert unit == "mm"
     with np.load(out / "volume.npz", allow_pickle=False) as archive:
-        assert set(archive) == {"data", "origin", "spacing", "length_unit"}
+        assert set(archive) == {"data", "origin", "spacing", "length_unit", "value_unit"}
 
 
 def test_the_report_is_printed_written_and_true(done, scan):
@@ -165,11 +165,12 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
     assert report["scan"] == {
         "frame": "frame_000",
         "scale": 2,
+        "value_unit": "image units per mm",
         "grid": {"shape": [4, 7, 4], "spacing": [2.0, 2.0, 2.4], "center": [10.0, 0.0, -3.0]},
     }
     assert {key: report["settings"][key] for key in expected} == expected
     of_truth, of_views = report["warnings"]
-    assert of_truth == "truth.npz: the truth is on another grid: no quality figures"
+    assert of_truth.startswith("truth.npz: the truth is on another grid: no quality figures. ")
     assert of_views.startswith("not to be trusted: few directions: ")
     assert report["rays"] == 3 * 12 * 16 * 2**2
 
