@@ -106,7 +106,8 @@ class Brightness:
         else:
             smoothing = 0.0
         if threshold == "auto":
-            level = min(floor, _level_of_faint_light(clean))
+            noise_free = SIGMAS_CERTAIN * gain * max(sigmas)
+            level = min(floor, _level_of_faint_light(clean, noise_free))
             threshold = max(level, SIGMAS_DARK * gain * max(sigmas))
         certain = max(float(threshold), SIGMAS_CERTAIN * gain * max(sigmas))
         pairs = list(zip(clean, usable, strict=True))
@@ -174,11 +175,14 @@ class Brightness:
         return level
 
 
-def _level_of_faint_light(images: Sequence[NDArray[np.float32]]) -> float:
-    """Return the level below which the pixels of all images hold `FAINT` of the light."""
-    values = np.concatenate([image[image > 0] for image in images])
+def _level_of_faint_light(images: Sequence[NDArray[np.float32]], least: float) -> float:
+    """Return the level below which pixels above ``least`` hold `FAINT` of the light.
+
+    Below ``least`` noise would count as light.
+    """
+    values = np.concatenate([image[image > least] for image in images])
     if not len(values):
-        return 0.0
+        return math.inf
     values.sort()
     held = np.cumsum(values, dtype=np.float64)
     return float(values[np.searchsorted(held, FAINT * held[-1])])
