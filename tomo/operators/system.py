@@ -208,6 +208,26 @@ class LinearSystem:
             [image.ravel()[kept] for image, kept in zip(images, self.pixels, strict=True)]
         )
 
+    def blocks(self, edge: float) -> NDArray[np.int64]:
+        """Return a number for each pixel that takes part: that of its square block, ``(pixels,)``.
+
+        Parameters
+        ----------
+        edge : float
+            Edge of a block, in voxels at the grid's centre; at least a pixel.
+        """
+        grid, found, first = self.projector.grid, [], 0
+        footprints = np.asarray(self.rig.footprint(grid.center))  # of a pixel, (cameras,)
+        for camera, kept, footprint in zip(self.rig, self.pixels, footprints, strict=True):
+            across = edge * max(grid.spacing) / footprint
+            side = max(round(float(across)), 1) if np.isfinite(across) else 1
+            width, height = camera.image_size
+            rows, columns = np.divmod(kept, width)
+            columns_of_blocks = -(-width // side)
+            found.append(first + rows // side * columns_of_blocks + columns // side)
+            first += columns_of_blocks * -(-height // side)
+        return np.concatenate(found)
+
     def images(self, flat: NDArray[np.float32]) -> list[NDArray[np.float32]]:
         """Return ``(height, width)`` images of a flat vector; zero where no row is."""
         images = []

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tomo.operators import LINEAR, STORED, VOXEL, LinearSystem
 from tomo.pipeline.methods import AUTO, Method
-from tomo.selection.basis import error_ratio
-from tomo.selection.choose import FEW_VIEWS
+from tomo.selection.folds import FEW_VIEWS
 
 LARGEST_PIXEL = 0.62
 """Largest pixel, in voxel edges, at which the linear basis is tried. With larger pixels rays miss
@@ -31,58 +29,47 @@ class Basis:
     ----------
     name : str
     reason : str
-    error_ratio : float
-        The squared error of left-out views by the linear basis over that by the voxel basis; NaN
-        where they were not compared.
     """
 
     name: str
     reason: str
-    error_ratio: float = math.nan
 
     def report(self) -> dict[str, Any]:
         """Return plain values."""
-        ratio = None if math.isnan(self.error_ratio) else self.error_ratio
-        return {"name": self.name, "reason": self.reason, "error_ratio": ratio}
+        return {"name": self.name, "reason": self.reason}
 
 
 def in_basis(
-    system: LinearSystem,
-    measured: NDArray[np.float32],
-    asked: str,
-    supersample: int,
-    against: str,
+    system: LinearSystem, asked: str, supersample: int, against: str
 ) -> tuple[LinearSystem, Basis]:
-    """Return the system in the basis that is asked for, or that the images ask for.
+    """Return the system in the basis that is asked for, or linear where that is possible.
 
     Parameters
     ----------
     system : LinearSystem
         In the voxel basis.
-    measured : (pixels,) float32
     asked : {"auto", "voxel", "linear"}
     supersample : int
         Rays along each side of a pixel.
     against : str
-        Why ``auto`` keeps the voxel basis, see `reason_of_method`; empty: the images choose.
+        Why ``auto`` keeps the voxel basis, see `reason_of_method`; empty where it need not.
     """
     if asked == LINEAR:
         return system.with_linear_basis(supersample), Basis(LINEAR, "as asked for")
     if asked != AUTO or against:
         return system, Basis(VOXEL, against if asked == AUTO else "as asked for")
-    return better_basis(system, measured, supersample)
+    return linear_where_possible(system, supersample)
 
 
-def better_basis(
-    system: LinearSystem, measured: NDArray[np.float32], supersample: int = 1
+def linear_where_possible(
+    system: LinearSystem, supersample: int = 1
 ) -> tuple[LinearSystem, Basis]:
-    """Return the system in the basis that predicts left-out views better.
+    """Return the system in the linear basis, or in the voxel basis with the reason against it.
 
     Parameters
     ----------
     system : LinearSystem
         In the voxel basis.
-    measured : (pixels,) float32
     supersample : int
         Rays along each side of a pixel.
     """
@@ -93,13 +80,7 @@ def better_basis(
         linear = system.with_linear_basis(supersample)
     except ValueError as error:  # too large, or a camera beside which the grid's centre lies
         return system, Basis(VOXEL, str(error))
-    ratio = error_ratio(linear.projector, system.projector, measured)
-    if math.isnan(ratio):
-        return system, Basis(VOXEL, "too few views or dark images: the bases were not compared")
-    left = f"the linear basis leaves {ratio:.2f} of the squared error of left-out views"
-    if ratio < 1:
-        return linear, Basis(LINEAR, left, ratio)
-    return system, Basis(VOXEL, left, ratio)
+    return linear, Basis(LINEAR, "images show no edges of voxels")
 
 
 def reason_of_method(method: Method, n_views: int, *, encoder: bool, freeze_encoder: bool) -> str:

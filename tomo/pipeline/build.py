@@ -96,7 +96,7 @@ def build(
             encoder=options.encoder is not None,
             freeze_encoder=options.freeze_encoder,
         )
-        system, basis = in_basis(system, measured, options.basis, options.supersample, against)
+        system, basis = in_basis(system, options.basis, options.supersample, against)
         weights, weighting = _weighted(system, screened, gains, options, methods)
     return WeightedSystem(
         system,

@@ -14,20 +14,25 @@ from numpy.typing import NDArray
 from tomo.operators import LINEAR, VOXEL, LinearSystem
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.system import Progress
-from tomo.pipeline.basis import better_basis
+from tomo.pipeline.basis import linear_where_possible
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.checks import comparison
 from tomo.pipeline.methods import AUTO, Method, method_named
 from tomo.pipeline.options import Options
 from tomo.pipeline.stage import Record, as_warning, timed
-from tomo.selection import Choice, choose_by_held_out_views
-from tomo.selection.choose import solve_as_chosen
+from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
+from tomo.selection.choose import METHOD
 from tomo.solvers import Iteration, Solution
 from tomo.uncertainty import Solve
 
 Watch = Callable[[NDArray[np.float32]], float]
 """Called with the voxels' means ``(nx, ny, nz)`` after every iteration; what it returns becomes
 `Iteration.distance`."""
+
+
+BLOCK = 2.0
+"""Edge, in voxels, of the blocks of pixels that are left out together. Smaller ones are predicted
+by their own neighbours, larger ones show what the other views leave open more than the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +64,7 @@ def solve(
     watch: Watch | None = None,
     progress: Progress | None = None,
 ) -> Solved:
-    """Solve the equations by the method of the options; refit in the linear basis if better."""
+    """Solve the equations by the method of the options; refit what was learned by voxels."""
     with timed() as stage:
         method = method_named(options.method)
         found = solve_by(method, options.iterations, built, options, watch, progress)
@@ -132,12 +137,16 @@ def solve_by(
 
     extra: dict[str, Any] = {}
     if method.name == AUTO:
-        choice = choose_by_held_out_views(
-            projector, built.measured, weights=built.weights, progress=progress
+        choice = choose_by_left_out_pixels(
+            projector,
+            built.measured,
+            blocks=built.system.blocks(BLOCK),
+            weights=built.weights,
+            progress=progress,
         )
         if iterations is not None:
             choice = replace(choice, iterations=iterations)
-        name, total, solving = choice.method, choice.iterations, time.perf_counter()
+        name, total, solving = METHOD, choice.iterations, time.perf_counter()
         extra = {"chosen_by": "auto", "tried": choice.tried}
         found = solve_as_chosen(
             projector, built.measured, choice, weights=built.weights, callback=note
@@ -171,9 +180,8 @@ def repeatable(solved: Solved, options: Options) -> Solve | None:
 
     def again(measured: NDArray[np.float32]) -> NDArray[np.float32]:
         if method.name == AUTO:
-            name, width = found.settings["method"], found.settings["smooth_width"]
-            strength = found.settings.get("strength")
-            choice = Choice(name, width, iterations, math.nan, strength)
+            width, strength = found.settings["smooth_width"], found.settings["strength"]
+            choice = Choice(width, strength, iterations, math.nan)
             repeated = solve_as_chosen(projector, measured, choice, weights=weights)
         else:
             arguments = method.arguments(seed=options.seed, iterations=iterations)
@@ -229,18 +237,17 @@ def _refit(
     watch: Watch | None,
     progress: Progress | None,
 ) -> tuple[WeightedSystem, Solution] | None:
-    """Return equations and solution in the linear basis, where that predicts views better.
+    """Return equations and solution in the linear basis, where weights were learned in another.
 
     With many views weights are learned in the voxel basis. The light that a segment loses on its
     way is the same in either basis: the weights hold for the linear one too. Where nothing was
     learned, segment lengths do. The choice, and the solve, are those of the default method. None:
-    the solution stays, also where the basis was asked for or compared before.
+    the solution stays, also where the basis was asked for.
     """
-    settled = options.basis != AUTO or not math.isnan(built.basis.error_ratio)
-    if settled or built.basis.name != VOXEL or "learned" not in found.settings:
+    if options.basis != AUTO or built.basis.name != VOXEL or "learned" not in found.settings:
         return None
     learned = with_learned_weights(built.system, found, same_views=True)
-    better, basis = better_basis(learned, built.measured, options.supersample)
+    better, basis = linear_where_possible(learned, options.supersample)
     if basis.name != LINEAR:
         return None
     by_learned = replace(built, system=better, basis=basis)

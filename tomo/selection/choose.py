@@ -1,31 +1,51 @@
-"""Method, smoothness and iterations, chosen by predicting left-out views.
+"""Smoothness and iterations, chosen by predicting left-out pixels.
 
 A falling training residual does not mean a better volume: with few views, noise or inexact cameras
-the volume gets worse long before. Every candidate is therefore run without some of the views, and
-compared by how well it predicts those.
+the volume gets worse long before. Every setting is therefore fitted without some blocks of pixels,
+and compared by how well it predicts those.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo import solvers
-from tomo.operators import GaussianBasis
+from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured
-from tomo.selection.candidates import Candidate, Candidates, Progress, further_settings
-from tomo.selection.cross_validation import FEW_VIEWS, MULTIPLICATIVE
-from tomo.selection.rules import WIDTHS, of_few_views, of_many_views
+from tomo.selection.fits import Fit, Fits, Progress, Tried
+from tomo.selection.folds import (
+    LEFT_OUT,
+    Fold,
+    blocks_to_leave_out,
+    runs_of_pixels,
+    views_to_leave_out,
+)
+from tomo.selection.smooth_solve import smooth_start, solve_smoothly
 from tomo.solvers import Solution
-from tomo.solvers.initial_volume import mlos_start
 from tomo.solvers.solution import Callback
 
-FALLBACK = ("mlem", 1.0, 10)
-"""Method, width and iterations for one or two views, where none can be left out."""
+METHOD = "curvature"
+"""The solver of the default, as reports name it."""
+
+WIDTHS = (0.0, 0.6, 1.0, 1.6)
+"""Standard deviations of the Gaussian basis that are tried, in voxels."""
+
+STRENGTHS = tuple(10.0 ** (n / 2) for n in range(-10, 0))
+"""Strengths of the prior that are tried: 1e-5 to 0.32 in steps of a half decade."""
+
+FIRST = STRENGTHS.index(1e-3)
+"""The strength that is tried first."""
+
+ENOUGH_BLOCKS = 150
+"""Left-out blocks that decide well enough: small images are left out in several folds."""
+
+DARK = (0.0, 1e-3, 10)
+"""Width, strength and iterations for dark images, which predict nothing."""
 
 
 @dataclass(frozen=True)
@@ -34,96 +54,135 @@ class Choice:
 
     Attributes
     ----------
-    method : str
     width : float
         Standard deviation of the Gaussian basis, in voxels; 0 for none.
+    strength : float
+        Strength of the prior on relative curvature, see `tomo.solvers.curvature`.
     iterations : int
     held_out_residual : float
-        Relative residual of the left-out views (relative to all views if those are dark); NaN if
-        none could be left out.
-    strength : float, optional
-        Prior strength; None is the default of the basis (`DEFAULT_STRENGTH`).
+        Relative residual of the left-out pixels; NaN if none could be left out.
     reason : str
         Why, in words.
-    tried : tuple of (method, width, iterations, held-out residual, strength)
-        One line for each candidate, at its best iteration.
+    tried : tuple of (width, strength, iterations, held-out residual)
+        One line for each setting, at its best iteration.
     """
 
-    method: str
     width: float
+    strength: float
     iterations: int
     held_out_residual: float
-    strength: float | None = None
     reason: str = ""
-    tried: tuple[Candidate, ...] = ()
+    tried: tuple[Tried, ...] = ()
 
     @property
-    def candidate(self) -> Candidate:
+    def setting(self) -> Tried:
         """The choice without its reason."""
-        return Candidate(
-            self.method, self.width, self.iterations, self.held_out_residual, self.strength
-        )
+        return Tried(self.width, self.strength, self.iterations, self.held_out_residual)
 
     def solves_as(self, other: Choice) -> bool:
         """Return whether both solve the same way, whatever their validation errors."""
-        ours, theirs = (one.candidate._replace(held_out_residual=0.0) for one in (self, other))
+        ours, theirs = (one.setting._replace(held_out_residual=0.0) for one in (self, other))
         return ours == theirs
 
 
-def choose_by_held_out_views(
+def choose_by_left_out_pixels(
     projector: ProjectionOperator,
     measured: ArrayLike,
     *,
+    blocks: NDArray[np.int64] | None = None,
     weights: NDArray[np.float32] | None = None,
     progress: Progress | None = None,
 ) -> Choice:
-    """Choose method, smoothness and iterations by cross-validation over views.
-
-    Least squares are tried on plain voxels and then on wider Gaussian bases while these improve;
-    each fit also gives its number of iterations. With noise or inexact cameras a wide basis
-    predicts left-out views better, with clean images it does not. The best fit then gets the
-    default penalty on differences of neighbours, unless the left-out views clearly reject it and
-    rays leave no gaps, and a narrower basis where that predicts clearly better. The linear basis,
-    which has no edges, has a penalty on curvature instead of any width, increased while it
-    improves, a little more for up to 18 noisy views, and is iterated while the prediction
-    improves.
-
-    With few views least squares have the penalty throughout and MLEM is tried too. Scattered
-    pixels of the training views are left out as well, if there are enough: they show the noise
-    and decide smoothness and iterations together with the views; the views decide the method.
+    """Choose width, strength and iterations by cross-validation over blocks of pixels.
 
     Parameters
     ----------
     projector : ProjectionOperator
         The operator of the views that take part.
     measured : (pixels,)
+    blocks : (pixels,) int, optional
+        The block of each pixel: pixels of a block are left out together, see
+        `tomo.operators.LinearSystem.blocks`. Short rows of pixels when None.
     weights : (pixels,), optional
         Pixel weights for least squares and for evaluation, such as inverse variances of the
         noise; all 1 when None.
     progress : callable, optional
         ``progress(done, total, where)``.
+
+    Notes
+    -----
+    One axis at a time is searched, strength and width in turn, from one setting to its neighbours
+    for as long as the error of the left-out pixels falls. At the width that is best, the largest
+    strength whose error exceeds the least by at most one standard error over the blocks is taken:
+    what the images cannot tell apart is taken smoother (Breiman, Friedman, Stone and Olshen,
+    "Classification and Regression Trees", 1984, section 3.4.3).
     """
     measured = check_measured(projector, measured)
-    views = np.flatnonzero(np.diff(projector.view_ptr)).tolist()
-    if len(views) < 3 or not measured.any():
-        reason = "too few views to leave any out" if measured.any() else "the images are dark"
-        return Choice(*FALLBACK, math.nan, reason=reason)
-    few = len(views) <= FEW_VIEWS
-    total = 2 * len(WIDTHS) if few else len(WIDTHS) + 3
-    candidates = Candidates.of(projector, measured, views, total, progress, weights)
-    best = of_few_views(candidates) if few else of_many_views(candidates, projector)
+    if not measured.any():
+        return Choice(*DARK, math.nan, reason="the images are dark")
+    blocks = runs_of_pixels(projector) if blocks is None else blocks
+    fits = Fits(_folds(projector, measured, blocks, weights), progress, total=12)
+    best = _least_error(fits)
+    taken = _smoothest(fits, best)
     if progress:
-        progress(total, total, "")
-    chosen = candidates.candidate(best)
-    residual = chosen.held_out_residual
-    least = min(tried.held_out_residual for tried in candidates.tried)
-    reason = f"it predicts left-out views best (relative residual {residual:.4f})"
-    if least < residual:
-        reason = (
-            "it predicts left-out views nearly best, with a smoother volume (relative residual "
-            f"{residual:.4f}, the best {least:.4f})"
-        )
-    return Choice(*chosen, reason=reason, tried=tuple(candidates.tried))
+        progress(fits.total, fits.total, "")
+    residual = fits.residual(taken)
+    words = "best" if taken is best else "as well as any, with a smoother volume"
+    reason = f"it predicts left-out pixels {words} (relative residual {residual:.4f})"
+    return Choice(taken.width, taken.strength, taken.iterations, residual, reason, fits.tried)
+
+
+def _folds(
+    projector: ProjectionOperator,
+    measured: NDArray[np.float32],
+    blocks: NDArray[np.int64],
+    weights: NDArray[np.float32] | None,
+) -> list[Fold]:
+    """Return as many folds as leave out enough blocks."""
+    a_fold = LEFT_OUT * len(np.unique(blocks))
+    count = min(max(math.ceil(ENOUGH_BLOCKS / max(a_fold, 1)), 1), round(1 / LEFT_OUT))
+    held = (blocks_to_leave_out(blocks, number) for number in range(count))
+    return [
+        Fold.leaving_out(each, projector, measured, weights, blocks)
+        for each in held
+        if each.any() and not each.all()
+    ]
+
+
+def _least_error(fits: Fits) -> Fit:
+    """Return the setting of the least error, found along one axis at a time."""
+    best = fits.at(WIDTHS[0], STRENGTHS[FIRST])
+    while True:
+        before = best
+        best = _along(STRENGTHS, best.strength, lambda s, w=best.width: fits.at(w, s))
+        best = _along(WIDTHS, best.width, lambda w, s=best.strength: fits.at(w, s))
+        if best is before or best.width == before.width:
+            return best
+
+
+def _along(values: Sequence[float], start: float, fit: Callable[[float], Fit]) -> Fit:
+    """Return the best fit along ascending ``values``, going on while it improves."""
+    first = values.index(start)
+    best = fit(start)
+    for step in (1, -1):
+        at = first + step
+        improved = False
+        while 0 <= at < len(values) and (found := fit(values[at])).error < best.error:
+            best, at, improved = found, at + step, True
+        if improved:
+            break
+    return best
+
+
+def _smoothest(fits: Fits, best: Fit) -> Fit:
+    """Return the fit of the largest strength within one standard error of the best."""
+    taken = best
+    for strength in STRENGTHS[STRENGTHS.index(best.strength) + 1 :]:
+        found = fits.at(best.width, strength)
+        if not found.is_no_worse_than(best):
+            break
+        taken = found
+    return taken
 
 
 def residual_of_left_out_views(
@@ -134,19 +193,21 @@ def residual_of_left_out_views(
 ) -> float:
     """Return the relative residual of left-out views for a given choice.
 
-    The views are those that `choose_by_held_out_views` leaves out; NaN where it leaves out none.
+    Relative to all views where those are dark. NaN with fewer than three views, or dark images: none can be left out.
     """
     measured = check_measured(projector, measured)
-    if math.isnan(choice.held_out_residual):
-        return math.nan
     views = np.flatnonzero(np.diff(projector.view_ptr)).tolist()
-    candidates, squared = Candidates.of(projector, measured, views, weights=weights), 0.0
-    for fold in candidates.folds:
+    if len(views) < 3 or not measured.any():
+        return math.nan
+    squared = light = 0.0
+    for left_out in views_to_leave_out(views):
+        fold = Fold.leaving_out_views(left_out, projector, measured, weights)
         found = solve_as_chosen(
             fold.training, fold.training_pixels, choice, weights=fold.training_weights
         )
-        squared += float(fold.squared_error(projector.active.compress(found.volume))[0])
-    return candidates.residual(squared)
+        squared += float(fold.squared_errors(projector.active.compress(found.volume)).sum())
+        light += fold.squared_light
+    return math.sqrt(squared / (light or norm(measured) ** 2))
 
 
 def solve_as_chosen(
@@ -157,32 +218,20 @@ def solve_as_chosen(
     weights: NDArray[np.float32] | None = None,
     callback: Callback | None = None,
 ) -> Solution:
-    """Run the chosen method on all views, with the ``weights`` that it was chosen with.
+    """Solve all pixels as chosen, with the ``weights`` that it was chosen with.
 
     ``callback`` receives the volume itself, not the coefficients of the smooth basis.
     """
-    run = getattr(solvers, choice.method)
-    basis = GaussianBasis(projector, choice.width) if choice.width else None
-
-    def report(index: int, volume: NDArray[np.float32], residual: float) -> bool | None:
-        return callback(index, basis.to_voxels(volume) if basis else volume, residual)
-
-    start = None
-    if choice.method in MULTIPLICATIVE:
-        start = mlos_start(projector, check_measured(projector, measured))
-    found = run(
-        basis or projector,
+    measured = check_measured(projector, measured)
+    found = solve_smoothly(
+        projector,
         measured,
-        start=start,
+        width=choice.width,
+        strength=choice.strength,
         iterations=choice.iterations,
-        callback=report if callback else None,
-        **further_settings(choice.method, projector, choice.strength, weights),
+        start=smooth_start(projector, measured),
+        weights=weights,
+        callback=callback,
     )
-    return replace(
-        found,
-        volume=basis.volume(found.volume) if basis else found.volume,
-        settings={**found.settings, "smooth_width": choice.width},
-        stop_reason=f"{found.stop_reason}; {choice.reason}"
-        if choice.reason
-        else found.stop_reason,
-    )
+    words = f"; {choice.reason}" if choice.reason else ""
+    return replace(found, stop_reason=f"{found.stop_reason}{words}")

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import torch
+from tomo.selection.rules import STRENGTHS
 
 import rigs
 from phantoms import create
@@ -12,7 +13,6 @@ from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume
 from tomo.metrics import cosine_distance
 from tomo.pipeline import Options, reconstruct
-from tomo.selection.rules import STRENGTHS
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 from tomo.wernet import save_encoder

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tomo import solvers
 from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
-from tomo.selection.choose import FEW_VIEWS
+from tomo.selection.folds import FEW_VIEWS
 from tomo.solvers.initial_volume import mlos_start
 
 WIDTH = 0.8

@@ -18,7 +18,7 @@ from rigs.files import atomic_path
 from rigs.files.size_guard import errors_of_libraries
 from rigs.files.text import shortened
 from tomo.selection import Choice
-from tomo.selection.candidates import Candidate
+from tomo.selection.fits import Tried
 from tomo.wernet.default.correction import CorrectionEncoder, ViewParameters
 from tomo.wernet.default.ray_weights import RayWeights
 from tomo.wernet.encoder_file import load_tensors, rebuilt
@@ -128,7 +128,7 @@ class Checkpoint:
             "iteration": state.iteration,
             "has_terms": state.has_terms,
             "volume": torch.from_numpy(state.volume.copy()),
-            "choice": list(state.choice.candidate),
+            "choice": list(state.choice.setting),
             "best": None if state.best is None else _packed(state.best),
             "previous": state.previous,
             "stop_reason": state.stop_reason,
@@ -171,21 +171,20 @@ class Checkpoint:
 
 def _state(content: Mapping[str, Any]) -> State:
     """Return the state in the content of a file, checked."""
-    chosen = Candidate(*content["choice"])
+    chosen = Tried(*content["choice"])
     for name, found, kind in (
         ("iteration", content["iteration"], int),
         ("stop_reason", content["stop_reason"], str),
         ("previous", content["previous"], float),
         ("training", content["training"], dict),
-        ("choice: method", chosen.method, str),
         ("choice: width", chosen.width, int | float),
         ("choice: iterations", chosen.iterations, int),
         ("choice: residual", chosen.held_out_residual, int | float),
-        ("choice: strength", chosen.strength, int | float | None),
+        ("choice: strength", chosen.strength, int | float),
     ):
         if not isinstance(found, kind) or isinstance(found, bool):
             raise ValueError(f"{name}: found {shortened(found)}")
-    numbers = (content["iteration"], chosen.iterations, chosen.width, chosen.strength or 0.0)
+    numbers = (content["iteration"], chosen.iterations, chosen.width, chosen.strength)
     if not all(0 <= number < math.inf for number in numbers):
         raise ValueError(
             f"iteration, choice: found {content['iteration']}, {shortened(content['choice'])}"

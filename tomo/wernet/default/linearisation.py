@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from tomo._compute.reductions import dot, norm
 from tomo.measurement.pixel_noise import noise_from_differences
 from tomo.operators import GaussianBasis
-from tomo.selection import Choice
-from tomo.selection.choose import solve_as_chosen
+from tomo.selection import Choice, solve_as_chosen
 from tomo.solvers import cgls
 from tomo.wernet.default.correction import ViewParameters
 from tomo.wernet.default.patches import PATCH, Patches
@@ -174,7 +173,7 @@ class Linearisation:
 
     def __repr__(self) -> str:
         """Name the sizes."""
-        return f"<Linearisation: {self.subset}, {self.choice.method}>"
+        return f"<Linearisation: {self.subset}, strength {self.choice.strength:g}>"
 
     @cached_property
     def noise(self) -> NDArray[np.float64]:

@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tomo.operators import Projector
-from tomo.selection import Choice, choose_by_held_out_views
-from tomo.selection.choose import residual_of_left_out_views, solve_as_chosen
+from tomo.operators import ProjectionOperator, Projector
+from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
+from tomo.selection.choose import residual_of_left_out_views
 from tomo.wernet.default.checkpoint import EvaluatedWeights, State
 from tomo.wernet.default.encoder_training import EncoderTraining
 from tomo.wernet.default.linearisation import volume_with
@@ -271,13 +271,18 @@ class OuterIterations:
         """
         found = None
         if anew and self.training.features.per_view:
-            found = choose_by_held_out_views(learned, self.measured, weights=self.weights)
+            found = evaluated(
+                learned,
+                self.measured,
+                choose_by_left_out_pixels(learned, self.measured, weights=self.weights),
+                self.weights,
+            )
             if found.held_out_residual <= self.baseline.held_out_residual:
                 return found
-        now = residual_of_left_out_views(learned, self.measured, self.baseline, self.weights)
-        if found and found.held_out_residual <= now:
+        as_before = evaluated(learned, self.measured, self.baseline, self.weights)
+        if found and found.held_out_residual <= as_before.held_out_residual:
             return found
-        return replace(self.baseline, held_out_residual=now)
+        return as_before
 
     def kept(self) -> EvaluatedWeights | None:
         """Return the best weights where they are worth it; None where segment lengths stay."""
@@ -291,3 +296,14 @@ class OuterIterations:
     def _below_baseline(self, residual: float, factor: float) -> bool:
         """Return whether a residual of left-out views is below ``factor`` times the baseline's."""
         return residual < factor * self.baseline.held_out_residual
+
+
+def evaluated(
+    projector: ProjectionOperator,
+    measured: NDArray[np.float32],
+    choice: Choice,
+    weights: NDArray[np.float32] | None,
+) -> Choice:
+    """Return the choice with the residual of left-out views: learned weights are kept by it."""
+    residual = residual_of_left_out_views(projector, measured, choice, weights)
+    return replace(choice, held_out_residual=residual)

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compute.reductions import dot, norm
-from tomo.selection import Choice
-from tomo.selection.choose import solve_as_chosen
-from tomo.selection.cross_validation import Fold, views_to_leave_out
+from tomo.selection import Choice, solve_as_chosen
+from tomo.selection.folds import Fold, views_to_leave_out
 from tomo.wernet.default.linearisation import PixelSubset
 from tomo.wernet.default.patches import beyond_noise
 
@@ -55,7 +54,7 @@ def left_out_patch_residuals(
     noise = np.full((len(stops), 1), subset.noise**2)  # a sum over a patch has as much as a pixel
     count = np.zeros(len(patches), int)
     for left_out in views_to_leave_out(views):
-        fold = Fold.leaving_out(left_out, views, weighted, subset.measured)
+        fold = Fold.leaving_out_views(left_out, weighted, subset.measured)
         image, misfit = np.zeros((2, weighted.shape[0]))
         pixels = weighted.pixels_of(left_out)
         image[pixels] = fold.left_out_pixels

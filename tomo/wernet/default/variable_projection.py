@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from tomo._compute.reductions import dot
-from tomo.selection import Choice, choose_by_held_out_views
+from tomo.selection import Choice, choose_by_left_out_pixels
 from tomo.wernet.default.correction import ViewParameters
 from tomo.wernet.default.linearisation import Linearisation, PixelSubset
 from tomo.wernet.default.patch_validation import left_out_patch_residuals
@@ -144,7 +144,7 @@ def _evaluate(
     predicts patches better: the choice goes by pixels, which may ask for another smoothness.
     """
     subset, solves, before = fitted.subset, [], fitted.choice
-    anew = choose_by_held_out_views(fitted.weighted, subset.measured)
+    anew = choose_by_left_out_pixels(fitted.weighted, subset.measured)
     for choice in (before,) if anew.solves_as(before) else (before, anew):
         left = left_out_patch_residuals(subset, fitted.weighted, choice)
         solves.append((_least_ratio(left[beyond], others[beyond]) / worth, left, choice))

@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike
 
 from tomo.operators import ProjectionOperator
 from tomo.operators.vectors import additive_start, check_measured, check_weights
-from tomo.selection import choose_by_held_out_views
-from tomo.selection.choose import FEW_VIEWS, Choice, solve_as_chosen
+from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
+from tomo.selection.folds import FEW_VIEWS
 from tomo.solvers import Solution
 from tomo.solvers.solution import Callback
 from tomo.wernet.default.checkpoint import Checkpoint
 from tomo.wernet.default.correction import CorrectionEncoder, ViewParameters
 from tomo.wernet.default.encoder_training import EncoderTraining
-from tomo.wernet.default.outer_iterations import OuterIterations
+from tomo.wernet.default.outer_iterations import OuterIterations, evaluated
 from tomo.wernet.default.ray_features import RayFeatures
 from tomo.wernet.default.run import Record, run, stop_message
 from tomo.wernet.device import usable_device
@@ -140,7 +140,12 @@ def wernet(
     view_parameters = ViewParameters(projector.n_views, own.channels).to(place)
 
     weights = check_weights(projector, weights)
-    baseline = choose_by_held_out_views(projector, measured, weights=weights)
+    baseline = evaluated(
+        projector,
+        measured,
+        choose_by_left_out_pixels(projector, measured, weights=weights),
+        weights,
+    )
     classic = solve_as_chosen(projector, measured, baseline, weights=weights)
     volume = projector.active.compress(classic.volume)
     stop_reason = ""
@@ -187,7 +192,7 @@ def _check(iterations: int, encoder: object, freeze_encoder: bool) -> None:
 def _nothing_to_learn(baseline: Choice, details_are_seen: bool) -> str:
     """Return why no weights can be learned from these views; nothing where they can."""
     if math.isnan(baseline.held_out_residual):
-        return f"no views to evaluate weights by: {baseline.reason}"
+        return "no views to evaluate weights by: too few, or dark"
     if not details_are_seen and baseline.width > WIDEST_WITH_FEW_VIEWS:
         return "the few views allow no detail: smoothness would be learned as optics"
     return ""

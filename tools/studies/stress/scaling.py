@@ -17,7 +17,7 @@ from studies.stress.scene import BY_PIXEL, scene, solved
 from tomo import solvers
 from tomo.operators.operator import ProjectionOperator
 from tomo.pipeline import Reconstruction
-from tomo.selection import choose_by_held_out_views
+from tomo.selection import choose_by_left_out_pixels
 
 __all__ = ["COLUMNS", "run"]
 
@@ -88,19 +88,19 @@ def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
         "changes",
         note="; ".join(changed[:3]),
     )
-    residual = choose_by_held_out_views(plain.system.projector, plain.measured).held_out_residual
+    residual = choose_by_left_out_pixels(plain.system.projector, plain.measured).held_out_residual
     worst, where = worst_of(
         (
             other.name,
             abs(
-                choose_by_held_out_views(other.system.projector, other.measured).held_out_residual
+                choose_by_left_out_pixels(other.system.projector, other.measured).held_out_residual
                 / residual
                 - 1
             ),
         )
         for other in others
     )
-    yield Row("residual of views left out", RANGE, worst, EXACT, "relative", note=where)
+    yield Row("residual of pixels left out", RANGE, worst, EXACT, "relative", note=where)
 
 
 def _form(scaled: Scaled, form: str) -> ProjectionOperator:

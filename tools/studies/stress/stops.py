@@ -13,8 +13,7 @@ from studies.stress.row import Chart, Row, worst_of
 from studies.stress.scene import Scene, scene, solved
 from tomo import solvers
 from tomo.metrics import nrmse
-from tomo.selection import choose_by_held_out_views
-from tomo.selection.choose import solve_as_chosen
+from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
 from tomo.solvers.solution import Callback
 
 NOISE = 0.1
@@ -59,11 +58,11 @@ def _methods(longest: int) -> Row:
 
 
 def _chosen(cases: Sequence[tuple[float, int]]) -> Row:
-    """Let views left out choose the stop, and go on beyond it."""
+    """Let pixels left out choose the stop, and go on beyond it."""
     figures, curves = [], {}
     for noise, views in cases:
         seen = scene(noise, views)
-        choice = choose_by_held_out_views(seen.stored, seen.measured)
+        choice = choose_by_left_out_pixels(seen.stored, seen.measured)
         errors: list[float] = []
         further = replace(choice, iterations=LONGEST_CHOSEN)
         record = _recorder(seen, errors)
@@ -72,12 +71,15 @@ def _chosen(cases: Sequence[tuple[float, int]]) -> Row:
         ratio = errors[min(choice.iterations, len(errors) - 1)] / min(errors)
         name = f"{noise:.0%} noise, {views} views"
         figures.append(
-            (f"{name}: {choice.method} stopped at {choice.iterations}, best at {best}", ratio)
+            (
+                f"{name}: strength {choice.strength:g} stopped at {choice.iterations}, best at {best}",
+                ratio,
+            )
         )
         curves[name] = [(index, error) for index, error in enumerate(errors) if index]
     worst, where = worst_of(figures)
     return Row(
-        "semi-convergence: the stop that views left out choose",
+        "semi-convergence: the stop that pixels left out choose",
         ", ".join(f"{noise:.0%} noise and {views} views" for noise, views in cases),
         worst,
         1.25,

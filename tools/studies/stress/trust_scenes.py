@@ -14,8 +14,7 @@ from studies.common.flames import PHOTONS, flame_rig, with_noise
 from studies.common.problems import Problem, problem
 from studies.common.scans import simulated_by
 from tomo import VoxelGrid
-from tomo.selection import Choice, choose_by_held_out_views
-from tomo.selection.choose import solve_as_chosen
+from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
 from tomo.simulation import simulate_images
 from tomo.simulation.simulate import SimulatedImages
 from tomo.uncertainty import Solve
@@ -135,5 +134,5 @@ def _by_default(
 ) -> tuple[Problem, Choice, NDArray[np.float32]]:
     equations = problem(rig, grid, images, skip=True)
     projector = equations.system.projector
-    choice = choose_by_held_out_views(projector, equations.measured)
+    choice = choose_by_left_out_pixels(projector, equations.measured)
     return equations, choice, solve_as_chosen(projector, equations.measured, choice).volume

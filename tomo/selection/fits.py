@@ -1,0 +1,159 @@
+"""Fits of one width and strength, stopped where they predict the left-out pixels best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.selection.folds import Fold
+from tomo.selection.smooth_solve import smooth_start, solve_smoothly
+
+CHECKPOINTS = (5, 10, 15, 20, 28, 40, 56, 80)
+"""Iterations after which the prediction error is computed."""
+
+SETTLED = 0.01
+"""A fit ends when from one checkpoint to the next the error falls by less than this fraction.
+Larger values stop early, smaller ones only cost time."""
+
+CATCHING_UP = 3
+"""A fit also ends where so many gains like its last would not reach the best fit so far. Fewer
+give up strengths that would have won."""
+
+Progress = Callable[[int, int, str], None]
+"""``progress(done, total, where)``."""
+
+
+class Tried(NamedTuple):
+    """A setting that was tried, and the relative residual of the left-out pixels."""
+
+    width: float
+    strength: float
+    iterations: int
+    held_out_residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A setting's squared errors of the left-out blocks, at its best number of iterations."""
+
+    width: float
+    strength: float
+    iterations: int
+    errors: NDArray[np.float64]
+
+    @cached_property
+    def error(self) -> float:
+        """The sum of all."""
+        return float(self.errors.sum())
+
+    def is_no_worse_than(self, best: Fit) -> bool:
+        """Return whether the errors exceed the best's by at most one standard error."""
+        excess = self.errors - best.errors
+        return excess.sum() <= np.sqrt(len(excess)) * excess.std()
+
+
+@dataclass(eq=False)
+class Fits:
+    """The folds that compare settings, and the fits so far.
+
+    Attributes
+    ----------
+    folds : sequence of Fold
+    progress : callable, optional
+    total : int
+        Fits that the progress counts to.
+    """
+
+    folds: Sequence[Fold]
+    progress: Progress | None = None
+    total: int = 0
+    done: dict[tuple[float, float], Fit] = field(default_factory=dict)
+
+    @property
+    def best(self) -> Fit | None:
+        """The fit of the least error so far."""
+        return min(self.done.values(), key=lambda fit: fit.error, default=None)
+
+    def at(self, width: float, strength: float) -> Fit:
+        """Return the fit of a setting; it is run where it was not yet."""
+        key = width, strength
+        if key not in self.done:
+            if self.progress:
+                where = f"choosing: width {width:g}, strength {strength:g}"
+                self.progress(min(len(self.done), self.total - 1), self.total, where)
+            self.done[key] = self._run(width, strength)
+        return self.done[key]
+
+    def residual(self, fit: Fit) -> float:
+        """Return the relative residual of the left-out pixels."""
+        return float(np.sqrt(fit.error / self._light))
+
+    @property
+    def tried(self) -> tuple[Tried, ...]:
+        """All fits so far."""
+        return tuple(
+            Tried(each.width, each.strength, each.iterations, self.residual(each))
+            for each in self.done.values()
+        )
+
+    @cached_property
+    def _light(self) -> float:
+        return sum(fold.squared_light for fold in self.folds) or 1.0
+
+    @cached_property
+    def _starts(self) -> list[NDArray[np.float32]]:
+        return [smooth_start(fold.training, fold.training_pixels) for fold in self.folds]
+
+    def _run(self, width: float, strength: float) -> Fit:
+        """Run every fold, and stop all of them where together they predict best."""
+        runs, done, best = [], 0, self.best
+        for fold, start in zip(self.folds, self._starts, strict=True):
+            blocks = slice(done, done := done + fold.n_blocks)
+            to_reach = best.errors[blocks].sum() if best else np.inf
+            runs.append(self._errors(fold, start, width, strength, to_reach))
+        # a fold that settled earlier stays as it was
+        length = max(map(len, runs))
+        filled = [run + run[-1:] * (length - len(run)) for run in runs]
+        errors = [np.concatenate(each) for each in zip(*filled, strict=True)]
+        best = int(np.argmin([each.sum() for each in errors]))
+        return Fit(width, strength, CHECKPOINTS[best], errors[best])
+
+    def _errors(
+        self,
+        fold: Fold,
+        start: NDArray[np.float32],
+        width: float,
+        strength: float,
+        to_reach: float,
+    ) -> list[NDArray[np.float64]]:
+        """Return the errors of the left-out blocks at the checkpoints that a fit reaches."""
+        errors: list[NDArray[np.float64]] = []
+
+        def evaluate(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
+            if index not in CHECKPOINTS:
+                return False
+            errors.append(fold.squared_errors(volume))
+            if len(errors) < 2:
+                return False
+            before, now = errors[-2].sum(), errors[-1].sum()
+            settled = now > (1 - SETTLED) * before
+            return bool(settled or now - CATCHING_UP * (before - now) > to_reach)
+
+        found = solve_smoothly(
+            fold.training,
+            fold.training_pixels,
+            width=width,
+            strength=strength,
+            iterations=CHECKPOINTS[-1],
+            start=start,
+            weights=fold.training_weights,
+            callback=evaluate,
+        )
+        if not errors:  # it converged before the first checkpoint
+            errors.append(fold.squared_errors(fold.training.active.compress(found.volume)))
+        return errors
