@@ -193,7 +193,8 @@ def residual_of_left_out_views(
 ) -> float:
     """Return the relative residual of left-out views for a given choice.
 
-    Relative to all views where those are dark. NaN with fewer than three views, or dark images: none can be left out.
+    Relative to all views where those are dark. NaN with fewer than three views, or dark images:
+    none can be left out.
     """
     measured = check_measured(projector, measured)
     views = np.flatnonzero(np.diff(projector.view_ptr)).tolist()

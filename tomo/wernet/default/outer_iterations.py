@@ -271,12 +271,8 @@ class OuterIterations:
         """
         found = None
         if anew and self.training.features.per_view:
-            found = evaluated(
-                learned,
-                self.measured,
-                choose_by_left_out_pixels(learned, self.measured, weights=self.weights),
-                self.weights,
-            )
+            found = choose_by_left_out_pixels(learned, self.measured, weights=self.weights)
+            found = evaluated(learned, self.measured, found, self.weights)
             if found.held_out_residual <= self.baseline.held_out_residual:
                 return found
         as_before = evaluated(learned, self.measured, self.baseline, self.weights)

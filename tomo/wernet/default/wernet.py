@@ -140,12 +140,8 @@ def wernet(
     view_parameters = ViewParameters(projector.n_views, own.channels).to(place)
 
     weights = check_weights(projector, weights)
-    baseline = evaluated(
-        projector,
-        measured,
-        choose_by_left_out_pixels(projector, measured, weights=weights),
-        weights,
-    )
+    baseline = choose_by_left_out_pixels(projector, measured, weights=weights)
+    baseline = evaluated(projector, measured, baseline, weights)
     classic = solve_as_chosen(projector, measured, baseline, weights=weights)
     volume = projector.active.compress(classic.volume)
     stop_reason = ""

@@ -70,12 +70,8 @@ def _chosen(cases: Sequence[tuple[float, int]]) -> Row:
         best = int(np.argmin(errors))
         ratio = errors[min(choice.iterations, len(errors) - 1)] / min(errors)
         name = f"{noise:.0%} noise, {views} views"
-        figures.append(
-            (
-                f"{name}: strength {choice.strength:g} stopped at {choice.iterations}, best at {best}",
-                ratio,
-            )
-        )
+        chosen = f"{name}: strength {choice.strength:g} stopped at {choice.iterations}"
+        figures.append((f"{chosen}, best at {best}", ratio))
         curves[name] = [(index, error) for index, error in enumerate(errors) if index]
     worst, where = worst_of(figures)
     return Row(
