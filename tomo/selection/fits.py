@@ -51,11 +51,6 @@ class Fit:
         """The sum of all."""
         return float(self.errors.sum())
 
-    def is_no_worse_than(self, best: Fit) -> bool:
-        """Return whether the errors exceed the best's by at most one standard error."""
-        excess = self.errors - best.errors
-        return excess.sum() <= np.sqrt(len(excess)) * excess.std()
-
 
 @dataclass(eq=False)
 class Fits:

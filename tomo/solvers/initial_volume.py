@@ -59,7 +59,6 @@ def mlos_start(
         seen_by += seen
     x = np.exp(log_sum / np.maximum(seen_by, 1))
     x = np.where(seen_by > 0, np.maximum(x, DIMMEST * x[seen_by > 0].max(initial=0.0)), 0)
-    x = np.where(seen_by == len(views), x, np.minimum(x, DIMMEST * x.max(initial=0.0)))
     predicted = projector @ x
     total = sum(_of_view(projector, view, predicted).sum() for view in views)
     light = sum(_of_view(projector, view, measured).sum(dtype=np.float64) for view in views)
