@@ -12,10 +12,6 @@ from tomo.operators import LINEAR, STORED, VOXEL, LinearSystem
 from tomo.pipeline.methods import AUTO, Method
 from tomo.selection.folds import FEW_VIEWS
 
-LARGEST_PIXEL = 0.62
-"""Largest pixel, in voxel edges, at which the linear basis is tried. With larger pixels rays miss
-voxel edges, which no blur mends; with a smaller bound flames lose accuracy."""
-
 MOST_WORK = 5
 """Largest work of the linear basis over that of the voxel basis at which it is tried. Footprints
 of many fine pixels cost more; with a smaller bound flames in fine pixels lose accuracy."""
@@ -107,8 +103,6 @@ def _reason_of_system(system: LinearSystem, supersample: int) -> str:
     grid = system.projector.grid
     apart = np.median(system.rig.footprint(grid.center)) / supersample
     edges = float(apart) / math.prod(grid.spacing) ** (1 / 3)
-    if not edges <= LARGEST_PIXEL:
-        return f"rays are {edges:.2f} voxels apart, more than {LARGEST_PIXEL}"
     across = 1 / (edges * supersample) + 1.5  # pixels, about, that a footprint reaches
     work = 1 + across**2 * system.projector.shape[0] / system.projector.n_segments
     if work > MOST_WORK:

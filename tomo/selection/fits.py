@@ -16,7 +16,7 @@ from tomo.selection.smooth_solve import smooth_start, solve_smoothly
 CHECKPOINTS = (5, 10, 15, 20, 28, 40, 56, 80)
 """Iterations after which the prediction error is computed."""
 
-SETTLED = 0.01
+SETTLED = 1e-3
 """A fit ends when from one checkpoint to the next the error falls by less than this fraction.
 Larger values stop early, smaller ones only cost time."""
 

@@ -114,13 +114,6 @@ def test_ray_by_ray_methods_take_the_voxel_basis(fine, method):
     )
 
 
-def test_pixels_as_large_as_voxels_take_the_voxel_basis_unless_rays_share_them(take):
-    scan = take(footprint=1.0)
-    assert basis(reconstruct(scan, options=Options(method="cgls", iterations=2))) == "voxel"
-    shared = reconstruct(scan, options=Options(method="cgls", iterations=2, supersample=2))
-    assert shared.basis["error_ratio"] > 0  # both were tried
-
-
 def test_pixels_too_fine_for_their_worth_take_the_voxel_basis(take):
     scan = take(views=3, footprint=0.08, refine=1)
     found = reconstruct(scan, options=Options(method="cgls", iterations=2))
