@@ -191,7 +191,7 @@ def _learned(folder):
     content = torch.load(path, weights_only=True)
     torch.save(content, legacy, _use_new_zipfile_serialization=False)
     volume = np.ones((2, 2, 2), np.float32)
-    state = State(2, volume, Choice("mlem", 0.0, 10, 0.1), None, 0.5, "", {"step": torch.ones(2)})
+    state = State(2, volume, Choice(0.0, 1e-3, 10, 0.1), None, 0.5, "", {"step": torch.ones(2)})
     Checkpoint(path, "a problem").save(state)
 
     def resume(file):

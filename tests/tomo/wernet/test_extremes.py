@@ -18,8 +18,7 @@ import phantoms
 import rigs
 from tomo import LinearSystem, VoxelGrid
 from tomo.metrics import cosine_similarity
-from tomo.selection import choose_by_held_out_views
-from tomo.selection.choose import solve_as_chosen
+from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 from tomo.wernet.default import encoder_training, fixed_voxels, wernet
@@ -69,7 +68,7 @@ def seen():
 
 @pytest.fixture(scope="module")
 def classic(seen):
-    choice = choose_by_held_out_views(seen.projector, seen.measured)
+    choice = choose_by_left_out_pixels(seen.projector, seen.measured)
     return solve_as_chosen(seen.projector, seen.measured, choice).volume
 
 

@@ -7,8 +7,7 @@ import pytest
 import torch
 
 from tomo.metrics import cosine_distance
-from tomo.selection import choose_by_held_out_views
-from tomo.selection.choose import solve_as_chosen
+from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
 from tomo.simulation.effects import Effects
 from tomo.wernet import save_encoder
 from tomo.wernet.default import CorrectionEncoder, wernet
@@ -101,12 +100,12 @@ def test_a_frozen_encoder_is_evaluated_and_solved_as_segment_lengths_were(scene,
     )
 
     def noted(*arguments, **how):
-        made.append(choose_by_held_out_views(*arguments, **how))
+        made.append(choose_by_left_out_pixels(*arguments, **how))
         return made[-1]
 
     for name in ("wernet", "outer_iterations"):
         module = sys.modules[f"tomo.wernet.default.{name}"]
-        monkeypatch.setattr(module, "choose_by_held_out_views", noted)
+        monkeypatch.setattr(module, "choose_by_left_out_pixels", noted)
     found = wernet(one.projector, one.measured, encoder=encoder, freeze_encoder=True)
     assert len(made) == 1
     assert found.settings["held_out_residual"]["segment_lengths"] == made[0].held_out_residual
@@ -132,7 +131,7 @@ def test_an_encoder_that_explodes_leaves_the_classic_solve(scene, value, freeze)
     found = wernet(
         one.projector, one.measured, encoder=encoder, freeze_encoder=freeze, iterations=1
     )
-    choice = choose_by_held_out_views(one.projector, one.measured)
+    choice = choose_by_left_out_pixels(one.projector, one.measured)
     classic = solve_as_chosen(one.projector, one.measured, choice)
     np.testing.assert_array_equal(found.volume, classic.volume)
     assert found.weights is None

@@ -8,8 +8,7 @@ from tomo import LinearSystem
 from tomo.grid import ActiveVoxels
 from tomo.metrics import cosine_distance
 from tomo.operators import Projector
-from tomo.selection import choose_by_held_out_views
-from tomo.selection.choose import solve_as_chosen
+from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
 from tomo.simulation.effects import Effects
 from tomo.trace import Segments
 from tomo.wernet.default import RayWeights, wernet
@@ -28,7 +27,7 @@ def _shared(make, effects, iterations=8):
 
 
 def _classic(one):
-    choice = choose_by_held_out_views(one.projector, one.measured)
+    choice = choose_by_left_out_pixels(one.projector, one.measured)
     return solve_as_chosen(one.projector, one.measured, choice)
 
 
@@ -91,7 +90,7 @@ def test_true_segment_lengths_are_kept_to_the_bit(scene):
     evaluated = found.settings["held_out_residual"]
     assert (
         evaluated["segment_lengths"]
-        == choose_by_held_out_views(one.projector, one.measured).held_out_residual
+        == choose_by_left_out_pixels(one.projector, one.measured).held_out_residual
     )
     assert not evaluated["learned"] < 0.98 * evaluated["segment_lengths"]
 
