@@ -13,7 +13,7 @@ from tomo.pipeline.methods import AUTO, Method
 from tomo.selection.folds import FEW_VIEWS
 
 MOST_WORK = 5
-"""Largest work of the linear basis over that of the voxel basis at which it is tried. Footprints
+"""Largest work of the linear basis over that of the voxel basis at which it is taken. Footprints
 of many fine pixels cost more; with a smaller bound flames in fine pixels lose accuracy."""
 
 
@@ -95,7 +95,7 @@ def reason_of_method(method: Method, n_views: int, *, encoder: bool, freeze_enco
 
 
 def _reason_of_system(system: LinearSystem, supersample: int) -> str:
-    """Return why the linear basis is not even tried; empty where it is."""
+    """Return why the linear basis is not possible; empty where it is."""
     if not system.projector.rows_are_single_rays:
         return "a lens's blur is known for voxels alone"
     if system.form != STORED:

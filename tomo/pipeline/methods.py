@@ -20,7 +20,7 @@ class Method:
     Attributes
     ----------
     name : str
-        ``auto`` chooses between the classic ones by views left out.
+        ``auto`` chooses how smooth and how long by pixels left out.
     needs_midpoints : bool
         Whether it needs the midpoint of every segment.
     needs_matrix : bool

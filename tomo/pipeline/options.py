@@ -50,8 +50,8 @@ class Options:
 
     method: str = _option(
         AUTO,
-        "The reconstruction method. auto chooses between the classic ones, and how smooth and how "
-        "long, by predicting views that it leaves out.",
+        "The reconstruction method. auto chooses how smooth and how long by predicting pixels that "
+        "it leaves out.",
         choice(*method_names()),
         metavar="METHOD",
     )
@@ -79,7 +79,7 @@ class Options:
         AUTO,
         "The unknowns. voxel: emission is constant in each voxel. linear: it runs linearly "
         "between the voxels' centres, and the volume holds the voxels' means. auto: linear where "
-        "that clearly predicts left-out views better.",
+        "that is possible.",
         choice(AUTO, *BASES),
         metavar="BASIS",
     )

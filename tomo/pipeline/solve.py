@@ -1,4 +1,4 @@
-"""Stage 5, solve: choose a method where none is named, run it, and compare others with it."""
+"""Stage 5, solve: choose the smoothness where no method is named, run it, and compare others with it."""
 
 from __future__ import annotations
 

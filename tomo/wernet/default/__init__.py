@@ -11,7 +11,7 @@ the grid (even absorption), the upstream emission (self-absorption) and the squa
 optical axis (vignetting). All are zero at first: the weights are then the segment lengths, and
 units are kept.
 
-1. The classic solve that predicts left-out views best is the baseline.
+1. The classic solve that predicts left-out pixels best is the baseline.
 2. Gains and coefficients are found by variable projection (`variable_projection`): Gauss-Newton
    steps on the residual ``m - A(g, k) x(g, k)``, the voxels ``x`` eliminated. Residuals are summed
    over patches of the images, where errors of single pixels cancel. Terms are added one by one as
