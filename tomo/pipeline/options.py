@@ -50,8 +50,8 @@ class Options:
 
     method: str = _option(
         AUTO,
-        "The reconstruction method. auto chooses how smooth and how long by predicting pixels that "
-        "it leaves out.",
+        "The reconstruction method. auto chooses how smooth and how long by predicting pixels "
+        "that it leaves out.",
         choice(*method_names()),
         metavar="METHOD",
     )

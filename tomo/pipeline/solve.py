@@ -1,4 +1,4 @@
-"""Stage 5, solve: choose the smoothness where no method is named, run it, and compare others with it."""
+"""Stage 5, solve: by a named method or as smooth as pixels allow; compare others with it."""
 
 from __future__ import annotations
 
@@ -227,6 +227,7 @@ def _arguments(
     learning = {name: getattr(options, name) for name in names if method.takes(name)}
     if method.starts_from_default:
         learning["weights"] = built.weights
+        learning["pixel_blocks"] = built.system.blocks(BLOCK)
     return method.arguments(**learning, seed=options.seed, iterations=iterations)
 
 

@@ -118,11 +118,6 @@ def test_pixels_too_fine_for_their_worth_take_the_voxel_basis(take):
     assert "times the work" in found.basis["reason"]
 
 
-def test_light_as_rough_as_voxels_takes_the_voxel_basis(take):
-    scan = take(name="homogeneous", refine=1)
-    assert basis(reconstruct(scan, options=Options(method="nnls", iterations=3))) == "voxel"
-
-
 def test_on_the_fly_takes_the_voxel_basis_and_the_linear_one_when_asked(fine):
     settings = {"method": "sirt", "iterations": 5, "projector": "on-the-fly", "align": False}
     assert basis(reconstruct(fine, options=Options(**settings))) == "voxel"
@@ -170,16 +165,18 @@ def test_weights_learned_of_voxels_are_refit_in_the_linear_basis(take):
     np.testing.assert_array_equal(found.comparisons[0].volume, classic.solution.volume)
 
 
-def test_the_linear_basis_of_clean_images_is_damped_and_iterated_on(by_linear, by_voxel):
-    settings, boxes = (one.solution.settings for one in (by_linear, by_voxel))
-    assert {tried.method for tried in settings["tried"]} == {"curvature"}
-    assert settings["iterations"] > boxes["iterations"]
-    strengths = [tried.strength for tried in settings["tried"]]
-    assert strengths == list(STRENGTHS[: len(strengths)])
-    assert settings["strength"] in strengths[-2:]
+def test_the_report_says_what_was_tried_and_what_was_taken(by_linear):
+    found = by_linear.report()["solver"]
+    tried = {(width, strength): rest for width, strength, *rest in found["tried"]}
+    assert len(tried) == len(found["tried"]) > 3
+    iterations, residual = tried[found["smooth_width"], found["strength"]]
+    assert iterations >= by_linear.solution.history[-1].index
+    least = min(residual for _, residual in tried.values())
+    assert least <= residual < 1.5 * least  # as good as the best, by one standard error
+    assert f"{residual:.4f}" in by_linear.solution.stop_reason
 
 
-def test_given_weights_are_tried_in_the_basis_that_predicts_better(fine, tmp_path):
+def test_given_weights_are_tried_in_the_linear_basis(fine, tmp_path):
     encoder, path = CorrectionEncoder(seed=2), tmp_path / "encoder.pt"
     torch.nn.init.normal_(
         encoder.last.weight, 0.0, 0.01, generator=torch.Generator().manual_seed(2)
@@ -187,6 +184,7 @@ def test_given_weights_are_tried_in_the_basis_that_predicts_better(fine, tmp_pat
     save_encoder(encoder, path)
     settings = {"method": "wernet", "encoder": path, "uncertainty": 0}
     frozen = reconstruct(fine, options=Options(freeze_encoder=True, **settings))
+    assert basis(frozen) == "linear"
     assert np.isfinite(frozen.solution.settings["held_out_residual"]["learned"])
     classic = reconstruct(fine, options=Options(uncertainty=0))
     np.testing.assert_array_equal(frozen.solution.volume, classic.solution.volume)

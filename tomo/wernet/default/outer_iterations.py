@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tomo.operators import ProjectionOperator, Projector
+from tomo.operators import Projector
 from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
-from tomo.selection.choose import residual_of_left_out_views
 from tomo.wernet.default.checkpoint import EvaluatedWeights, State
 from tomo.wernet.default.encoder_training import EncoderTraining
 from tomo.wernet.default.linearisation import volume_with
+from tomo.wernet.default.patch_validation import evaluated
 from tomo.wernet.default.ray_weights import (
     RayWeights,
     corrections,
@@ -78,6 +78,8 @@ class OuterIterations:
         Why there are to be no more iterations; empty while there are.
     weights : (pixels,) float32, optional
         Weights of the pixels where voxels are solved for and evaluated.
+    pixel_blocks : (pixels,) int, optional
+        Pixels that are left out together where smoothness is chosen.
     done : int
         Outer iterations done.
     has_terms : bool
@@ -98,6 +100,7 @@ class OuterIterations:
     limit: int
     stop_reason: str = ""
     weights: NDArray[np.float32] | None = None
+    pixel_blocks: NDArray[np.int64] | None = None
     done: int = 0
     has_terms: bool = False
     choice: Choice | None = None
@@ -271,7 +274,8 @@ class OuterIterations:
         """
         found = None
         if anew and self.training.features.per_view:
-            found = choose_by_left_out_pixels(learned, self.measured, weights=self.weights)
+            how = {"blocks": self.pixel_blocks, "weights": self.weights}
+            found = choose_by_left_out_pixels(learned, self.measured, **how)
             found = evaluated(learned, self.measured, found, self.weights)
             if found.held_out_residual <= self.baseline.held_out_residual:
                 return found
@@ -292,14 +296,3 @@ class OuterIterations:
     def _below_baseline(self, residual: float, factor: float) -> bool:
         """Return whether a residual of left-out views is below ``factor`` times the baseline's."""
         return residual < factor * self.baseline.held_out_residual
-
-
-def evaluated(
-    projector: ProjectionOperator,
-    measured: NDArray[np.float32],
-    choice: Choice,
-    weights: NDArray[np.float32] | None,
-) -> Choice:
-    """Return the choice with the residual of left-out views: learned weights are kept by it."""
-    residual = residual_of_left_out_views(projector, measured, choice, weights)
-    return replace(choice, held_out_residual=residual)

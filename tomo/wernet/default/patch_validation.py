@@ -1,4 +1,4 @@
-"""How well left-out views are predicted, patch by patch of their images."""
+"""How well left-out views are predicted, as a whole and patch by patch of their images."""
 
 from __future__ import annotations
 
@@ -11,16 +11,28 @@ from numpy.typing import NDArray
 
 from tomo._compute.reductions import dot, norm
 from tomo.selection import Choice, solve_as_chosen
+from tomo.selection.choose import residual_of_left_out_views
 from tomo.selection.folds import Fold, views_to_leave_out
 from tomo.wernet.default.linearisation import PixelSubset
 from tomo.wernet.default.patches import beyond_noise
 
 if TYPE_CHECKING:
-    from tomo.operators import Projector
+    from tomo.operators import ProjectionOperator, Projector
 
 CONVERGED = 30
 """Iterations at which volumes are compared as well. Fewer: predictions of noisy patches change by
 a fifth from one iteration to the next. More: plain voxels of clean images imitate vignetting."""
+
+
+def evaluated(
+    projector: ProjectionOperator,
+    measured: NDArray[np.float32],
+    choice: Choice,
+    weights: NDArray[np.float32] | None,
+) -> Choice:
+    """Return the choice with the residual of left-out views: learned weights are kept by it."""
+    residual = residual_of_left_out_views(projector, measured, choice, weights)
+    return replace(choice, held_out_residual=residual)
 
 
 def left_out_patch_residuals(

@@ -125,7 +125,8 @@ def fit_parametric_terms(
             if GAINS not in terms:
                 unexplained = _step(fitted, parameters, (*chosen, *terms)).after / before
                 worth, beyond = min(WORTH_OF_A_TERM / (unexplained or 1.0), NO_WORSE), 1
-            fits.append((*_evaluate(fitted, residuals, worth, beyond), terms, parameters, fitted))
+            evaluated = _evaluate(fitted, now, residuals, worth, beyond)
+            fits.append((*evaluated, terms, parameters, fitted))
         ratio, left, choice, terms, parameters, fitted = min(fits, key=lambda fit: fit[0])
         if not ratio < 1:
             break
@@ -135,18 +136,26 @@ def fit_parametric_terms(
 
 
 def _evaluate(
-    fitted: Linearisation, others: NDArray[np.float64], worth: float, beyond: int
+    fitted: Linearisation,
+    now: Linearisation,
+    others: NDArray[np.float64],
+    worth: float,
+    beyond: int,
 ) -> tuple[float, NDArray[np.float64], Choice]:
     """Return the residuals of left-out patches with a fit, and how to solve for them.
 
-    The first value is their ratio to ``others`` over the ratio that is ``worth`` it, of the whole
-    residual or ``beyond`` the noise. The solve is the one before or a new choice, whichever
-    predicts patches better: the choice goes by pixels, which may ask for another smoothness.
+    The first value is their ratio to ``others``, those with the weights ``now``, over the ratio
+    that is ``worth`` it, of the whole residual or ``beyond`` the noise. The solve is the one
+    before or a new choice, whichever predicts patches better: the choice goes by pixels, which may
+    ask for another smoothness. A term is not to have the credit for that: the weights ``now`` are
+    evaluated with the new choice as well.
     """
     subset, solves, before = fitted.subset, [], fitted.choice
     anew = choose_by_left_out_pixels(fitted.weighted, subset.measured)
     for choice in (before,) if anew.solves_as(before) else (before, anew):
         left = left_out_patch_residuals(subset, fitted.weighted, choice)
+        if choice is anew:
+            others = np.minimum(others, left_out_patch_residuals(subset, now.weighted, anew))
         solves.append((_least_ratio(left[beyond], others[beyond]) / worth, left, choice))
     return min(solves, key=lambda solve: solve[0])
 

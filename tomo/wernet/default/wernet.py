@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tomo.operators import ProjectionOperator
 from tomo.operators.vectors import additive_start, check_measured, check_weights
@@ -21,7 +21,8 @@ from tomo.solvers.solution import Callback
 from tomo.wernet.default.checkpoint import Checkpoint
 from tomo.wernet.default.correction import CorrectionEncoder, ViewParameters
 from tomo.wernet.default.encoder_training import EncoderTraining
-from tomo.wernet.default.outer_iterations import OuterIterations, evaluated
+from tomo.wernet.default.outer_iterations import OuterIterations
+from tomo.wernet.default.patch_validation import evaluated
 from tomo.wernet.default.ray_features import RayFeatures
 from tomo.wernet.default.run import Record, run, stop_message
 from tomo.wernet.device import usable_device
@@ -47,6 +48,7 @@ def wernet(
     iterations: int = 8,
     start: ArrayLike | None = None,
     weights: ArrayLike | None = None,
+    pixel_blocks: NDArray[np.int64] | None = None,
     callback: Callback | None = None,
     encoder: str | Path | CorrectionEncoder | None = None,
     freeze_encoder: bool = False,
@@ -75,6 +77,9 @@ def wernet(
     weights : (pixels,), optional
         Weights of the pixels where voxels are solved for and left-out views evaluated, for
         example inverse variances; all alike when None.
+    pixel_blocks : (pixels,) int, optional
+        Pixels that are left out together where smoothness is chosen, see
+        `tomo.selection.choose_by_left_out_pixels`.
     callback : callable, optional
         ``callback(index, volume, relative_residual)`` after the classic solve, index 0, after the
         solve with parametric terms, where there are any, and after every outer iteration;
@@ -140,7 +145,7 @@ def wernet(
     view_parameters = ViewParameters(projector.n_views, own.channels).to(place)
 
     weights = check_weights(projector, weights)
-    baseline = choose_by_left_out_pixels(projector, measured, weights=weights)
+    baseline = choose_by_left_out_pixels(projector, measured, blocks=pixel_blocks, weights=weights)
     baseline = evaluated(projector, measured, baseline, weights)
     classic = solve_as_chosen(projector, measured, baseline, weights=weights)
     volume = projector.active.compress(classic.volume)
@@ -171,6 +176,7 @@ def wernet(
             limit=min(settings["iterations"], math.inf if per_view else FEW_VIEW_ITERATIONS),
             stop_reason=stop_reason,
             weights=weights,
+            pixel_blocks=pixel_blocks,
         )
         saved = Checkpoint.of(checkpoint, settings, projector, measured)
         how = {"resume": resume, "train": not freeze_encoder, "started": start is not None}
@@ -188,7 +194,8 @@ def _check(iterations: int, encoder: object, freeze_encoder: bool) -> None:
 def _nothing_to_learn(baseline: Choice, details_are_seen: bool) -> str:
     """Return why no weights can be learned from these views; nothing where they can."""
     if math.isnan(baseline.held_out_residual):
-        return "no views to evaluate weights by: too few, or dark"
+        why = "too few views to leave any out" if baseline.tried else baseline.reason
+        return f"no views to evaluate weights by: {why}"
     if not details_are_seen and baseline.width > WIDEST_WITH_FEW_VIEWS:
         return "the few views allow no detail: smoothness would be learned as optics"
     return ""

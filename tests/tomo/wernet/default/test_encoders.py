@@ -8,6 +8,7 @@ import torch
 
 from tomo.metrics import cosine_distance
 from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
+from tomo.selection.choose import residual_of_left_out_views
 from tomo.simulation.effects import Effects
 from tomo.wernet import save_encoder
 from tomo.wernet.default import CorrectionEncoder, wernet
@@ -108,7 +109,8 @@ def test_a_frozen_encoder_is_evaluated_and_solved_as_segment_lengths_were(scene,
         monkeypatch.setattr(module, "choose_by_left_out_pixels", noted)
     found = wernet(one.projector, one.measured, encoder=encoder, freeze_encoder=True)
     assert len(made) == 1
-    assert found.settings["held_out_residual"]["segment_lengths"] == made[0].held_out_residual
+    residual = residual_of_left_out_views(one.projector, one.measured, made[0])
+    assert found.settings["held_out_residual"]["segment_lengths"] == residual
     assert found.settings["solved_by"]["iterations"] == made[0].iterations
 
 
