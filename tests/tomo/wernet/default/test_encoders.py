@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from tomo.metrics import cosine_distance
 from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
 from tomo.selection.choose import residual_of_left_out_views
 from tomo.simulation.effects import Effects
@@ -17,9 +16,16 @@ GAINS = Effects(gain_spread=0.1)
 OWN_LIGHT = Effects(self_absorption=0.2)
 
 
+def _across(one):
+    """Return the images times a factor from left to right, which no term explains."""
+    factor = np.linspace(0.6, 1.4, one.rig[0].image_size[0], dtype=np.float32)
+    return one.system.flatten([factor * image for image in one.scan.images.values()])
+
+
 def test_a_learned_encoder_is_used_again_frozen(scene, tmp_path):
-    one = scene(effects=OWN_LIGHT)
-    trained = wernet(one.projector, one.measured, iterations=8)
+    one = scene(finer=2)
+    measured = _across(one)
+    trained = wernet(one.projector, measured, iterations=8)
     learned, path = trained.weights, tmp_path / "encoder.pt"
     assert trained.encoder is learned.encoder
     save_encoder(trained.encoder, path)
@@ -27,7 +33,7 @@ def test_a_learned_encoder_is_used_again_frozen(scene, tmp_path):
     seen = []
     found = wernet(
         one.projector,
-        one.measured,
+        measured,
         encoder=path,
         freeze_encoder=True,
         callback=lambda index, volume, residual: seen.append(index),
@@ -41,7 +47,7 @@ def test_a_learned_encoder_is_used_again_frozen(scene, tmp_path):
     if found.weights is not None:
         for name, value in learned.encoder.state_dict().items():
             assert torch.equal(found.weights.encoder.state_dict()[name], value)
-    in_memory = wernet(one.projector, one.measured, encoder=learned.encoder, freeze_encoder=True)
+    in_memory = wernet(one.projector, measured, encoder=learned.encoder, freeze_encoder=True)
     np.testing.assert_array_equal(in_memory.volume, found.volume)
 
 
@@ -78,18 +84,20 @@ def test_what_is_returned_does_not_change_with_later_runs(scene):
     assert all(torch.equal(before[name], after[name]) for name in before)
 
 
-def test_an_encoder_trained_on_one_flame_does_another_no_harm(scene):
-    one, other = scene(effects=OWN_LIGHT), scene(effects=OWN_LIGHT, views=14, finer=2)
-    encoder = wernet(one.projector, one.measured, iterations=8).encoder
-    lengths = wernet(other.projector, other.measured, iterations=0)
-    found = wernet(other.projector, other.measured, encoder=encoder, freeze_encoder=True)
+def test_an_encoder_predicts_another_flame_by_the_same_optics_and_does_others_no_harm(scene):
+    one, alike = scene(finer=2), scene(finer=2, views=14)
+    other = scene(effects=OWN_LIGHT, views=14, finer=2)
+    encoder = wernet(one.projector, _across(one), iterations=8).encoder
+    frozen = {"encoder": encoder, "freeze_encoder": True}
+    found = wernet(alike.projector, _across(alike), **frozen)
     assert found.settings["freeze_encoder"] is True
     residual = found.settings["held_out_residual"]
-    assert residual["learned"] != residual["segment_lengths"]
-    assert residual["learned"] < 1.1 * residual["segment_lengths"]
-    assert cosine_distance(found.volume, other.truth) < 1.02 * cosine_distance(
-        lengths.volume, other.truth
-    )
+    assert residual["learned"] < 0.9 * residual["segment_lengths"]
+    lengths = wernet(other.projector, other.measured, iterations=0)
+    found = wernet(other.projector, other.measured, **frozen)
+    residual = found.settings["held_out_residual"]
+    assert residual["learned"] > residual["segment_lengths"]
+    np.testing.assert_array_equal(found.volume, lengths.volume)
 
 
 def test_a_frozen_encoder_is_evaluated_and_solved_as_segment_lengths_were(scene, monkeypatch):
