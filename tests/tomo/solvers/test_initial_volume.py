@@ -36,23 +36,14 @@ def test_it_is_dim_wherever_one_view_is_dark(ring_system):
     assert 0 < found[dark].max() < 1e-3 * found.max()
 
 
-def test_a_voxel_out_of_some_view_starts_dim_and_is_lit_where_its_views_ask(projector_of):
+def test_a_voxel_out_of_some_view_starts_from_the_views_that_see_it(projector_of):
     matrix = np.array([[1.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 1]])
     projector = projector_of(matrix, [0, 2, 4])  # the last two voxels are each seen by one view
-    for measured, lit in (([2.0, 0, 1, 1], False), ([1.0, 0, 1, 1], True)):
-        measured = np.array(measured, np.float32)
-        start = mlos_start(projector, measured)
-        assert (start[2:] > 0).all()  # at zero they would stay dark whatever the images show
-        assert start[2:].max() < 1e-3 * start.max()
-        found = solvers.mlem(projector, measured, iterations=1000, start=start).volume.ravel()
-        assert found[2] == 0  # its only view shows no light
-        # the last voxel's pixel is explained by a voxel that both views see, or by it alone
-        assert found[3] == pytest.approx(float(lit), abs=0.02)
+    found = mlos_start(projector, np.array([2.0, 0, 1, 1]))
+    assert found[2] < 1e-3 * found.max()  # its only view shows no light
+    assert found[3] > 0.1 * found.max()
 
 
-@pytest.mark.xfail(
-    reason="the rest starts too dim for 20 iterations: 0.042 for 0.0038", strict=True
-)
 def test_a_camera_that_sees_a_part_of_the_grid_leaves_the_rest_lit(ring_system):
     projector, measured = ring_system.projector, ring_system.measured
     # one camera shows the lower half alone
