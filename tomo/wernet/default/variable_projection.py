@@ -147,16 +147,19 @@ def _evaluate(
     The first value is their ratio to ``others``, those with the weights ``now``, over the ratio
     that is ``worth`` it, of the whole residual or ``beyond`` the noise. The solve is the one
     before or a new choice, whichever predicts patches better: the choice goes by pixels, which may
-    ask for another smoothness. A term is not to have the credit for that: the weights ``now`` are
-    evaluated with the new choice as well.
+    ask for another smoothness. A fit is not to have all the credit for that: it must also predict
+    patches better than the weights ``now`` do with the new choice.
     """
     subset, solves, before = fitted.subset, [], fitted.choice
     anew = choose_by_left_out_pixels(fitted.weighted, subset.measured)
     for choice in (before,) if anew.solves_as(before) else (before, anew):
         left = left_out_patch_residuals(subset, fitted.weighted, choice)
+        ratio = _least_ratio(left[beyond], others[beyond]) / worth
         if choice is anew:
-            others = np.minimum(others, left_out_patch_residuals(subset, now.weighted, anew))
-        solves.append((_least_ratio(left[beyond], others[beyond]) / worth, left, choice))
+            same = left_out_patch_residuals(subset, now.weighted, anew)
+            by_fit = _least_ratio(left[beyond], same[beyond])
+            ratio = max(ratio, by_fit / max(worth, WORTH_OF_A_TERM))
+        solves.append((ratio, left, choice))
     return min(solves, key=lambda solve: solve[0])
 
 
