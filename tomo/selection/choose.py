@@ -8,6 +8,7 @@ and compared by how well it predicts those.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -148,12 +149,12 @@ def _folds(
 
 def _least_error(fits: Fits) -> Fit:
     """Return the setting of the least error: the best width, each with its best strength."""
-    best = _of_width(fits, FIRST_WIDTH, STRENGTHS[FIRST])
+    best = _of_width(fits, FIRST_WIDTH, STRENGTHS[FIRST], (-1, 1))
     for step in (1, -1):
         at = WIDTHS.index(FIRST_WIDTH) + step
         while 0 <= at < len(WIDTHS):
-            # blobs of another width need another strength: a wider one smooths by itself
-            found = _of_width(fits, WIDTHS[at], best.strength)
+            # wider blobs are smooth by themselves and ask for a weaker prior, narrower ones not
+            found = _of_width(fits, WIDTHS[at], best.strength, (-step,))
             if found.error >= best.error:
                 break
             best, at = found, at + step
@@ -162,12 +163,14 @@ def _least_error(fits: Fits) -> Fit:
     return best
 
 
-def _of_width(fits: Fits, width: float, strength: float) -> Fit:
-    """Return the best fit of a width, from one strength to the next while it improves."""
-    first = STRENGTHS.index(strength)
+def _of_width(fits: Fits, width: float, strength: float, steps: Sequence[int]) -> Fit:
+    """Return the best fit of a width, from one strength to the next while it improves.
+
+    ``steps`` are the directions to go in, the second only where the first improves nothing.
+    """
     best = fits.at(width, strength)
-    for step in (-1, 1):
-        at = first + step
+    for step in steps:
+        at = STRENGTHS.index(strength) + step
         while 0 <= at < len(STRENGTHS):
             found = fits.at(width, STRENGTHS[at])
             if found.error >= best.error:

@@ -16,9 +16,10 @@ from tomo.selection.smooth_solve import smooth_start, solve_smoothly
 CHECKPOINTS = (5, 10, 15, 20, 28, 40, 56, 80)
 """Iterations after which the prediction error is computed."""
 
-SETTLED = 1e-3
-"""A fit ends when from one checkpoint to the next the error falls by less than this fraction.
-Larger values stop early, smaller ones only cost time."""
+SETTLED, STILL_FALLING = 1e-4, 0.03
+"""A fit ends when a checkpoint gains less than the first fraction of the whole gain, and less than
+the second of the remaining error: noise hides gains of the one, clean images have them of the
+other. Larger values stop early, smaller ones only cost time."""
 
 CATCHING_UP = 3
 """A fit also ends where so many gains like its last would not reach the best fit so far. Fewer
@@ -136,8 +137,8 @@ class Fits:
             if len(errors) < 2:
                 return False
             before, now = errors[-2].sum(), errors[-1].sum()
-            settled = now > (1 - SETTLED) * before
-            return bool(settled or now - CATCHING_UP * (before - now) > to_reach)
+            enough = min(SETTLED * (fold.squared_light - now), STILL_FALLING * now)
+            return bool(before - now < enough or now - CATCHING_UP * (before - now) > to_reach)
 
         found = solve_smoothly(
             fold.training,
