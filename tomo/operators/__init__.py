@@ -19,6 +19,9 @@ a rig's pixels.
     LinearBasis(footprint_blur(rig, pixels, seen, grid) @ A)      # linear between voxel centres
     GaussianBasis(A, width)                                       # blobs at the voxel centres
 
+Gas that absorbs changes the rays' weights, not the composition: `LinearSystem.with_absorption`
+gives every segment the fraction of its light that arrives (`Absorption`).
+
 A composition is an operator of the same kind, so that compositions compose. `ImageBlur` is the
 blur ``B`` of images by one kernel a view, whatever the kernel is made of. Gains and backgrounds
 of the cameras make the model affine, ``b = g (A x) + o``: `Gains` applies both to the images and
@@ -36,6 +39,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "absorption": ["Absorption"],
         "basis": [
             "GaussianBasis",
             "LinearBasis",

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compute.jit import compiled
+from tomo._compute.threads import run_ranges
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
 from tomo.rays.ray_box import enter_box
@@ -46,20 +46,25 @@ def transmission(
     near = np.einsum("ij,ij->i", entry, rays.directions)
     used = np.zeros(0, np.float32) if self_absorption == 0 else emission.ravel()
     through = np.zeros_like(segments.length)
-    _transmit(
-        segments.ptr, segments.voxel, segments.length, segments.midpoint, rays.directions,
-        rays.weight, near, used, float(absorption), float(self_absorption), through,
-    )  # fmt: skip
+
+    def transmit(first: int, last: int) -> None:
+        _transmit(
+            segments.ptr, segments.voxel, segments.length, segments.midpoint, rays.directions,
+            rays.weight, near, used, float(absorption), float(self_absorption), first, last,
+            through,
+        )  # fmt: skip
+
+    run_ranges(len(rays), transmit)
     return through
 
 
-@compiled(parallel=True)
+@compiled()
 def _transmit(
     ptr, voxel, length, midpoint, directions, weights, near, emission,
-    absorption, self_absorption, through,
+    absorption, self_absorption, first, last, through,
 ):  # fmt: skip
-    """Walk every ray from the camera on and add up the optical depth before each segment."""
-    for ray in numba.prange(len(near)):
+    """Walk some rays from the camera on and add up the optical depth before each segment."""
+    for ray in range(first, last):
         dx, dy, dz = directions[ray]
         strength = self_absorption / weights[ray]  # lengths hold the weight already
         passed = -absorption * near[ray]

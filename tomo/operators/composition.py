@@ -12,6 +12,7 @@ pixels, so that they compose further.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from functools import cached_property
 from typing import Self
 
@@ -22,6 +23,8 @@ from scipy.sparse.linalg import LinearOperator
 from tomo.grid import ActiveVoxels
 from tomo.operators.operator import ProjectionOperator
 from tomo.trace import Segments
+
+Change = Callable[[ProjectionOperator], ProjectionOperator]
 
 
 class ImageOperator(LinearOperator):
@@ -120,9 +123,13 @@ class ComposedProjector(ProjectionOperator):
         """The arrays that define the entries."""
         return *self.rays.arrays, *self.images.arrays
 
+    def with_rays(self, change: Change) -> Self:
+        """Return the same composition on other rays; see `ProjectionOperator.with_rays`."""
+        return type(self)(self.images, self.rays.with_rays(change), self.view_ptr)
+
     def with_lengths(self, length: NDArray[np.floating]) -> Self:
         """Return the operator with ``length`` (segments,), of either sign, instead of its own."""
-        return type(self)(self.images, self.rays.with_lengths(length), self.view_ptr)
+        return self.with_rays(lambda rays: rays.with_lengths(length))
 
     def rows(self, start: int, stop: int) -> Self:
         """Return the operator of pixels ``start:stop`` as one view, with the rays they need."""
@@ -196,9 +203,13 @@ class BasisProjector(ProjectionOperator):
         """The arrays that define the entries of ``A``."""
         return self.projector.arrays
 
+    def with_rays(self, change: Change) -> Self:
+        """Return the same basis on other rays; see `ProjectionOperator.with_rays`."""
+        return self._on(self.projector.with_rays(change))
+
     def with_lengths(self, length: NDArray[np.floating]) -> Self:
         """Return the operator with ``length`` (segments,), of either sign, instead of its own."""
-        return self._on(self.projector.with_lengths(length))
+        return self.with_rays(lambda rays: rays.with_lengths(length))
 
     def rows(self, start: int, stop: int) -> Self:
         """Return the operator of pixels ``start:stop`` as one view."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Self
 
@@ -96,6 +96,15 @@ class ProjectionOperator(LinearOperator):
     def without_blur(self) -> ProjectionOperator:
         """The operator of the rays in voxels, before an image blur; itself where none is."""
         return self
+
+    @property
+    def without_absorption(self) -> ProjectionOperator:
+        """The operator of the same rays through transparent gas, where it is not stored."""
+        return self
+
+    def with_rays(self, change: Callable[[ProjectionOperator], ProjectionOperator]) -> Self:
+        """Return the same composition on other rays: ``change`` takes and returns those."""
+        return change(self)
 
     def voxel_means(self, volume: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return the mean emission in every voxel of coefficients, both ``(nx, ny, nz)``."""

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from rigs import Rig, point_in_view
 from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.operators.absorption import Absorption, attenuating
 from tomo.operators.assembly import Progress, camera_sources, trace_cameras
 from tomo.operators.basis import LinearBasis, footprint_blur
 from tomo.operators.lens_blur import lens_blur
 from tomo.operators.memory import STORED, choose_form
-from tomo.operators.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.stored import Projector
 from tomo.trace import Segments, tracing
@@ -165,6 +166,48 @@ class LinearSystem:
         seen = self.projector.row_sums > 0
         blur = footprint_blur(self.rig, self.pixels, seen, self.projector.grid, supersample)
         return replace(self, projector=LinearBasis(blur @ self.projector))
+
+    def with_absorption(
+        self,
+        absorption: Absorption,
+        volume: NDArray[np.floating] | None = None,
+        *,
+        supersample: int = 1,
+        tracer: str = "march",
+    ) -> LinearSystem:
+        """Return the same equations for gas that absorbs.
+
+        Parameters
+        ----------
+        absorption : Absorption
+            In place of any that the equations have; none: transparent gas.
+        volume : (nx, ny, nz), optional
+            The mean emission of every voxel; needed where ``absorption.emission`` is not 0.
+        supersample, tracer
+            Those that the equations were made with.
+
+        Notes
+        -----
+        The fractions hold for segments, before any blur of images: they serve both bases.
+        """
+        grid, active = self.projector.grid, self.projector.active
+        emission = None if volume is None else active.compress(volume)
+        if self.form != STORED:
+
+            def change(rays: ProjectionOperator) -> ProjectionOperator:
+                rays = rays.without_absorption
+                return AttenuatedProjector(rays, absorption, emission) if absorption else rays
+
+            return replace(self, projector=self.projector.with_rays(change))
+        tracers = [
+            attenuating(
+                tracing(grid, tracer, midpoints=True, active=active), grid, absorption, emission
+            )
+            for _ in range(numba.get_num_threads() if tracer == "march" else 1)
+        ]
+        parts, _ = trace_cameras(self.rig, self.pixels, tracers, False, supersample, None)
+        length = np.concatenate([part.length for part in parts])
+        return replace(self, projector=self.projector.with_lengths(length))
 
     @property
     def on_voxel_means(self) -> LinearSystem:

@@ -11,6 +11,7 @@ from tomo._compute.reductions import norm
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
 from tomo.operators import STORED, Projector
+from tomo.operators.attenuation import transmission
 from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.rays import Rays
 from tomo.selfcal.registration import register, shift_motions
@@ -28,6 +29,7 @@ def warm_up(tracer: str, form: str = STORED) -> float:
         for midpoints in (False, True):
             segments = trace(rays, grid, tracer, midpoints=midpoints, active=active)
             projector = Projector(segments, grid, active=active)
+        transmission(segments, rays, grid, 0.0, 0.0, None)
     else:
         projector = OnTheFlyProjector(rays, grid, active=active)
     norm(projector.row_sums)

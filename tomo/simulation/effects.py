@@ -8,17 +8,18 @@ corners, and no two cameras have the same gain.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo.grid import VoxelGrid
+from tomo.operators.absorption import Absorption, attenuating
 from tomo.operators.attenuation import transmission
 from tomo.rays import Rays
 from tomo.rays.visible_pixels import pixels_that_see
-from tomo.trace import Segments, trace
+from tomo.trace import Segments, trace, tracing
 
 if TYPE_CHECKING:
     from rigs import CameraLike
@@ -194,10 +195,8 @@ focus_distance=None, aperture_rays=32)
         """
         if not self.absorbs:
             return trace(rays, grid, tracer)
-        single = replace(rays, pixel_ptr=np.arange(len(rays) + 1))
-        plain = trace(single, grid, tracer, midpoints=True)
-        transmitted = self._transmission(plain, single, grid, emission)
-        return Segments(plain.ptr[rays.pixel_ptr], plain.voxel, plain.length * transmitted)
+        absorption = Absorption(self.absorption, self.self_absorption)
+        return attenuating(tracing(grid, tracer, midpoints=True), grid, absorption, emission)(rays)
 
     def weight_ratio(
         self,
@@ -241,18 +240,9 @@ focus_distance=None, aperture_rays=32)
         if self.absorbs:
             position = np.tile(camera.position, (len(last), 1))
             lines = Rays.from_lines(position, last - position)
-            ratio *= self._transmission(nonempty, lines, grid, emission)
+            strengths = self.absorption, self.self_absorption
+            ratio *= transmission(nonempty, lines, grid, *strengths, emission)
         return ratio
-
-    def _transmission(
-        self,
-        segments: Segments,
-        rays: Rays,
-        grid: VoxelGrid,
-        emission: NDArray[np.floating] | None,
-    ) -> NDArray[np.floating]:
-        strengths = self.absorption, self.self_absorption
-        return transmission(segments, rays, grid, *strengths, emission)
 
     def _lens_points(self, supersample: int) -> int:
         return 1 if self.aperture == 0 else -(-self.aperture_rays // supersample**2)

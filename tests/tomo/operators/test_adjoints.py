@@ -5,7 +5,14 @@ import pytest
 
 import rigs
 from tomo.grid import ActiveVoxels, VoxelGrid
-from tomo.operators import GaussianBasis, LinearSystem, dot_test, footprint_blur, lens_blur
+from tomo.operators import (
+    Absorption,
+    GaussianBasis,
+    LinearSystem,
+    dot_test,
+    footprint_blur,
+    lens_blur,
+)
 from tomo.operators.composition import ImageOperator
 from tomo.priors import Gradient, RelativeCurvature
 
@@ -24,6 +31,12 @@ def reweighted(system):
     return system.projector.with_lengths(length)
 
 
+def absorbing(system):
+    """Return the system with gas that absorbs evenly, and by its own emission too."""
+    emission = np.random.default_rng(2).random(GRID.shape).astype(np.float32)
+    return system.with_absorption(Absorption(0.05, 0.1), emission)
+
+
 def compositions(system, form):
     """Return every operator on one form of the matrix, by name."""
     rays, lens, linear = (
@@ -38,6 +51,8 @@ def compositions(system, form):
         "voxel means": linear.on_voxel_means,
         "Gaussian": GaussianBasis(rays, 0.8),
         "Gaussian through a lens": GaussianBasis(lens, 0.8),
+        "absorbing gas": absorbing(system).projector,
+        "linear absorbing gas": absorbing(system.with_linear_basis()).projector,
     }
     if form == "stored":
         found |= {
@@ -62,7 +77,16 @@ def operators():
 NAMES = [
     f"{form} {name}"
     for form in ("stored", "on-the-fly")
-    for name in ("rays", "lens", "linear", "voxel means", "Gaussian", "Gaussian through a lens")
+    for name in (
+        "rays",
+        "lens",
+        "linear",
+        "voxel means",
+        "Gaussian",
+        "Gaussian through a lens",
+        "absorbing gas",
+        "linear absorbing gas",
+    )
 ] + ["stored other lengths", "stored lens of other lengths"]
 PRECISIONS = pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-6)])
 

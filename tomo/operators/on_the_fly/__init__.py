@@ -30,7 +30,7 @@ results have the same bits on any number of threads.
 Modules, in the order of the work: `pixel_runs` and `ray_sources` (which rays), `ray_setup` (a
 ray's parameters in the grid), `counting_pass` (how many crossings, which columns), `chunks` (what
 a thread does at a time), `running_sums` (S and D), `face_crossings` and `kernels` (the products),
-`projector` (the operator).
+`projector` (the operator), `attenuated` (that through absorbing gas, ray by ray).
 """
 
 import lazy_loader
@@ -38,6 +38,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "attenuated": ["AttenuatedProjector"],
         "projector": ["OnTheFlyProjector"],
     },
 )

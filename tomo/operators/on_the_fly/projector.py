@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 
@@ -16,6 +16,7 @@ from tomo._compute.index_types import index_type
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.on_the_fly import kernels
 from tomo.operators.on_the_fly.chunks import (
+    RAYS_AT_ONCE,
     Chunk,
     Visit,
     chunks_of,
@@ -164,6 +165,12 @@ class OnTheFlyProjector(ProjectionOperator):
             projector.__dict__["_axes"] = [self._axes[number] for number, _ in wanted]
             projector.__dict__["_orders"] = self._orders
         return projector
+
+    def some_rays(self) -> Iterator[tuple[int, int, Rays]]:
+        """Iterate over the rays of some pixels at a time: ``start, stop, rays``."""
+        for source, first in zip(self._sources, self._ptr[:-1], strict=True):
+            for start, stop, _ in source.portions(RAYS_AT_ONCE):
+                yield int(first) + start, int(first) + stop, source.rays(start, stop)
 
     @cached_property
     def _counts(self) -> list[CrossingCounts]:

@@ -76,6 +76,10 @@ class PixelSource(ABC):
         """Return where to stop for ``rays`` rays from pixel ``start`` on, one pixel at least."""
 
     @abstractmethod
+    def rays(self, start: int, stop: int) -> Rays:
+        """Return the rays of the pixels ``start:stop``."""
+
+    @abstractmethod
     def writer(self, grid: VoxelGrid, axes: Axes) -> Write:
         """Return the function that writes the parameters of rays with driving axis ``axes[0]``.
 
@@ -88,28 +92,30 @@ class PixelSource(ABC):
 class RayPixels(PixelSource):
     """Pixels of stored rays; ``rows`` are their numbers, None for all."""
 
-    rays: Rays
+    stored: Rays
     rows: NDArray[np.int64] | None = None
 
     @property
     def n_pixels(self) -> int:
         """Number of pixels."""
-        return self.rays.n_pixels if self.rows is None else len(self.rows)
+        return self.stored.n_pixels if self.rows is None else len(self.rows)
 
     @property
     def largest_weight(self) -> float:
         """The largest sum of weights; see `PixelSource`."""
-        sums = np.diff(np.append(0.0, np.cumsum(np.abs(self.rays.weight)))[self.rays.pixel_ptr])
+        sums = np.diff(
+            np.append(0.0, np.cumsum(np.abs(self.stored.weight)))[self.stored.pixel_ptr]
+        )
         return float(sums.max(initial=0.0))
 
     def take(self, numbers: Numbers) -> RayPixels:
         """Return the source of some of the pixels."""
-        rows = np.arange(self.rays.n_pixels) if self.rows is None else self.rows
-        return RayPixels(self.rays, rows[numbers])
+        rows = np.arange(self.stored.n_pixels) if self.rows is None else self.rows
+        return RayPixels(self.stored, rows[numbers])
 
     def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
         """Return where the pixels' rays begin; see `PixelSource`."""
-        ptr = self.rays.pixel_ptr
+        ptr = self.stored.pixel_ptr
         if self.rows is None:
             return ptr[start : stop + 1] - ptr[start]
         rows = self.rows[start:stop]
@@ -124,9 +130,14 @@ class RayPixels(PixelSource):
         ptr = self.ray_ptr(start, min(start + rays, self.n_pixels))
         return start + max(int(np.searchsorted(ptr, rays, side="right")) - 1, 1)
 
+    def rays(self, start: int, stop: int) -> Rays:
+        """Return the pixels' rays; see `PixelSource`."""
+        numbers = np.arange(start, stop)
+        return self.stored.take(numbers if self.rows is None else self.rows[numbers])
+
     def writer(self, grid: VoxelGrid, axes: Axes) -> Write:
         """Return the function that writes parameters; see `PixelSource`."""
-        rays, rows = self.rays, self.rows
+        rays, rows = self.stored, self.rows
         box, shape = corners_and_spacing(grid), in_order(grid.shape, axes)
 
         def write(start: int, stop: int, parameters: NDArray[np.float64]) -> None:
@@ -216,6 +227,10 @@ class CameraPixels(PixelSource):
     def last_within(self, start: int, rays: int) -> int:
         """Return where to stop; see `PixelSource`."""
         return min(start + max(rays // self.supersample**2, 1), self.n_pixels)
+
+    def rays(self, start: int, stop: int) -> Rays:
+        """Return the pixels' rays; see `PixelSource`."""
+        return Rays.from_camera(self.camera, self.pixels.between(start, stop), self.supersample)
 
     def writer(self, grid: VoxelGrid, axes: Axes) -> Write:
         """Return the function that writes parameters; see `PixelSource`."""
