@@ -53,7 +53,7 @@ class Absorption:
 
     def __bool__(self) -> bool:
         """Whether anything absorbs."""
-        return self.medium > 0 or self.emission > 0
+        return bool(self.medium > 0 or self.emission > 0)
 
 
 def attenuating(

@@ -12,6 +12,7 @@ from tomo.operators import STORED, LinearSystem
 from tomo.pipeline.assess import Assessed
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.evaluate import Evaluated, Reference
+from tomo.pipeline.explain import ExplainedScan
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.options import Options
 from tomo.pipeline.reconstruction import Reconstruction
@@ -19,6 +20,7 @@ from tomo.pipeline.register import Registered
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Compared, Solved
 from tomo.pipeline.stage import Record
+from tomo.pipeline.trace import TracedScan
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,8 @@ class Stages:
     load: LoadedScan
     screen: ScreenedScan
     register: Registered
+    trace: TracedScan
+    explain: ExplainedScan
     build: WeightedSystem
     solve: Solved
     compare: Compared
@@ -83,14 +87,14 @@ def assemble(
         alignment=alignment.report(names) if alignment else None,
         refinement=registered.refinement.report() if registered.refinement else None,
         refined_rig=registered.recorded_rig(scan) if registered.refinement else None,
+        explanation=stages.explain.report,
         gains=built.gains.report(names) if built.gains else None,
         seconds={
             **{name: record.seconds for name, record in stages.records.items()},
-            "trace": built.trace_seconds,
             "choose": stages.solve.solution.seconds["choose"],
             "total": seconds,
         },
-        first_use_seconds=first_use + built.first_use_seconds,
+        first_use_seconds=first_use + stages.trace.first_use_seconds,
         unseen=stages.assess.unseen,
         warnings=tuple(line for one in stages.records.values() for line in one.warnings),
         options=options,

@@ -18,13 +18,13 @@ from tomo.grid import VoxelGrid
 from tomo.operators import LINEAR, LinearSystem
 from tomo.operators.system import VolumeNotSeenError
 from tomo.operators.view_gains import Gains
-from tomo.pipeline.build import blind_warnings
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.methods import method_named
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Compared, Solved, Watch, with_learned_weights
 from tomo.pipeline.stage import Record, as_warning, timed
+from tomo.pipeline.trace import blind_warnings
 from tomo.pipeline.view import View, quality
 from tomo.scan import Scan
 from tomo.scan.scan import Images, Masks
@@ -218,6 +218,10 @@ def _views_apart(
         system = system.with_lens_blur(options.blur)
     if solved.built.basis.name == LINEAR:
         system = system.with_linear_basis(options.supersample)
+    if solved.built.absorption:
+        how = {"supersample": options.supersample, "tracer": options.tracer}
+        volume = solved.solution.volume
+        system = system.with_absorption(solved.built.absorption, volume, **how)
     system = with_learned_weights(system, solved.solution, same_views=False)
     found = views_of(
         system.on_voxel_means,

@@ -102,8 +102,15 @@ class Options:
     )
     fit_gain: bool | None = _option(
         None,
-        "Whether each camera's gain and background are fitted and corrected; by default where the "
-        "views disagree.",
+        "Whether each camera's gain and background are fitted and corrected; by default, with "
+        "method auto, where they explain the images clearly better.",
+        switch(optional=True),
+    )
+    fit_absorption: bool | None = _option(
+        None,
+        "Whether absorption is fitted and corrected, by the emitting gas itself or by a medium "
+        "that fills the grid; by default, with method auto, where it explains the images clearly "
+        "better.",
         switch(optional=True),
     )
     uncertainty: int | str = _option(

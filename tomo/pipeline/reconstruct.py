@@ -11,13 +11,16 @@ from tomo.pipeline.assess import assess
 from tomo.pipeline.build import build
 from tomo.pipeline.check_options import cameras_to_refine, check_options
 from tomo.pipeline.evaluate import evaluate, read_reference, trace_apart
+from tomo.pipeline.explain import explain_images
 from tomo.pipeline.first_use import warm_up_stages
 from tomo.pipeline.load import load
 from tomo.pipeline.options import Options
 from tomo.pipeline.reconstruction import Reconstruction
 from tomo.pipeline.register import register_screened
 from tomo.pipeline.screen import screen
+from tomo.pipeline.self_absorption import with_own_absorption
 from tomo.pipeline.solve import compare, solve
+from tomo.pipeline.trace import trace_views
 from tomo.scan import Scan
 
 
@@ -53,14 +56,18 @@ def reconstruct(
     screened = screen(loaded, grid, options.hold_out, look=options.screen)
     refine = cameras_to_refine(options, scan)
     registered = register_screened(screened, grid, options, refine, progress)
-    built = build(screened, registered, grid, options, progress)
-    apart = trace_apart(screened, built.system, options)
+    traced = trace_views(screened, registered, grid, options, progress)
+    apart = trace_apart(screened, traced.system, options)
+    explained = explain_images(traced, screened, options)
+    built = build(screened, explained, options)
     solved = solve(built, options, watch=reference.watch, progress=progress)
+    solved = with_own_absorption(solved, options)
     compared = compare(solved.built, options, watch=reference.watch, progress=progress)
     evaluated = evaluate(loaded, screened, solved, compared, apart, reference, options)
     light = screened.unmodelled_light
     assessed = assess(registered, solved, options, unmodelled_light=light, progress=progress)
     stages = Stages(
-        reference, loaded, screened, registered, built, solved, compared, evaluated, assessed
-    )
+        reference, loaded, screened, registered, traced, explained, built, solved, compared,
+        evaluated, assessed,
+    )  # fmt: skip
     return assemble(stages, options, first_use=first_use, seconds=time.perf_counter() - began)

@@ -48,12 +48,15 @@ class Reconstruction:
         See `tomo.selfcal.shifts.Alignment.report`, `tomo.selfcal.refine.Refinement.report` and
         `tomo.selfcal.gains.Gains.report`; None where they were not looked for, or the gains not
         corrected.
+    explanation : mapping, optional
+        What explains the images as a whole, see `tomo.screening.hypotheses.Explained.report`, and
+        the absorption that was corrected; None where it was not looked for.
     refined_rig : Rig, optional
         All cameras, those refined and shifted as they were found, at the size that images were
         recorded in; None where that was not asked for, or found nothing.
     seconds : mapping
-        A stage each, ``load, screen, register, build, solve, compare, evaluate, uncertainty``, and
-        ``total``; ``trace`` is a part of ``build``, ``choose`` of ``solve``.
+        A stage each, ``load, screen, register, trace, explain, build, solve, compare, evaluate,
+        uncertainty``, and ``total``; ``choose`` is a part of ``solve``.
     first_use_seconds : float
         Compiling or loading kernels, once a process.
     unseen : (nx, ny, nz) bool, optional
@@ -86,6 +89,7 @@ class Reconstruction:
     refinement: Mapping[str, Any] | None = None
     refined_rig: Rig | None = None
     gains: Mapping[str, Any] | None = None
+    explanation: Mapping[str, Any] | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     first_use_seconds: float = 0.0
     unseen: NDArray[np.bool_] | None = None

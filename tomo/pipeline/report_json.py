@@ -36,6 +36,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
         "screening": outcome.screening,
         "alignment": outcome.alignment,
         "refinement": outcome.refinement,
+        "explanation": outcome.explanation,
         "gains": outcome.gains,
         "learned": outcome.learned.report() if outcome.learned else None,
         "uncertainty": outcome.uncertainty.report() if outcome.uncertainty else None,

@@ -180,33 +180,6 @@ def estimate_gains(
     return solve_with_gains(quick_solution, projector, measured, rounds=rounds, offsets=offsets)[1]
 
 
-def gains_worth_correcting(
-    projector: ProjectionOperator, measured: ArrayLike, wanted: bool | None = None
-) -> Gains | None:
-    """Return the gains to correct the images with, or None where no correction is needed.
-
-    Parameters
-    ----------
-    projector, measured
-        See `fit_gains`.
-    wanted : bool, optional
-        Whether to correct the images. None corrects them only where the views disagree.
-
-    Notes
-    -----
-    Gains alone decide whether views disagree. Only dark pixels separate an offset common to all
-    views from faint haze, and where noise hides the haze those pixels are not quite dark. One
-    outer iteration is enough to decide.
-    """
-    if wanted is False:
-        return None
-    if wanted is None:
-        first = estimate_gains(projector, measured, offsets=False, rounds=1)
-        if not first.views_disagree:
-            return None
-    return estimate_gains(projector, measured)
-
-
 def solve_with_gains(
     solver: Callable[[NDArray[np.float32]], Solution],
     projector: ProjectionOperator,

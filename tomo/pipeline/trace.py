@@ -1,0 +1,102 @@
+"""Stage 4, trace: the rays of the pixels that take part, and what these pixels measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import VoxelGrid
+from tomo.operators import STORED, LinearSystem
+from tomo.operators.system import Progress, VolumeNotSeenError
+from tomo.pipeline.check_options import methods_of
+from tomo.pipeline.first_use import warm_up
+from tomo.pipeline.methods import Method
+from tomo.pipeline.options import Options
+from tomo.pipeline.register import Registered
+from tomo.pipeline.screen import ScreenedScan
+from tomo.pipeline.stage import Record, timed
+
+
+@dataclass(frozen=True, eq=False)
+class TracedScan:
+    """The rays of the pixels that take part, and what these measured.
+
+    Attributes
+    ----------
+    system : LinearSystem
+        In the voxel basis, through transparent gas.
+    measured : (pixels,) float32
+        As given.
+    first_use_seconds : float
+        Compiling or loading of kernels that this stage found itself in need of.
+    record : Record
+    """
+
+    system: LinearSystem
+    measured: NDArray[np.float32]
+    first_use_seconds: float = 0.0
+    record: Record = Record()
+
+
+def trace_views(
+    screened: ScreenedScan,
+    registered: Registered,
+    grid: VoxelGrid,
+    options: Options,
+    progress: Progress | None = None,
+) -> TracedScan:
+    """Trace the pixels that take part, through a lens where it is out of focus."""
+    with timed() as stage:
+        system = _traced(screened, registered, grid, options, methods_of(options), progress)
+        if options.blur:
+            system = system.with_lens_blur(options.blur)
+        first_use = 0.0
+        if system.form != STORED:
+            first_use = warm_up(options.tracer, system.form)
+        stage.warnings += blind_warnings(system)
+        measured = system.flatten(screened.images)
+        if not (measured > 0).any():
+            stage.warnings.append(
+                "no usable pixel that sees the volume is above 0: the volume is empty. Check the "
+                "exposure, and whether too much is subtracted as dark"
+            )
+    return TracedScan(system, measured, first_use, stage.record)
+
+
+def blind_warnings(system: LinearSystem) -> list[str]:
+    """Return a line for each camera of which no usable pixel sees the volume."""
+    return [
+        f"camera {name}: none of its usable pixels sees the volume. Check its pose, its mask and "
+        "the grid (check-rig), or hold it out"
+        for name in system.blind
+    ]
+
+
+def _traced(
+    screened: ScreenedScan,
+    registered: Registered,
+    grid: VoxelGrid,
+    options: Options,
+    methods: list[Method],
+    progress: Progress | None,
+) -> LinearSystem:
+    """Return the equations of the views that take part, in the voxel basis and in focus."""
+    try:
+        return LinearSystem.from_rig(
+            registered.rig,
+            grid,
+            masks=registered.masks,
+            active=registered.active,
+            skip=options.skip,
+            midpoints=any(one.needs_midpoints for one in methods),
+            needs_matrix=any(one.needs_matrix for one in methods),
+            tracer=options.tracer,
+            supersample=options.supersample,
+            form=options.projector,
+            progress=progress,
+        )
+    except VolumeNotSeenError as error:
+        held_out = f"; held out: {', '.join(options.hold_out)}" if options.hold_out else ""
+        raise VolumeNotSeenError(f"{screened.scan.source}: {error}{held_out}") from None

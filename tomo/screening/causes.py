@@ -1,0 +1,146 @@
+"""What may be wrong with a whole set of images: cameras' gains, and gas that absorbs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.operators import LinearSystem
+from tomo.operators.view_gains import Gains
+from tomo.screening.hypotheses import Evidence, Fitted
+from tomo.selfcal.gains import fit_gains
+
+FIRST_DEPTH = 0.2
+"""Optical depth that is tried first. Gas of a quarter of it changes the volume by less than its
+voxels do; from far above, weak absorption would look worse than none."""
+
+DOUBLINGS = 5
+"""Times that the depth is doubled while that helps: beyond 6 nothing arrives from behind."""
+
+REFINEMENTS = 2
+"""Parabolas through the three best depths: one more changes the depth by a hundredth of it."""
+
+OUTER = 2
+"""Solves with the emission of the one before for each depth, from that of the depth before."""
+
+ROUNDS = 2
+"""Times that gains are fitted to the volume of the gains before."""
+
+
+@dataclass(frozen=True)
+class CameraGains:
+    """Every camera has a gain and a background of its own."""
+
+    name: str = "gain"
+
+    def fit(self, fitted: Fitted, evidence: Evidence) -> Sequence[Fitted]:
+        """Fit both by turns with the volume, where views disagree; see `tomo.selfcal.gains`."""
+        projector, training = fitted.model.system.projector, evidence.blocks.training
+        part, measured = projector.take(training), evidence.measured[training]
+        gains = Gains.none(projector.n_views)
+        model = replace(fitted.model, causes=(*fitted.model.causes, self.name))
+        for _ in range(ROUNDS):
+            corrected = gains.correct(part, measured)
+            gains = gains.then(fit_gains(part, corrected, fitted.volume))
+            if not gains.views_disagree:
+                return []
+            fitted = evidence.fit(replace(model, gains=gains), fitted.volume)
+        return [fitted]
+
+
+@dataclass(frozen=True)
+class AbsorbingGas:
+    """Gas absorbs light: an even medium that fills the grid, or the emitting gas itself.
+
+    Attributes
+    ----------
+    name : str
+    by_emission : bool
+    tracer, supersample
+        Those that the equations are made with.
+    """
+
+    name: str
+    by_emission: bool
+    tracer: str = "march"
+    supersample: int = 1
+
+    def fit(self, fitted: Fitted, evidence: Evidence) -> Sequence[Fitted]:
+        """Search for the coefficient that predicts pixels left out best."""
+        depth = self._depth(fitted)
+        if not depth > 0:
+            return []
+
+        def at(strength: float, near: Fitted) -> Fitted:
+            return self._with(strength, fitted, near, evidence)
+
+        first = FIRST_DEPTH / depth
+        if self._with(first, fitted, fitted, evidence, outer=1).error >= fitted.error:
+            return []  # most images, at the cost of one solve
+        found = _least(at, fitted, first)
+        return [] if found is fitted else [found]
+
+    def _depth(self, fitted: Fitted) -> float:
+        """Return the optical depth of a coefficient of one: of the brightest ray, of the grid."""
+        projector = fitted.model.system.projector
+        if self.by_emission:
+            return float((projector @ fitted.volume).max(initial=0.0))
+        return float(np.mean(projector.grid.extent))
+
+    def _with(
+        self, strength: float, before: Fitted, near: Fitted, evidence: Evidence, outer: int = OUTER
+    ) -> Fitted:
+        """Return the fit of one strength, from that of another strength nearby."""
+        system, causes = before.model.system, (*before.model.causes, self.name)
+        own = {"emission" if self.by_emission else "medium": strength}
+        absorption = replace(before.model.absorption, **own)
+        for _ in range(outer if absorption.emission else 1):
+            system = system.with_absorption(
+                absorption,
+                volume_of(system, near.volume),
+                supersample=self.supersample,
+                tracer=self.tracer,
+            )
+            model = replace(before.model, system=system, absorption=absorption, causes=causes)
+            near = evidence.fit(model, near.volume)
+        return near
+
+
+def volume_of(system: LinearSystem, unknowns: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the volume ``(nx, ny, nz)`` of the unknowns of a system in the voxel basis."""
+    projector = system.projector
+    return projector.active.expand(unknowns).reshape(projector.grid.shape)
+
+
+def _least(fit: Callable[[float, Fitted], Fitted], given: Fitted, first: float) -> Fitted:
+    """Return the fit of the strength whose error is least; ``given`` has none of it.
+
+    Strengths are doubled from ``first`` on while the error falls, then refined by parabolas.
+    """
+    tried, strength = {0.0: given}, first
+    for _ in range(DOUBLINGS + 1):
+        near = tried[max(tried)]
+        tried[strength] = fit(strength, near)
+        if tried[strength].error >= near.error:
+            break
+        strength *= 2
+    for _ in range(REFINEMENTS):
+        best = min(tried, key=lambda one: tried[one].error)
+        lower, upper = ([s for s in tried if s < best], [s for s in tried if s > best])
+        if not (lower and upper):
+            break
+        around = max(lower), best, min(upper)
+        vertex = _vertex(around, tuple(tried[one].error for one in around))
+        if not around[0] < vertex < around[2] or vertex in tried:
+            break
+        tried[vertex] = fit(vertex, tried[best])
+    return min(tried.values(), key=lambda one: one.error)
+
+
+def _vertex(at: tuple[float, ...], value: tuple[float, ...]) -> float:
+    """Return where the parabola through three points is least."""
+    square, slope, _ = np.polyfit(np.array(at) - at[1], value, 2)
+    return float(at[1] - slope / (2 * square)) if square > 0 else at[1]
