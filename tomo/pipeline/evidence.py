@@ -40,7 +40,8 @@ def evidence_of(
     Parameters
     ----------
     system : LinearSystem
-        In the voxel basis. Large ones are thinned, unless a lens blurs the images.
+        In the voxel basis. Large ones are thinned, unless a lens blurs the images; others are
+        taken to the linear basis.
     measured : (pixels,) float32
     noise : sequence of NoiseModel
         Of each view.
@@ -53,6 +54,8 @@ def evidence_of(
         order = golden_ratio_sequence(int(block.max()) + 1)
         kept = np.flatnonzero(order[block] < SEGMENTS / system.projector.n_segments)
         system = _thinned(system, kept, options)
+    else:
+        system = _smooth(system, options)
     measured, pointers = measured[kept], system.projector.view_ptr
     variance = [
         model.variance(measured[start:stop])
@@ -76,6 +79,16 @@ def quick_solve(
         start = active.compress(mlem(projector, measured, iterations=FIRST, start=first).volume)
     how = {"strength": STRENGTH, "iterations": ITERATIONS, "start": start}
     return active.compress(curvature(projector, measured, **how).volume)
+
+
+def _smooth(system: LinearSystem, options: Options) -> LinearSystem:
+    """Return a system in the linear basis, where there is one: voxels' edges look like faults."""
+    if system.form != STORED or not system.projector.rows_are_single_rays:
+        return system
+    try:
+        return system.with_linear_basis(options.supersample)
+    except ValueError:  # too large, or a camera beside which the grid's centre lies
+        return system
 
 
 def _thinned(system: LinearSystem, kept: NDArray[np.int64], options: Options) -> LinearSystem:

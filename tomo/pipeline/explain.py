@@ -135,7 +135,7 @@ def _of_absorption(light: dict[str, float], unit: str) -> str:
 
 
 def _of_gains(gains: Gains, scan: Scan) -> str:
-    """Return the line on gains and backgrounds, with the lines of a scan.yaml that correct them."""
+    """Return the line on gains and backgrounds, with lines of a scan.yaml that correct them."""
     largest = float(np.abs(gains.offset).max()) / gains.scale
     found = []
     if gains.disagreement > NOTEWORTHY or largest <= NOTEWORTHY:

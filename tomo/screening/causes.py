@@ -110,9 +110,9 @@ class AbsorbingGas:
 
 
 def volume_of(system: LinearSystem, unknowns: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the volume ``(nx, ny, nz)`` of the unknowns of a system in the voxel basis."""
+    """Return the mean emission in every voxel, ``(nx, ny, nz)``, of the unknowns of a system."""
     projector = system.projector
-    return projector.active.expand(unknowns).reshape(projector.grid.shape)
+    return projector.voxel_means(projector.active.expand(unknowns).reshape(projector.grid.shape))
 
 
 def _least(fit: Callable[[float, Fitted], Fitted], given: Fitted, first: float) -> Fitted:

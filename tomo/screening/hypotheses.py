@@ -21,13 +21,13 @@ from tomo.operators.operator import ProjectionOperator
 from tomo.operators.view_gains import Gains
 from tomo.screening.left_out_blocks import Blocks
 
-WORTH = 0.8
+WORTH = 0.65
 """Fraction of the error beyond noise that may be left for a cause to be taken. Above, causes are
 invented that a coarse volume happens to like; below, weak ones are left to spoil the volume."""
 
-SURE = 1.0
-"""Standard errors by which a cause must lessen the error. More overlook causes in small images,
-fewer take noise for a cause."""
+SURE = 2.0
+"""Standard errors of what a cause leaves by which it must lessen the error. More overlook causes
+in small images, fewer take noise for a cause."""
 
 TRANSPARENT = Absorption()
 
@@ -121,9 +121,8 @@ class Evidence:
 
     def worth(self, before: Fitted, after: Fitted) -> float:
         """Return the fraction of the error beyond noise that is left; 1 where nothing is sure."""
-        gain = before.errors - after.errors
-        spread = np.sqrt(len(gain)) * float(gain.std())
-        if gain.sum() <= SURE * spread or self.beyond_noise(before) == 0:
+        spread = np.sqrt(len(after.errors)) * float(after.errors.std())
+        if before.error - after.error <= SURE * spread or self.beyond_noise(before) == 0:
             return 1.0
         return self.beyond_noise(after) / self.beyond_noise(before)
 

@@ -1,0 +1,105 @@
+"""What is wrong with the images as a whole is found, corrected where asked, and said."""
+
+import numpy as np
+import pytest
+
+from phantoms import create
+from rigs import ring
+from tomo import VoxelGrid, metrics
+from tomo.pipeline import Options, reconstruct
+from tomo.simulation import simulate_images
+from tomo.simulation.effects import Effects
+
+GRID = VoxelGrid((14, 20, 14), 1.0, (1.0, -2.0, 0.5))
+RIG = ring(
+    10, distance=200.0, image_size=(48, 60), footprint=0.5, center=GRID.center,
+    pitch_degrees=[18.0, -12.0] * 5,
+)  # fmt: skip
+Q = 0.2
+HELD_OUT = "cam04"
+
+
+def scan_of(effects):
+    field = create("jet", 1, GRID.extent, GRID.center)
+    return simulate_images(RIG, field, GRID, effects=effects, supersample=2, refine=2).scan
+
+
+@pytest.fixture(scope="module")
+def absorbing():
+    return scan_of(Effects(self_absorption=Q))
+
+
+@pytest.fixture(scope="module")
+def outcome(absorbing):
+    return reconstruct(absorbing, options=Options(hold_out=[HELD_OUT], uncertainty=0))
+
+
+def error(outcome):
+    return metrics.nrmse(outcome.volume, outcome.truth)
+
+
+def residual(outcome, name):
+    (view,) = [one for one in outcome.views if one.name == name]
+    return view.relative_residual
+
+
+def test_self_absorption_is_corrected_and_said(outcome, absorbing):
+    told = outcome.report()["explanation"]
+    assert told["causes"] == ["self-absorption"]
+    assert told["absorption"]["emission"] == pytest.approx(Q, rel=0.15)
+    assert 0.02 < told["absorption"]["light_lost"] < 0.9
+    assert outcome.gains is None
+    (line,) = [line for line in outcome.warnings if "self-absorption" in line]
+    assert "--no-fit-absorption" in line
+    plain = reconstruct(
+        absorbing,
+        options=Options(fit_absorption=False, fit_gain=False, hold_out=[HELD_OUT], uncertainty=0),
+    )
+    assert error(outcome) < 0.5 * error(plain)
+    assert plain.explanation is None
+
+
+def test_cameras_held_out_are_seen_through_the_same_gas(outcome):
+    others = [one.relative_residual for one in outcome.views if not one.held_out]
+    assert residual(outcome, HELD_OUT) < 2 * np.median(others)
+
+
+def test_nothing_is_corrected_with_a_named_method_unless_asked(absorbing):
+    named = Options(method="mlem", iterations=5)
+    assert reconstruct(absorbing, options=named).explanation is None
+    asked = Options(method="mlem", iterations=20, fit_absorption=True, fit_gain=False)
+    told = reconstruct(absorbing, options=asked).explanation
+    assert told["causes"] == ["self-absorption"]
+
+
+def test_gains_asked_for_are_fitted_whatever_the_images_say():
+    found = reconstruct(
+        scan_of(Effects()), options=Options(method="mlem", iterations=5, fit_gain=True)
+    )
+    assert found.gains is not None
+    assert max(abs(g - 1) for g in found.gains["gain"].values()) < 0.02
+
+
+def test_faultless_images_stay_as_given():
+    found = reconstruct(scan_of(Effects()), options=Options(uncertainty=0))
+    assert found.explanation["causes"] == []
+    assert found.explanation["absorption"] is None
+    assert found.gains is None
+    assert not [line for line in found.warnings if "absor" in line or "gain" in line]
+
+
+def test_gains_are_told_from_absorption():
+    found = reconstruct(scan_of(Effects(gain_spread=0.1)), options=Options(uncertainty=0))
+    assert found.explanation["causes"] == ["gain"]
+    assert found.gains["disagreement"] > 0.04
+    assert any("gains differ" in line for line in found.warnings)
+
+
+def test_the_gas_is_found_and_corrected_on_the_fly(absorbing):
+    how = {"method": "mlem", "iterations": 30, "fit_gain": False, "projector": "on-the-fly"}
+    fitted, plain = (
+        reconstruct(absorbing, options=Options(fit_absorption=wanted, **how))
+        for wanted in (True, False)
+    )
+    assert fitted.explanation["causes"] == ["self-absorption"]
+    assert error(fitted) < 0.7 * error(plain)
