@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from phantoms import create
+from phantoms import GaussianBlobs
 from rigs import ring
 from tomo import VoxelGrid, metrics
 from tomo.pipeline import Options, reconstruct
@@ -15,13 +15,17 @@ RIG = ring(
     10, distance=200.0, image_size=(48, 60), footprint=0.5, center=GRID.center,
     pitch_degrees=[18.0, -12.0] * 5,
 )  # fmt: skip
+FIELD = GaussianBlobs(
+    GRID.center + np.array([[-2.2, -3, 0.5], [1.8, 0, -1.4], [-0.5, 4, 1.2]]),
+    [1.5, 1.7, 1.4],
+    [1.0, 0.8, 0.6],
+)
 Q = 0.2
 HELD_OUT = "cam04"
 
 
 def scan_of(effects):
-    field = create("jet", 1, GRID.extent, GRID.center)
-    return simulate_images(RIG, field, GRID, effects=effects, supersample=2, refine=2).scan
+    return simulate_images(RIG, FIELD, GRID, effects=effects, supersample=2, refine=2).scan
 
 
 @pytest.fixture(scope="module")
