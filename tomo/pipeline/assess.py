@@ -63,11 +63,13 @@ def assess(
                 )
                 alignment = registered.alignment
         with as_warning("uncertainty: not found", stage.warnings):
+            again = repeatable(solved, options)
             uncertainty = assess_volume(
                 system.on_voxel_means,
                 solved.built.measured,
                 solved.solution.volume,
-                repeatable(solved, options),
+                again,
+                by_views=again,
                 repeats=repeats_of(options),
                 seed=options.seed,
                 progress=progress,

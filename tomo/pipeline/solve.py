@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,7 +23,7 @@ from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
 from tomo.selection.choose import METHOD
 from tomo.solvers import Iteration, Solution
-from tomo.uncertainty import Solve
+from tomo.uncertainty import Resolve
 
 Watch = Callable[[NDArray[np.float32]], float]
 """Called with the voxels' means ``(nx, ny, nz)`` after every iteration; what it returns becomes
@@ -166,11 +166,12 @@ def solve_by(
     )
 
 
-def repeatable(solved: Solved, options: Options) -> Solve | None:
+def repeatable(solved: Solved, options: Options) -> Resolve | None:
     """Return the solve with as many iterations, for other images; None if the method learns.
 
     From the pixels that take part, ``(pixels,)``, to the voxels' mean emission, the unknowns
-    of the projector ``on_voxel_means``, ``(unknowns,)``.
+    of the projector ``on_voxel_means``, ``(unknowns,)``. With ``views``, from the pixels of these
+    views alone; all pixels are given all the same.
     """
     method, found = method_named(options.method), solved.solution
     if method.needs_midpoints:
@@ -178,14 +179,20 @@ def repeatable(solved: Solved, options: Options) -> Solve | None:
     projector, weights = solved.built.system.projector, solved.built.weights
     iterations = found.history[-1].index
 
-    def again(measured: NDArray[np.float32]) -> NDArray[np.float32]:
+    def again(
+        measured: NDArray[np.float32], views: Sequence[int] | None = None
+    ) -> NDArray[np.float32]:
+        part, kept = projector, weights
+        if views is not None:
+            part, pixels = projector.subset(views), projector.pixels_of(views)
+            measured, kept = measured[pixels], None if weights is None else weights[pixels]
         if method.name == AUTO:
             width, strength = found.settings["smooth_width"], found.settings["strength"]
             choice = Choice(width, strength, iterations, math.nan)
-            repeated = solve_as_chosen(projector, measured, choice, weights=weights)
+            repeated = solve_as_chosen(part, measured, choice, weights=kept)
         else:
             arguments = method.arguments(seed=options.seed, iterations=iterations)
-            repeated = method.solver(projector, measured, **arguments)
+            repeated = method.solver(part, measured, **arguments)
         volume = voxel_means_of(projector, projector.active.compress(repeated.volume))
         return projector.on_voxel_means.active.compress(volume)
 

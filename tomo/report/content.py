@@ -69,6 +69,8 @@ class Results:
         The standard deviation of every voxel.
     value_unit : str
         The unit of the volume's values; empty if unknown.
+    half_width : (nx, ny, nz), optional
+        The half-width of every voxel's 90 % interval.
     """
 
     rig: Rig
@@ -82,6 +84,7 @@ class Results:
     learned: LearnedWeights | None = None
     deviation: NDArray | None = None
     value_unit: str = ""
+    half_width: NDArray | None = None
 
     def __post_init__(self) -> None:
         """Take mappings for views and histories too, and check shapes."""
@@ -94,8 +97,9 @@ class Results:
         volumes = [("volume", self.volume), *self.comparisons]
         if self.truth is not None:
             volumes.append(("truth", self.truth))
-        if self.deviation is not None:
-            volumes.append(("deviation", self.deviation))
+        for name in ("deviation", "half_width"):
+            if getattr(self, name) is not None:
+                volumes.append((name, getattr(self, name)))
         for name, volume in volumes:
             if volume.shape != self.grid.shape:
                 raise ValueError(

@@ -15,7 +15,16 @@ from tomo.report.pictures import draw, write_pictures
 from tomo.report.report import write_report
 from tomo.solvers import Solution
 
-PICTURES = ("rig", "slices", "views", "convergence", "difference", "learned", "condition")
+PICTURES = (
+    "rig",
+    "slices",
+    "views",
+    "convergence",
+    "difference",
+    "learned",
+    "intervals",
+    "condition",
+)
 
 RIG_FILE = "refined_rig.yaml"
 """The rig with its refined cameras, where there are any; a scan's own is its ``rig.yaml``."""
@@ -27,6 +36,9 @@ VOLUME_FILES = ("volume.npz", "volume.vti", "volume.nrrd")
 DEVIATION_FILES = ("standard_deviation.npz", "standard_deviation.vti", "standard_deviation.nrrd")
 """Beside them where the standard deviation of single voxels is known."""
 
+INTERVAL_FILES = ("half_width.npz", "half_width.vti", "half_width.nrrd")
+"""Beside them where the voxels' 90 % intervals are known."""
+
 
 def write_outcome(
     folder: str | os.PathLike, outcome: Reconstruction, *, with_pictures: bool = True
@@ -36,24 +48,28 @@ def write_outcome(
     Until all is written, the folder keeps what stood there before: see `rigs.files.whole_folder`.
     ``report.json`` comes last: where it stands, the rest is complete and of the same run. Where
     cameras were refined, ``refined_rig.yaml`` is the rig with them; where the standard deviation
-    of single voxels is known, ``standard_deviation.npz``, ``.vti`` and ``.nrrd`` hold it.
-    Pictures, rig and standard deviations of an earlier outcome that this one does not have are
-    removed. The report's ``warnings`` name the pictures that could not be drawn. No picture is
-    drawn where ``with_pictures`` is False, and the page has none.
+    of single voxels is known, ``standard_deviation.npz``, ``.vti`` and ``.nrrd`` hold it, and
+    ``half_width.*`` the half-widths of 90 % intervals. Pictures, rig and these volumes of an
+    earlier outcome that this one does not have are removed. The report's ``warnings`` name the
+    pictures that could not be drawn. No picture is drawn where ``with_pictures`` is False, and the
+    page has none.
     """
     found, report = outcome.solution, outcome.report()
     length, unit = outcome.rig.length_unit, outcome.value_unit
-    others = (RIG_FILE, *DEVIATION_FILES, *(f"{name}.png" for name in PICTURES))
+    others = (RIG_FILE, *DEVIATION_FILES, *INTERVAL_FILES, *(f"{name}.png" for name in PICTURES))
     with whole_folder(folder, last=(PAGE, FIGURES), others=others) as staging:
         for name in VOLUME_FILES:
             path = staging / name
             volume = outcome.volume
             write_volume(path, volume, found.grid, length, value_unit=unit, allow_nan=True)
         results = results_of(outcome)
-        if results.deviation is not None:
-            for name in DEVIATION_FILES:
+        for names, volume in (
+            (DEVIATION_FILES, results.deviation),
+            (INTERVAL_FILES, results.half_width),
+        ):
+            for name in names if volume is not None else ():
                 path = staging / name
-                write_volume(path, results.deviation, found.grid, length, value_unit=unit)
+                write_volume(path, volume, found.grid, length, value_unit=unit)
         pictures = draw(results, report["warnings"]) if with_pictures else ()
         write_pictures(staging, pictures)
         write_report(staging / PAGE, report, results, pictures)
@@ -79,6 +95,7 @@ def results_of(outcome: Reconstruction) -> Results:
         learned=outcome.learned,
         value_unit=outcome.value_unit,
         deviation=condition.standard_deviation if condition and condition.mapped else None,
+        half_width=condition.half_width if condition else None,
     )
 
 

@@ -35,7 +35,7 @@ class Picture:
 def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, ...]:
     """Return the figures; those that there is nothing for are left out.
 
-    Rig, slices, views, convergence, difference, learned weights and standard deviations. Of one
+    Rig, slices, views, convergence, difference, learned weights, intervals and deviations. Of one
     that cannot be drawn, as where a library of the system is missing, a line joins ``warnings``;
     it raises where these are None.
     """
@@ -129,6 +129,20 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
             ),
             "Line plots of the learned weight over the segment length against five quantities; "
             "bars of left-out views' residuals.",
+        ),
+        (
+            results.half_width is not None,
+            "intervals",
+            lambda: draw_deviations(
+                results.volume,
+                results.half_width,
+                grid,
+                length_unit=unit,
+                title="Half-width of the 90 % interval",
+            ),
+            "Planes through the middle of the volume, and of the half-width of each voxel's 90 % "
+            "interval, noise and structure together, each on its own scale.",
+            "Middle planes of the emission and of the half-width of its 90 % intervals.",
         ),
         (
             results.deviation is not None,

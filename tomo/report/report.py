@@ -21,6 +21,7 @@ _TITLES = {
     "slices": "Reconstructed volume",
     "convergence": "Convergence",
     "difference": "Comparison of volumes",
+    "intervals": "90 % interval of every voxel",
     "condition": "Standard deviation of every voxel",
     "learned": "Weights learned in place of segment lengths",
 }

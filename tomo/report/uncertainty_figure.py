@@ -1,4 +1,4 @@
-"""The figure of the uncertainty report: the volume and its standard deviations."""
+"""The figures of the uncertainty report: the volume and, beside it, how uncertain it is."""
 
 from __future__ import annotations
 
@@ -19,7 +19,12 @@ _LEFT, _BETWEEN, _BAR, _BOTTOM, _TOP = 0.62, 0.58, 0.95, 0.5, 0.75  # inches
 
 
 def draw_deviations(
-    volume: NDArray, deviation: NDArray, grid: VoxelGrid, *, length_unit: str = "mm"
+    volume: NDArray,
+    deviation: NDArray,
+    grid: VoxelGrid,
+    *,
+    length_unit: str = "mm",
+    title: str = "Standard deviation",
 ) -> Figure:
     """Return the middle planes of a volume and, beside them, of its standard deviation.
 
@@ -29,6 +34,8 @@ def draw_deviations(
         In one unit; each has a colour scale of its own.
     grid : VoxelGrid
     length_unit : str
+    title : str
+        The name of ``deviation``.
 
     Raises
     ------
@@ -44,14 +51,12 @@ def draw_deviations(
     block = _LEFT + widths.sum() * inches + 2 * _BETWEEN + _BAR
     size = 2 * block, heights.max() * inches + _BOTTOM + _TOP
     figure = new_figure(*size)
-    for number, (title, values) in enumerate(
-        (("Emission", volume), ("Standard deviation", deviation))
-    ):
+    for number, (name, values) in enumerate((("Emission", volume), (title, deviation))):
         planes = middle_planes(np.nan_to_num(values), grid)
         highest = max(float(plane[0].max()) for plane in planes) or 1.0
         left = number * block + _LEFT
         figure.text(
-            left / size[0], 1 - 0.25 / size[1], title, fontsize=9.5, color=INK, weight="bold"
+            left / size[0], 1 - 0.25 / size[1], name, fontsize=9.5, color=INK, weight="bold"
         )
         for plane, width, height in zip(planes, widths * inches, heights * inches, strict=True):
             bottom = size[1] - _TOP - height

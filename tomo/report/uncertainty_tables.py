@@ -28,6 +28,7 @@ def condition_section(condition: Mapping | None, length_unit: str) -> dict[str, 
         "words": [
             *_of_views(voxels),
             *_of_images(condition.get("images") or {}),
+            *_of_intervals(condition.get("intervals"), length_unit),
             *_of_deviations(condition.get("standard_deviation")),
             *_of_resolution(condition.get("resolution"), length_unit),
         ],
@@ -52,6 +53,24 @@ def _of_images(images: Mapping) -> list[str]:
     if "noise" in images:
         words += f"; their noise is {images['noise']:.1%}"
     return [words + "."]
+
+
+def _of_intervals(found: Mapping | None, length_unit: str) -> list[str]:
+    if not found or "relative" not in found["voxels"]:
+        return []
+    voxels, total = found["voxels"], found["total"]
+    share = total["half_width"] / total["value"] if total["value"] > 0 else math.inf
+    widest = max(half for axis in found["edges"]["half_width"] for half in axis)
+    return [
+        f"{found['level']:.0%} intervals: ± {voxels['relative']:.1%} of the emission (root mean "
+        f"squares over the voxels that emit), {voxels['relative_noise']:.1%} by noise and "
+        f"{voxels['relative_structure']:.1%} by structure: missing views, smoothing, cameras "
+        f"that disagree. ± {voxels['median_half_width']:.3g} in the middle. "
+        f"Total: {total['value']:.4g} ± {share:.1%}. Edges of the emission: "
+        f"± {widest:.2g} {length_unit} at most. They come from new noise, "
+        f"from {found['camera_groups']} solves without a group of cameras each, "
+        "from a second pass, and from what the images leave unexplained."
+    ]
 
 
 def _of_deviations(found: Mapping | None) -> list[str]:

@@ -1,4 +1,4 @@
-"""How far to trust a volume: views and angles, bootstrap of the noise, resolution, warnings."""
+"""How far to trust a volume: views and angles, noise, intervals, resolution, warnings."""
 
 import lazy_loader
 
@@ -8,6 +8,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "angular_coverage": ["AngularCoverage", "view_coverage"],
         "assessment": ["AUTO_REPEATS", "Assessment", "assess"],
         "bootstrap": ["Deviations", "standard_deviations"],
+        "intervals": ["Intervals", "intervals"],
+        "jackknife": ["Jackknife", "Resolve", "jackknife"],
         "residual_noise": ["Solve", "noise_of_images"],
         "resolution": ["Resolution", "half_widths", "resolution"],
     },

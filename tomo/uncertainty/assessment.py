@@ -15,6 +15,8 @@ from tomo.operators import LinearSystem
 from tomo.operators.system import Progress
 from tomo.uncertainty.angular_coverage import AngularCoverage, view_coverage
 from tomo.uncertainty.bootstrap import Deviations, standard_deviations
+from tomo.uncertainty.intervals import Intervals, intervals
+from tomo.uncertainty.jackknife import Resolve
 from tomo.uncertainty.residual_noise import Solve, noise_of_images
 from tomo.uncertainty.resolution import Resolution, resolution
 from tomo.uncertainty.warnings import trust_warnings
@@ -54,6 +56,8 @@ class Assessment:
         None if the reconstruction was not repeated.
     resolution : Resolution, optional
         None if it was not measured, or nothing emits.
+    intervals : Intervals, optional
+        None where cameras were not left out.
     """
 
     active: ActiveVoxels
@@ -63,6 +67,7 @@ class Assessment:
     noise: float
     deviations: Deviations | None = None
     resolution: Resolution | None = None
+    intervals: Intervals | None = None
 
     def __repr__(self) -> str:
         """Name the size and the number of warnings."""
@@ -88,6 +93,11 @@ class Assessment:
         return self.deviations is not None and self.deviations.repeats >= MAPPED
 
     @property
+    def half_width(self) -> NDArray[np.float32] | None:
+        """The half-width of every voxel's 90 % interval ``(nx, ny, nz)``, zero where inactive."""
+        return None if self.intervals is None else self.intervals.half_width
+
+    @property
     def standard_deviation(self) -> NDArray[np.float32] | None:
         """The standard deviation of every voxel ``(nx, ny, nz)``, zero for inactive voxels."""
         if self.deviations is None:
@@ -109,6 +119,8 @@ class Assessment:
             error of a single voxel's).
         ``resolution``
             ``voxels`` and ``length`` along x, y, z: medians of full widths at half maximum.
+        ``intervals``
+            Half-widths of 90 % intervals of voxels, total, plane sums and edges, see `Intervals`.
         ``warnings``
             The reasons not to trust the volume; may be empty.
         """
@@ -126,6 +138,8 @@ class Assessment:
             "resolution": None
             if self.resolution is None
             else {**self.resolution.report(), "method": _RESOLUTION_WORDS},
+            "intervals": self.intervals
+            and self.intervals.report(self.volume, self.coverage.emitting),
             "warnings": list(self.warnings),
         }
 
@@ -152,6 +166,7 @@ def assess(
     volume: NDArray[np.float32],
     solve: Solve | None = None,
     *,
+    by_views: Resolve | None = None,
     repeats: int = AUTO_REPEATS,
     seed: int = 0,
     progress: Progress | None = None,
@@ -167,6 +182,8 @@ def assess(
     volume : (nx, ny, nz) float32
     solve : callable, optional
         The solve, to repeat. Without it there is no standard deviation and no resolution.
+    by_views : callable, optional
+        The same solve that also takes some of the views: then there are intervals.
     repeats : int
         Repeats with new noise; two more solves measure how much noise it fits, and the
         resolution. 0 for none of these.
@@ -187,12 +204,16 @@ def assess(
     found = view_coverage(system, unknowns)
     size = norm(measured)
     residual = norm(measured - seen) / size if size > 0 else math.nan
-    deviations = width = None
+    deviations = width = known = None
     if solve is not None and repeats and size > 0:
         deviations = standard_deviations(
             system, measured, seen, solve, repeats=repeats, seed=seed, progress=progress
         )
         width = resolution(system, measured, unknowns, found.emitting, solve, found.pixel)
+        if by_views is not None:
+            known = intervals(
+                system, measured, unknowns, found.emitting, deviations, by_views, progress
+            )
     sigma = noise_of_images(system, measured, seen) if deviations is None else deviations.noise
     noise = norm(sigma) / size if size > 0 else math.nan
-    return Assessment(active, unknowns, found, residual, noise, deviations, width)
+    return Assessment(active, unknowns, found, residual, noise, deviations, width, known)

@@ -13,6 +13,7 @@ from tomo.operators import LinearSystem
 from tomo.operators.system import Progress
 from tomo.uncertainty.bootstrap_calibration import Spread, calibrated, neighbour_means
 from tomo.uncertainty.residual_noise import Solve, generator, noise_of_images, smoothed
+from tomo.uncertainty.summaries import of_unknowns
 
 KEPT = 0.7
 """Standard deviation, in pixels, of the blur that removes noise from the residual."""
@@ -36,11 +37,14 @@ class Deviations:
     repeats : int
     noise : (pixels,) float64
         Standard deviation of the pixels' noise.
+    summaries : (n, values) float64
+        What `tomo.uncertainty.summaries` finds of each volume of the first bootstrap.
     """
 
     values: NDArray[np.float32]
     repeats: int
     noise: NDArray[np.float64]
+    summaries: NDArray[np.float64]
 
     @property
     def scatter(self) -> float:
@@ -100,18 +104,32 @@ def standard_deviations(
                 progress(number, repeats, "standard deviations")
             yield generator(seed, 1 + number)
 
+    kept: list[NDArray[np.float64]] = []
+
+    def watched(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+        found = solve(pixels)
+        kept.append(of_unknowns(found, active))
+        return found
+
     drawn, inner = generators(), _calibrating(repeats)
-    base = seen + smoothed(system, measured - seen, KEPT)
-    first, images, volume = _repeated(base, noise, solve, islice(drawn, repeats - inner))
+    base = bootstrap_images(system, measured, seen)
+    first, images, volume = _repeated(base, noise, watched, islice(drawn, repeats - inner))
     if inner:
         again = (system.projector @ volume).astype(np.float32)
-        base = again + smoothed(system, images - again, KEPT)
+        base = bootstrap_images(system, images, again)
         values = calibrated(first, _repeated(base, noise, solve, drawn)[0], active)
     else:
         values = neighbour_means(np.sqrt(first.deviation), NEIGHBOURS, active) ** 2
     if progress:
         progress(repeats, repeats, "standard deviations")
-    return Deviations(values.astype(np.float32), repeats, noise)
+    return Deviations(values.astype(np.float32), repeats, noise, np.stack(kept))
+
+
+def bootstrap_images(
+    system: LinearSystem, measured: NDArray[np.float32], seen: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return re-projected images plus the residual blurred by `KEPT` pixels, ``(pixels,)``."""
+    return seen + smoothed(system, measured - seen, KEPT)
 
 
 def _calibrating(repeats: int) -> int:

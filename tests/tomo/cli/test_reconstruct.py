@@ -18,7 +18,11 @@ from tomo.simulation import simulate_images
 TOOL = Path(__file__).parents[3] / "tools" / "reconstruct.py"
 GRID = VoxelGrid((8, 14, 8), (1.0, 1.0, 1.2), (10.0, 0.0, -3.0))
 VOLUMES = ("volume.npz", "volume.vti", "volume.nrrd")
-PICTURES = {"rig.png", "slices.png", "views.png", "convergence.png", "difference.png"}
+HALF_WIDTHS = {"half_width.npz", "half_width.vti", "half_width.nrrd"}
+PICTURES = {
+    *("rig.png", "slices.png", "views.png", "convergence.png", "difference.png"),
+    "intervals.png",
+}
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +47,7 @@ def done(run_tool, scan, tmp_path_factory):
 def test_everything_promised_is_there_and_nothing_else(done):
     out, _ = done
     names = {path.name for path in out.iterdir()}
-    assert names == {*VOLUMES, *PICTURES, "report.json", "report.html"}
+    assert names == {*VOLUMES, *HALF_WIDTHS, *PICTURES, "report.json", "report.html"}
 
 
 def test_the_volumes_are_equal_and_on_the_grid(done):

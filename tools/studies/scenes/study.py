@@ -14,7 +14,7 @@ from rigs.files.json_file import plain, write_json
 from studies.common.machine import machine
 from studies.common.page import markdown
 from studies.common.study import Tables
-from studies.scenes import ablation, accuracy, confusion, resolution
+from studies.scenes import ablation, accuracy, confusion, intervals, resolution
 from studies.scenes.patches import parsed, patched
 from studies.scenes.recipe import HALVES
 from studies.scenes.trial import MOST_PROCESSES, Trials
@@ -29,6 +29,7 @@ PARTS: dict[str, tuple[Any, Callable[..., Tables]]] = {
     "faults": (confusion, confusion.confusion),
     "ablation": (ablation, ablation.ablation),
     "resolution": (resolution, resolution.resolution),
+    "intervals": (intervals, intervals.intervals),
 }
 
 

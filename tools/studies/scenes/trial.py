@@ -18,6 +18,7 @@ from rigs.files.json_file import plain, write_json
 from studies.common.scans import seconds_of
 from studies.common.study import Progress
 from studies.scenes.answer import answer_of
+from studies.scenes.inside import inside
 from studies.scenes.oracle import best_of
 from studies.scenes.patches import patched
 from studies.scenes.recipe import Recipe
@@ -112,6 +113,7 @@ def row_of(
     _warm_up()
     with patched(constants or {}):
         outcome = reconstruct(scene.scan, None, Options.from_mapping(options or {}))
+    seconds = outcome.seconds
     answer, quality = answer_of(outcome.warnings, outcome.rig.names), outcome.solution.quality
     row: Row = {
         **asdict(recipe),
@@ -128,6 +130,8 @@ def row_of(
         "causes_named": list(answer.causes),
         "silent": answer.silent,
         "warnings": list(outcome.warnings),
+        "intervals": inside(outcome, scene.truth),
+        "seconds_times": seconds["uncertainty"] / max(seconds["choose"], 1e-6),
     }
     if oracle:
         best = best_of(scene, cache)

@@ -1,0 +1,69 @@
+"""90 % intervals against the truth: how many voxels, totals, planes and edges are inside.
+
+Faultless scenes, and scenes with one camera out. Emitting voxels are those whose true value is
+above 2 % of the largest; ``width`` is the median half-width over the median error, ``rank`` the
+rank correlation of half-width and error. ``fair`` is the fraction of scenes with 85 to 97 % of
+the voxels inside.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Sequence
+
+from studies.common.study import Progress, Tables
+from studies.scenes.design import FAULTY, SEEDS, faultless
+from studies.scenes.recipe import Recipe
+from studies.scenes.recording import TWELVE_BIT
+from studies.scenes.trial import Row, Trials
+
+FAIR = (0.85, 0.97)
+"""Fractions of voxels inside between which intervals of 90 % are fair."""
+
+MEANS = ("coverage", "by_noise", "width", "rank", "rank_by_noise", "total", "planes", "edges")
+
+COLUMNS = {
+    "overall": "scenes fair least most coverage by_noise width rank rank_by_noise total planes "
+    "edges seconds_times",
+    "by_kind": "kind scenes fair least most coverage by_noise width rank total planes edges",
+    "scenes": "scene coverage by_noise width rank rank_by_noise total total_error total_width "
+    "planes edges seconds_times",
+}
+
+
+def intervals(trials: Trials, half: str, *, quick: bool, progress: Progress) -> Tables:
+    """Return how the intervals hold: overall, by family, views and faults, and in each scene."""
+    recipes = [*faultless(half, quick=quick), *camera_out(half, quick=quick)]
+    rows = [row | row["intervals"] for row in trials.run(recipes, progress) if row["intervals"]]
+    kinds: dict[str, list[Row]] = {}
+    for row in rows:
+        few = "at most 8 views" if row["views"] <= 8 else "more views"
+        for kind in (row["family"], few, row["fault"] or "faultless"):
+            kinds.setdefault(kind, []).append(row)
+    return {
+        "overall": [_summary(rows)],
+        "by_kind": [{"kind": kind} | _summary(own) for kind, own in sorted(kinds.items())],
+        "scenes": sorted(rows, key=lambda row: row["coverage"]),
+    }
+
+
+def camera_out(half: str, *, quick: bool = False) -> list[Recipe]:
+    """Return scenes of which one camera's image lies beside where it should."""
+    families, rigs = FAULTY[half]
+    return [
+        Recipe(half, family, rig, TWELVE_BIT, SEEDS[half] + 10 * number + number, "shift", size)
+        for number, (family, rig) in enumerate(zip(families, rigs, strict=True))
+        for size in ((1,) if quick else (0, 1))
+    ]
+
+
+def _summary(rows: Sequence[Row]) -> Row:
+    covered = [row["coverage"] for row in rows]
+    times = [row["seconds_times"] for row in rows if row["seconds_times"] is not None]
+    return {
+        "scenes": len(rows),
+        "fair": statistics.fmean(FAIR[0] <= one <= FAIR[1] for one in covered),
+        "least": min(covered),
+        "most": max(covered),
+        "seconds_times": statistics.median(times) if times else None,
+    } | {name: statistics.fmean(row[name] for row in rows) for name in MEANS}
