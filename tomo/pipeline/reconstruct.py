@@ -53,7 +53,14 @@ def reconstruct(
     reference = read_reference(scan, grid)  # evaluate's; read first, since it may be unreadable
     loaded = load(scan, options.frame)
     first_use = warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)
-    screened = screen(loaded, grid, options.hold_out, look=options.screen)
+    screened = screen(
+        loaded,
+        grid,
+        options.hold_out,
+        look=options.screen,
+        move=options.align,
+        scale=options.fit_gain is not False,
+    )
     refine = cameras_to_refine(options, scan)
     registered = register_screened(screened, grid, options, refine, progress)
     traced = trace_views(screened, registered, grid, options, progress)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, estimate_noise
@@ -52,6 +53,9 @@ class ScreenedScan:
             both = zip(self.images, self.masks, strict=True)
             return tuple(estimate_noise(image, mask) for image, mask in both)
         known = dict(zip(self.screening.outliers, self.screening.noise, strict=True))
+        for name, one in self.screening.remedies.items():
+            model = known[name]
+            known[name] = NoiseModel(model.read / one.gain, model.gain / one.gain)
         return tuple(known[name] for name in self.scan.rig.names)
 
     @property
@@ -73,7 +77,13 @@ class ScreenedScan:
 
 
 def screen(
-    loaded: LoadedScan, grid: VoxelGrid, hold_out: Sequence[str], *, look: bool
+    loaded: LoadedScan,
+    grid: VoxelGrid,
+    hold_out: Sequence[str],
+    *,
+    look: bool,
+    move: bool = True,
+    scale: bool = True,
 ) -> ScreenedScan:
     """Part a frame's images into those that take part and those that are only compared with.
 
@@ -85,7 +95,9 @@ def screen(
         Cameras that take no part. Their images are searched for outlier pixels, and nothing that
         is found in them changes another image.
     look : bool
-        Whether to look for outlier pixels and inconsistent views, see `tomo.screening`.
+        Whether to look for outlier pixels and cameras that stand out, see `tomo.screening`.
+    move, scale : bool
+        Whether a camera that stands out may be moved, and its image be scaled.
     """
     scan, screening = loaded.scan, None
     with timed() as stage:
@@ -100,12 +112,34 @@ def screen(
         apart = scan.only(*hold_out) if hold_out else None
         if look:
             held_out = (apart.rig, *of(apart)) if apart else None
-            screening = screen_images(used.rig, *of(used), grid, held_out=held_out)
+            screening = screen_images(
+                used.rig, *of(used), grid, held_out=held_out, move=move, scale=scale
+            )
             stage.warnings += screening.warnings
             for name, mask in zip(screening.outliers, screening.masks, strict=True):
-                if screening.outliers[name] and name not in screening.excluded:
-                    everything[name] = np.where(mask, everything[name][0], 0), mask
+                image, usable = everything[name]
+                if name not in screening.excluded and (mask != usable).any():
+                    everything[name] = np.where(mask, image, 0), mask
             if screening.excluded:
                 used = used.without(*screening.excluded)
                 apart = scan.only(*hold_out, *screening.excluded)
+            used = _remedied(used, everything, screening)
     return ScreenedScan(used, *of(used), apart, *of(apart), screening, stage.record)
+
+
+def _remedied(
+    used: Scan,
+    everything: dict[str, tuple[NDArray[np.float32], NDArray[np.bool_]]],
+    screening: Screening,
+) -> Scan:
+    """Return the scan with moved cameras; images are corrected in place of the others."""
+    cameras = {camera.name: camera for camera in used.rig}
+    for name, one in screening.remedies.items():
+        if name not in cameras:
+            continue
+        image, mask = everything[name]
+        everything[name] = np.where(mask, one.corrected(image), 0), mask
+        cameras[name] = one.camera or cameras[name]
+    if all(camera is cameras[camera.name] for camera in used.rig):
+        return used
+    return replace(used, rig=replace(used.rig, cameras=tuple(cameras.values())))

@@ -1,68 +1,80 @@
-"""Views predicted from subsets of the other views, on coarse pixels and voxels."""
+"""Views predicted from the other views, on pixels and voxels that may be coarser."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import combinations
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
-from rigs import Rig
+from rigs import CameraLike, Rig
+from rigs.geometry.rotation import matrix_of_vector
 from tomo.grid import VoxelGrid
+from tomo.measurement import NoiseModel
 from tomo.operators import LinearSystem
+from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.downsample import Coarser, coarsening
+from tomo.screening.left_out_view import LeftOutView
 from tomo.solvers.initial_volume import log_back_projections
 from tomo.solvers.quick_volume import quick_volume
 
-SEGMENTS = 250_000
-"""Segments of the coarse system, about: more take longer and find the same."""
+SEGMENTS = 500_000
+"""Segments of the coarse system, about: more take longer, fewer hide errors of a pixel."""
 
-COARSEST = 16
-"""Least pixels along an image's shorter side, and voxels along the grid's longest."""
+UNLIKE = 4.0
+"""Times by which the mean square of an image may differ from the median of all before its errors
+are divided by that instead: an image far too dark or too bright is no less wrong."""
 
-ITERATIONS = 4
-BLUR = 1.0
-"""Standard deviation, in coarse pixels, of the blur before images are compared: it removes the
-edges of single voxels."""
-
-DETAIL = 0.5
-"""Standard deviation of the logarithm of the random factor on a bootstrap's volume."""
-
-FEW_VIEWS, MANY_VIEWS = 6, 20
-SUBSETS = 5
-"""Interleaved subsets of many views: an odd number, since cameras may alternate."""
+ITERATIONS = 20
+"""Iterations of a volume: fewer leave it so smooth that all views disagree with it."""
 
 
 @dataclass(frozen=True, eq=False)
-class Predictions:
-    """Each view's image, and its predictions from several subsets of the other views.
-
-    An inconsistent view only affects the predictions of its own subset.
+class CommonVolume:
+    """A volume made from some of the views.
 
     Attributes
     ----------
-    images, masks : tuple of (rows, columns)
-        On coarse pixels, blurred; the masks are True where a usable pixel sees the grid.
-    subsets : tuple of tuple of int
-        The views that each volume was made from.
-    predicted : tuple of tuple of (rows, columns) float32
-        For each subset the projection of its volume into every view.
-    factor : int
-        Pixels along the side of a coarse pixel.
+    views : tuple of int
+        The views that it was made from.
+    unknowns : (unknowns,) float32
+    images : list of (rows, columns) float32
+        Its projection into every view.
+    errors : (views,) float64
+        Mean square of every view's residual beyond its noise, over `PredictedViews.light`.
     """
 
-    images: tuple[NDArray[np.float32], ...]
-    masks: tuple[NDArray[np.bool_], ...]
-    subsets: tuple[tuple[int, ...], ...]
-    predicted: tuple[tuple[NDArray[np.float32], ...], ...]
-    factor: int
+    views: tuple[int, ...]
+    unknowns: NDArray[np.float32]
+    images: Sequence[NDArray[np.float32]]
+    errors: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedViews:
+    """All views, which volumes from some of them predict.
+
+    Attributes
+    ----------
+    coarse : Coarser
+    system : LinearSystem
+    measured : (pixels,) float32
+    masks : tuple of (rows, columns) bool
+        True where a usable pixel sees the grid.
+    noise : tuple of NoiseModel
+        That of the recorded pixels, one a view.
+    back_projections : (views, unknowns) float64
+    """
+
+    coarse: Coarser
     system: LinearSystem
     measured: NDArray[np.float32]
+    masks: tuple[NDArray[np.bool_], ...]
+    noise: Sequence[NoiseModel]
+    back_projections: NDArray[np.float64]
 
     @classmethod
     def of(
@@ -71,99 +83,127 @@ class Predictions:
         images: Sequence[NDArray[np.float32]],
         masks: Sequence[NDArray[np.bool_]],
         grid: VoxelGrid,
-        trusted: int,
+        noise: Sequence[NoiseModel],
     ) -> Self:
-        """Predict all views from subsets of the first ``trusted`` ones.
-
-        Parameters
-        ----------
-        rig, images, masks, grid
-            See `tomo.selfcal.shifts.align_views`.
-        trusted : int
-            The views after these are only predicted.
+        """Trace the coarse system of all views.
 
         Raises
         ------
         tomo.operators.system.VolumeNotSeenError
             If no usable pixel sees the grid.
         """
-        factor = coarsening(rig, grid, SEGMENTS, COARSEST)
-        coarse = Coarser.of(rig, images, masks, grid, factor)
+        coarse = Coarser.of(rig, images, masks, grid, coarsening(rig, grid, SEGMENTS))
         system = LinearSystem.from_rig(coarse.rig, coarse.grid, masks=coarse.masks)
         measured = system.flatten(coarse.images)
         seeing = system.images(np.ones(len(measured), np.float32))
-        subsets = subsets_of(trusted)
+        back = log_back_projections(system.projector, measured)
         return cls(
-            tuple(gaussian_filter(image, BLUR) for image in coarse.images),
-            tuple(image > 0 for image in seeing),
-            tuple(subsets),
-            _predicted(system, measured, subsets),
-            factor,
-            system,
-            measured,
+            coarse, system, measured, tuple(image > 0 for image in seeing), tuple(noise), back
         )
 
-    def bootstrapped(self, views: Sequence[int]) -> Self:
-        """Return the predictions of simulated, consistent images: a parametric bootstrap.
+    @property
+    def factor(self) -> int:
+        """Recorded pixels along the side of a coarse one."""
+        return self.coarse.factor
 
-        The volume is made from ``views`` and multiplied by isotropic random detail, since its own
-        detail is only what those views resolve. A view that is hard to predict, at the end of an
-        arc or without an opposite camera, is hard to predict here too.
-        """
-        volume = quick_volume(self.system.projector, self.measured, views, iterations=ITERATIONS)
-        active = self.system.projector.active
-        random = np.random.default_rng(0).standard_normal(active.grid.shape)
-        detail = gaussian_filter(random, BLUR)
-        detail /= detail.std() or 1.0  # a single voxel has none
-        volume = volume * np.exp(DETAIL * active.compress(detail))
-        shown = np.asarray(self.system.projector @ volume, np.float32)
-        return replace(
-            self,
-            images=tuple(gaussian_filter(image, BLUR) for image in self.system.images(shown)),
-            predicted=_predicted(self.system, shown, self.subsets),
-            measured=shown,
+    @cached_property
+    def own_light(self) -> NDArray[np.float64]:
+        """Mean square of every view's image, ``(views,)``."""
+        return np.array(
+            [
+                np.mean(np.square(image[mask], dtype=np.float64)) if mask.any() else 0.0
+                for image, mask in zip(self.coarse.images, self.masks, strict=True)
+            ]
         )
 
-    def of_view(self, view: int) -> list[NDArray[np.float32]]:
-        """Return the predictions of a view from the subsets without it."""
-        return [
-            images[view]
-            for subset, images in zip(self.subsets, self.predicted, strict=True)
-            if view not in subset
-        ]
+    @cached_property
+    def light(self) -> NDArray[np.float64]:
+        """What squared errors are divided by: mean squares within `UNLIKE` of their median."""
+        middle = float(np.median(self.own_light))
+        return np.clip(self.own_light, middle / UNLIKE, UNLIKE * middle)
 
+    @cached_property
+    def noise_level(self) -> NDArray[np.float64]:
+        """Mean square of every view's noise over that of its image, ``(views,)``."""
+        found = np.zeros(len(self.masks))
+        for view, (image, mask) in enumerate(zip(self.coarse.images, self.masks, strict=True)):
+            if self.sees(view):
+                found[view] = self._variance(view, image)[mask].mean() / self.light[view]
+        return found
 
-def _predicted(
-    system: LinearSystem, measured: NDArray[np.float32], subsets: Sequence[Sequence[int]]
-) -> tuple[tuple[NDArray[np.float32], ...], ...]:
-    """Return the projection of each subset's volume into every view."""
-    back_projections = log_back_projections(system.projector, measured)
-    predicted = []
-    for subset in subsets:
-        volume = quick_volume(
-            system.projector,
-            measured,
-            subset,
+    def sees(self, view: int) -> bool:
+        """Return whether usable pixels of a view see the grid, and there is light at all."""
+        return bool(self.masks[view].any() and self.light[view] > 0)
+
+    def volume(self, views: Sequence[int]) -> CommonVolume:
+        """Return the volume made from some of the views."""
+        unknowns = quick_volume(
+            self.system.projector,
+            self.measured,
+            views,
             iterations=ITERATIONS,
-            back_projections=back_projections,
+            back_projections=self.back_projections,
         )
-        seen = system.images(system.projector @ volume)
-        predicted.append(tuple(gaussian_filter(image, BLUR) for image in seen))
-    return tuple(predicted)
+        images = self.system.images(self.system.projector @ unknowns)
+        errors = np.array([self._error(v, image) for v, image in enumerate(images)])
+        return CommonVolume(tuple(views), unknowns, images, errors)
+
+    def left_out(self, view: int, volume: CommonVolume) -> LeftOutView:
+        """Return a view with what a volume predicts of it and of the other cameras."""
+        predicted = volume.images[view].astype(np.float64)
+        mask, camera = self.masks[view], self.coarse.rig[view]
+        others = {
+            self.coarse.rig.names[other]: image.astype(np.float64)
+            for other, image in enumerate(volume.images)
+            if other != view and image.shape == predicted.shape
+        }
+
+        def reproject(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+            rig = Rig((moved(camera, pose, self.coarse.grid),))
+            try:
+                system = LinearSystem.from_rig(rig, self.coarse.grid, masks=[mask])
+            except VolumeNotSeenError:
+                return np.zeros(predicted.shape)
+            return system.images(system.projector @ volume.unknowns)[0].astype(np.float64)
+
+        return LeftOutView(
+            self.coarse.images[view].astype(np.float64),
+            predicted,
+            mask,
+            self._variance(view, predicted),
+            others,
+            reproject,
+            self._pose_steps(camera),
+        )
+
+    def _variance(self, view: int, signal: NDArray[np.floating]) -> NDArray[np.float64]:
+        return self.noise[view].variance(signal) / self.factor**2
+
+    def _error(self, view: int, image: NDArray[np.float32]) -> float:
+        if not self.sees(view):
+            return np.nan
+        mask, measured = self.masks[view], self.coarse.images[view].astype(np.float64)
+        residual = float(np.mean((measured - image)[mask] ** 2))
+        return (residual - float(self._variance(view, image)[mask].mean())) / self.light[view]
+
+    def _pose_steps(self, camera: CameraLike) -> NDArray[np.float64]:
+        """Return turns that move the grid's rim by a coarse pixel, and shifts of a pixel."""
+        radius = float(np.linalg.norm(self.coarse.grid.extent)) / 2
+        footprint = float(Rig((camera,)).footprint(self.coarse.grid.center)[0])
+        turn = footprint / radius if np.isfinite(footprint) and radius > 0 else 0.02
+        return np.array([turn, turn, turn, 1.0, 1.0])
 
 
-def subsets_of(views: int) -> list[tuple[int, ...]]:
-    """Return subsets such that several predictions of each view are free of an inconsistent one.
+def moved(camera: CameraLike, pose: NDArray[np.float64], grid: VoxelGrid) -> CameraLike:
+    """Return a camera turned about the grid's centre, and with a shifted image.
 
-    Few views: all triples. Many: five interleaved subsets. Between: one subset a view, spread
-    evenly from it.
+    Parameters
+    ----------
+    camera : CameraLike
+    pose : (5,) float64
+        A rotation vector in radians, and shifts right and down in pixels.
+    grid : VoxelGrid
     """
-    if views <= FEW_VIEWS:
-        return list(combinations(range(views), 3))
-    if views >= MANY_VIEWS:
-        return [tuple(range(first, views, SUBSETS)) for first in range(SUBSETS)]
-    size = math.ceil(views / 4) + 1
-    return [
-        tuple(sorted({(first + step * views // size) % views for step in range(size)}))
-        for first in range(views)
-    ]
+    turn = matrix_of_vector(np.asarray(pose[:3], np.float64))
+    middle = np.asarray(grid.center, np.float64)
+    return camera.transformed(turn, middle - turn @ middle).shifted(pose[3], pose[4])

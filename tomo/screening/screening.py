@@ -20,8 +20,15 @@ from tomo.measurement import (
 )
 from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.corrections import correction_line
+from tomo.screening.left_out_prediction import PredictedViews
 from tomo.screening.outside_light import light_outside
-from tomo.screening.view_consistency import ViewConsistency, check_consistency
+from tomo.screening.remedies import Remedy, remedy
+from tomo.screening.single_camera import (
+    FEWEST_VIEWS,
+    CameraFinding,
+    cameras_that_stand_out,
+)
+from tomo.screening.words import advice_on, causes_in_words, report_of
 
 NOTEWORTHY = 1e-3
 """Fraction of a view's pixels that are outliers, above which a warning names the camera."""
@@ -42,8 +49,10 @@ class Screening:
         Camera to its number of outlier pixels.
     usable : mapping
         Camera to its number of pixels that were usable.
-    views : tuple of ViewConsistency
-        One a camera, held-out ones too; empty where there are too few views to test.
+    cameras : tuple of CameraFinding
+        The cameras that stand out, held-out ones too.
+    remedies : mapping of str to Remedy
+        What is done about each of them.
     held_out : tuple of str
     noise : tuple of NoiseModel
         One a camera, held-out cameras last.
@@ -58,7 +67,8 @@ class Screening:
     masks: tuple[NDArray[np.bool_], ...]
     outliers: Mapping[str, int]
     usable: Mapping[str, int]
-    views: tuple[ViewConsistency, ...] = ()
+    cameras: tuple[CameraFinding, ...] = ()
+    remedies: Mapping[str, Remedy] = field(default_factory=dict)
     held_out: tuple[str, ...] = ()
     noise: tuple[NoiseModel, ...] = ()
     below_zero: Mapping[str, float] = field(default_factory=dict)
@@ -67,18 +77,18 @@ class Screening:
 
     @property
     def excluded(self) -> tuple[str, ...]:
-        """The cameras whose views are inconsistent and not held out."""
-        return tuple(v.name for v in self.views if v.inconsistent and v.name not in self.held_out)
+        """The cameras that stand out so far that they take no part."""
+        return tuple(name for name, one in self.remedies.items() if one.excluded)
 
     @property
     def warnings(self) -> list[str]:
         """One line for each finding that the user should act on."""
         return [
+            *self._camera_warnings(),
             *self._background_warnings(),
             *self._outside_warnings(),
             *self._outlier_warnings(),
             *self._below_zero_warnings(),
-            *self._view_warnings(),
         ]
 
     @property
@@ -87,14 +97,16 @@ class Screening:
         return bool(self._background_warnings() or self._outside_warnings())
 
     def _background_warnings(self) -> list[str]:
-        if not self.background:
+        own = {found.name for found in self.cameras if found.names("background")}
+        levels = {name: level for name, level in self.background.items() if name not in own}
+        if not levels:
             return []
-        worst = max(self.background, key=self.background.__getitem__)
+        worst = max(levels, key=levels.__getitem__)
         return [
-            f"{len(self.background)} of {len(self.outliers)} cameras' images have a uniform "
-            f"background, camera {worst} the highest ({self.background[worst]:.3g}). The volume "
+            f"{len(levels)} of {len(self.outliers)} cameras' images have a uniform "
+            f"background, camera {worst} the highest ({levels[worst]:.3g}). The volume "
             "has to explain it, and gains and cameras may seem wrong. Subtract it: add to the "
-            f"dark level in scan.yaml {correction_line('dark', _largest(self.background))}"
+            f"dark level in scan.yaml {correction_line('dark', _largest(levels))}"
         ]
 
     def _outside_warnings(self) -> list[str]:
@@ -108,14 +120,14 @@ class Screening:
             "grid, or subtract the background of the images"
         ]
 
-    def _view_warnings(self) -> list[str]:
-        return [
-            f"{view.in_words()}: "
-            + ("it stays held out" if view.name in self.held_out else "excluded")
-            + ". Check whose image it is, its orientation and its moment, or calibrate it again"
-            for view in self.views
-            if view.inconsistent
-        ]
+    def _camera_warnings(self) -> list[str]:
+        lines = []
+        for found in self.cameras:
+            done = self.remedies[found.name].words
+            done = "It stays held out" if found.name in self.held_out else done
+            steps = [step for step in (done, advice_on(found)) if step]
+            lines.append(". ".join([causes_in_words(found), *steps]))
+        return lines
 
     def _outlier_warnings(self) -> list[str]:
         fractions = {name: n / max(self.usable[name], 1) for name, n in self.outliers.items()}
@@ -145,9 +157,11 @@ class Screening:
 
         ``excluded`` lists the excluded cameras; ``outlier_pixels`` counts them for each camera;
         ``below_zero`` and ``background`` hold levels, in image units, of the cameras concerned;
-        ``light_outside_grid`` is a fraction for each camera; ``views`` has for each camera its
-        ``agreement`` with the prediction from the other views, whether it is ``inconsistent``,
-        and what it ``looks`` like instead, if a hypothesis fits.
+        ``light_outside_grid`` is a fraction for each camera; ``cameras`` has those that stand out
+        from the others: the relative ``residual`` of its image when the others predict it, that
+        of ``others``, the ratio of the two, by how much the others' squared error falls
+        ``without`` the camera, its ``causes``, the likeliest first, with what each would leave of
+        the squared residual, its parameters and what to do, and what was ``done``.
         """
         return {
             "excluded": list(self.excluded),
@@ -155,7 +169,13 @@ class Screening:
             "below_zero": dict(self.below_zero),
             "background": dict(self.background),
             "light_outside_grid": dict(self.outside),
-            "views": {view.name: view.report() for view in self.views},
+            "cameras": {
+                found.name: {
+                    **report_of(found),
+                    "done": self.remedies[found.name].words or None,
+                }
+                for found in self.cameras
+            },
         }
 
 
@@ -171,8 +191,10 @@ def screen_images(
     grid: VoxelGrid,
     *,
     held_out: tuple[Rig, Sequence[NDArray], Sequence[NDArray]] | None = None,
+    move: bool = True,
+    scale: bool = True,
 ) -> Screening:
-    """Find outlier pixels and inconsistent views from the images alone.
+    """Find outlier pixels and cameras that stand out from the images alone.
 
     Parameters
     ----------
@@ -180,30 +202,68 @@ def screen_images(
         The cameras to reconstruct from; see `tomo.selfcal.shifts.align_views`.
     held_out : (Rig, images, masks), optional
         Cameras that are tested too; nothing else depends on their images.
+    move, scale : bool
+        Whether cameras may be moved, and images be scaled, to agree with the others.
     """
     extra = held_out or (Rig(()), [], [])
     cameras = Rig((*rig, *extra[0]), length_unit=rig.length_unit)
     images, masks = [*images, *extra[1]], [*masks, *extra[2]]
     noise = tuple(estimate_noise(i, m) for i, m in zip(images, masks, strict=True))
     outliers = [find_outlier_pixels(i, m, n) for i, m, n in zip(images, masks, noise, strict=True)]
-    clean = tuple(m & ~o for m, o in zip(masks, outliers, strict=True))
+    clean = [m & ~o for m, o in zip(masks, outliers, strict=True)]
     depths = [below_zero(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
     levels = [background(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
     outside = light_outside(list(cameras), images, clean, noise, grid)
-    # No volume in the grid explains a uniform background: left in, all views would disagree.
-    lit = [i - np.float32(level) if level else i for i, level in zip(images, levels, strict=True)]
-    try:
-        views = check_consistency(cameras, lit, clean, grid, trusted=len(rig))
-    except VolumeNotSeenError:  # the stage that needs the volume reports it
-        views = ()
+    findings, factor = _cameras(cameras, images, clean, levels, grid, noise, len(rig))
+    remedies = {}
+    for found in findings:
+        if found.view >= len(rig):
+            remedies[found.name] = Remedy()
+            continue
+        one = remedy(
+            found,
+            cameras[found.view],
+            images[found.view],
+            grid,
+            factor,
+            move=move,
+            scale=scale,
+        )
+        remedies[found.name] = one
+        if one.unusable is not None:
+            clean[found.view] = clean[found.view] & ~one.unusable
+    names = cameras.names
     return Screening(
-        clean,
-        {name: int(np.count_nonzero(o)) for name, o in zip(cameras.names, outliers, strict=True)},
-        {name: int(np.count_nonzero(m)) for name, m in zip(cameras.names, masks, strict=True)},
-        views,
+        tuple(clean),
+        {name: int(np.count_nonzero(o)) for name, o in zip(names, outliers, strict=True)},
+        {name: int(np.count_nonzero(m)) for name, m in zip(names, masks, strict=True)},
+        tuple(findings),
+        remedies,
         tuple(extra[0].names),
         noise,
-        {name: depth for name, depth in zip(cameras.names, depths, strict=True) if depth > 0},
-        dict(zip(cameras.names, outside, strict=True)),
-        {name: level for name, level in zip(cameras.names, levels, strict=True) if level > 0},
+        {name: depth for name, depth in zip(names, depths, strict=True) if depth > 0},
+        dict(zip(names, outside, strict=True)),
+        {name: level for name, level in zip(names, levels, strict=True) if level > 0},
     )
+
+
+def _cameras(
+    cameras: Rig,
+    images: Sequence[NDArray[np.float32]],
+    masks: Sequence[NDArray[np.bool_]],
+    levels: Sequence[float],
+    grid: VoxelGrid,
+    noise: Sequence[NoiseModel],
+    trusted: int,
+) -> tuple[list[CameraFinding], int]:
+    """Return the cameras that stand out, and how many pixels wide their pixels are."""
+    if trusted < FEWEST_VIEWS:
+        return [], 1
+    # No volume in the grid explains a background that most images have: all would disagree.
+    common = float(np.median(levels[:trusted]))
+    lit = [image - np.float32(common) if common else image for image in images]
+    try:
+        views = PredictedViews.of(cameras, lit, masks, grid, noise)
+    except VolumeNotSeenError:  # the stage that needs the volume reports it
+        return [], 1
+    return cameras_that_stand_out(views, trusted), views.factor

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 WORDS: Mapping[str, str] = {
     "gain": r"\bgain",
     "background": r"background|dark",
-    "pointing": r"\bshift|pixels off|disagree|refine|calibrat",
-    "swapped": r"looks like camera",
+    "pointing": r"\bpointing|\bshift|pixels off|disagree|refine|calibrat",
+    "swapped": r"swapped",
     "mirrored": r"mirrored|upside down|turned by",
     "hidden": r"hidden|obstruct|covered",
     "saturation": r"saturat|full scale",
@@ -35,7 +35,7 @@ class Answer:
     cameras : tuple of str
         The cameras that it names, in the rig's order.
     causes : tuple of str
-        The causes that it names: keys of `WORDS`, in the order of the warnings.
+        The causes that it names: keys of `WORDS`, in the order of the text.
     unexplained : bool
         Whether it says that the images are not explained.
     """
@@ -50,6 +50,13 @@ class Answer:
         return not (self.cameras or self.causes or self.unexplained)
 
 
+def _in_order(line: str) -> list[str]:
+    """Return the causes that a line names, in the order of its words."""
+    found = {cause: re.search(words, line) for cause, words in WORDS.items()}
+    places = {cause: match.start() for cause, match in found.items() if match}
+    return sorted(places, key=places.__getitem__)
+
+
 def answer_of(warnings: Sequence[str], names: Sequence[str]) -> Answer:
     """Return what a report says, the one place that reads reports.
 
@@ -62,6 +69,6 @@ def answer_of(warnings: Sequence[str], names: Sequence[str]) -> Answer:
     findings = [re.split(r"\. (?=[A-Z])", warning)[0] for warning in warnings]
     text = "\n".join(findings)
     cameras = [name for name in names if re.search(rf"\b{re.escape(name)}\b", text)]
-    causes = [c for line in findings for c, words in WORDS.items() if re.search(words, line)]
+    causes = [cause for line in findings for cause in _in_order(line)]
     unexplained = re.search(UNEXPLAINED, text) is not None
     return Answer(tuple(cameras), tuple(dict.fromkeys(causes)), unexplained)
