@@ -10,5 +10,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "noise_model": ["NoiseModel", "estimate_noise"],
         "outlier_pixels": ["find_outlier_pixels"],
         "pixel_weights": ["PixelWeights", "weigh_pixels"],
+        "saturation": ["cut_off_level"],
     },
 )

@@ -156,8 +156,8 @@ class Options:
     )
     screen: bool = _option(
         True,
-        "Whether bad pixels, and views that the others contradict, are excluded. A held-out "
-        "camera is never excluded.",
+        "Whether bad pixels, and cameras that the others contradict, are looked for and corrected "
+        "or excluded. A held-out camera never is.",
         switch(),
         expert=True,
     )

@@ -143,16 +143,24 @@ POSE = ("turn_x", "turn_y", "turn_z", "right", "down")
 
 
 def _of_fit(
-    view: LeftOutView, fit: Fit, cause: str, words: str, names: Sequence[str]
+    view: LeftOutView,
+    fit: Fit,
+    cause: str,
+    words: str,
+    names: Sequence[str],
+    choices: int = 0,
 ) -> Explained:
-    """Return what a fit with a linear neighbourhood explains, each half by the other."""
+    """Return what a fit with a linear neighbourhood explains, each half by the other.
+
+    ``choices`` that were made between fits count as parameters.
+    """
     first, second = view.halves
     excess = view.excess(fit.refitted(view.measured, first), second)
     excess += view.excess(fit.refitted(view.measured, second), first)
     found = dict(zip(names, fit.amounts.tolist(), strict=True))
     pose = (found.get(name, 0.0) for name in POSE)
     moves = tuple(pose) if cause == "pointing" and set(names) <= set(POSE) else None
-    return Explained(cause, words, found, len(fit.amounts), excess, moves)
+    return Explained(cause, words, found, len(fit.amounts) + choices, excess, moves)
 
 
 @dataclass(frozen=True)
@@ -213,7 +221,7 @@ class FlippedCause:
         turned = view.predicted[:: -1 if self.down else 1, :: -1 if self.across else 1]
         motions = motions_of("shift", view.mask.shape)
         fit = register_motions(turned, view.measured, view.mask, motions)
-        return _of_fit(view, fit, "mirrored", self.words, ("right", "down"))
+        return _of_fit(view, fit, "mirrored", self.words, ("right", "down"), choices=2)
 
 
 @dataclass(frozen=True)
@@ -236,7 +244,7 @@ class TurnedCause:
         turned = np.ascontiguousarray(np.rot90(view.predicted, self.quarters))
         fit = register_motions(turned, view.measured, view.mask, motions_of("shift", (rows, rows)))
         words = f"mirrored or turned by {90 * self.quarters} degrees"
-        return _of_fit(view, fit, "mirrored", words, ("right", "down"))
+        return _of_fit(view, fit, "mirrored", words, ("right", "down"), choices=2)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from tomo.measurement import (
     NoiseModel,
     background,
     below_zero,
+    cut_off_level,
     estimate_noise,
     find_outlier_pixels,
 )
@@ -62,6 +63,8 @@ class Screening:
         Camera to the fraction of its light on lines of sight that miss the grid.
     background : mapping
         Camera to the level of its image's uniform background; only cameras that have one.
+    saturated : mapping
+        Camera to the level that its image was cut off at; only those that were.
     """
 
     masks: tuple[NDArray[np.bool_], ...]
@@ -74,6 +77,7 @@ class Screening:
     below_zero: Mapping[str, float] = field(default_factory=dict)
     outside: Mapping[str, float] = field(default_factory=dict)
     background: Mapping[str, float] = field(default_factory=dict)
+    saturated: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def excluded(self) -> tuple[str, ...]:
@@ -85,6 +89,7 @@ class Screening:
         """One line for each finding that the user should act on."""
         return [
             *self._camera_warnings(),
+            *self._saturation_warnings(),
             *self._background_warnings(),
             *self._outside_warnings(),
             *self._outlier_warnings(),
@@ -129,6 +134,14 @@ class Screening:
             lines.append(". ".join([causes_in_words(found), *steps]))
         return lines
 
+    def _saturation_warnings(self) -> list[str]:
+        return [
+            f"camera {name}: its image is cut off at {level:.3g}, saturation: more pixels have "
+            "that value than lie just below it. They are left out. Expose it shorter, or give the "
+            "level in scan.yaml: corrections: saturation"
+            for name, level in self.saturated.items()
+        ]
+
     def _outlier_warnings(self) -> list[str]:
         fractions = {name: n / max(self.usable[name], 1) for name, n in self.outliers.items()}
         worst = max(fractions, key=fractions.__getitem__, default=None)
@@ -156,7 +169,8 @@ class Screening:
         """Return plain numbers and words for report.json.
 
         ``excluded`` lists the excluded cameras; ``outlier_pixels`` counts them for each camera;
-        ``below_zero`` and ``background`` hold levels, in image units, of the cameras concerned;
+        ``below_zero``, ``background`` and ``saturated`` hold levels, in image units, of the
+        cameras concerned;
         ``light_outside_grid`` is a fraction for each camera; ``cameras`` has those that stand out
         from the others: the relative ``residual`` of its image when the others predict it, that
         of ``others``, the ratio of the two, by how much the others' squared error falls
@@ -168,6 +182,7 @@ class Screening:
             "outlier_pixels": dict(self.outliers),
             "below_zero": dict(self.below_zero),
             "background": dict(self.background),
+            "saturated": dict(self.saturated),
             "light_outside_grid": dict(self.outside),
             "cameras": {
                 found.name: {
@@ -211,6 +226,11 @@ def screen_images(
     noise = tuple(estimate_noise(i, m) for i, m in zip(images, masks, strict=True))
     outliers = [find_outlier_pixels(i, m, n) for i, m, n in zip(images, masks, noise, strict=True)]
     clean = [m & ~o for m, o in zip(masks, outliers, strict=True)]
+    tops = [cut_off_level(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
+    clean = [
+        mask if top is None else mask & (image < top)
+        for image, mask, top in zip(images, clean, tops, strict=True)
+    ]
     depths = [below_zero(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
     levels = [background(i, m, n) for i, m, n in zip(images, clean, noise, strict=True)]
     outside = light_outside(list(cameras), images, clean, noise, grid)
@@ -244,6 +264,7 @@ def screen_images(
         {name: depth for name, depth in zip(names, depths, strict=True) if depth > 0},
         dict(zip(names, outside, strict=True)),
         {name: level for name, level in zip(names, levels, strict=True) if level > 0},
+        {name: top for name, top in zip(names, tops, strict=True) if top is not None},
     )
 
 

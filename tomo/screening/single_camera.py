@@ -178,21 +178,20 @@ def _standing_out(views: PredictedViews, base: CommonVolume, good: Sequence[int]
     order = sorted(good, key=lambda view: -errors[view])[:SUSPECTS]
     limit = SUSPICIOUS * np.median(errors[list(good)])
     trials = [_trial(views, base, good, (v,)) for v in order if errors[v] > limit]
-    if max((trial.gone for trial in trials), default=0.0) < STANDS_OUT:
+    if sum(sorted(trial.gone for trial in trials)[-2:]) < STANDS_OUT:
         return None
     known = {trial.views[0] for trial in trials}
     trials += [_trial(views, base, good, (v,)) for v in order if v not in known]
-    trials.sort(key=lambda trial: -trial.gone)
-    if _apart(trials[0], trials[1]):
-        doubtless = trials[0].gone > BEYOND_DOUBT * STANDS_OUT
-        doubtless &= trials[0].gone > BEYOND_DOUBT * trials[1].gone
-        if doubtless or _explained(views, trials[0]):
-            return trials[0]
-    pair = _trial(views, base, good, trials[0].views + trials[1].views)
-    enough = len(good) - 2 >= FEWEST_VIEWS - 1 and pair.gone > 2 * STANDS_OUT
-    if enough and _apart(pair, trials[2]) and _explained(views, pair):
-        return pair
-    return None
+    first, second, third = sorted(trials, key=lambda trial: -trial.gone)
+    if first.gone > STANDS_OUT and _apart(first, second):
+        doubtless = first.gone > BEYOND_DOUBT * max(STANDS_OUT, second.gone)
+        if doubtless or _explained(views, first):
+            return first
+    if len(good) - 2 < FEWEST_VIEWS - 1 or not _apart(second, third):
+        return None
+    pair = _trial(views, base, good, first.views + second.views)
+    enough = pair.gone > 2 * STANDS_OUT and _apart(pair, third)
+    return pair if enough and _explained(views, pair) else None
 
 
 def _apart(first: _Trial, second: _Trial) -> bool:
@@ -237,15 +236,17 @@ def _finding(
     good: Sequence[int],
     left_out: float,
 ) -> CameraFinding:
+    errors = _errors(views, base)
     ranked, given = _likeliest(views, view, base)
+    usual = given * min(left_out**2 / errors[view], 1.0)  # error of a right camera's prediction
+    ranked.sort(key=lambda one: (max(one.excess, 0.0) + usual) * one.penalty)
     kinds: dict[str, Explained] = {}
     for one in ranked:
         kinds.setdefault(one.cause, one)
     posed = [one for one in ranked if one.cause == "pointing" and one.pose is not None]
     if posed and kinds["pointing"].pose is None:  # a roll: a pose explains it too
-        same = posed[0].excess < AS_GOOD * kinds["pointing"].excess
+        same = posed[0].excess < AS_GOOD * max(kinds["pointing"].excess, usual)
         kinds["pointing"] = replace(kinds["pointing"], pose=posed[0].pose if same else None)
-    errors = _errors(views, base)
     again = views.volume([*good, view])
     removed = errors[list(good)].sum() / max(_errors(views, again)[list(good)].sum(), TINY)
     return CameraFinding(

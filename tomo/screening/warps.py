@@ -20,6 +20,12 @@ narrower than a large motion lead astray."""
 LARGEST_STEP = 3.0
 """Largest change of an amount in a step, in pixels."""
 
+LEAST_GAIN = 1e-3
+"""Fraction by which a step must lower the squared error for another one."""
+
+FINER = 0.2
+"""Fraction of a pixel that the last differences are taken over."""
+
 KINDS = ("shift", "roll", "bend")
 
 Image = NDArray[np.float64]
@@ -139,17 +145,22 @@ class Moved(Fit):
         mask: NDArray[np.bool_],
         start: Image,
     ) -> Self:
-        """Fit the amounts by Gauss-Newton steps with differences over ``steps`` (K,)."""
-        amounts, best, at = np.zeros(len(steps)), np.inf, start
-        kept = None
+        """Fit the amounts by Gauss-Newton steps with differences over ``steps`` (K,).
+
+        The differences become finer where a step does not lower the error.
+        """
+        amounts, at, finer = np.zeros(len(steps)), start, 1.0
+        residual = (measured - at)[mask]
         for _ in range(STEPS):
-            residual = (measured - at)[mask]
-            error = float(residual @ residual)
-            if error >= best:
+            there = (reproject(amounts + step) for step in np.diag(finer * steps))
+            slopes = np.array([image - at for image in there]) / finer
+            change = np.clip(_step(slopes[:, mask], residual), -LARGEST_STEP, LARGEST_STEP)
+            moved = reproject(amounts + change * steps)
+            left = (measured - moved)[mask]
+            if float(left @ left) < (1 - LEAST_GAIN) * float(residual @ residual):
+                amounts, at, residual = amounts + change * steps, moved, left
+            elif finer < 1:
                 break
-            slopes = np.array([reproject(amounts + step) - at for step in np.diag(steps)])
-            best, kept = error, cls(at, slopes, amounts, mask)
-            change = _step(slopes[:, mask], residual)
-            amounts = amounts + np.clip(change, -4, 4) * steps
-            at = reproject(amounts)
-        return kept
+            else:
+                finer = FINER
+        return cls(at, slopes, amounts, mask)

@@ -10,7 +10,7 @@ WORDS: Mapping[str, str] = {
     "gain": r"\bgain",
     "background": r"background|dark",
     "pointing": r"\bpointing|\bshift|pixels off|disagree|refine|calibrat",
-    "swapped": r"swapped",
+    "swapped": r"swapped|looks like camera",
     "mirrored": r"mirrored|upside down|turned by",
     "hidden": r"hidden|obstruct|covered",
     "saturation": r"saturat|full scale",
