@@ -22,8 +22,9 @@ from tomo.screening.warps import Fit, Moved, motions_of, register_motions
 STEPS = 32
 """Thresholds that a saturation is looked for at, and blurs: finer ones change nothing."""
 
-WIDEST_BLUR = 5.0
-"""Largest standard deviation of a blur that is tried, in pixels."""
+NARROWEST_BLUR, WIDEST_BLUR = 1.0, 5.0
+"""Standard deviations of the blurs that are tried, in pixels. Narrower ones are in focus: pixels
+and voxels blur by as much, of unlike cameras differently."""
 
 
 class Cause(Protocol):
@@ -100,7 +101,7 @@ class BlurCause:
 
     def fit(self, view: LeftOutView) -> Explained | None:
         """Find the width of the Gaussian blur that explains the image best."""
-        widths = np.linspace(0, WIDEST_BLUR, STEPS)[1:]
+        widths = np.linspace(NARROWEST_BLUR, WIDEST_BLUR, STEPS)
         blurred = [gaussian_filter(view.predicted, width, mode="nearest") for width in widths]
         excess, best = _cross(view, blurred)
         width = float(widths[best])
