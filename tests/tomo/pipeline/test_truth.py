@@ -26,7 +26,7 @@ def test_the_distances_from_the_truth_end_at_the_volume_s_own(outcome):
     assert None not in distances
     own = outcome.solution.quality["cosine_distance"]
     assert distances[-1] == pytest.approx(own, rel=1e-3)
-    assert distances[0] > 10 * own
+    assert distances[0] > 2 * own  # it starts from a few updates of MLEM
 
 
 def test_a_truth_on_another_grid_is_a_warning(folder, outcome, grid):
