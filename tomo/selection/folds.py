@@ -51,12 +51,11 @@ def blocks_to_leave_out(blocks: NDArray[np.int64], number: int = 0) -> NDArray[n
     Parameters
     ----------
     blocks : (pixels,) int
-        The block of each pixel.
+        The block of each pixel. Its number alone decides, whichever other pixels there are.
     number : int
         The fold's; the first ``1 / LEFT_OUT`` folds leave out each block once.
     """
-    _, consecutive = np.unique(blocks, return_inverse=True)
-    where = consecutive * GOLDEN_RATIO % 1.0
+    where = blocks * GOLDEN_RATIO % 1.0
     return np.floor(where / LEFT_OUT).astype(np.int64) == number
 
 

@@ -31,12 +31,20 @@ def test_folds_leave_out_different_views_and_keep_most(count):
 
 
 def test_folds_of_blocks_leave_out_every_block_once():
-    blocks = np.repeat(np.arange(500) * 7 + 3, 4)
+    blocks = np.repeat(np.arange(500) + 3, 4)
     held = np.array([blocks_to_leave_out(blocks, n) for n in range(round(1 / LEFT_OUT))])
     assert (held.sum(axis=0) == 1).all()
     for one in held:
         assert one.reshape(-1, 4).all(axis=1).sum() * 4 == one.sum()  # blocks stay whole
         assert one.mean() == pytest.approx(LEFT_OUT, rel=0.05)
+
+
+def test_a_block_is_left_out_whichever_other_pixels_there_are():
+    blocks = np.arange(400)
+    some = np.random.default_rng(0).random(400) < 0.5
+    np.testing.assert_array_equal(
+        blocks_to_leave_out(blocks[some]), blocks_to_leave_out(blocks)[some]
+    )
 
 
 @pytest.mark.parametrize("width", [7, 8, 12, 13, 16, 24, 32])
