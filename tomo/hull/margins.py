@@ -90,6 +90,9 @@ class Hulls:
         lattices = [self.lattices[view] for view in self.voters]
         how = {"margin": margin, "enough": enough, "beyond": self.beyond}
         active = dark_votes(bright, lattices, self.shape, **how) < enough
+        if self.beyond:  # borders say nothing of voxels that no view shows
+            nothing = [np.zeros_like(image) for image in bright]
+            active |= dark_votes(nothing, lattices, self.shape, margin=0.0, enough=1) == 0
         explained = touched(active, self.lattices, self._image_shapes)
         missed = max(self._missed(view, explained[view]) for view in self.voters)
         return Hull(margin, active, explained, missed, self._carved_away(explained))

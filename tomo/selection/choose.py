@@ -136,10 +136,11 @@ def _folds(
     blocks: NDArray[np.int64],
     weights: NDArray[np.float32] | None,
 ) -> list[Fold]:
-    """Return as many folds as leave out enough blocks."""
-    a_fold = LEFT_OUT * len(np.unique(blocks))
+    """Return as many folds as leave out enough blocks of pixels that see a voxel."""
+    seen = projector.row_sums > 0
+    a_fold = LEFT_OUT * len(np.unique(blocks[seen]))
     count = min(max(math.ceil(ENOUGH_BLOCKS / max(a_fold, 1)), 1), round(1 / LEFT_OUT))
-    held = (blocks_to_leave_out(blocks, number) for number in range(count))
+    held = (blocks_to_leave_out(blocks, number) & seen for number in range(count))
     return [
         Fold.leaving_out(each, projector, measured, weights, blocks)
         for each in held
