@@ -6,7 +6,8 @@ heard before any of them is corrected (`tomo.screening.hypotheses`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from tomo.pipeline.stage import Record, timed
 from tomo.pipeline.trace import TracedScan
 from tomo.scan import Scan
 from tomo.screening.causes import AbsorbingGas, CameraGains, volume_of
-from tomo.screening.hypotheses import TRANSPARENT, Cause, Explained, Model, explain
+from tomo.screening.hypotheses import TRANSPARENT, WORTH, Cause, Explained, Model, explain
 from tomo.selfcal.gains import estimate_gains
 
 GAIN, MEDIUM, SELF_ABSORPTION = "gain", "medium", "self-absorption"
@@ -69,6 +70,8 @@ def explain_images(traced: TracedScan, screened: ScreenedScan, options: Options)
             evidence, sample = evidence_of(system, measured, screened.noise, options)
             asked = (MEDIUM, SELF_ABSORPTION) if options.fit_absorption else ()
             found = explain(Model(sample), causes, evidence, asked)
+            if sample.projector.shape != system.projector.shape and not asked:
+                found = _confirmed(found, sample, traced, screened, options)
             gains, absorption = found.best.model.gains, found.best.model.absorption
             how = {"supersample": options.supersample, "tracer": options.tracer}
             light = _light(found, how)
@@ -83,6 +86,38 @@ def explain_images(traced: TracedScan, screened: ScreenedScan, options: Options)
             measured = gains.correct(system.projector, measured)
             stage.warnings += [] if options.fit_gain else [_of_gains(gains, screened.scan)]
     return ExplainedScan(system, measured, gains, absorption, report, stage.record)
+
+
+def _confirmed(
+    found: Explained,
+    sample: LinearSystem,
+    traced: TracedScan,
+    screened: ScreenedScan,
+    options: Options,
+) -> Explained:
+    """Return the causes found on a sample of the pixels if all pixels agree; else none of them.
+
+    Samples are seen by voxels: where these are as coarse as the flame's structure, their edges
+    look like causes.
+    """
+    best = found.best.model
+    if not best.causes:
+        return found
+    evidence, system = evidence_of(
+        traced.system, traced.measured, screened.noise, options, segments=math.inf
+    )
+    given = evidence.fit(Model(system))
+    if best.absorption:
+        system = system.with_absorption(
+            best.absorption,
+            volume_of(sample, found.best.volume),
+            supersample=options.supersample,
+            tracer=options.tracer,
+        )
+    corrected = evidence.fit(replace(best, system=system))
+    if evidence.worth(given, corrected) < WORTH:
+        return found
+    return replace(found, best=found.as_given)
 
 
 def _causes(options: Options) -> list[Cause]:
