@@ -99,6 +99,11 @@ class ComposedProjector(ProjectionOperator):
         return self.rays.T @ (self.images.T @ y.ravel())
 
     @property
+    def is_stored(self) -> bool:
+        """Whether the entries of the rays are stored."""
+        return self.rays.is_stored
+
+    @property
     def basis(self) -> str:
         """The basis of the rays' unknowns."""
         return self.rays.basis
@@ -177,6 +182,11 @@ class BasisProjector(ProjectionOperator):
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         return self.to_voxels_adjoint(self.projector.T @ y.ravel())
+
+    @property
+    def is_stored(self) -> bool:
+        """Whether the entries of the rays are stored."""
+        return self.projector.is_stored
 
     @cached_property
     def rows_are_single_rays(self) -> bool:

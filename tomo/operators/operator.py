@@ -54,6 +54,9 @@ class ProjectionOperator(LinearOperator):
     rows_are_single_rays: bool = True
     """Whether a row holds the rays of its own pixel alone, not those of neighbours."""
 
+    is_stored: bool = False
+    """Whether the entries of the rays are stored: unknowns can then be left out."""
+
     matrix: Matrix | None = None
     """The stored entries; None where the operator stores none that solvers may go through."""
 
@@ -105,6 +108,18 @@ class ProjectionOperator(LinearOperator):
     def with_rays(self, change: Callable[[ProjectionOperator], ProjectionOperator]) -> Self:
         """Return the same composition on other rays: ``change`` takes and returns those."""
         return change(self)
+
+    def of_unknowns(self, kept: NDArray[np.bool_]) -> Self:
+        """Return the operator of some of the unknowns, ``kept`` (unknowns,) bool; a copy.
+
+        Raises
+        ------
+        ValueError
+            If the entries are not stored.
+        """
+        if not self.is_stored:
+            raise ValueError("unknowns to keep: found entries that are not stored")
+        return self.with_rays(lambda rays: rays.of_unknowns(kept))
 
     def voxel_means(self, volume: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return the mean emission in every voxel of coefficients, both ``(nx, ny, nz)``."""

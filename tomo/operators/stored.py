@@ -76,6 +76,8 @@ class Projector(ProjectionOperator):
     >>> back_projection = A.T @ images             # doctest: +SKIP
     """
 
+    is_stored = True
+
     def __init__(
         self,
         segments: Segments,
@@ -174,6 +176,19 @@ class Projector(ProjectionOperator):
         """Return the projector with ``length`` (segments,), of either sign, instead of its own."""
         entries = replace(self._entries.between(self._starts, self._stops), length=length)
         return self._of(entries, entries.ptr[:-1], entries.ptr[1:], self.view_ptr)
+
+    def of_unknowns(self, kept: NDArray[np.bool_]) -> Projector:
+        """Return the projector of some of the unknowns, ``kept`` (unknowns,); a copy."""
+        segments = self.segments
+        own = kept[segments.voxel]
+        number = np.cumsum(kept) - 1
+        part = Segments(
+            np.concatenate([[0], np.cumsum(own)])[segments.ptr].astype(np.int64),
+            number[segments.voxel[own]].astype(segments.voxel.dtype),
+            segments.length[own],
+        )
+        active = ActiveVoxels.from_mask(self.grid, self.active.expand(kept))
+        return Projector(part, self.grid, self.view_ptr, active)
 
     def rows(self, start: int, stop: int) -> Projector:
         """Return the projector of pixels ``start:stop``; the entries are shared, not copied."""

@@ -25,6 +25,7 @@ from tomo.selection.folds import (
     runs_of_pixels,
     views_to_leave_out,
 )
+from tomo.selection.slab import part_to_choose_by
 from tomo.selection.smooth_solve import smooth_start, solve_smoothly
 from tomo.solvers import Solution
 from tomo.solvers.solution import Callback
@@ -41,7 +42,7 @@ STRENGTHS = tuple(10.0 ** (n / 2) for n in range(-10, 0))
 FIRST_WIDTH, FIRST = 0.6, STRENGTHS.index(1e-3)
 """The width and the strength that are tried first."""
 
-ENOUGH_BLOCKS = 150
+ENOUGH_BLOCKS = 400
 """Left-out blocks that decide well enough: small images are left out in several folds."""
 
 DARK = (0.0, 1e-3, 10)
@@ -121,6 +122,10 @@ def choose_by_left_out_pixels(
     if not measured.any():
         return Choice(*DARK, math.nan, reason="the images are dark")
     blocks = runs_of_pixels(projector) if blocks is None else blocks
+    part = part_to_choose_by(projector, measured)
+    if part is not None:
+        projector, measured, blocks = part.projector, part.measured, blocks[part.pixels]
+        weights = None if weights is None else weights[part.pixels]
     fits = Fits(_folds(projector, measured, blocks, weights), progress, total=12)
     best = _least_error(fits)
     if progress:
