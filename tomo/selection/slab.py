@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from tomo.operators.operator import ProjectionOperator
 from tomo.selection.smooth_solve import smooth_start
 
-SEGMENTS = 1_500_000
-"""Segments above which a slab of the volume is solved instead of all of it. A thinner one is mostly
-borders, at which priors take the dark for an edge; a thicker one takes its time."""
+SEGMENTS = 2_500_000
+"""Segments above which a slab of the volume is solved instead of all of it. A thinner one is
+mostly borders, where priors take the dark for an edge; a thicker one takes its time."""
 
 MOSTLY = 0.5
 """Fraction of a ray's length in the slab from which on its pixel takes part."""
