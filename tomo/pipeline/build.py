@@ -69,7 +69,7 @@ def build(screened: ScreenedScan, explained: ExplainedScan, options: Options) ->
             encoder=options.encoder is not None,
             freeze_encoder=options.freeze_encoder,
         )
-        system, basis = in_basis(system, options.basis, options.supersample, against)
+        system, basis = in_basis(system, measured, options.basis, options.supersample, against)
         weights, weighting = _weighted(system, screened, explained.gains, options, methods)
     return WeightedSystem(
         system,

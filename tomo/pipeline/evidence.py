@@ -34,8 +34,6 @@ def evidence_of(
     measured: NDArray[np.float32],
     noise: Sequence[NoiseModel],
     options: Options,
-    *,
-    segments: float = SEGMENTS,
 ) -> tuple[Evidence, LinearSystem]:
     """Return the evidence of the images, and the equations of its pixels.
 
@@ -49,17 +47,15 @@ def evidence_of(
         Of each view.
     options : Options
         The tracer and the rays a pixel are used.
-    segments : float
-        About so many that the system is thinned to.
     """
     kept = slice(None)
-    if system.projector.n_segments > segments and system.projector.rows_are_single_rays:
+    if system.projector.n_segments > SEGMENTS and system.projector.rows_are_single_rays:
         block = blocks_of(system)
         order = golden_ratio_sequence(int(block.max()) + 1)
-        kept = np.flatnonzero(order[block] < segments / system.projector.n_segments)
+        kept = np.flatnonzero(order[block] < SEGMENTS / system.projector.n_segments)
         system = _thinned(system, kept, options)
     else:
-        system = _smooth(system, options)
+        system = smooth(system, options)
     measured, pointers = measured[kept], system.projector.view_ptr
     variance = [
         model.variance(measured[start:stop])
@@ -85,7 +81,7 @@ def quick_solve(
     return active.compress(curvature(projector, measured, **how).volume)
 
 
-def _smooth(system: LinearSystem, options: Options) -> LinearSystem:
+def smooth(system: LinearSystem, options: Options) -> LinearSystem:
     """Return a system in the linear basis, where there is one: voxels' edges look like faults."""
     if system.form != STORED or not system.projector.rows_are_single_rays:
         return system

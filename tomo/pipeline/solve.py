@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tomo.operators import LINEAR, VOXEL, LinearSystem
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.system import Progress
-from tomo.pipeline.basis import linear_where_possible
+from tomo.pipeline.basis import BLOCK, linear_if_better
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.checks import comparison
 from tomo.pipeline.methods import AUTO, Method, method_named
@@ -28,11 +28,6 @@ from tomo.uncertainty import Resolve
 Watch = Callable[[NDArray[np.float32]], float]
 """Called with the voxels' means ``(nx, ny, nz)`` after every iteration; what it returns becomes
 `Iteration.distance`."""
-
-
-BLOCK = 2.0
-"""Edge, in voxels, of the blocks of pixels that are left out together. Smaller ones are predicted
-by their own neighbours, larger ones show what the other views leave open more than the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +250,7 @@ def _refit(
     if options.basis != AUTO or built.basis.name != VOXEL or "learned" not in found.settings:
         return None
     learned = with_learned_weights(built.system, found, same_views=True)
-    better, basis = linear_where_possible(learned, options.supersample)
+    better, basis = linear_if_better(learned, built.measured, options.supersample)
     if basis.name != LINEAR:
         return None
     by_learned = replace(built, system=better, basis=basis)

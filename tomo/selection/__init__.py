@@ -5,7 +5,12 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "choose": ["Choice", "choose_by_left_out_pixels", "solve_as_chosen"],
+        "choose": [
+            "Choice",
+            "choose_by_left_out_pixels",
+            "left_out_error",
+            "solve_as_chosen",
+        ],
         "folds": ["Fold"],
     },
 )

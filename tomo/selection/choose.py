@@ -121,18 +121,42 @@ def choose_by_left_out_pixels(
     measured = check_measured(projector, measured)
     if not measured.any():
         return Choice(*DARK, math.nan, reason="the images are dark")
-    blocks = runs_of_pixels(projector) if blocks is None else blocks
-    part = part_to_choose_by(projector, measured)
-    if part is not None:
-        projector, measured, blocks = part.projector, part.measured, blocks[part.pixels]
-        weights = None if weights is None else weights[part.pixels]
-    fits = Fits(_folds(projector, measured, blocks, weights), progress, total=12)
+    fits = _fits(projector, measured, blocks, weights, progress)
     best = _least_error(fits)
     if progress:
         progress(fits.total, fits.total, "")
     residual = fits.residual(best)
     reason = f"it predicts left-out pixels best (relative residual {residual:.4f})"
     return Choice(best.width, best.strength, best.iterations, residual, reason, fits.tried)
+
+
+def left_out_error(
+    projector: ProjectionOperator, measured: ArrayLike, blocks: NDArray[np.int64] | None = None
+) -> float:
+    """Return the squared error of left-out pixels at the first strength, without blobs.
+
+    To compare operators of the same pixels; arguments as of `choose_by_left_out_pixels`.
+    """
+    measured = check_measured(projector, measured)
+    if not measured.any():
+        return 0.0
+    return _fits(projector, measured, blocks, None, None).at(0.0, STRENGTHS[FIRST]).error
+
+
+def _fits(
+    projector: ProjectionOperator,
+    measured: NDArray[np.float32],
+    blocks: NDArray[np.int64] | None,
+    weights: NDArray[np.float32] | None,
+    progress: Progress | None,
+) -> Fits:
+    """Return the folds of all pixels, or of a slab of a large volume."""
+    blocks = runs_of_pixels(projector) if blocks is None else blocks
+    part = part_to_choose_by(projector, measured)
+    if part is not None:
+        projector, measured, blocks = part.projector, part.measured, blocks[part.pixels]
+        weights = None if weights is None else weights[part.pixels]
+    return Fits(_folds(projector, measured, blocks, weights), progress, total=12)
 
 
 def _folds(

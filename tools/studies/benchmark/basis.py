@@ -25,8 +25,9 @@ from studies.common.study import Request, Tables
 from tomo import metrics
 from tomo.measurement import estimate_noise
 from tomo.operators import LINEAR, VOXEL
+from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import weigh_images
-from tomo.pipeline.solve import BLOCK, voxel_means_of
+from tomo.pipeline.solve import voxel_means_of
 from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
 
 REFINE = 4
