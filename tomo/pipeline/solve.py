@@ -212,8 +212,11 @@ def voxel_means_of(
     Zero where no ray crosses. Smooth bases and penalties carry their neighbours' light into
     such voxels: not seen by the cameras reconstructed from, it would be seen by those held out.
     """
-    seen = np.where(projector.column_sums > 0, unknowns, np.float32(0))
-    return projector.voxel_means(projector.active.expand(seen).reshape(projector.grid.shape))
+    active, shape = projector.active, projector.grid.shape
+    crossed = projector.column_sums > 0
+    seen = np.where(crossed, unknowns, np.float32(0))
+    means = projector.voxel_means(active.expand(seen).reshape(shape))
+    return np.where(active.expand(~crossed).reshape(shape), np.float32(0), means)
 
 
 def _projector_for(method: Method, projector: ProjectionOperator) -> ProjectionOperator:

@@ -90,7 +90,7 @@ class Corrections:
         )
         usable = np.ones(size[::-1], bool) if mask is None else mask != 0
         raw = _read(image, camera, size, self.of("bit_depth", camera), usable)
-        full = raw >= 1 if holds_integers(image) else np.zeros(raw.shape, bool)
+        full = _plateau(raw >= 1) if holds_integers(image) else np.zeros(raw.shape, bool)
         usable = usable & ~full
         saturation = self.of("saturation", camera)
         if saturation is not None:
@@ -126,6 +126,20 @@ class Corrections:
         # a mask's numbers are no intensities: they have a depth of their own
         bits = None if name == "mask" else self.of("bit_depth", camera)
         return _read(value, camera, size, bits)
+
+
+def _plateau(full: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the pixels with a neighbour at full scale as well.
+
+    Lenses spread light over more than a pixel; the brightest of an image scaled to its maximum
+    stands alone.
+    """
+    beside = np.zeros_like(full)
+    beside[1:] |= full[:-1]
+    beside[:-1] |= full[1:]
+    beside[:, 1:] |= full[:, :-1]
+    beside[:, :-1] |= full[:, 1:]
+    return full & beside
 
 
 def correction_line(correction: str, values: float | Mapping[str, float]) -> str:

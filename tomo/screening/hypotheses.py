@@ -21,7 +21,7 @@ from tomo.operators.operator import ProjectionOperator
 from tomo.operators.view_gains import Gains
 from tomo.screening.left_out_blocks import Blocks
 
-WORTH = 0.65
+WORTH = 0.8
 """Fraction of the error beyond noise that may be left for a cause to be taken. Above, causes are
 invented that a coarse volume happens to like; below, weak ones are left to spoil the volume."""
 

@@ -32,7 +32,7 @@ NOISE_FLOOR = 0.1
 """Fraction of the noise's own mean square that every view's error counts at least: below it errors
 are chance."""
 
-STANDS_OUT = 6.0
+STANDS_OUT = 5.0
 """Residual that leaves all views together with the camera, in those of an average other view, from
 which a camera stands out. Right cameras make 1 to 8, those that are hard to predict most."""
 

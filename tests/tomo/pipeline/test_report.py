@@ -51,7 +51,7 @@ def test_progress_is_reported_all_the_way(folder, method):
     assert any(place.startswith("choosing: ") for place in where) == (method == "auto")
     done, total, name = calls[-1]
     assert done == total
-    assert name == ("standard deviations" if method == "auto" else "sirt")
+    assert name == ("intervals: without some cameras" if method == "auto" else "sirt")
 
 
 SIRT = {"method": "sirt", "iterations": 5}
