@@ -79,6 +79,18 @@ def _gains(outcome: Any) -> Iterator[str]:
         yield f"gains or backgrounds that differ (gains by {outcome.gains['disagreement']:.1%})"
 
 
+def _absorption(outcome: Any) -> Iterator[str]:
+    found = (outcome.explanation or {}).get("absorption") or {}
+    if found:
+        yield f"absorption beyond what was corrected (optical depth {found['optical_depth']:.2f})"
+
+
+def _cameras(outcome: Any) -> Iterator[str]:
+    for name, found in ((outcome.screening or {}).get("cameras") or {}).items():
+        words = " or ".join(cause["words"] for cause in found["causes"])
+        yield f"camera {name} ({words})"
+
+
 def _one_camera(outcome: Any) -> Iterator[str]:
     beyond = {
         view.name: view.beyond_noise
@@ -102,6 +114,8 @@ FINDERS: tuple[Finder, ...] = (
     _below_zero,
     _pointing,
     _gains,
+    _absorption,
+    _cameras,
     _one_camera,
 )
 

@@ -33,6 +33,7 @@ def noise(sigma, seed=0):
 
 def outcome(*views, **parts):
     known = {"screening": None, "alignment": None, "gains": None, "carving": {}}
+    known["explanation"] = None
     return SimpleNamespace(views=views, **{**known, **parts})
 
 
@@ -117,6 +118,15 @@ def test_dark_images_have_no_answer():
             "camera b's image lies 1.3 pixels off",
         ),
         ({"gains": {"disagreement": 0.08}}, "gains by 8.0%"),
+        ({"explanation": {"absorption": {"optical_depth": 0.5}}}, "optical depth 0.50"),
+        (
+            {
+                "screening": {
+                    "cameras": {"b": {"causes": [{"words": "blur"}, {"words": "gain 2"}]}}
+                }
+            },
+            "camera b (blur or gain 2)",
+        ),
     ],
 )
 def test_the_causes_are_the_stages_findings(parts, words):

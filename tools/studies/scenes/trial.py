@@ -24,6 +24,7 @@ from studies.scenes.patches import patched
 from studies.scenes.recipe import Recipe
 from studies.scenes.recording import TWELVE_BIT
 from studies.scenes.scene import known_scene
+from tomo.pipeline.answer import EXPLAINED
 
 Row = dict[str, Any]
 
@@ -114,7 +115,8 @@ def row_of(
     with patched(constants or {}):
         outcome = reconstruct(scene.scan, None, Options.from_mapping(options or {}))
     seconds = outcome.seconds
-    answer, quality = answer_of(outcome.warnings, outcome.rig.names), outcome.solution.quality
+    answer = answer_of((*outcome.warnings, *_unexplained(outcome)), outcome.rig.names)
+    quality = outcome.solution.quality
     row: Row = {
         **asdict(recipe),
         "views": recipe.views,
@@ -143,6 +145,12 @@ def row_of(
             "cosine_of_best": row["cosine_distance"] / best.cosine_distance,
         }
     return row
+
+
+def _unexplained(outcome: Any) -> list[str]:
+    """Return the sentence that the report begins with, where the images are not explained."""
+    answer = outcome.report()["answer"]
+    return [] if answer["verdict"] == EXPLAINED else [answer["sentence"]]
 
 
 @once
