@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, PixelWeights, weigh_pixels
-from tomo.operators import Absorption, LinearSystem
+from tomo.operators import LINEAR, Absorption, LinearSystem
 from tomo.operators.view_gains import Gains
 from tomo.pipeline.basis import Basis, in_basis, reason_of_method
 from tomo.pipeline.check_options import methods_of
@@ -22,6 +22,7 @@ from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.scan.scan import Images, Masks
+from tomo.selection import Choice
 
 TRANSPARENT = Absorption()
 
@@ -45,6 +46,8 @@ class WeightedSystem:
         The views' gains and backgrounds that were corrected.
     absorption : Absorption
         That of the system.
+    choice : Choice, optional
+        The default's for just these equations, where it is known.
     record : Record
     """
 
@@ -55,6 +58,7 @@ class WeightedSystem:
     basis: Basis
     gains: Gains | None = None
     absorption: Absorption = TRANSPARENT
+    choice: Choice | None = None
     record: Record = Record()
 
 
@@ -79,6 +83,7 @@ def build(screened: ScreenedScan, explained: ExplainedScan, options: Options) ->
         basis,
         explained.gains,
         explained.absorption,
+        explained.choice if weights is None and basis.name == LINEAR else None,
         stage.record,
     )
 

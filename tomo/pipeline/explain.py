@@ -25,7 +25,7 @@ from tomo.pipeline.trace import TracedScan
 from tomo.scan import Scan
 from tomo.screening.causes import AbsorbingGas, CameraGains, volume_of
 from tomo.screening.hypotheses import TRANSPARENT, Cause, Explained, Model, explain
-from tomo.selection import choose_by_left_out_pixels
+from tomo.selection import Choice, choose_by_left_out_pixels, left_out_residual
 from tomo.selfcal.gains import estimate_gains
 
 GAIN, MEDIUM, SELF_ABSORPTION = "gain", "medium", "self-absorption"
@@ -49,6 +49,9 @@ class ExplainedScan:
     absorption : Absorption
     report : mapping, optional
         ``report.json``'s ``explanation``; None where none was looked for.
+    choice : Choice, optional
+        That of the default for the images as given, pixels weighing alike, in the linear basis
+        where that is possible; None where it was not needed.
     record : Record
     """
 
@@ -57,6 +60,7 @@ class ExplainedScan:
     gains: Gains | None = None
     absorption: Absorption = TRANSPARENT
     report: dict[str, Any] | None = None
+    choice: Choice | None = None
     record: Record = Record()
 
 
@@ -64,7 +68,7 @@ def explain_images(traced: TracedScan, screened: ScreenedScan, options: Options)
     """Find what the images ask to be corrected, and correct it."""
     with timed() as stage:
         system, measured, gains = traced.system, traced.measured, None
-        absorption, report = TRANSPARENT, None
+        absorption, report, choice = TRANSPARENT, None, None
         causes = _causes(options)
         views = np.count_nonzero(np.diff(system.projector.view_ptr))
         if causes and views >= FEWEST_VIEWS and (measured > 0).any():
@@ -72,7 +76,7 @@ def explain_images(traced: TracedScan, screened: ScreenedScan, options: Options)
             asked = (MEDIUM, SELF_ABSORPTION) if options.fit_absorption else ()
             found = explain(Model(sample), causes, evidence, asked)
             if not asked:
-                found = _confirmed(found, sample, traced, options)
+                found, choice = _confirmed(found, sample, traced, options)
             gains, absorption = found.best.model.gains, found.best.model.absorption
             how = {"supersample": options.supersample, "tracer": options.tracer}
             light = _light(found, how)
@@ -86,20 +90,21 @@ def explain_images(traced: TracedScan, screened: ScreenedScan, options: Options)
         if gains is not None:
             measured = gains.correct(system.projector, measured)
             stage.warnings += [] if options.fit_gain else [_of_gains(gains, screened.scan)]
-    return ExplainedScan(system, measured, gains, absorption, report, stage.record)
+    return ExplainedScan(system, measured, gains, absorption, report, choice, stage.record)
 
 
 def _confirmed(
     found: Explained, sample: LinearSystem, traced: TracedScan, options: Options
-) -> Explained:
+) -> tuple[Explained, Choice | None]:
     """Return the causes found if the default, with them, predicts left-out pixels better.
 
     What a quick solve does not explain, the default may: its volumes are as smooth as the images
-    ask for. Nothing is corrected that makes its own prediction worse.
+    ask for. Nothing is corrected that makes its own prediction worse. The choice for the images
+    as given comes second where these stay as they are.
     """
     best = found.best.model
     if not best.causes:
-        return found
+        return found, None
     system, measured = smooth(traced.system, options), traced.measured
     blocks = system.blocks(BLOCK)
     given = choose_by_left_out_pixels(system.projector, measured, blocks=blocks)
@@ -112,10 +117,10 @@ def _confirmed(
         )
     if best.gains is not None:
         measured = best.gains.correct(system.projector, measured)
-    corrected = choose_by_left_out_pixels(system.projector, measured, blocks=blocks)
-    if corrected.held_out_residual < given.held_out_residual:
-        return found
-    return replace(found, best=found.as_given)
+    corrected = left_out_residual(system.projector, measured, given, blocks)
+    if corrected < given.held_out_residual:
+        return found, None
+    return replace(found, best=found.as_given), given
 
 
 def _causes(options: Options) -> list[Cause]:

@@ -132,7 +132,7 @@ def solve_by(
 
     extra: dict[str, Any] = {}
     if method.name == AUTO:
-        choice = choose_by_left_out_pixels(
+        choice = built.choice or choose_by_left_out_pixels(
             projector,
             built.measured,
             blocks=built.system.blocks(BLOCK),
@@ -256,7 +256,7 @@ def _refit(
     better, basis = linear_if_better(learned, built.measured, options.supersample)
     if basis.name != LINEAR:
         return None
-    by_learned = replace(built, system=better, basis=basis)
+    by_learned = replace(built, system=better, basis=basis, choice=None)
     last = solve_by(method_named(AUTO), None, by_learned, options, watch, progress)
     if found.weights is not None:  # views that took no part are seen by segment lengths
         lengths = built.system.projector.segments.length

@@ -9,6 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "Choice",
             "choose_by_left_out_pixels",
             "left_out_error",
+            "left_out_residual",
             "solve_as_chosen",
         ],
         "folds": ["Fold"],

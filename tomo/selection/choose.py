@@ -143,6 +143,20 @@ def left_out_error(
     return _fits(projector, measured, blocks, None, None).at(0.0, STRENGTHS[FIRST]).error
 
 
+def left_out_residual(
+    projector: ProjectionOperator,
+    measured: ArrayLike,
+    choice: Choice,
+    blocks: NDArray[np.int64] | None = None,
+) -> float:
+    """Return the relative residual of left-out pixels at a choice's width and strength.
+
+    Arguments as of `choose_by_left_out_pixels`.
+    """
+    fits = _fits(projector, check_measured(projector, measured), blocks, None, None)
+    return fits.residual(fits.at(choice.width, choice.strength))
+
+
 def _fits(
     projector: ProjectionOperator,
     measured: NDArray[np.float32],
