@@ -88,7 +88,7 @@ def explain_images(traced: TracedScan, screened: ScreenedScan, options: Options)
         if options.fit_gain and gains is None:
             gains = estimate_gains(system.projector, measured)
         if gains is not None:
-            measured = gains.correct(system.projector, measured)
+            measured, choice = gains.correct(system.projector, measured), None
             stage.warnings += [] if options.fit_gain else [_of_gains(gains, screened.scan)]
     return ExplainedScan(system, measured, gains, absorption, report, choice, stage.record)
 
