@@ -259,16 +259,25 @@ class LinearSystem:
         edge : float
             Edge of a block, in voxels at the grid's centre; at least a pixel.
         """
-        grid, found, first = self.projector.grid, [], 0
-        footprints = np.asarray(self.rig.footprint(grid.center))  # of a pixel, (cameras,)
-        for camera, kept, footprint in zip(self.rig, self.pixels, footprints, strict=True):
-            across = edge * max(grid.spacing) / footprint
-            side = max(round(float(across)), 1) if np.isfinite(across) else 1
+        grid = self.projector.grid
+        across = edge * max(grid.spacing) / self.rig.footprint(grid.center)  # pixels, (cameras,)
+        return self.squares([max(round(one), 1) if np.isfinite(one) else 1 for one in across])
+
+    def squares(self, sides: Sequence[int]) -> NDArray[np.int64]:
+        """Return the number of the square that each pixel that takes part lies in, ``(pixels,)``.
+
+        Parameters
+        ----------
+        sides : sequence of int
+            Pixels along each side of a square, one number a camera.
+        """
+        found, first = [], 0
+        for camera, kept, side in zip(self.rig, self.pixels, sides, strict=True):
             width, height = camera.image_size
             rows, columns = np.divmod(kept, width)
-            columns_of_blocks = -(-width // side)
-            found.append(first + rows // side * columns_of_blocks + columns // side)
-            first += columns_of_blocks * -(-height // side)
+            across = -(-width // side)
+            found.append(first + rows // side * across + columns // side)
+            first += across * -(-height // side)
         return np.concatenate(found)
 
     def images(self, flat: NDArray[np.float32]) -> list[NDArray[np.float32]]:

@@ -1,4 +1,4 @@
-"""Stage 7, assess: how far the volume, and the cameras that it was made from, can be trusted."""
+"""Stage 9, assess: how far the volume, and the cameras that it was made from, can be trusted."""
 
 from __future__ import annotations
 

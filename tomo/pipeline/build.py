@@ -22,9 +22,8 @@ from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.scan.scan import Images, Masks
+from tomo.screening.hypotheses import TRANSPARENT
 from tomo.selection import Choice
-
-TRANSPARENT = Absorption()
 
 
 @dataclass(frozen=True, eq=False)

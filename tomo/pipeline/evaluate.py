@@ -1,4 +1,4 @@
-"""Stage 6, evaluate: the volume against the truth, and images beside their re-projections.
+"""Stage 8, evaluate: the volume against the truth, and images beside their re-projections.
 
 Nothing before this stage sees the truth. The images of held-out cameras are searched for outlier
 pixels with the others, and from there on seen here alone.

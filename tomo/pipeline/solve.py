@@ -1,4 +1,4 @@
-"""Stage 5, solve: by a named method or as smooth as pixels allow; compare others with it."""
+"""Stage 7, solve: by a named method or as smooth as pixels allow; compare others with it."""
 
 from __future__ import annotations
 

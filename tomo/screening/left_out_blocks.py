@@ -70,12 +70,4 @@ def blocks_of(system: LinearSystem) -> NDArray[np.int64]:
 
 
 def _numbers(system: LinearSystem, side: int) -> NDArray[np.int64]:
-    """Return the number of the square of pixels that each pixel of a system lies in."""
-    found, first = [], 0
-    for camera, pixels in zip(system.rig, system.pixels, strict=True):
-        width, height = camera.image_size
-        row, column = np.divmod(pixels, width)
-        across = -(-width // side)
-        found.append(first + row // side * across + column // side)
-        first += across * -(-height // side)
-    return np.concatenate(found)
+    return system.squares([side] * len(system.rig))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.grouping import golden_ratio_sequence
 from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
 
@@ -17,10 +18,6 @@ FEW_VIEWS = 8
 LEFT_OUT = 1 / 8
 """Fraction of the pixel blocks that a fold leaves out. A larger one makes the training see less
 than the whole solve will, a smaller one leaves fewer pixels to decide by."""
-
-GOLDEN_RATIO = (np.sqrt(5) - 1) / 2
-"""Its multiples modulo one fill the unit interval evenly: left-out blocks are spread over all
-images, and never come in the rows or columns that a fixed stride would take."""
 
 RUN = 3
 """Pixels in a row that are left out together where no blocks are given."""
@@ -55,7 +52,7 @@ def blocks_to_leave_out(blocks: NDArray[np.int64], number: int = 0) -> NDArray[n
     number : int
         The fold's; the first ``1 / LEFT_OUT`` folds leave out each block once.
     """
-    where = blocks * GOLDEN_RATIO % 1.0
+    where = golden_ratio_sequence(int(blocks.max(initial=-1)) + 1)[blocks]
     return np.floor(where / LEFT_OUT).astype(np.int64) == number
 
 
