@@ -32,8 +32,8 @@ class Stages:
     screen: ScreenedScan
     register: Registered
     trace: TracedScan
-    explain: ExplainedScan
     build: WeightedSystem
+    explain: ExplainedScan
     solve: Solved
     compare: Compared
     evaluate: Evaluated
@@ -65,7 +65,7 @@ def assemble(
         Wall time of the whole reconstruction.
     """
     scan, grid = stages.load.scan, stages.solve.built.system.projector.grid
-    registered, built, evaluated = stages.register, stages.build, stages.evaluate
+    registered, built, evaluated = stages.register, stages.explain.built, stages.evaluate
     system, names = stages.solve.built.system, registered.rig.names
     screening, alignment = stages.screen.screening, stages.assess.alignment
     unseen = int(np.count_nonzero(stages.assess.unseen))

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tomo.operators import LINEAR, STORED, VOXEL, LinearSystem
 from tomo.pipeline.methods import AUTO, Method
-from tomo.selection import left_out_error
 from tomo.selection.folds import FEW_VIEWS
 
 MOST_WORK = 5
@@ -22,10 +20,6 @@ of many fine pixels cost more; with a smaller bound flames in fine pixels lose a
 BLOCK = 2.0
 """Edge, in voxels, of the blocks of pixels that are left out together. Smaller ones are predicted
 by their own neighbours, larger ones show what the other views leave open more than the noise."""
-
-CLEARLY = 0.7
-"""Fraction of the linear basis' squared error of left-out pixels below which voxels are taken.
-Higher, noise decides; lower, light as rough as voxels is smeared."""
 
 
 @dataclass(frozen=True)
@@ -47,19 +41,14 @@ class Basis:
 
 
 def in_basis(
-    system: LinearSystem,
-    measured: NDArray[np.float32],
-    asked: str,
-    supersample: int,
-    against: str,
+    system: LinearSystem, asked: str, supersample: int, against: str
 ) -> tuple[LinearSystem, Basis]:
-    """Return the system in the basis that is asked for, or linear unless the images object.
+    """Return the system in the basis that is asked for, or linear where that is possible.
 
     Parameters
     ----------
     system : LinearSystem
         In the voxel basis.
-    measured : (pixels,) float32
     asked : {"auto", "voxel", "linear"}
     supersample : int
         Rays along each side of a pixel.
@@ -70,21 +59,18 @@ def in_basis(
         return system.with_linear_basis(supersample), Basis(LINEAR, "as asked for")
     if asked != AUTO or against:
         return system, Basis(VOXEL, against if asked == AUTO else "as asked for")
-    return linear_if_better(system, measured, supersample)
+    return linear_where_possible(system, supersample)
 
 
-def linear_if_better(
-    system: LinearSystem, measured: NDArray[np.float32], supersample: int = 1
+def linear_where_possible(
+    system: LinearSystem, supersample: int = 1
 ) -> tuple[LinearSystem, Basis]:
     """Return the system in the linear basis, or in the voxel basis with the reason against it.
-
-    Voxels are taken where they predict left-out pixels clearly better: light as rough as voxels.
 
     Parameters
     ----------
     system : LinearSystem
         In the voxel basis.
-    measured : (pixels,) float32
     supersample : int
         Rays along each side of a pixel.
     """
@@ -95,14 +81,7 @@ def linear_if_better(
         linear = system.with_linear_basis(supersample)
     except ValueError as error:  # too large, or a camera beside which the grid's centre lies
         return system, Basis(VOXEL, str(error))
-    blocks = system.blocks(BLOCK)
-    by_linear, by_voxel = (
-        left_out_error(one.projector, measured, blocks) for one in (linear, system)
-    )
-    if by_voxel < CLEARLY * by_linear:
-        left = f"voxels leave {by_voxel / by_linear:.2f} of the linear basis' squared error"
-        return system, Basis(VOXEL, f"{left} of left-out pixels")
-    return linear, Basis(LINEAR, "images show no edges of voxels")
+    return linear, Basis(LINEAR, "light has no edges of voxels")
 
 
 def reason_of_method(method: Method, n_views: int, *, encoder: bool, freeze_encoder: bool) -> str:

@@ -1,4 +1,4 @@
-"""Stage 6, build: the equations in the basis that they are solved in, and the pixels' weights."""
+"""Stage 5, build: the equations in the basis that they are solved in, and the pixels' weights."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, PixelWeights, weigh_pixels
-from tomo.operators import LINEAR, Absorption, LinearSystem
+from tomo.operators import Absorption, LinearSystem
 from tomo.operators.view_gains import Gains
 from tomo.pipeline.basis import Basis, in_basis, reason_of_method
 from tomo.pipeline.check_options import methods_of
-from tomo.pipeline.explain import ExplainedScan
 from tomo.pipeline.methods import AUTO, Method
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
+from tomo.pipeline.trace import TracedScan
 from tomo.scan.scan import Images, Masks
 from tomo.screening.hypotheses import TRANSPARENT
 from tomo.selection import Choice
@@ -46,7 +46,7 @@ class WeightedSystem:
     absorption : Absorption
         That of the system.
     choice : Choice, optional
-        The default's for just these equations, where it is known.
+        The default's for just these equations, where it is known already.
     record : Record
     """
 
@@ -61,30 +61,19 @@ class WeightedSystem:
     record: Record = Record()
 
 
-def build(screened: ScreenedScan, explained: ExplainedScan, options: Options) -> WeightedSystem:
-    """Choose the unknowns and weigh the pixels."""
+def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> WeightedSystem:
+    """Choose the unknowns and weigh the pixels, of images as given."""
     methods = methods_of(options)
     with timed() as stage:
-        system, measured = explained.system, explained.measured
         against = reason_of_method(
             methods[0],
-            system.projector.n_views,
+            traced.system.projector.n_views,
             encoder=options.encoder is not None,
             freeze_encoder=options.freeze_encoder,
         )
-        system, basis = in_basis(system, measured, options.basis, options.supersample, against)
-        weights, weighting = _weighted(system, screened, explained.gains, options, methods)
-    return WeightedSystem(
-        system,
-        measured,
-        weights,
-        weighting,
-        basis,
-        explained.gains,
-        explained.absorption,
-        explained.choice if weights is None and basis.name == LINEAR else None,
-        stage.record,
-    )
+        system, basis = in_basis(traced.system, options.basis, options.supersample, against)
+        weights, weighting = _weighted(system, screened, options, methods)
+    return WeightedSystem(system, traced.measured, weights, weighting, basis, record=stage.record)
 
 
 def weigh_images(
@@ -100,7 +89,6 @@ def weigh_images(
 def _weighted(
     system: LinearSystem,
     screened: ScreenedScan,
-    gains: Gains | None,
     options: Options,
     methods: list[Method],
 ) -> tuple[NDArray[np.float32] | None, dict[str, Any]]:
@@ -113,7 +101,4 @@ def _weighted(
     found = weigh_images(rig, grid, screened.images, screened.masks, screened.noise)
     if found.images is None:
         return None, found.report()
-    weights = system.flatten(found.images)
-    if gains:
-        weights = gains.correct_weights(system.projector, weights)
-    return weights, found.report()
+    return system.flatten(found.images), found.report()

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.grouping import golden_ratio_sequence
+from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.measurement import NoiseModel
 from tomo.operators import STORED, LinearSystem
 from tomo.operators.operator import ProjectionOperator
+from tomo.pipeline.basis import linear_where_possible
 from tomo.pipeline.options import Options
+from tomo.scan.downsample import Coarser
+from tomo.screening.causes import volume_of
 from tomo.screening.hypotheses import Evidence
-from tomo.screening.left_out_blocks import Blocks, blocks_of
+from tomo.screening.left_out_blocks import Blocks
 from tomo.solvers import curvature, mlem
 from tomo.solvers.initial_volume import mlos_start
 
@@ -26,42 +30,66 @@ FIRST, ITERATIONS = 10, 10
 leave differences of convergence that look like causes, more predict pixels left out no better."""
 
 SEGMENTS = 1_500_000
-"""Segments that large systems are thinned to. More take longer, fewer make the volume coarse."""
+"""Segments above which pixels and voxels are enlarged. More take longer, fewer hide what thin
+flames tell."""
 
 
-def evidence_of(
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Equations small enough to try explanations on, and the evidence of their pixels.
+
+    Attributes
+    ----------
+    system : LinearSystem
+        In the linear basis where that is possible.
+    evidence : Evidence
+    """
+
+    system: LinearSystem
+    evidence: Evidence
+
+    def emission(self, volume: NDArray[np.float32], grid: VoxelGrid) -> NDArray[np.float32]:
+        """Return the mean emission in the voxels of a grid of the same box, from the unknowns."""
+        from scipy.ndimage import zoom
+
+        coarse = volume_of(self.system, volume)
+        if coarse.shape == grid.shape:
+            return coarse
+        ratio = np.divide(grid.shape, coarse.shape)
+        return zoom(coarse, ratio, order=1, mode="nearest", grid_mode=True)
+
+
+def sample_of(
     system: LinearSystem,
     measured: NDArray[np.float32],
     noise: Sequence[NoiseModel],
     options: Options,
-) -> tuple[Evidence, LinearSystem]:
-    """Return the evidence of the images, and the equations of its pixels.
+) -> Sample:
+    """Return the equations that explanations are tried on.
 
     Parameters
     ----------
     system : LinearSystem
-        In the voxel basis. Large ones are thinned, unless a lens blurs the images; others are
-        taken to the linear basis.
+        Large ones are taken to larger pixels and voxels, unless a lens blurs the images.
     measured : (pixels,) float32
     noise : sequence of NoiseModel
         Of each view.
     options : Options
         The tracer and the rays a pixel are used.
     """
-    kept = slice(None)
-    if system.projector.n_segments > SEGMENTS and system.projector.rows_are_single_rays:
-        block = blocks_of(system)
-        order = golden_ratio_sequence(int(block.max()) + 1)
-        kept = np.flatnonzero(order[block] < SEGMENTS / system.projector.n_segments)
-        system = _thinned(system, kept, options)
-    else:
-        system = smooth(system, options)
-    measured, pointers = measured[kept], system.projector.view_ptr
-    variance = [
-        model.variance(measured[start:stop])
-        for model, start, stop in zip(noise, pointers[:-1], pointers[1:], strict=True)
-    ]
-    return Evidence(measured, Blocks.of(system), np.concatenate(variance), quick_solve), system
+    pointers = system.projector.view_ptr
+    variance = np.concatenate(
+        [
+            model.variance(measured[start:stop])
+            for model, start, stop in zip(noise, pointers[:-1], pointers[1:], strict=True)
+        ]
+    )
+    factor = round((system.projector.n_segments / SEGMENTS) ** (1 / 3))
+    if factor > 1 and (system.form == STORED and not options.blur):
+        system, measured, variance = _coarser(system, measured, variance, factor, options)
+    elif system.projector.rows_are_single_rays:
+        system, _ = linear_where_possible(system, options.supersample)
+    return Sample(system, Evidence(measured, Blocks.of(system), variance, quick_solve))
 
 
 def quick_solve(
@@ -81,32 +109,40 @@ def quick_solve(
     return active.compress(curvature(projector, measured, **how).volume)
 
 
-def smooth(system: LinearSystem, options: Options) -> LinearSystem:
-    """Return a system in the linear basis, where there is one: voxels' edges look like faults."""
-    if system.form != STORED or not system.projector.rows_are_single_rays:
-        return system
-    try:
-        return system.with_linear_basis(options.supersample)
-    except ValueError:  # too large, or a camera beside which the grid's centre lies
-        return system
-
-
-def _thinned(system: LinearSystem, kept: NDArray[np.int64], options: Options) -> LinearSystem:
-    """Return the stored equations of some of a system's pixels."""
-    masks, pointers = [], system.projector.view_ptr
-    for number, (camera, pixels) in enumerate(zip(system.rig, system.pixels, strict=True)):
-        own = kept[(kept >= pointers[number]) & (kept < pointers[number + 1])]
-        width, height = camera.image_size
-        mask = np.zeros(width * height, bool)
-        mask[pixels[own - pointers[number]]] = True
-        masks.append(mask.reshape(height, width))
-    return LinearSystem.from_rig(
-        system.rig,
-        system.projector.grid,
-        masks=masks,
-        active=system.projector.active,
-        skip=False,
-        tracer=options.tracer,
-        supersample=options.supersample,
-        form=STORED,
+def _coarser(
+    system: LinearSystem,
+    measured: NDArray[np.float32],
+    variance: NDArray[np.float64],
+    factor: int,
+    options: Options,
+) -> tuple[LinearSystem, NDArray[np.float32], NDArray[np.float64]]:
+    """Return equations, measured pixels and their variance, of larger pixels and voxels."""
+    masks = [image > 0 for image in system.images(np.ones_like(measured))]
+    pixels, squares = (
+        Coarser.of(system.rig, system.images(flat), masks, system.projector.grid, factor)
+        for flat in (measured, variance.astype(np.float32))
     )
+    found, _ = linear_where_possible(
+        LinearSystem.from_rig(
+            pixels.rig,
+            pixels.grid,
+            masks=pixels.masks,
+            active=_active(system.projector.active, pixels.grid),
+            skip=False,
+            tracer=options.tracer,
+            supersample=options.supersample,
+            form=STORED,
+        ),
+        options.supersample,
+    )
+    spread = found.flatten(squares.images).astype(np.float64) / factor**2
+    return found, found.flatten(pixels.images), spread
+
+
+def _active(active: ActiveVoxels, grid: VoxelGrid) -> ActiveVoxels:
+    """Return the voxels of a coarser grid of the same box that hold an active one's centre."""
+    mask = np.zeros(grid.shape, bool)
+    fine = np.nonzero(active.mask)
+    shapes = zip(fine, grid.shape, active.grid.shape, strict=True)
+    mask[tuple((2 * own + 1) * coarse // (2 * many) for own, coarse, many in shapes)] = True
+    return ActiveVoxels.from_mask(grid, mask)

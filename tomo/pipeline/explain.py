@@ -1,4 +1,4 @@
-"""Stage 5, explain: what is wrong with the images as a whole, and what is corrected of it.
+"""Stage 6, explain: what is wrong with the images as a whole, and what is corrected of it.
 
 Cameras' gains and backgrounds, a medium that absorbs, and gas that absorbs its own light are
 heard before any of them is corrected (`tomo.screening.hypotheses`).
@@ -10,22 +10,20 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tomo.operators import Absorption, LinearSystem
 from tomo.operators.view_gains import NOTEWORTHY, Gains
 from tomo.pipeline.advice import lines_for_gains
 from tomo.pipeline.basis import BLOCK
-from tomo.pipeline.evidence import evidence_of, smooth
+from tomo.pipeline.build import WeightedSystem
+from tomo.pipeline.evidence import Sample, sample_of
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
-from tomo.pipeline.trace import TracedScan
 from tomo.scan import Scan
-from tomo.screening.causes import AbsorbingGas, CameraGains, volume_of
+from tomo.screening.causes import AbsorbingGas, CameraGains
 from tomo.screening.hypotheses import TRANSPARENT, Cause, Explained, Model, explain
-from tomo.selection import Choice, choose_by_left_out_pixels, left_out_residual
+from tomo.selection import choose_by_left_out_pixels, left_out_residual
 from tomo.selfcal.gains import estimate_gains
 
 GAIN, MEDIUM, SELF_ABSORPTION = "gain", "medium", "self-absorption"
@@ -36,91 +34,102 @@ FEWEST_VIEWS = 3
 
 @dataclass(frozen=True, eq=False)
 class ExplainedScan:
-    """The rays and pixels with what was corrected of them.
+    """The equations with what was corrected of them.
 
     Attributes
     ----------
-    system : LinearSystem
-        In the voxel basis, through the gas that absorbs.
-    measured : (pixels,) float32
-        Corrected by the gains.
-    gains : Gains, optional
-        None where they were not corrected.
-    absorption : Absorption
+    built : WeightedSystem
+        Its ``choice`` is the default's where that was needed, and nothing was corrected after it.
     report : mapping, optional
         ``report.json``'s ``explanation``; None where none was looked for.
-    choice : Choice, optional
-        That of the default for the images as given, pixels weighing alike, in the linear basis
-        where that is possible; None where it was not needed.
     record : Record
     """
 
-    system: LinearSystem
-    measured: NDArray[np.float32]
-    gains: Gains | None = None
-    absorption: Absorption = TRANSPARENT
+    built: WeightedSystem
     report: dict[str, Any] | None = None
-    choice: Choice | None = None
     record: Record = Record()
 
 
-def explain_images(traced: TracedScan, screened: ScreenedScan, options: Options) -> ExplainedScan:
+def explain_images(
+    built: WeightedSystem, screened: ScreenedScan, options: Options
+) -> ExplainedScan:
     """Find what the images ask to be corrected, and correct it."""
     with timed() as stage:
-        system, measured, gains = traced.system, traced.measured, None
-        absorption, report, choice = TRANSPARENT, None, None
-        causes = _causes(options)
-        views = np.count_nonzero(np.diff(system.projector.view_ptr))
+        report, causes, measured = None, _causes(options), built.measured
+        views = np.count_nonzero(np.diff(built.system.projector.view_ptr))
         if causes and views >= FEWEST_VIEWS and (measured > 0).any():
-            evidence, sample = evidence_of(system, measured, screened.noise, options)
+            sample = sample_of(built.system, measured, screened.noise, options)
             asked = (MEDIUM, SELF_ABSORPTION) if options.fit_absorption else ()
-            found = explain(Model(sample), causes, evidence, asked)
-            if not asked:
-                found, choice = _confirmed(found, sample, traced, options)
-            gains, absorption = found.best.model.gains, found.best.model.absorption
-            how = {"supersample": options.supersample, "tracer": options.tracer}
-            light = _light(found, how)
+            found = explain(Model(sample.system), causes, sample.evidence, asked)
+            corrected = _corrected(built, found, sample, options)
+            if found.best is not found.as_given and not asked:
+                found, corrected = _confirmed(found, built, corrected)
+            built = corrected
+            light = _light(found, {"supersample": options.supersample, "tracer": options.tracer})
             report = {**found.report(), "absorption": light}
-            if absorption:
-                volume = volume_of(sample, found.best.volume)
-                system = system.with_absorption(absorption, volume, **how)
+            if light:
                 stage.warnings.append(_of_absorption(light, screened.scan.rig.length_unit))
-        if options.fit_gain and gains is None:
-            gains = estimate_gains(system.projector, measured)
-        if gains is not None:
-            measured, choice = gains.correct(system.projector, measured), None
-            stage.warnings += [] if options.fit_gain else [_of_gains(gains, screened.scan)]
-    return ExplainedScan(system, measured, gains, absorption, report, choice, stage.record)
+        if options.fit_gain and built.gains is None:
+            built = _by_gains(built, estimate_gains(built.system.projector, measured))
+        if built.gains is not None and not options.fit_gain:
+            stage.warnings.append(_of_gains(built.gains, screened.scan))
+    return ExplainedScan(built, report, stage.record)
 
 
-def _confirmed(
-    found: Explained, sample: LinearSystem, traced: TracedScan, options: Options
-) -> tuple[Explained, Choice | None]:
-    """Return the causes found if the default, with them, predicts left-out pixels better.
-
-    What a quick solve does not explain, the default may: its volumes are as smooth as the images
-    ask for. Nothing is corrected that makes its own prediction worse. The choice for the images
-    as given comes second where these stay as they are.
-    """
+def _corrected(
+    built: WeightedSystem, found: Explained, sample: Sample, options: Options
+) -> WeightedSystem:
+    """Return the equations corrected by the best explanation."""
     best = found.best.model
-    if not best.causes:
-        return found, None
-    system, measured = smooth(traced.system, options), traced.measured
-    blocks = system.blocks(BLOCK)
-    given = choose_by_left_out_pixels(system.projector, measured, blocks=blocks)
+    if best.gains is not None:
+        built = _by_gains(built, best.gains)
     if best.absorption:
-        system = system.with_absorption(
+        system = built.system.with_absorption(
             best.absorption,
-            volume_of(sample, found.best.volume),
+            sample.emission(found.best.volume, built.system.projector.grid),
             supersample=options.supersample,
             tracer=options.tracer,
         )
-    if best.gains is not None:
-        measured = best.gains.correct(system.projector, measured)
-    corrected = left_out_residual(system.projector, measured, given, blocks)
-    if corrected < given.held_out_residual:
-        return found, None
-    return replace(found, best=found.as_given), given
+        built = replace(built, system=system, absorption=best.absorption)
+    return built
+
+
+def _by_gains(built: WeightedSystem, gains: Gains | None) -> WeightedSystem:
+    """Return the equations with measured pixels and weights corrected by gains, if any."""
+    if gains is None:
+        return built
+    projector, weights = built.system.projector, built.weights
+    return replace(
+        built,
+        measured=gains.correct(projector, built.measured),
+        weights=None if weights is None else gains.correct_weights(projector, weights),
+        gains=gains,
+        choice=None,
+    )
+
+
+def _confirmed(
+    found: Explained, given: WeightedSystem, corrected: WeightedSystem
+) -> tuple[Explained, WeightedSystem]:
+    """Return the causes found if the default, with them, predicts left-out pixels better.
+
+    What a quick solve does not explain, the default may: its volumes are as smooth as the images
+    ask for. Nothing is corrected that makes its own prediction worse.
+    """
+    blocks = given.system.blocks(BLOCK)
+    choice = choose_by_left_out_pixels(
+        given.system.projector, given.measured, blocks=blocks, weights=given.weights
+    )
+    residual = left_out_residual(
+        corrected.system.projector,
+        corrected.measured,
+        choice,
+        blocks=blocks,
+        weights=corrected.weights,
+    )
+    if residual < choice.held_out_residual:
+        return found, corrected
+    return replace(found, best=found.as_given), replace(given, choice=choice)
 
 
 def _causes(options: Options) -> list[Cause]:

@@ -65,16 +65,16 @@ def reconstruct(
     registered = register_screened(screened, grid, options, refine, progress)
     traced = trace_views(screened, registered, grid, options, progress)
     apart = trace_apart(screened, traced.system, options)
-    explained = explain_images(traced, screened, options)
-    built = build(screened, explained, options)
-    solved = solve(built, options, watch=reference.watch, progress=progress)
+    built = build(screened, traced, options)
+    explained = explain_images(built, screened, options)
+    solved = solve(explained.built, options, watch=reference.watch, progress=progress)
     solved = with_own_absorption(solved, options)
     compared = compare(solved.built, options, watch=reference.watch, progress=progress)
     evaluated = evaluate(loaded, screened, solved, compared, apart, reference, options)
     light = screened.unmodelled_light
     assessed = assess(registered, solved, options, unmodelled_light=light, progress=progress)
     stages = Stages(
-        reference, loaded, screened, registered, traced, explained, built, solved, compared,
+        reference, loaded, screened, registered, traced, built, explained, solved, compared,
         evaluated, assessed,
     )  # fmt: skip
     return assemble(stages, options, first_use=first_use, seconds=time.perf_counter() - began)

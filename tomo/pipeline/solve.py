@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tomo.operators import LINEAR, VOXEL, LinearSystem
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.system import Progress
-from tomo.pipeline.basis import BLOCK, linear_if_better
+from tomo.pipeline.basis import BLOCK, linear_where_possible
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.checks import comparison
 from tomo.pipeline.methods import AUTO, Method, method_named
@@ -253,7 +253,7 @@ def _refit(
     if options.basis != AUTO or built.basis.name != VOXEL or "learned" not in found.settings:
         return None
     learned = with_learned_weights(built.system, found, same_views=True)
-    better, basis = linear_if_better(learned, built.measured, options.supersample)
+    better, basis = linear_where_possible(learned, options.supersample)
     if basis.name != LINEAR:
         return None
     by_learned = replace(built, system=better, basis=basis, choice=None)

@@ -130,30 +130,19 @@ def choose_by_left_out_pixels(
     return Choice(best.width, best.strength, best.iterations, residual, reason, fits.tried)
 
 
-def left_out_error(
-    projector: ProjectionOperator, measured: ArrayLike, blocks: NDArray[np.int64] | None = None
-) -> float:
-    """Return the squared error of left-out pixels at the first strength, without blobs.
-
-    To compare operators of the same pixels; arguments as of `choose_by_left_out_pixels`.
-    """
-    measured = check_measured(projector, measured)
-    if not measured.any():
-        return 0.0
-    return _fits(projector, measured, blocks, None, None).at(0.0, STRENGTHS[FIRST]).error
-
-
 def left_out_residual(
     projector: ProjectionOperator,
     measured: ArrayLike,
     choice: Choice,
+    *,
     blocks: NDArray[np.int64] | None = None,
+    weights: NDArray[np.float32] | None = None,
 ) -> float:
     """Return the relative residual of left-out pixels at a choice's width and strength.
 
     Arguments as of `choose_by_left_out_pixels`.
     """
-    fits = _fits(projector, check_measured(projector, measured), blocks, None, None)
+    fits = _fits(projector, check_measured(projector, measured), blocks, weights, None)
     return fits.residual(fits.at(choice.width, choice.strength))
 
 

@@ -8,7 +8,7 @@ from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel
 from tomo.operators import Absorption, LinearSystem
 from tomo.operators.view_gains import Gains
-from tomo.pipeline.evidence import evidence_of, quick_solve
+from tomo.pipeline.evidence import quick_solve, sample_of
 from tomo.pipeline.options import Options
 from tomo.screening.causes import AbsorbingGas, CameraGains
 from tomo.screening.hypotheses import Model, explain
@@ -42,8 +42,8 @@ def explained(system, images, asked=()):
     noise = [NoiseModel(0.01 * float(images.max()))] * len(RIG)
     random = np.random.default_rng(0)
     measured = images + random.normal(0, noise[0].read, len(images))
-    evidence, sample = evidence_of(system, measured.astype(np.float32), noise, Options())
-    return explain(Model(sample), CAUSES, evidence, asked)
+    sample = sample_of(system, measured.astype(np.float32), noise, Options())
+    return explain(Model(sample.system), CAUSES, sample.evidence, asked)
 
 
 def brightest(system, truth):
