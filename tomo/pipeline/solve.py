@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from tomo.pipeline.options import Options
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
 from tomo.selection.choose import METHOD
+from tomo.selection.smooth_solve import smooth_start
 from tomo.solvers import Iteration, Solution
 from tomo.uncertainty import Resolve
 
@@ -166,13 +168,18 @@ def repeatable(solved: Solved, options: Options) -> Resolve | None:
 
     From the pixels that take part, ``(pixels,)``, to the voxels' mean emission, the unknowns
     of the projector ``on_voxel_means``, ``(unknowns,)``. With ``views``, from the pixels of these
-    views alone; all pixels are given all the same.
+    views alone; all pixels are given all the same. Where all views take part the default starts
+    from where the found volume started: what it makes of the pixels comes after.
     """
     method, found = method_named(options.method), solved.solution
     if method.needs_midpoints:
         return None
     projector, weights = solved.built.system.projector, solved.built.weights
     iterations = found.history[-1].index
+
+    @cache
+    def start_of_all() -> NDArray[np.float32]:
+        return smooth_start(projector, solved.built.measured)
 
     def again(
         measured: NDArray[np.float32], views: Sequence[int] | None = None
@@ -184,7 +191,8 @@ def repeatable(solved: Solved, options: Options) -> Resolve | None:
         if method.name == AUTO:
             width, strength = found.settings["smooth_width"], found.settings["strength"]
             choice = Choice(width, strength, iterations, math.nan)
-            repeated = solve_as_chosen(part, measured, choice, weights=kept)
+            start = start_of_all() if views is None else None
+            repeated = solve_as_chosen(part, measured, choice, weights=kept, start=start)
         else:
             arguments = method.arguments(seed=options.seed, iterations=iterations)
             repeated = method.solver(part, measured, **arguments)

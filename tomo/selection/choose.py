@@ -246,10 +246,12 @@ def solve_as_chosen(
     choice: Choice,
     *,
     weights: NDArray[np.float32] | None = None,
+    start: NDArray[np.float32] | None = None,
     callback: Callback | None = None,
 ) -> Solution:
     """Solve all pixels as chosen, with the ``weights`` that it was chosen with.
 
+    ``start`` is a volume like that of `smooth_start`, which is found where None is given.
     ``callback`` receives the volume itself, not the coefficients of the smooth basis.
     """
     measured = check_measured(projector, measured)
@@ -259,7 +261,7 @@ def solve_as_chosen(
         width=choice.width,
         strength=choice.strength,
         iterations=choice.iterations,
-        start=smooth_start(projector, measured),
+        start=smooth_start(projector, measured) if start is None else start,
         weights=weights,
         callback=callback,
     )
