@@ -233,11 +233,11 @@ def test_the_examples_of_a_prior_and_of_a_solver_run(page):
 
 def test_the_guide_names_every_method_with_its_loss_and_its_prior():
     table = rows("docs/guide/choosing_a_method.md", "The methods")
-    told = {name: (loss, prior) for names, loss, prior, _ in table
+    listed = {name: (loss, prior) for names, loss, prior, _ in table
             for name in re.findall(r"`([\w-]+)`", names)}  # fmt: skip
-    assert set(told) == set(method_names())
+    assert set(listed) == set(method_names())
     for name, row in METHODS.items():
-        loss, prior = told[name]
+        loss, prior = listed[name]
         assert loss.startswith(row.loss), name
         assert prior.startswith(row.prior), name
 

@@ -82,10 +82,10 @@ class Browser:
         return answer["result"].get("value")
 
     def problems(self):
-        """Return what the page's console and network told of errors, and forget it."""
-        told, self.events = self.events, []
+        """Return what the page's console and network reported as errors, and forget it."""
+        events, self.events = self.events, []
         found = []
-        for event in told:
+        for event in events:
             method, parameters = event.get("method"), event.get("params", {})
             if method == "Runtime.exceptionThrown":
                 found.append(json.dumps(parameters["exceptionDetails"])[:500])
@@ -154,7 +154,7 @@ def open_page(browser):
 
 @pytest.fixture(autouse=True)
 def no_console_errors(request):
-    """Fail a test in whose pages the console told of an error."""
+    """Fail a test in whose pages the console reported an error."""
     yield
     if "open_page" in request.fixturenames:
         assert request.getfixturevalue("browser").problems() == []

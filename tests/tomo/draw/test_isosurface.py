@@ -39,7 +39,7 @@ def test_a_volume_that_touches_the_box_is_closed_at_its_faces():
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
 
 
-def test_bad_level_and_shape_are_told():
+def test_bad_level_and_shape_are_refused():
     with pytest.raises(ValueError, match="level: found 0"):
         isosurface(ball(), GRID, 0)
     with pytest.raises(ValueError, match="volume: found shape"):

@@ -168,7 +168,7 @@ def test_a_click_on_the_picture_is_the_pixel_below_it(opened, lenses):
     found = browser.evaluate(
         """
         await pause(300);
-        const told = document.getElementById("ray");
+        const line = document.getElementById("ray");
         const picture = document.getElementById("picture"), pen = picture.getContext("2d");
         const share = pen.getTransform();
         const [u, v] = rays.marks.get("bent")[0];
@@ -176,8 +176,8 @@ def test_a_click_on_the_picture_is_the_pixel_below_it(opened, lenses):
         return {
           pixel: [u, v],
           asked: [document.getElementById("column").value, document.getElementById("row").value],
-          direction: JSON.parse(told.dataset.direction),
-          told: told.textContent,
+          direction: JSON.parse(line.dataset.direction),
+          text: line.textContent,
           mark: [...pen.getImageData(Math.round(at.x), Math.round(at.y), 1, 1).data],
         };
         """
@@ -186,8 +186,8 @@ def test_a_click_on_the_picture_is_the_pixel_below_it(opened, lenses):
     assert [float(value) for value in found["asked"]] == pytest.approx(found["pixel"], abs=0.06)
     true = lenses["bent"].rays([found["pixel"]])[1][0]
     np.testing.assert_allclose(found["direction"], true, atol=1e-4)
-    assert found["told"].startswith("bent, pixel (1")
-    assert "crosses the volume" in found["told"] or "misses the volume" in found["told"]
+    assert found["text"].startswith("bent, pixel (1")
+    assert "crosses the volume" in found["text"] or "misses the volume" in found["text"]
     assert found["mark"][0] > 150 > found["mark"][1]  # the cross, magenta on grey
 
 

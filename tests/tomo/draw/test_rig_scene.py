@@ -110,7 +110,7 @@ def test_elevation_is_the_angle_above_the_target():
     assert elevation_of(rig[0], Target.of(rig, GRID), up_of(rig)) == pytest.approx(45)
 
 
-def test_empty_rig_and_volume_without_grid_are_told():
+def test_empty_rig_and_volume_without_grid_are_refused():
     with pytest.raises(ValueError, match="rig: found no camera"):
         rig_scene(Rig(()))
     with pytest.raises(ValueError, match="without a grid"):

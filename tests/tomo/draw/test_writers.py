@@ -113,7 +113,7 @@ def test_dark_volume_is_drawn_too(tmp_path):
     assert (tmp_path / "v.png").stat().st_size > 10_000
 
 
-def test_bad_volumes_are_told_and_leave_nothing(tmp_path):
+def test_bad_volumes_are_refused_and_leave_nothing(tmp_path):
     with pytest.raises(ValueError, match="expected the grid's"):
         write_volume_picture(tmp_path / "v.png", np.zeros((2, 2, 2)), GRID)
     with pytest.raises(ValueError, match="no finite value"):

@@ -171,7 +171,7 @@ def test_bad_input_is_named(make, message):
 
 
 @pytest.mark.parametrize("arguments", [("abc", 1.0), (6, 1.0), ((2, 2, 2), "a")])
-def test_what_are_no_numbers_is_told_as_found(arguments):
+def test_what_are_no_numbers_is_quoted_as_found(arguments):
     with pytest.raises(ValueError, match=r"^grid (shape|spacing): found .*, expected"):
         VoxelGrid(*arguments)
     with pytest.raises(ValueError, match=r"^grid center: found x, expected three"):

@@ -254,7 +254,7 @@ def test_masked_pixels_never_vote():
     np.testing.assert_array_equal(found.active.mask, others.active.mask)
 
 
-def test_views_that_do_not_judge_are_told_their_pixels():
+def test_views_that_do_not_judge_are_given_their_pixels():
     rig = rig_of(4)
     images = images_of(rig, ball())
     images[0] = np.zeros_like(images[0])

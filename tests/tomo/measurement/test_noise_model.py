@@ -29,7 +29,7 @@ def test_gaussian_noise_is_found(fraction):
 
 
 @pytest.mark.parametrize(("photons", "read"), [(100, 2.0), (1000, 10.0), (20_000, 20.0)])
-def test_photon_noise_is_told_from_read_noise(photons, read):
+def test_photon_noise_is_distinguished_from_read_noise(photons, read):
     model = estimate_noise(camera_noise.poisson(FLAME, photons, read, random()))
     assert model.read == pytest.approx(read / photons, rel=0.15)
     assert model.gain == pytest.approx(1 / photons, rel=0.3)

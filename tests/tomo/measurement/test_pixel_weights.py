@@ -70,7 +70,7 @@ def test_gaussian_noise_is_even_and_that_of_photons_is_not():
 
 
 @pytest.mark.parametrize("depth", [0.05, 0.2])
-def test_what_voxels_miss_is_told_by_what_is_finer_than_them(depth):
+def test_what_voxels_miss_is_measured_by_what_is_finer_than_them(depth):
     ripples = 1 + depth * np.sqrt(2) * np.cos(np.arange(WIDTH) * np.pi / 2)  # four pixels long
     lit, dark = np.tile(ripples, (HEIGHT, 1)), np.zeros((HEIGHT, WIDTH))
     photons = NoiseModel(0.0, 0.4 * depth**2)  # that much of the ripples may be noise

@@ -1,4 +1,4 @@
-"""Images that were cut off are told from flames with a bright top."""
+"""Images that were cut off are distinguished from flames with a bright top."""
 
 import numpy as np
 import pytest

@@ -27,7 +27,7 @@ def test_where_the_matrix_does_not_fit_the_other_form_is_timed():
     assert small.iteration_seconds > 0
 
 
-def test_what_cannot_be_reconstructed_is_told():
+def test_what_cannot_be_reconstructed_is_refused():
     with pytest.raises(ValueError, match="would take about"):
         estimate_effort(RIG, GRID, available=1000)
     with pytest.raises(ValueError, match="see"):

@@ -54,8 +54,8 @@ def test_a_step_of_the_evaluation_may_fail(scan, broken, tmp_path, where, name, 
     if not isinstance(error, ValueError):
         assert type(error).__name__ in warning
     write_outcome(tmp_path / "out", found)
-    told = json.loads((tmp_path / "out" / "report.json").read_text())["warnings"]
-    assert warning in told
+    warnings = json.loads((tmp_path / "out" / "report.json").read_text())["warnings"]
+    assert warning in warnings
 
 
 def test_a_comparison_that_diverges_costs_nothing_but_itself(scan, broken):
@@ -75,6 +75,6 @@ def test_a_picture_that_cannot_be_drawn_is_reported(scan, broken, tmp_path):
     assert not (tmp_path / "out" / "views.png").exists()
     assert (tmp_path / "out" / "slices.png").exists()
     words = "picture views: not drawn: ImportError: libGL.so.1: cannot open"
-    told = json.loads((tmp_path / "out" / "report.json").read_text())["warnings"]
-    assert any(line.startswith(words) for line in told)
+    warnings = json.loads((tmp_path / "out" / "report.json").read_text())["warnings"]
+    assert any(line.startswith(words) for line in warnings)
     assert words in (tmp_path / "out" / "report.html").read_text()

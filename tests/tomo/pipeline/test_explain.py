@@ -48,10 +48,10 @@ def residual(outcome, name):
 
 
 def test_self_absorption_is_corrected_and_said(outcome, absorbing):
-    told = outcome.report()["explanation"]
-    assert told["causes"] == ["self-absorption"]
-    assert told["absorption"]["emission"] == pytest.approx(Q, rel=0.15)
-    assert 0.02 < told["absorption"]["light_lost"] < 0.9
+    found = outcome.report()["explanation"]
+    assert found["causes"] == ["self-absorption"]
+    assert found["absorption"]["emission"] == pytest.approx(Q, rel=0.15)
+    assert 0.02 < found["absorption"]["light_lost"] < 0.9
     assert outcome.gains is None
     (line,) = [line for line in outcome.warnings if "self-absorption" in line]
     assert "--no-fit-absorption" in line
@@ -72,8 +72,8 @@ def test_nothing_is_corrected_with_a_named_method_unless_asked(absorbing):
     named = Options(method="mlem", iterations=5)
     assert reconstruct(absorbing, options=named).explanation is None
     asked = Options(method="mlem", iterations=20, fit_absorption=True, fit_gain=False)
-    told = reconstruct(absorbing, options=asked).explanation
-    assert told["causes"] == ["self-absorption"]
+    found = reconstruct(absorbing, options=asked).explanation
+    assert found["causes"] == ["self-absorption"]
 
 
 def test_gains_asked_for_are_fitted_whatever_the_images_say():
@@ -92,7 +92,7 @@ def test_faultless_images_stay_as_given():
     assert not [line for line in found.warnings if "absor" in line or "gain" in line]
 
 
-def test_gains_are_told_from_absorption():
+def test_gains_are_not_taken_for_absorption():
     found = reconstruct(scan_of(Effects(gain_spread=0.1)), options=Options(uncertainty=0))
     assert found.explanation["causes"] == ["gain"]
     assert found.gains["disagreement"] > 0.04

@@ -128,16 +128,16 @@ def brightest(seen):
 
 def test_saturated_pixels_that_are_named_cost_little(scan_of, seen, clean_error):
     limit = np.float32(0.9 * brightest(seen))
-    told = Corrections(saturation=0.999 * limit)
-    found = volume_of(scan_of(lambda image, _: np.minimum(image, limit), told))
+    named = Corrections(saturation=0.999 * limit)
+    found = volume_of(scan_of(lambda image, _: np.minimum(image, limit), named))
     assert nrmse(found, seen.truth) < 1.25 * clean_error
 
 
 def test_a_core_that_is_saturated_in_every_view_is_warned_of(scan_of, seen):
     limit = np.float32(0.5 * brightest(seen))
-    told = Corrections(saturation=0.999 * limit)
+    named = Corrections(saturation=0.999 * limit)
     outcome = reconstruct(
-        scan_of(lambda image, _: np.minimum(image, limit), told), options=Options(uncertainty=0)
+        scan_of(lambda image, _: np.minimum(image, limit), named), options=Options(uncertainty=0)
     )
     assert any("seen by no camera" in warning for warning in outcome.warnings)
 

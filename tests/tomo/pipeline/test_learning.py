@@ -22,7 +22,7 @@ SIRT = {"method": "sirt", "iterations": 5}
 
 @pytest.fixture(scope="module")
 def unequal(tmp_path_factory, grid):
-    """Return the scan of ten cameras whose gains differ and are not told."""
+    """Return the scan of ten cameras whose gains differ and are not known."""
     folder = tmp_path_factory.mktemp("unequal") / "scan"
     look = {"image_size": (20, 30), "footprint": 1.0, "pitch_degrees": [10.0, -10.0] * 5}
     rig = ring(10, distance=200.0, center=grid.center, **look)

@@ -32,8 +32,8 @@ def test_the_distances_from_the_truth_end_at_the_volume_s_own(outcome):
 def test_a_truth_on_another_grid_is_a_warning(folder, outcome, grid):
     coarse = VoxelGrid((5, 10, 5), 2.0, grid.center)
     found = reconstruct(load_scan(folder), coarse)
-    told, *others = found.warnings
-    assert told.startswith("truth.npz: the truth is on another grid: no quality figures. ")
+    first, *others = found.warnings
+    assert first.startswith("truth.npz: the truth is on another grid: no quality figures. ")
     assert len(others) == len(outcome.warnings)
     assert found.truth is None
     assert found.report()["quality"] == {}

@@ -121,7 +121,7 @@ def test_report_shows_its_figures(page):
         ([["nnls", 0.5, 1700], ["mlem", 0.0, 20]], "nnls, 0.5, 1,700; mlem, 0, 20"),
     ],
 )
-def test_settings_are_told_in_words(tmp_path, value, words):
+def test_settings_are_shown_in_words(tmp_path, value, words):
     volume = np.zeros(GRID.shape, np.float32)
     report = {"settings": {"found": value}}
     write_report(tmp_path / "report.html", report, Results(Rig(()), GRID, volume))
@@ -203,7 +203,7 @@ def test_images_of_cameras_of_different_shapes_are_drawn_to_scale():
     assert all(box.x0 >= 0 and box.x1 <= 1 and box.y0 >= 0 and box.y1 <= 1 for box in boxes)
 
 
-def test_parts_that_do_not_fit_are_told():
+def test_parts_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="view a: mask: found shape"):
         View("a", np.ones((2, 2)), np.ones((2, 2)), np.ones((3, 2), bool))
     with pytest.raises(ValueError, match="history sirt: seconds: found 1"):

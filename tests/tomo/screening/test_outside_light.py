@@ -73,7 +73,7 @@ def test_small_images_are_judged_too():
     assert shares(rig, images, VoxelGrid((4, 4, 4), 1.0)) == [0.0] * 3
 
 
-def test_too_small_a_grid_is_told_of_before_all_else(seen):
+def test_too_small_a_grid_is_reported_before_all_else(seen):
     rig, images = seen
     masks = [np.ones(image.shape, bool) for image in images]
     assert screen_images(rig, images, masks, GRID).warnings == []

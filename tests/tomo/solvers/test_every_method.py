@@ -151,12 +151,12 @@ def test_history_holds_the_residuals_of_the_volumes_reported(ring_system, method
         seen.append((index, residual, np.linalg.norm(misfit) / np.linalg.norm(measured)))
 
     found = _solve(method, case.projector, measured, settings, iterations=8, callback=watch)
-    indices, told, true = zip(*seen, strict=True)
+    indices, reported, true = zip(*seen, strict=True)
     assert indices == tuple(range(9))
-    np.testing.assert_allclose(told, true, rtol=1e-5)
-    assert [line.relative_residual for line in found.history] == list(told)
+    np.testing.assert_allclose(reported, true, rtol=1e-5)
+    assert [line.relative_residual for line in found.history] == list(reported)
     assert [line.index for line in found.history] == list(indices)
-    assert found.relative_residual == told[-1]
+    assert found.relative_residual == reported[-1]
     assert found.settings["method"] == method
     assert found.settings["iterations"] == 8
 

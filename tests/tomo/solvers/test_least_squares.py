@@ -200,8 +200,10 @@ def test_a_weight_is_worth_so_many_equal_rows(projector_of, system, method):
     expected = solver(repeated, np.repeat(measured, weights), iterations=3)
     assert_allclose(found.volume, expected.volume, rtol=1e-3, atol=1e-4)
     if method != "sirt":  # which weighs rows by their sums as well
-        told = [line.relative_residual for line in found.history]
-        assert_allclose(told, [line.relative_residual for line in expected.history], rtol=1e-4)
+        residuals = [line.relative_residual for line in found.history]
+        assert_allclose(
+            residuals, [line.relative_residual for line in expected.history], rtol=1e-4
+        )
     unweighted = solver(projector, measured, iterations=3)
     assert np.abs(found.volume - unweighted.volume).max() > 0.01
 

@@ -90,7 +90,7 @@ def test_every_tracer_keeps_to_the_live_voxels(tracer):
 
 @pytest.mark.parametrize("tracer", TRACERS)
 @pytest.mark.parametrize("share", [0.5, 0.05])  # many, and so few that they have no places
-def test_unknowns_are_told_by_their_places_when_asked_for(tracer, share):
+def test_unknowns_are_named_by_storage_index_when_asked_for(tracer, share):
     grid = GRIDS[0]
     rays = through(grid, 200, seed=7)
     active = ActiveVoxels.from_mask(grid, np.random.default_rng(8).random(grid.shape) < share)

@@ -1,4 +1,4 @@
-"""The suite of images that hold more physics than the solvers are told."""
+"""The suite of images that hold more physics than the solvers know."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -78,12 +78,12 @@ def test_true_weights_explain_the_images(scene, effect):
     emission = projector.active.compress(made.truth)
     assert projector.active.size < made.grid.size
     informed = made.informed(ready.system) @ emission
-    chords, told = (
+    by_lengths, by_weights = (
         np.linalg.norm(images - ready.measured) / np.linalg.norm(ready.measured)
         for images in (projector @ emission, informed)
     )
-    assert told < 0.01
-    assert told < 0.3 * chords
+    assert by_weights < 0.01
+    assert by_weights < 0.3 * by_lengths
     if made.effects.aperture > 0:
         return
     segments = projector.segments

@@ -69,7 +69,7 @@ def silent(done, total, name):
     pass
 
 
-def test_an_interrupted_run_goes_on_where_it_is_told_to(rows, trials):
+def test_an_interrupted_run_goes_on_where_it_is_asked_to(rows, trials):
     first = trials.run([RECIPE], silent)
     again = replace(trials, resume=True)
     assert again.run([RECIPE, replace(RECIPE, seed=1)], silent)[0] == first[0]

@@ -170,8 +170,8 @@ def test_one_blind_camera_is_a_warning_in_the_report(run_tool, turn_away, scan, 
     assert done.exit_code == 0, done.stderr
     warning = "camera cam01: none of its usable pixels sees the volume"
     assert done.stderr.count(warning) == 1
-    told = json.loads((out / "report.json").read_text())["warnings"]
-    assert sum(line.startswith(warning) for line in told) == 1
+    warnings = json.loads((out / "report.json").read_text())["warnings"]
+    assert sum(line.startswith(warning) for line in warnings) == 1
 
 
 @pytest.mark.parametrize(

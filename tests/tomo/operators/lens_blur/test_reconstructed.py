@@ -1,4 +1,4 @@
-"""What a reconstruction makes of images out of focus, told or not."""
+"""What a reconstruction makes of images out of focus, with the blur given or not."""
 
 import json
 import re
@@ -46,15 +46,15 @@ def test_wernet_sees_through_a_disc(scans, out_of_focus):
 
 @pytest.mark.parametrize("projector", ["stored", "on-the-fly"])
 @pytest.mark.parametrize("method", ["auto", "sirt"])
-def test_others_see_through_a_disc_they_are_told(scans, out_of_focus, method, projector):
+def test_others_see_through_a_disc_that_is_given(scans, out_of_focus, method, projector):
     settings = {"method": method, "projector": projector, "align": False}
-    told = reconstruct(scans[0], options=Options(**settings, blur=out_of_focus.blur))
+    aware = reconstruct(scans[0], options=Options(**settings, blur=out_of_focus.blur))
     unaware = reconstruct(scans[0], options=Options(**settings))
-    assert distance(told) < 0.75 * distance(unaware)
+    assert distance(aware) < 0.75 * distance(unaware)
     boxes = reconstruct(
         scans[0], options=Options(**settings, basis="voxel")
-    )  # as what is told of the disc
-    assert residual(told) < residual(boxes)
+    )  # as the one that knows the disc
+    assert residual(aware) < residual(boxes)
     assert unaware.options.blur == 0
 
 
