@@ -151,7 +151,15 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
         "--no-pixel-weights",
     )
     options += ("--scale", "2", "--supersample", "2", "--tracer", "reference")
-    options += ("--hold-out", "cam00", "--hold-out", "cam04", "--frame", "frame_000")
+    options += (
+        "--hold-out",
+        "cam00",
+        "--hold-out",
+        "cam04",
+        "--frame",
+        "frame_000",
+        "--no-screen",
+    )
     done = run_tool("reconstruct", scan, *options, "--json", "-o", tmp_path)
     assert done.exit_code == 0, done.stderr
     report = json.loads(done.stdout)
@@ -161,6 +169,7 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
         "seed": 7,
         "skip": False,
         "pixel_weights": False,
+        "screen": False,
         "supersample": 2,
         "tracer": "reference",
         "hold_out": ["cam00", "cam04"],

@@ -18,15 +18,17 @@ from tomo.wernet import save_encoder
 from tomo.wernet.default import CorrectionEncoder
 
 GRID = VoxelGrid((14, 36, 14), 1.0)
+SMALL = VoxelGrid((10, 26, 10), 1.0)
+QUICK = {"uncertainty": 0}  # which says nothing of the basis
 
 
 @pytest.fixture(scope="session")
 def take(tmp_path_factory):
     """Return a function that takes images of a flame and returns the scan."""
 
-    def scan(views=11, footprint=0.5, *, name="turbulent", refine=4, **how):
+    def scan(views=11, footprint=0.5, *, grid=SMALL, refine=4, **how):
         folder = tmp_path_factory.mktemp("taken") / "scan"
-        size = (int(22 / footprint), int(44 / footprint))
+        size = (int(1.6 * grid.extent[0] / footprint), int(1.23 * grid.extent[1] / footprint))
         rig = rigs.ring(
             views,
             distance=400.0,
@@ -35,8 +37,8 @@ def take(tmp_path_factory):
             pitch_degrees=np.resize([12.0, -12.0], views),
             start_degrees=5.0,
         )
-        field = create(name, 4, GRID.extent, GRID.center)
-        simulate_images(rig, field, GRID, supersample=3, refine=refine, **how).save(folder)
+        field = create("turbulent", 4, grid.extent, grid.center)
+        simulate_images(rig, field, grid, supersample=2, refine=refine, **how).save(folder)
         return load_scan(folder)
 
     return scan
@@ -44,7 +46,22 @@ def take(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def fine(take):
+    return take(grid=GRID)
+
+
+@pytest.fixture(scope="session")
+def small(take):
     return take()
+
+
+@pytest.fixture(scope="session")
+def few(take):
+    return take(views=6)
+
+
+@pytest.fixture(scope="session")
+def classic(small):
+    return reconstruct(small, options=Options(**QUICK))
 
 
 def basis(outcome):
@@ -55,15 +72,17 @@ def distance(outcome):
     return outcome.solution.quality["cosine_distance"]
 
 
+SEEN = {"hold_out": ["cam03"], "compare": ["art:3", "sirt:20"], **QUICK}
+
+
 @pytest.fixture(scope="session")
 def by_linear(fine):
-    return reconstruct(fine, options=Options(hold_out=["cam03"], compare=["art:3", "sirt:20"]))
+    return reconstruct(fine, options=Options(**SEEN))
 
 
 @pytest.fixture(scope="session")
 def by_voxel(fine):
-    settings = {"hold_out": ["cam03"], "compare": ["art:3", "sirt:20"]}
-    return reconstruct(fine, options=Options(basis="voxel", **settings))
+    return reconstruct(fine, options=Options(basis="voxel", **SEEN))
 
 
 def residual_of_used(outcome):
@@ -118,32 +137,31 @@ def test_pixels_too_fine_for_their_worth_take_the_voxel_basis(take):
     assert "times the work" in found.basis["reason"]
 
 
-def test_on_the_fly_takes_the_voxel_basis_and_the_linear_one_when_asked(fine):
+def test_on_the_fly_takes_the_voxel_basis_and_the_linear_one_when_asked(small):
     settings = {"method": "sirt", "iterations": 5, "projector": "on-the-fly", "align": False}
-    assert basis(reconstruct(fine, options=Options(**settings))) == "voxel"
+    assert basis(reconstruct(small, options=Options(**settings))) == "voxel"
     found = [
         reconstruct(
-            fine, options=Options(**{**settings, "projector": form}, basis="linear")
+            small, options=Options(**{**settings, "projector": form}, basis="linear")
         ).solution.volume
         for form in ("stored", "on-the-fly")
     ]
     assert cosine_distance(*found) < 1e-4
 
 
-def test_many_views_that_teach_nothing_end_in_the_linear_basis(fine):
-    found = reconstruct(fine, options=Options(method="wernet", uncertainty=0))
+def test_many_views_that_teach_nothing_end_in_the_linear_basis(small, classic):
+    found = reconstruct(small, options=Options(method="wernet", **QUICK))
     assert basis(found) == "linear"
     assert found.solution.settings["method"] == "wernet"
     assert found.solution.settings["learned"] is False
     assert "in the linear basis" in found.solution.stop_reason
-    classic = reconstruct(fine, options=Options(uncertainty=0))
     np.testing.assert_array_equal(found.solution.volume, classic.solution.volume)
 
 
 def test_weights_learned_of_voxels_are_refit_in_the_linear_basis(take):
-    scan = take(effects=Effects(gain_spread=0.1), seed=3)
+    scan = take(grid=GRID, effects=Effects(gain_spread=0.1), seed=3)
     settings = {"method": "wernet", "fit_gain": False, "hold_out": ["cam03"]}
-    settings["compare"] = ["sirt:20"]
+    settings |= {"compare": ["sirt:20"], **QUICK}
     found, boxes = (
         reconstruct(scan, options=Options(basis=one, **settings)) for one in ("auto", "voxel")
     )
@@ -160,7 +178,8 @@ def test_weights_learned_of_voxels_are_refit_in_the_linear_basis(take):
     assert residual_of_used(found) == pytest.approx(learned.relative_residual, rel=0.05)
     # what is compared with knows the chords alone
     classic = reconstruct(
-        scan, options=Options(method="sirt", iterations=20, hold_out=["cam03"], fit_gain=False)
+        scan,
+        options=Options(method="sirt", iterations=20, hold_out=["cam03"], fit_gain=False, **QUICK),
     )
     np.testing.assert_array_equal(found.comparisons[0].volume, classic.solution.volume)
 
@@ -175,32 +194,32 @@ def test_the_report_says_what_was_tried_and_what_was_taken(by_linear):
     assert f"{residual:.4f}" in by_linear.solution.stop_reason
 
 
-def test_given_weights_are_tried_in_the_linear_basis(fine, tmp_path):
+def test_given_weights_are_tried_in_the_linear_basis(small, classic, tmp_path):
     encoder, path = CorrectionEncoder(seed=2), tmp_path / "encoder.pt"
     torch.nn.init.normal_(
         encoder.last.weight, 0.0, 0.01, generator=torch.Generator().manual_seed(2)
     )
     save_encoder(encoder, path)
-    settings = {"method": "wernet", "encoder": path, "uncertainty": 0}
-    frozen = reconstruct(fine, options=Options(freeze_encoder=True, **settings))
+    settings = {"method": "wernet", "encoder": path, **QUICK}
+    frozen = reconstruct(small, options=Options(freeze_encoder=True, **settings))
     assert basis(frozen) == "linear"
     assert np.isfinite(frozen.solution.settings["held_out_residual"]["learned"])
-    classic = reconstruct(fine, options=Options(uncertainty=0))
     np.testing.assert_array_equal(frozen.solution.volume, classic.solution.volume)
 
 
-def test_few_views_learn_in_the_linear_basis(take):
-    scan = take(views=6)
-    found = reconstruct(scan, options=Options(method="wernet"))
+def test_few_views_learn_in_the_linear_basis(few):
+    found, boxes = (
+        reconstruct(few, options=Options(method="wernet", basis=one, **QUICK))
+        for one in ("auto", "voxel")
+    )
     assert basis(found) == "linear"
-    boxes = reconstruct(scan, options=Options(method="wernet", basis="voxel"))
     assert distance(found) < distance(boxes)
 
 
-def test_few_views_that_teach_nothing_are_re_projected_in_their_own_basis(take):
-    scan, settings = take(views=6), {"hold_out": ["cam02"], "uncertainty": 0}
-    found = reconstruct(scan, options=Options(method="wernet", iterations=0, **settings))
-    classic = reconstruct(scan, options=Options(**settings))
+def test_few_views_that_teach_nothing_are_re_projected_in_their_own_basis(few):
+    settings = {"hold_out": ["cam02"], **QUICK}
+    found = reconstruct(few, options=Options(method="wernet", iterations=0, **settings))
+    classic = reconstruct(few, options=Options(**settings))
     assert found.solution.settings["learned"] is False
     assert basis(found) == basis(classic) == "linear"
     np.testing.assert_array_equal(found.solution.volume, classic.solution.volume)

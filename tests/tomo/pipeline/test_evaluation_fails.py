@@ -18,9 +18,17 @@ class OfALibraryError(Exception):
     """Of no kind that anybody expects."""
 
 
+QUICK = Options(method="mlem", iterations=3)
+
+
 @pytest.fixture
 def scan(folder):
     return load_scan(folder)
+
+
+@pytest.fixture(scope="module")
+def whole(folder):
+    return reconstruct(load_scan(folder), options=QUICK)
 
 
 @pytest.fixture
@@ -44,10 +52,11 @@ def broken(monkeypatch):
         (evaluate, "views_of", ValueError("wrong"), "re-projected images: not found: wrong"),
     ],
 )
-def test_a_step_of_the_evaluation_may_fail(scan, broken, tmp_path, where, name, error, said):
-    whole = reconstruct(scan, options=Options(method="mlem", iterations=3))
+def test_a_step_of_the_evaluation_may_fail(
+    scan, whole, broken, tmp_path, where, name, error, said
+):
     broken(where, name, error)
-    found = reconstruct(scan, options=Options(method="mlem", iterations=3))
+    found = reconstruct(scan, options=QUICK)
     np.testing.assert_array_equal(found.volume, whole.volume)
     (warning,) = [line for line in found.warnings if line.startswith(said)]
     assert "\n" not in warning
@@ -67,10 +76,9 @@ def test_a_comparison_that_diverges_costs_nothing_but_itself(scan, broken):
     assert any("comparison wernet-paper" in line and "NaN" in line for line in found.warnings)
 
 
-def test_a_picture_that_cannot_be_drawn_is_reported(scan, broken, tmp_path):
-    found = reconstruct(scan, options=Options(method="mlem", iterations=3))
+def test_a_picture_that_cannot_be_drawn_is_reported(whole, broken, tmp_path):
     broken(result_figures, "draw_views", ImportError("libGL.so.1: cannot open"))
-    write_outcome(tmp_path / "out", found)
+    write_outcome(tmp_path / "out", whole)
     assert (tmp_path / "out" / "volume.npz").exists()
     assert not (tmp_path / "out" / "views.png").exists()
     assert (tmp_path / "out" / "slices.png").exists()

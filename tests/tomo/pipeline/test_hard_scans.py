@@ -54,22 +54,22 @@ def volume_of(scan, **settings):
     return reconstruct(scan, options=Options(uncertainty=0, **settings)).solution.volume
 
 
-def unchanged(image, _random):
-    return image
+@pytest.fixture(scope="module")
+def clean(seen, tmp_path_factory):
+    """Return the volume of the images as they are."""
+    return volume_of(load_scan(seen.save(tmp_path_factory.mktemp("clean") / "scan")))
 
 
 @pytest.fixture(scope="module")
-def clean_error(seen, tmp_path_factory):
-    scan = load_scan(seen.save(tmp_path_factory.mktemp("clean") / "scan"))
-    return nrmse(volume_of(scan), seen.truth)
+def clean_error(seen, clean):
+    return nrmse(clean, seen.truth)
 
 
 @pytest.mark.parametrize("factor", [1e-30, 1e30])
-def test_the_default_scales_with_intensities_through_files(scan_of, factor):
-    plain = volume_of(scan_of(unchanged))
+def test_the_default_scales_with_intensities_through_files(scan_of, clean, factor):
     scaled = scan_of(lambda image, _: (factor * image.astype(np.float64)).astype(np.float32))
     found = volume_of(scaled).astype(np.float64) / factor
-    assert np.linalg.norm(found - plain) < 1e-5 * np.linalg.norm(plain)
+    assert np.linalg.norm(found - clean) < 1e-5 * np.linalg.norm(clean)
 
 
 NO_FLAME = {
@@ -98,9 +98,9 @@ def test_images_without_a_flame_give_a_finite_volume_or_one_line(scan_of, kind):
     assert len(line.splitlines()) == 1
 
 
-def spoiled(value):
+def spoiled(value, where=PLACE):
     def change(image, _random):
-        image[PLACE] = value
+        image[where] = value
         return image
 
     return change
@@ -113,13 +113,16 @@ def test_a_pixel_that_is_no_number_is_refused_without_a_mask(scan_of, value):
 
 
 def test_pixels_under_a_mask_change_no_bit(scan_of, tmp_path):
+    values = [*UNUSABLE.values(), 1e30, -1e30]
+    places = PLACE[0], PLACE[1] + np.arange(len(values))
     usable = np.ones((40, 24), np.uint8)
-    usable[PLACE] = 0
+    usable[places] = 0
     write_image(tmp_path / "mask.png", usable)
     masked = Corrections(mask=tmp_path / "mask.png")
-    expected = volume_of(scan_of(spoiled(0.0), masked))
-    for value in (*UNUSABLE.values(), 1e30, -1e30):
-        np.testing.assert_array_equal(volume_of(scan_of(spoiled(value), masked)), expected)
+    expected, found = (
+        volume_of(scan_of(spoiled(these, places), masked)) for these in (0.0, values)
+    )
+    np.testing.assert_array_equal(found, expected)
 
 
 def brightest(seen):

