@@ -15,29 +15,29 @@ DISTANCE, FOCUS, APERTURE = 5800.0, 5600.0, 29.0
 BLUR = APERTURE * (DISTANCE - FOCUS) / FOCUS
 
 
-def taken(effects):
-    field = phantoms.create("turbulent", 5, GRID.extent, GRID.center)
+@pytest.fixture(scope="session")
+def cameras():
+    """Return the cameras and what they see the grid by, without images."""
     rig = rigs.ring(12, distance=DISTANCE, image_size=(64, 144), footprint=0.25)
-    scan = simulate_images(rig, field, GRID, supersample=2, refine=2, effects=effects)
-    return SimpleNamespace(
-        grid=GRID,
-        rig=rig,
-        scan=scan,
-        images=list(scan.images.values()),
-        truth=scan.truth,
-        system=LinearSystem.from_rig(rig, GRID, midpoints=True),
-        blur=BLUR,
-    )
+    system = LinearSystem.from_rig(rig, GRID, midpoints=True)
+    return SimpleNamespace(grid=GRID, rig=rig, system=system, blur=BLUR)
+
+
+def taken(cameras, effects):
+    field = phantoms.create("turbulent", 5, GRID.extent, GRID.center)
+    scan = simulate_images(cameras.rig, field, GRID, supersample=2, refine=2, effects=effects)
+    images = list(scan.images.values())
+    return SimpleNamespace(**vars(cameras), scan=scan, images=images, truth=scan.truth)
 
 
 @pytest.fixture(scope="session")
-def out_of_focus():
+def out_of_focus(cameras):
     """Return images whose points are discs of a millimetre, four pixels or two voxels."""
     lens = Effects(aperture=APERTURE, focus_distance=FOCUS, aperture_rays=128)
-    return taken(lens)  # fewer rays are no disc at the frequencies of its first zero
+    return taken(cameras, lens)  # fewer rays are no disc at the frequencies of its first zero
 
 
 @pytest.fixture(scope="session")
-def in_focus():
+def in_focus(cameras):
     """Return the images of pinholes."""
-    return taken(None)
+    return taken(cameras, None)

@@ -30,8 +30,8 @@ def test_a_disc_has_its_variance(width):
     assert variance == pytest.approx(width**2 / 16 + 1 / 12, abs=0.06, rel=1e-4)
 
 
-def test_light_stays_in_its_view_and_what_misses_the_pixels_is_lost(out_of_focus):
-    rig, grid = out_of_focus.rig, out_of_focus.grid
+def test_light_stays_in_its_view_and_what_misses_the_pixels_is_lost(cameras):
+    rig, grid = cameras.rig, cameras.grid
     every = np.arange(64 * 144)
     some = np.flatnonzero(np.random.default_rng(0).random(64 * 144) < 0.7)
     blur = lens_blur(rig, [every, some, *[every[:0]] * 10], grid, 1.0).matrix
@@ -49,9 +49,9 @@ def test_light_stays_in_its_view_and_what_misses_the_pixels_is_lost(out_of_focus
     assert abs(blur - blur.T).max() < 1e-9
 
 
-def test_voxels_blur_by_themselves(out_of_focus):
+def test_voxels_blur_by_themselves(cameras):
     """A disc of no more variance than a voxel leaves the rays as they are."""
-    rig, coarse = out_of_focus.rig, VoxelGrid((6, 20, 6), 1.5)
+    rig, coarse = cameras.rig, VoxelGrid((6, 20, 6), 1.5)
     pixels = [np.arange(64 * 144)] * len(rig)
     alone = lens_blur(rig, pixels, coarse, 1.7).matrix
     assert alone.nnz == alone.shape[0]
@@ -59,13 +59,13 @@ def test_voxels_blur_by_themselves(out_of_focus):
 
 
 @pytest.mark.parametrize("blur", [0.0, -1.0, np.nan, np.inf])
-def test_no_diameter_is_refused(out_of_focus, blur):
+def test_no_diameter_is_refused(cameras, blur):
     with pytest.raises(ValueError, match=r"^blur: found .*, expected a diameter above 0$"):
-        lens_blur(out_of_focus.rig, out_of_focus.system.pixels, out_of_focus.grid, blur)
+        lens_blur(cameras.rig, cameras.system.pixels, cameras.grid, blur)
 
 
-def test_a_disc_that_no_image_holds_is_refused(out_of_focus, monkeypatch):
-    one = out_of_focus
+def test_a_disc_that_no_image_holds_is_refused(cameras, monkeypatch):
+    one = cameras
     words = "blur: camera cam00: found a disc of 148 pixels, expected one within its image of 64 x"
     with pytest.raises(ValueError, match=words):
         lens_blur(one.rig, one.system.pixels, one.grid, 37.0)
@@ -77,8 +77,8 @@ def test_a_disc_that_no_image_holds_is_refused(out_of_focus, monkeypatch):
     assert lens_blur(one.rig, one.system.pixels, one.grid, 1.0).matrix.nnz
 
 
-def test_a_grid_behind_a_camera_is_refused(out_of_focus):
-    one = out_of_focus.rig[0]
+def test_a_grid_behind_a_camera_is_refused(cameras):
+    one = cameras.rig[0]
     behind = VoxelGrid((2, 2, 2), 1.0, tuple(2 * one.position))
     assert np.isnan(Rig((one,)).footprint(behind.center)).all()
     with pytest.raises(ValueError, match=f"blur: camera {one.name}: found the grid's centre"):
