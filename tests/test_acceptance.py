@@ -43,7 +43,9 @@ def test_a_real_plume_predicts_the_camera_left_out(run_tool, test_data, tmp_path
         "-o", str(tmp_path / "plume"), "--json",
     )  # fmt: skip
     assert found.exit_code == 0
-    figures = json.loads(found.stdout)["held_out"]["cam02"]
+    report = json.loads(found.stdout)
+    assert report["solver"]["chosen_by"] == "auto"
+    figures = report["held_out"]["cam02"]
     assert figures["data_range"] == 1.0
     assert figures["psnr"] >= 30.5
     assert figures["ssim"] >= 0.93

@@ -292,22 +292,3 @@ def test_a_truth_that_cannot_be_read_is_refused_before_the_work(run_tool, scan, 
     done = run_tool("reconstruct", folder, "-o", tmp_path / "out")
     assert done.exit_code == 2
     assert not (tmp_path / "out").exists()
-
-
-def test_the_real_plume(run_tool, test_data, tmp_path):
-    """The acceptance run at half its resolution, on the real images of five cameras."""
-    scan = test_data / "scalarflow" / "transforms.json"
-    if not scan.is_file():
-        pytest.skip(f"no {scan}")
-    box = ("--lower", "0.0818,-0.0446,-0.4958", "--upper", "0.5727,0.6917,-0.0049")
-    options = ("--frame", "frame_090", "--hold-out", "cam02", "--scale", "12")
-    options += ("--grid", "32x48x32", *box, "--json")
-    done = run_tool("reconstruct", scan, *options, "-o", tmp_path)
-    assert done.exit_code == 0, done.stderr
-    report = json.loads(done.stdout)
-    figures = report["held_out"]["cam02"]
-    assert figures["data_range"] == 1
-    assert figures["psnr"] > 29.0
-    assert figures["ssim"] > 0.90
-    assert report["solver"]["chosen_by"] == "auto"
-    assert report["seconds"]["total"] < 60

@@ -60,11 +60,11 @@ def test_a_preset_to_all_three(run_tool, tmp_path, name):
     assert (bounds[1] > positions.max(axis=0) - 1e-6).all()
 
 
-def test_volume_to_all_three(tmp_path, volume):
+def test_volume_to_all_three(run_tool, tmp_path, volume):
     outs = [tmp_path / f"v.{suffix}" for suffix in ("png", "html", "glb")]
     options = [part for out in outs for part in ("-o", out)]
-    done = run("visualize_volume.py", volume, *options)
-    assert done.returncode == 0, done.stderr
+    done = run_tool("visualize_volume", volume, *options)
+    assert done.exit_code == 0, done.stderr
     assert all(out.stat().st_size > 10_000 for out in outs)
     np.testing.assert_allclose(
         trimesh.load(outs[2]).bounds, [GRID.lower / 1e3, GRID.upper / 1e3], atol=2e-4
@@ -80,21 +80,21 @@ def test_volume_to_all_three(tmp_path, volume):
         (("paper11_33deg", "--volume", "{}/none.npz", "-o", "{}/a.png"), "none.npz"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_code_2(tmp_path, arguments, words):
-    done = run("visualize_rig.py", *(a.format(tmp_path) for a in arguments))
-    assert done.returncode == 2
+def test_bad_input_is_one_line_and_exit_code_2(run_tool, tmp_path, arguments, words):
+    done = run_tool("visualize_rig", *(a.format(tmp_path) for a in arguments))
+    assert done.exit_code == 2
     assert words in done.stderr
     assert done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_volume_in_another_unit_than_the_rig_s_is_refused(tmp_path, volume):
+def test_volume_in_another_unit_than_the_rig_s_is_refused(run_tool, tmp_path, volume):
     data = np.ones(GRID.shape, np.float32)
     write_volume(tmp_path / "metres.npz", data, GRID, "m")
-    done = run(
-        "visualize_rig.py", "paper11_33deg", "--volume", tmp_path / "metres.npz", "-o", "x.png"
+    done = run_tool(
+        "visualize_rig", "paper11_33deg", "--volume", tmp_path / "metres.npz", "-o", "x.png"
     )
-    assert done.returncode == 2
+    assert done.exit_code == 2
     assert "length_unit: found 'm'" in done.stderr
 
 
