@@ -1,6 +1,7 @@
 """The default's encoder: given, frozen, trained on, handed back."""
 
 import sys
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -22,10 +23,24 @@ def _across(one):
     return one.system.flatten([factor * image for image in one.scan.images.values()])
 
 
+@lru_cache
+def _trained(make):
+    """Return what is learned of the factor."""
+    one = make(finer=2)
+    return wernet(one.projector, _across(one), iterations=8)
+
+
+@lru_cache
+def _classic(make):
+    """Return the volume of the classic solve of images whose gains differ."""
+    one = make(effects=GAINS)
+    choice = choose_by_left_out_pixels(one.projector, one.measured)
+    return solve_as_chosen(one.projector, one.measured, choice).volume
+
+
 def test_a_learned_encoder_is_used_again_frozen(scene, tmp_path):
-    one = scene(finer=2)
+    one, trained = scene(finer=2), _trained(scene)
     measured = _across(one)
-    trained = wernet(one.projector, measured, iterations=8)
     learned, path = trained.weights, tmp_path / "encoder.pt"
     assert trained.encoder is learned.encoder
     save_encoder(trained.encoder, path)
@@ -51,43 +66,29 @@ def test_a_learned_encoder_is_used_again_frozen(scene, tmp_path):
     np.testing.assert_array_equal(in_memory.volume, found.volume)
 
 
-def test_an_encoder_in_memory_is_not_changed(scene):
-    one = scene(effects=GAINS)
-    encoder = CorrectionEncoder(blocks=1, channels=8, seed=4)
-    before = {name: value.clone() for name, value in encoder.state_dict().items()}
-    found = wernet(one.projector, one.measured, encoder=encoder, seed=4, iterations=2)
-    assert all(torch.equal(before[name], value) for name, value in encoder.state_dict().items())
-    assert not encoder.last.weight.requires_grad or encoder.last.weight.grad is None
-    assert found.settings["encoder"] == "in memory"
-    assert (found.settings["blocks"], found.settings["channels"]) == (1, 8)
-    fresh = wernet(one.projector, one.measured, blocks=1, channels=8, seed=4, iterations=2)
-    np.testing.assert_array_equal(found.volume, fresh.volume)
-
-
-def test_an_encoder_s_file_is_not_changed_by_training(scene, tmp_path):
+def test_an_encoder_in_memory_or_in_a_file_is_not_changed_by_training(scene, tmp_path):
     one, path = scene(effects=GAINS), tmp_path / "encoder.pt"
     encoder = CorrectionEncoder(blocks=1, channels=8, seed=4)
     save_encoder(encoder, path)
     content = path.read_bytes()
-    from_file = wernet(one.projector, one.measured, encoder=path, iterations=2)
-    in_memory = wernet(one.projector, one.measured, encoder=encoder, iterations=2)
+    before = {name: value.clone() for name, value in encoder.state_dict().items()}
+    found, from_file, fresh = (
+        wernet(one.projector, one.measured, seed=4, iterations=2, **given)
+        for given in ({"encoder": encoder}, {"encoder": path}, {"blocks": 1, "channels": 8})
+    )
+    assert all(torch.equal(before[name], value) for name, value in encoder.state_dict().items())
+    assert not encoder.last.weight.requires_grad or encoder.last.weight.grad is None
     assert path.read_bytes() == content
-    np.testing.assert_array_equal(from_file.volume, in_memory.volume)
-
-
-def test_what_is_returned_does_not_change_with_later_runs(scene):
-    one = scene(effects=GAINS)
-    found = wernet(one.projector, one.measured, iterations=2)
-    before = {name: value.clone() for name, value in found.weights.encoder.state_dict().items()}
-    wernet(one.projector, one.measured, iterations=2, encoder=found.weights.encoder)
-    after = found.weights.encoder.state_dict()
-    assert all(torch.equal(before[name], after[name]) for name in before)
+    assert found.settings["encoder"] == "in memory"
+    assert (found.settings["blocks"], found.settings["channels"]) == (1, 8)
+    np.testing.assert_array_equal(found.volume, fresh.volume)
+    np.testing.assert_array_equal(from_file.volume, fresh.volume)
 
 
 def test_an_encoder_predicts_another_flame_by_the_same_optics_and_does_others_no_harm(scene):
-    one, alike = scene(finer=2), scene(finer=2, views=14)
+    alike = scene(finer=2, views=14)
     other = scene(effects=OWN_LIGHT, views=14, finer=2)
-    encoder = wernet(one.projector, _across(one), iterations=8).encoder
+    encoder = _trained(scene).encoder
     frozen = {"encoder": encoder, "freeze_encoder": True}
     found = wernet(alike.projector, _across(alike), **frozen)
     assert found.settings["freeze_encoder"] is True
@@ -141,9 +142,7 @@ def test_an_encoder_that_explodes_leaves_the_classic_solve(scene, value, freeze)
     found = wernet(
         one.projector, one.measured, encoder=encoder, freeze_encoder=freeze, iterations=1
     )
-    choice = choose_by_left_out_pixels(one.projector, one.measured)
-    classic = solve_as_chosen(one.projector, one.measured, choice)
-    np.testing.assert_array_equal(found.volume, classic.volume)
+    np.testing.assert_array_equal(found.volume, _classic(scene))
     assert found.weights is None
     assert "diverged in " in found.stop_reason
     assert all(np.isfinite(entry.relative_residual) for entry in found.history)
