@@ -105,8 +105,8 @@ def test_voxels_and_pixels_of_some_size_are_no_reason_to_learn_what_is_wrong(sce
 
 def test_the_same_bits_again_and_for_any_number_of_threads(scene, on_threads):
     one = scene(effects=GAINS)
-    found = []
-    for threads in (1, 2, 4):
+    found = [_shared(scene, GAINS, iterations=2)]  # on one thread
+    for threads in (1, 4):
         with on_threads(threads):
             found.append(wernet(one.projector, one.measured, iterations=2))
             assert torch.get_num_threads() == threads
@@ -123,12 +123,11 @@ def test_the_same_bits_again_and_for_any_number_of_threads(scene, on_threads):
 def test_the_seed_decides_and_the_global_state_is_left_alone(scene):
     one = scene(effects=GAINS)
     state, drawn = torch.get_rng_state(), np.random.get_state()[1].copy()  # noqa: NPY002
-    first, second, other = (
-        wernet(one.projector, one.measured, iterations=2, seed=seed) for seed in (1, 1, 2)
+    first, other = (
+        wernet(one.projector, one.measured, iterations=2, seed=seed) for seed in (1, 2)
     )
     assert torch.equal(torch.get_rng_state(), state)
     assert np.array_equal(np.random.get_state()[1], drawn)  # noqa: NPY002
-    np.testing.assert_array_equal(first.volume, second.volume)
     residuals = [[entry.relative_residual for entry in each.history] for each in (first, other)]
     assert residuals[0][:2] == residuals[1][:2]  # the classic solve and that with terms
     assert residuals[0][2] != residuals[1][2]
@@ -241,25 +240,17 @@ def test_a_start_is_where_the_first_outer_iteration_begins(scene):
     start = np.where(one.truth > 0, 0.5 + one.truth, 0.0).astype(np.float32)
     before = start.copy()
     whole, flat = (
-        wernet(one.projector, one.measured, iterations=2, start=given)
+        wernet(one.projector, one.measured, iterations=1, start=given)
         for given in (start, start.ravel())
     )
     np.testing.assert_array_equal(start, before)
     np.testing.assert_array_equal(whole.volume, flat.volume)
     assert whole.settings["start"] is True
+    without = wernet(one.projector, one.measured, iterations=1)
+    assert not np.array_equal(without.volume, whole.volume)
 
 
-def test_a_start_makes_a_difference(scene):
-    one = scene(effects=GAINS)
-    start = np.where(one.truth > 0, 0.5 + one.truth, 0.0).astype(np.float32)
-    volumes = [
-        wernet(one.projector, one.measured, iterations=1, start=given).volume
-        for given in (None, start)
-    ]
-    assert not np.array_equal(*volumes)
-
-
-@pytest.mark.parametrize("power", [-100, -20, 20, 100])
+@pytest.mark.parametrize("power", [-100, 100])
 def test_the_unit_of_the_images_is_that_of_the_volume(scene, power):
     """To the bit: powers of two change no digit, and squares stay in range; voxels may vanish."""
     one = scene(effects=GAINS)
