@@ -8,22 +8,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.geometry.image_checks import (
+    OnImage,
     check_name,
     check_status,
     check_window,
     image_size,
-    on_image,
     pixel_centres,
+    quarter_turns,
     rows_of,
     scaled_size,
 )
 from rigs.geometry.rotation import numbers, rotation
-from rigs.lens import Distortion
+from rigs.lens import Distortion, turned
 from rigs.optics import Optics
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Camera:
+class Camera(OnImage):
     """A camera in OpenCV's convention: ``x_cam = R @ x_world + t``, pixel centres at integers.
 
     Cameras are values: their arrays are read-only, they compare and hash by content, and their
@@ -179,10 +180,6 @@ class Camera:
         directions = self.distortion.unproject(plane) @ self.R
         return np.repeat(self.position[None], len(uv), axis=0), directions
 
-    def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether each of ``uv`` ``(N, 2)`` lies on the area of a pixel; NaN does not."""
-        return on_image(uv, self.image_size)
-
     def scaled(self, scale: float) -> Camera:
         """Return the camera of the image resized by ``scale``, pixels as areas: 0.5 halves it.
 
@@ -192,7 +189,12 @@ class Camera:
         width, height = scaled_size(self.image_size, scale, f"camera {self.name}")
         shift = (scale - 1) / 2
         resize = np.array([[scale, 0, shift], [0, scale, shift], [0, 0, 1]])
-        return replace(self, image_size=(width, height), camera_matrix=resize @ self.camera_matrix)
+        return replace(
+            self,
+            image_size=(width, height),
+            camera_matrix=resize @ self.camera_matrix,
+            optics=self.optics and self.optics.with_pixels_scaled(1 / scale),
+        )
 
     def cropped(self, x: int, y: int, width: int, height: int) -> Camera:
         """Return the camera of the window whose top-left pixel was column ``x``, row ``y``."""
@@ -200,13 +202,20 @@ class Camera:
         matrix = self.camera_matrix - [[0, 0, x], [0, 0, y], [0, 0, 0]]
         return replace(self, image_size=(int(width), int(height)), camera_matrix=matrix)
 
-    def shrunk(self, factor: int) -> Camera:
-        """Return the camera of the image's area means over ``factor`` x ``factor`` pixels.
+    def rotated(self, degrees: int) -> Camera:
+        """Return the camera of the image turned clockwise by 90, 180 or 270 degrees.
 
-        Sides that ``factor`` does not divide lose their last rows or columns first.
+        The camera turns about its axis and the lens's terms turn along: see `rigs.lens.turned`.
         """
-        width, height = (side - side % factor for side in self.image_size)
-        return self.cropped(0, 0, width, height).scaled(1 / factor)
+        quarters = quarter_turns(degrees, f"camera {self.name}")
+        about = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), quarters)
+        last = about @ np.subtract(self.image_size, 1.0)
+        K, roll = np.eye(3), np.eye(3)
+        K[:2, :2], lens, roll[:2, :2] = turned(self.distortion, about @ self.camera_matrix[:2, :2])
+        K[:2, 2] = about @ self.camera_matrix[:2, 2] + np.maximum(-last, 0)
+        size = np.abs(last).astype(int) + 1
+        pose = {"R": roll @ self.R, "t": roll @ self.t}
+        return replace(self, image_size=size, camera_matrix=K, distortion=lens, **pose)
 
     def shifted(self, right: float, down: float) -> Camera:
         """Return the camera whose image lies that many pixels further right and down."""

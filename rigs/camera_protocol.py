@@ -79,6 +79,9 @@ class CameraLike(Protocol):
     def cropped(self, x: int, y: int, width: int, height: int) -> CameraLike:
         """Return the camera of a window of the image."""
 
+    def rotated(self, degrees: int) -> CameraLike:
+        """Return the camera of the image turned clockwise by 90, 180 or 270 degrees."""
+
     def shrunk(self, factor: int) -> CameraLike:
         """Return the camera of area means over ``factor`` x ``factor`` pixels."""
 

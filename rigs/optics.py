@@ -52,3 +52,7 @@ class Optics:
         """Return the figures of a world whose lengths are ``factor`` times as large."""
         lengths = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "f_number"}
         return replace(self, **{name: x and x * factor for name, x in lengths.items()})
+
+    def with_pixels_scaled(self, factor: float) -> Optics:
+        """Return the figures of pixels ``factor`` times as far apart on the sensor."""
+        return replace(self, pixel_pitch=self.pixel_pitch and self.pixel_pitch * factor)

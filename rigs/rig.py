@@ -172,6 +172,17 @@ class Rig(Sequence[CameraLike]):
             volume=self.volume and self.volume.transformed(R, t),
         )
 
+    def with_lengths_scaled(self, factor: float) -> Rig:
+        """Return the rig of a world whose lengths are ``factor`` times as large, in its unit.
+
+        The calibration's figures are kept as they are.
+        """
+        return replace(
+            self,
+            cameras=tuple(camera.with_lengths_scaled(factor) for camera in self.cameras),
+            volume=self.volume and self.volume.with_lengths_scaled(factor),
+        )
+
     def footprint(self, point: ArrayLike = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
         """Return each camera's pixel size at ``point``, ``(cameras,)``, distortion ignored.
 

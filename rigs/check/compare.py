@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.camera_protocol import CameraLike
 from rigs.check.lines_of_sight import finite_rms, ray_distances
 from rigs.files.units import in_unit
+from rigs.geometry.alignment import motion_between
 from rigs.rig import Rig
 
 _LATTICE = 25  # points along an image's longer side at which lenses are compared
@@ -155,10 +156,8 @@ def _motion(one: list[CameraLike], other: list[CameraLike]) -> tuple[NDArray, ND
         )
         for position, some in zip(positions, (one, other), strict=True)
     ]
-    middles = [cloud.mean(axis=0) for cloud in clouds]
-    U, _, Vt = np.linalg.svd((clouds[0] - middles[0]).T @ (clouds[1] - middles[1]))
-    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    return R, middles[0] - R @ middles[1], _scale(one, other)
+    R, t, _ = motion_between(clouds[1], clouds[0])
+    return R, t, _scale(one, other)
 
 
 def _scale(one: list[CameraLike], other: list[CameraLike]) -> float:

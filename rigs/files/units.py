@@ -41,17 +41,25 @@ def in_unit(rig: Rig, unit: str) -> Rig:
     calibration = rig.calibration and _calibration_in(rig.calibration, rig.length_unit, unit)
     if rig.length_unit == UNKNOWN or rig.length_unit == unit:
         return replace(rig, length_unit=unit, calibration=calibration)
-    for name in (rig.length_unit, unit):
-        if name not in _METRES:
-            raise ValueError(f"length_unit: found {name!r}, expected one of {', '.join(_METRES)}")
-    factor = _METRES[rig.length_unit] / _METRES[unit]
-    return replace(
-        rig,
-        cameras=tuple(camera.with_lengths_scaled(factor) for camera in rig),
-        length_unit=unit,
-        volume=rig.volume and rig.volume.with_lengths_scaled(factor),
-        calibration=calibration,
-    )
+    scaled = rig.with_lengths_scaled(metres(rig.length_unit) / metres(unit))
+    return replace(scaled, length_unit=unit, calibration=calibration)
+
+
+def resized(rig: Rig, factor: float) -> Rig:
+    """Return ``rig`` with all lengths ``factor`` times as large in its unit, figures included."""
+    if factor == 1:
+        return rig
+    record, unit = rig.calibration, rig.length_unit
+    if record and record.get("length_unit", unit) == unit:
+        record = _lengths_scaled(record, factor)
+    return replace(rig.with_lengths_scaled(factor), calibration=record)
+
+
+def metres(unit: str) -> float:
+    """Return the metres of a unit of length."""
+    if unit not in _METRES:
+        raise ValueError(f"length_unit: found {unit!r}, expected one of {', '.join(_METRES)}")
+    return _METRES[unit]
 
 
 def _calibration_in(summary: dict[str, Any], rig_unit: str, unit: str) -> dict[str, Any]:

@@ -1,14 +1,31 @@
-"""Checks of name, status and image size, common to every kind of camera."""
+"""Name, status and image size: their checks, and members common to every kind of camera."""
 
 from __future__ import annotations
 
 import math
 import unicodedata
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 STATUSES = ("calibrated", "nominal", "virtual")
+
+
+class OnImage:
+    """A camera's members that follow from its image size alone."""
+
+    def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether each of ``uv`` ``(N, 2)`` lies on the area of a pixel; NaN does not."""
+        return on_image(uv, self.image_size)
+
+    def shrunk(self, factor: int) -> Self:
+        """Return the camera of the image's area means over ``factor`` x ``factor`` pixels.
+
+        Sides that ``factor`` does not divide lose their last rows or columns first.
+        """
+        width, height = (side - side % factor for side in self.image_size)
+        return self.cropped(0, 0, width, height).scaled(1 / factor)
 
 
 def check_name(name: object) -> None:
@@ -86,3 +103,10 @@ def check_window(window: tuple[int, int, int, int], size: tuple[int, int], what:
             f"{what}: crop: found x, y, width, height = {window}, expected a window inside "
             f"{size[0]} x {size[1]} pixels"
         )
+
+
+def quarter_turns(degrees: float, what: str) -> int:
+    """Return how many quarter turns clockwise an image makes, 0 to 3."""
+    if degrees not in (0, 90, 180, 270):
+        raise ValueError(f"{what}: rotate: found {degrees}, expected 90, 180 or 270 degrees")
+    return int(degrees) // 90

@@ -277,16 +277,19 @@ def _solve(jacobian: NDArray, residual: NDArray) -> NDArray[np.float64]:
         return np.stack([d * x - b * y, a * y - c * x], axis=-1) / (a * d - b * c)[:, None]
 
 
-def _tilt_matrix(full: tuple[float, ...]) -> NDArray[np.float64]:
-    """Return the homography ``(3, 3)`` of a sensor tilted about x by tau_x, then y by tau_y."""
-    cx, sx, cy, sy = (f(tau) for tau in full[12:] for f in (math.cos, math.sin))
+def sensor_rotation(tau_x: float, tau_y: float) -> NDArray[np.float64]:
+    """Return the rotation ``(3, 3)`` of a sensor tilted about x by tau_x, then y by tau_y."""
+    cx, sx, cy, sy = (f(tau) for tau in (tau_x, tau_y) for f in (math.cos, math.sin))
     about_x = np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
     about_y = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]])
-    turned = about_y @ about_x
-    onto_plane = np.array(
-        [[turned[2, 2], 0, -turned[0, 2]], [0, turned[2, 2], -turned[1, 2]], [0, 0, 1]]
-    )
-    return onto_plane @ turned
+    return about_y @ about_x
+
+
+def _tilt_matrix(full: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return the homography ``(3, 3)`` onto the plane of a tilted sensor."""
+    turned = sensor_rotation(*full[12:])
+    x, y, z = turned[:, 2]
+    return np.array([[z, 0, -x], [0, z, -y], [0, 0, 1]]) @ turned
 
 
 def _homography(matrix: NDArray, points: NDArray) -> NDArray[np.float64]:

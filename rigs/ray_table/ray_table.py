@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.camera import Camera
 from rigs.geometry.image_checks import (
+    OnImage,
     check_name,
     check_status,
     check_window,
     image_size,
-    on_image,
     pixel_centres,
+    quarter_turns,
     rows_of,
     scaled_size,
 )
@@ -28,6 +29,7 @@ from rigs.ray_table.ray_arrays import (
     finite_or_zero,
     in_largest_view,
     origins_for,
+    turned_table,
     unit_or_nan,
     vectors,
     view_labels,
@@ -35,7 +37,7 @@ from rigs.ray_table.ray_arrays import (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RayTable:
+class RayTable(OnImage):
     """A camera whose every pixel has a ray of its own; it serves wherever a `Camera` does.
 
     Rays are interpolated between pixel centres, so neighbours should belong to one view. Where
@@ -256,14 +258,11 @@ class RayTable:
         """Return column and row in the table of pixel coordinates, ``(N, 2)``."""
         return (uv + 0.5) * self.scale - 0.5 + self.offset
 
-    def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether each of ``uv`` ``(N, 2)`` lies on the area of a pixel; NaN does not."""
-        return on_image(uv, self.image_size)
-
     def scaled(self, scale: float) -> RayTable:
         """Return the camera of the image resized by ``scale``: see `Camera.scaled`."""
         size = scaled_size(self.image_size, scale, f"camera {self.name}")
-        return replace(self, image_size=size, scale=self.scale / scale)
+        optics = self.optics and self.optics.with_pixels_scaled(1 / scale)
+        return replace(self, image_size=size, scale=self.scale / scale, optics=optics)
 
     def cropped(self, x: int, y: int, width: int, height: int) -> RayTable:
         """Return the camera of the window whose top-left pixel was column ``x``, row ``y``."""
@@ -271,10 +270,11 @@ class RayTable:
         moved = self.shifted(-x, -y)
         return replace(moved, image_size=(int(width), int(height)))
 
-    def shrunk(self, factor: int) -> RayTable:
-        """Return the camera of area means over ``factor`` x ``factor``: see `Camera.shrunk`."""
-        width, height = (side - side % factor for side in self.image_size)
-        return self.cropped(0, 0, width, height).scaled(1 / factor)
+    def rotated(self, degrees: int) -> RayTable:
+        """Return the camera of the image turned clockwise by 90, 180 or 270 degrees."""
+        quarters = quarter_turns(degrees, f"camera {self.name}")
+        where = (self.image_size, self.scale, self.offset)
+        return replace(self, **turned_table(self.own_origins, self.directions, *where, quarters))
 
     def shifted(self, right: float, down: float) -> RayTable:
         """Return the camera whose image lies that many pixels further right and down."""

@@ -11,6 +11,16 @@ import typer
 from tomo.cli.console import JsonFlag, print_json
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.outputs import check_output_folder
+from tomo.cli.rig_changes import (
+    CropOption,
+    DropOption,
+    KeepOption,
+    RenameOption,
+    RigChanges,
+    RotateOption,
+    ScaleOption,
+    WorldOption,
+)
 
 _TABLE = """
 Formats, r: read, w: written:
@@ -21,6 +31,10 @@ Formats, r: read, w: written:
 Distortion or skew that a format cannot hold is refused, never dropped. Lens data, volume, world
 frame and calibration figures are kept by our format only. The format of IN is recognised by its
 content, that of OUT by its suffix.
+
+OUT may be for images that were cropped, turned or binned, or in another world. Changes are made
+in this order, whatever that of the options: unit of length, cameras kept, images cropped, then
+turned, then scaled, the world, new names. Cameras are called by their names in IN.
 """
 
 
@@ -37,6 +51,7 @@ def _formats() -> str:
 EXAMPLES = """
 flametomo convert-rig transforms.json rig.yaml --length-unit mm
 flametomo convert-rig rig.yaml sparse --to colmap
+flametomo convert-rig rig.yaml small.yaml --crop 0,8,640,464 --scale 2
 """
 DETAILS = _TABLE.format(formats=_formats())
 
@@ -70,6 +85,13 @@ def convert_rig(
             metavar="WxH", help="Image size in pixels, like 640x480, for formats without it."
         ),
     ] = None,
+    keep: KeepOption = None,
+    drop: DropOption = None,
+    crop: CropOption = None,
+    rotate: RotateOption = None,
+    scale: ScaleOption = None,
+    world: WorldOption = None,
+    rename: RenameOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Convert a rig from one format into another."""
@@ -80,6 +102,7 @@ def convert_rig(
         rig = formats.load(
             source, found, length_unit=length_unit, image_size=_parse_size(image_size)
         )
+        rig, notes = RigChanges(keep, drop, crop, rotate, scale, rename, world).of(rig)
         check_output_folder(target.parent)
         formats.save(rig, target, to_format)
     result = {
@@ -87,7 +110,10 @@ def convert_rig(
         "cameras": list(rig.names),
         "length_unit": rig.length_unit,
         "file": str(target),
+        "notes": notes,
     }
+    for note in notes:
+        typer.echo(f"note: {note}", err=True)
     if as_json:
         print_json(result)
     else:

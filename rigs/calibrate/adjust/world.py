@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.calibrate.adjust.observation_arrays import Scene
+from rigs.geometry.alignment import are_on_a_line, motion_between
 from rigs.geometry.rotation import numbers
 
 _POORLY_MET = 0.05  # misfit relative to the RMS distance of given positions from their middle
@@ -72,11 +73,7 @@ def _aligned(
     world: Mapping[str, ArrayLike],
     rescale: bool,
 ) -> tuple[Scene, str, float, tuple[str, ...]]:
-    """Return the scene moved onto given positions in the least-squares sense.
-
-    Umeyama, "Least-squares estimation of transformation parameters between two point patterns"
-    (1991).
-    """
+    """Return the scene moved onto given positions in the least-squares sense."""
     given, found = [], []
     for name, position in world.items():
         given.append(numbers(position, (3,), f"world: {name}"))
@@ -87,19 +84,13 @@ def _aligned(
             found.append(scene.target_t[_posed_frame(scene, frames, name)])
     given, found = np.reshape(given, (-1, 3)), np.reshape(found, (-1, 3))
     for points in (given, found):
-        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-        if len(points) < 3 or spread[1] < 1e-6 * spread[0]:
+        if are_on_a_line(points):
             raise ValueError(
                 f"world: found {len(points)} positions, expected at least 3 that are not on a line"
             )
-    from_, onto = found - found.mean(axis=0), given - given.mean(axis=0)
-    left, values, right = np.linalg.svd(onto.T @ from_)
-    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    R = left @ (sign[:, None] * right)
-    size = float((values * sign).sum() / (from_**2).sum()) if rescale else 1.0
-    t = given.mean(axis=0) - size * R @ found.mean(axis=0)
+    R, t, size = motion_between(found, given, rescale)
     misfit = np.sqrt((((size * found @ R.T + t) - given) ** 2).sum(axis=1).mean())
-    extent = np.sqrt((onto**2).sum(axis=1).mean())
+    extent = np.sqrt(((given - given.mean(axis=0)) ** 2).sum(axis=1).mean())
     world_frame = f"given positions of {', '.join(world)}, met within {misfit:.3g} RMS"
     world_frame += ", which set the scale" if rescale else ""
     warning = (

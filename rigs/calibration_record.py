@@ -1,0 +1,78 @@
+"""The figures of ``rig.calibration`` when cameras or their images change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rigs.rig import Rig
+
+SINCE = "changed_since"
+"""Key of the lines that say what was done to a rig after its calibration."""
+
+
+def followed(
+    before: Rig, after: Rig, names: Mapping[str, str] | None = None, lines: Iterable[str] = ()
+) -> dict[str, Any] | None:
+    """Return the calibration of the rig ``before`` as it holds for the rig ``after``.
+
+    Figures by camera follow its name, and go with it. A target's pose is told in a camera's axes:
+    it is told anew where these turned, and in the first camera's where the rig lost that camera.
+    Other figures stay those of the images that were calibrated.
+
+    Parameters
+    ----------
+    before, after : Rig
+        In one world and unit.
+    names : mapping of str to str, optional
+        New names of cameras by their old ones.
+    lines : iterable of str
+        What was done, to be kept under `SINCE`.
+    """
+    if not before.calibration or not after.names:
+        return before.calibration
+    new = {name: (names or {}).get(name, name) for name in before.names}
+    record = _by_new_name(before.calibration, new, set(after.names))
+    if isinstance(held := record.get("held"), str):
+        record["held"] = new.get(held, held)
+    poses = record.get("target_poses")
+    if isinstance(poses, list | tuple):
+        record["target_poses"] = [_pose(pose, before, after, new) for pose in poses]
+    told = record.get(SINCE)
+    told = [*(told if isinstance(told, list | tuple) else ()), *lines]
+    return record | ({SINCE: told} if told else {})
+
+
+def _by_new_name(data: Any, new: Mapping[str, str], kept: set[str]) -> Any:
+    """Return plain data whose mappings by camera have new names, without cameras that are gone."""
+    if isinstance(data, list | tuple):
+        return [_by_new_name(item, new, kept) for item in data]
+    if not isinstance(data, Mapping):
+        return data
+    if data and data.keys() <= new.keys():
+        return {new[key]: value for key, value in data.items() if new[key] in kept}
+    return {key: _by_new_name(value, new, kept) for key, value in data.items()}
+
+
+def _pose(pose: Any, before: Rig, after: Rig, new: Mapping[str, str]) -> Any:
+    """Return a target's pose in the axes of a camera that the rig ``after`` has."""
+    try:
+        corners = np.array(pose["corners"], np.float64)
+        is_known = pose["camera"] in new and corners.ndim == 2 and corners.shape[1] == 3
+    except (TypeError, ValueError, KeyError, OverflowError):
+        is_known = False
+    if not is_known:
+        return pose
+    old = before[pose["camera"]]
+    name = new[old.name] if new[old.name] in after.names else after.names[0]
+    seen_by = after[name]
+    if name == new[old.name] and np.array_equal(old.R, seen_by.R):
+        return dict(pose) | {"camera": name}
+    moved = ((corners - old.t) @ old.R) @ seen_by.R.T + seen_by.t
+    return dict(pose) | {
+        "camera": name,
+        "corners": [[float(f"{x:.6g}") for x in c] for c in moved],
+    }
