@@ -93,13 +93,18 @@ class Mesh:
         return f"<Mesh {self.name!r} of {self.group!r}: {len(self.triangles)} triangles>"
 
     def normals(self) -> NDArray[np.float64]:
-        """Return unit vertex normals ``(V, 3)``: the area-weighted means of the faces around."""
+        """Return unit vertex normals ``(V, 3)``: the area-weighted means of the faces around.
+
+        A vertex of faces without area, like the tip of a cone, has z: glTF knows no normal of
+        length zero.
+        """
         a, b, c = (self.vertices[self.triangles[:, i]] for i in range(3))
         faces = np.cross(b - a, c - a)  # twice the area times the normal
         sums = np.zeros_like(self.vertices)
         for i in range(3):
             np.add.at(sums, self.triangles[:, i], faces)
-        return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
+        lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+        return np.where(lengths > 0, sums, [0.0, 0.0, 1.0]) / np.where(lengths > 0, lengths, 1.0)
 
     def merged(self, other: Mesh) -> Mesh:
         """Return both meshes as one, with this one's name and looks."""

@@ -1,11 +1,13 @@
+import json
 import re
+import struct
 
 import numpy as np
 import pytest
 import trimesh
 
 from rigs import Camera, Rig, look_at
-from tomo.draw import Scene, write_glb, write_html
+from tomo.draw import Mesh, Scene, write_glb, write_html
 from tomo.draw.rig import draw_rig, rig_scene, write_rig
 from tomo.draw.volume import write_volume_picture
 from tomo.grid import VoxelGrid
@@ -47,6 +49,30 @@ def test_glb_is_the_scene_in_metres(tmp_path, volume):
     assert (
         loaded.geometry["isosurface 15%/15% of the maximum"].visual.material.alphaMode == "BLEND"
     )
+
+
+def normals_in(path):
+    """Return the normals in a GLB as they are stored, ``(N, 3)``."""
+    content = path.read_bytes()
+    (length,) = struct.unpack("<I", content[12:16])
+    tree, binary = json.loads(content[20 : 20 + length]), content[28 + length :]
+    found = []
+    for mesh in tree["meshes"]:
+        accessor = tree["accessors"][mesh["primitives"][0]["attributes"]["NORMAL"]]
+        view = tree["bufferViews"][accessor["bufferView"]]
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        found.append(np.frombuffer(binary, "<f4", 3 * accessor["count"], start).reshape(-1, 3))
+    return np.concatenate(found)
+
+
+def test_normals_in_a_glb_are_unit_vectors(tmp_path, volume):
+    """As Khronos' validator asks; tips of arrows have no face with an area around them."""
+    scene = rig_scene(rig_of("a", "b", "c"), GRID, volume)
+    needle = Mesh("needle", "odd", np.eye(3)[[0, 0, 1]], np.array([[0, 1, 2]]), (1, 0, 0))
+    write_glb(tmp_path / "rig.glb", scene + Scene((needle,), (), scene.length_unit))
+    lengths = np.linalg.norm(normals_in(tmp_path / "rig.glb"), axis=1)
+    assert len(lengths) > 1000
+    np.testing.assert_allclose(lengths, 1, atol=1e-6)
 
 
 def test_html_names_the_cameras_and_loads_nothing(tmp_path, volume):
