@@ -208,8 +208,8 @@ def test_rigs_and_phantoms_stand_alone():
 def requirements():
     config = ConfigParser()
     config.read(ROOT / "setup.cfg")
-    listed = config["options"]["install_requires"] + config["options.extras_require"]["dev"]
-    return [line for line in listed.splitlines() if line.strip()]
+    listed = [config["options"]["install_requires"], *config["options.extras_require"].values()]
+    return [line for line in "\n".join(listed).splitlines() if line.strip()]
 
 
 DISTRIBUTIONS = {

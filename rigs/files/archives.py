@@ -1,10 +1,11 @@
-"""NumPy's ``.npz`` archives, read by NumPy once their headers agree with their size."""
+"""NumPy's ``.npz`` and ``.npy``, read by NumPy once their headers agree with their size."""
 
 from __future__ import annotations
 
 import math
 import os
 import zipfile
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,15 +38,34 @@ def read_arrays(path: str | os.PathLike) -> dict[str, NDArray]:
             return dict(arrays)
 
 
+def read_array(path: str | os.PathLike) -> NDArray:
+    """Return the array of an ``.npy`` file.
+
+    Raises
+    ------
+    ValueError
+        In one line, if the file is no plain array, is damaged, or holds Python objects.
+    """
+    with errors_of_libraries("not a readable .npy"):
+        with open(path, "rb") as file:
+            _check_header(file, os.path.getsize(path), "header")
+        return np.load(path, allow_pickle=False)
+
+
 def _check_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
     """Raise unless the shape in a member's header agrees with the member's size."""
     if member.compress_type not in _METHODS:
         raise ValueError(f"{member.filename}: found another compression, expected deflate or none")
     with archive.open(member) as file:
-        shape, _, dtype = _READ_HEADER[np.lib.format.read_magic(file)](file)
-        left = member.file_size - file.tell()
+        _check_header(file, member.file_size, member.filename)
+
+
+def _check_header(file: IO[bytes], size: int, what: str) -> None:
+    """Raise unless the shape in an array's header agrees with the size of its file."""
+    shape, _, dtype = _READ_HEADER[np.lib.format.read_magic(file)](file)
+    left = size - file.tell()
     # NumPy gives text of no length one letter: any number of values for nothing
     if not dtype.itemsize or math.prod(shape) * dtype.itemsize != left:
         raise ValueError(
-            f"{member.filename}: found {left} bytes of values, expected {dtype} of shape {shape}"
+            f"{what}: found {left} bytes of values, expected {dtype} of shape {shape}"
         )

@@ -2,6 +2,7 @@
 
 import base64
 import bz2
+import functools
 import gzip
 import io
 import json
@@ -22,6 +23,7 @@ from rigs.calibrate.detect import _detection_cache
 from rigs.calibrate.detect.found import Found
 from rigs.calibrate.detect.image_sets import read_source
 from rigs.files import load_rig, save_rig
+from rigs.files.world_file import load_world
 from rigs.ray_table.ray_file import load_ray_table, save_ray_table
 from rigs.recordings import is_integer_image, read_image
 from tomo import VoxelGrid, load_scan
@@ -141,7 +143,16 @@ def _scans(folder):
     return {
         "scan.yaml": Reader("scan.yaml", load, (_SCAN,), TREE, others),
         "scan of transforms.json": Reader("transforms.json", load, (transforms,), TREE, others),
+        "world file": Reader("world.yaml", lambda path: load_world(path, "mm"), _WORLDS, TREE),
     }
+
+
+_WORLDS = (
+    b"R: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]\nt: [1, 2, 3]\nlength_unit: cm\n",
+    b"origin: [0, 0, 1]\nx_axis: [1, 0, 0]\nxy_plane: [0, 1, 0]\nworld_frame: the table\n",
+    b"points: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nbecome: [[0, 0, 0], [0, 2, 0], [-2, 0, 0]]\n"
+    b"rescale: true\n",
+)
 
 
 def _volumes(folder):
@@ -155,7 +166,40 @@ def _volumes(folder):
         write_volume(folder / f"v{suffix}", data, VoxelGrid((2, 3, 4), 0.5))
         own = (folder / f"v{suffix}").read_bytes()
         found[f"volume {suffix}"] = Reader(f"v{suffix}", read_volume, (own, *more), changes)
+    np.save(folder / "v.npy", data)
+    own = (folder / "v.npy").read_bytes()
+    bare = functools.partial(read_volume, spacing=0.5)
+    found["volume .npy"] = Reader("v.npy", bare, (own,), (*TEXT, *BINARY))
+    found["volume .mha"] = Reader("v.mha", read_volume, _mhas(data), (*TEXT, *BINARY))
+    for suffix, pack in ((".nii", bytes), (".nii.gz", gzip.compress)):
+        sample = pack(_nifti(data))
+        found[f"volume {suffix}"] = Reader(f"v{suffix}", read_volume, (sample,), BINARY)
     return found
+
+
+def _mhas(data):
+    """Return MetaImages, plain and packed."""
+    values = data.tobytes(order="F")
+    packed = zlib.compress(values)
+    head = (
+        b"ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n%s"
+        b"TransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = 1 2 3\nElementSpacing = 1 1 2\n"
+        b"DimSize = 2 3 4\nElementType = MET_FLOAT\nElementDataFile = LOCAL\n"
+    )
+    length = b"CompressedData = True\nCompressedDataSize = %d\n" % len(packed)
+    return head % b"" + values, head % length + packed
+
+
+def _nifti(data):
+    head = bytearray(352)
+    struct.pack_into("<i", head, 0, 348)
+    struct.pack_into("<8h", head, 40, 3, *data.shape, 1, 1, 1, 1)
+    struct.pack_into("<2h", head, 70, 16, 32)
+    struct.pack_into("<9f", head, 76, 1, 1, 1, 2, 1, 1, 1, 1, 352)
+    struct.pack_into("<h", head, 254, 1)
+    struct.pack_into("<12f", head, 280, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 2, 0)
+    head[344:348] = b"n+1\0"
+    return bytes(head) + data.tobytes(order="F")
 
 
 def _images(folder):

@@ -20,7 +20,8 @@ NAMES = (
     *("OpenPTV parameters/ptv.par", "OpenPTV cal/cam1.tif.ori", "OpenCV YAML", "OpenCV JSON"),
     *("OpenCV stereo", "MyPTV", "format unknown .json", "format unknown .toml"),
     *("format unknown .yaml", "format unknown .txt", "scan.yaml", "scan of transforms.json"),
-    *("volume .npz", "volume .vti", "volume .nrrd", "image .tif", "image .png", "image .jpg"),
+    *("world file", "volume .npz", "volume .vti", "volume .nrrd", "volume .npy", "volume .mha"),
+    *("volume .nii", "volume .nii.gz", "image .tif", "image .png", "image .jpg"),
     *("calibration image", "detection cache", "encoder", "checkpoint"),
 )
 

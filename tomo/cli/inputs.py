@@ -43,6 +43,12 @@ UpperOption = Annotated[
 ]
 
 
+VOLUME_HELP = (
+    "A volume file: .npz, .vti, .nrrd, .mha, .npy with --spacing, or .nii and .nii.gz where "
+    "nibabel is installed."
+)
+
+
 def parse_grid_shape(text: str, option: str = "--grid") -> tuple[int, int, int]:
     """Return the counts of ``30x140x30``."""
     match = re.fullmatch(r"(\d{1,9})x(\d{1,9})x(\d{1,9})", text.strip().lower(), re.ASCII)
@@ -114,6 +120,39 @@ def parse_grid(
         parse_spacing(spacing) if spacing else default.spacing,
         parse_triple(center, "--center") if center else default.center if default else (0, 0, 0),
     )
+
+
+def read_volume_file(
+    path: str | Path,
+    spacing: str | None = None,
+    center: str | None = None,
+    length_unit: str | None = None,
+    *,
+    allow_nan: bool = False,
+) -> tuple:
+    """Return data, grid and unit of a volume; the options are for a .npy, which has no grid."""
+    from tomo.io import read_volume
+
+    given = {
+        "spacing": parse_spacing(spacing) if spacing else None,
+        "center": parse_triple(center, "--center") if center else None,
+        "length_unit": length_unit,
+    }
+    return read_volume(path, allow_nan=allow_nan, **given)
+
+
+def read_volume_in(
+    path: str | Path, rig: Rig, spacing: str | None = None, center: str | None = None
+) -> tuple:
+    """Return data and grid of a volume in a rig's unit; see `read_volume_file`."""
+    if Path(path).suffix.lower() == ".npy":
+        return read_volume_file(path, spacing, center, rig.length_unit)[:2]
+    data, grid, unit = read_volume_file(path)
+    if unit != rig.length_unit:
+        raise ValueError(
+            f"{path}: length_unit: found {unit!r}, expected {rig.length_unit!r}, the rig's"
+        )
+    return data, grid
 
 
 def load_rig_or_preset(text: str) -> Rig:

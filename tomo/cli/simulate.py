@@ -11,20 +11,21 @@ import typer
 from tomo.cli.console import JsonFlag, print_json, progress_bar
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
+    VOLUME_HELP,
     CenterOption,
     GridOption,
     RigOption,
     SpacingOption,
     load_rig_and_grid,
     parse_grid,
+    read_volume_in,
 )
 from tomo.cli.outputs import check_output_volume
 
 if TYPE_CHECKING:
+    from rigs import Rig
     from tomo.grid import VoxelGrid
     from tomo.scan import Scan
-
-_VOLUME_FILES = (".npz", ".vti", ".nrrd")
 
 EXAMPLES = """
 flametomo simulate --rig paper33_pitch --phantom turbulent -o scan
@@ -36,7 +37,7 @@ flametomo simulate --rig rig.yaml --phantom jet --grid 30x140x30
 def simulate(
     rig: RigOption,
     phantom: Annotated[
-        str, typer.Option(metavar="NAME", help="A phantom's name, or a volume file.")
+        str, typer.Option(metavar="NAME", help=f"A phantom's name, or a file. {VOLUME_HELP}")
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="The scan to write.")],
     grid: GridOption = None,
@@ -98,7 +99,7 @@ def simulate(
         )
         loaded, default = load_rig_and_grid(rig)
         check_output_volume(out, loaded, rig)
-        volume = _read_volume(phantom, loaded.length_unit)
+        volume = _read_volume(phantom, loaded, spacing, center)
         voxels = parse_grid(grid, spacing, center, default=volume[1] if volume else default)
         field = _field(phantom, volume, voxels, seed)
         rays = {"supersample": supersample, "refine": refine, "tracer": tracer}
@@ -131,22 +132,20 @@ def _summary(scan: Scan, voxels: VoxelGrid, folder: Path) -> dict[str, Any]:
     }
 
 
-def _read_volume(phantom: str, length_unit: str) -> tuple | None:
+def _read_volume(phantom: str, rig: Rig, spacing: str | None, center: str | None) -> tuple | None:
     """Return data and grid when ``phantom`` is a volume file, None when it is a name."""
     from phantoms import names
-    from tomo.io import read_volume
+    from tomo.io.volumes import readable_endings
 
     if phantom in names():
         return None
-    if Path(phantom).suffix.lower() not in _VOLUME_FILES:
+    if not phantom.lower().endswith(readable_endings()):
         known = ", ".join(names())
-        raise ValueError(f"--phantom: found {phantom!r}, expected a volume file or one of {known}")
-    data, grid, unit = read_volume(phantom)
-    if unit != length_unit:
         raise ValueError(
-            f"{phantom}: length_unit: found {unit!r}, expected {length_unit!r}, the rig's"
+            f"--phantom: found {phantom!r}, expected a volume file or one of {known}; volume "
+            f"files end in {', '.join(readable_endings())}"
         )
-    return data, grid
+    return read_volume_in(phantom, rig, spacing, center)
 
 
 def _field(phantom: str, volume: tuple | None, voxels: object, seed: int) -> object:

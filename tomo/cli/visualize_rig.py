@@ -11,12 +11,14 @@ import typer
 from tomo.cli.console import JsonFlag, finite_or_none, print_json, say
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
+    VOLUME_HELP,
     CenterOption,
     GridOption,
     RigArgument,
     SpacingOption,
     load_rig_and_grid,
     parse_grid,
+    read_volume_in,
 )
 from tomo.cli.outputs import check_output_pictures
 
@@ -43,7 +45,7 @@ def visualize_rig(
         ),
     ],
     volume: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="A volume file to show in its place.")
+        Path | None, typer.Option(metavar="FILE", help=f"Shown in its place. {VOLUME_HELP}")
     ] = None,
     grid: GridOption = None,
     spacing: SpacingOption = None,
@@ -146,16 +148,10 @@ def _volume(
     if volume is None:
         asked = grid or spacing or center
         return None, parse_grid(grid, spacing, center, default=default) if asked else default
-    if grid or spacing or center:
+    is_bare = volume.suffix.lower() == ".npy"
+    if grid or (not is_bare and (spacing or center)):
         raise ValueError("--volume: has a grid of its own, expected no --grid with it")
-    from tomo.io import read_volume
-
-    data, voxels, unit = read_volume(volume)
-    if unit != rig.length_unit:
-        raise ValueError(
-            f"{volume}: length_unit: found {unit!r}, expected {rig.length_unit!r}, the rig's"
-        )
-    return data, voxels
+    return read_volume_in(volume, rig, spacing, center)
 
 
 def _difference(

@@ -9,24 +9,37 @@ import typer
 
 from tomo.cli.console import JsonFlag, print_json
 from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.inputs import VOLUME_HELP, read_volume_file
 from tomo.cli.outputs import check_output_pictures
 
 EXAMPLES = """
 flametomo visualize-volume out/volume.npz -o flame.html
 flametomo visualize-volume out/volume.vti -o flame.png -o flame.glb
+flametomo visualize-volume array.npy --spacing 0.5 -o flame.html
 """
 
 
 def visualize_volume(
-    volume: Annotated[
-        Path, typer.Argument(metavar="VOLUME", help="A volume file: .npz, .vti or .nrrd.")
-    ],
+    volume: Annotated[Path, typer.Argument(metavar="VOLUME", help=VOLUME_HELP)],
     out: Annotated[
         list[Path],
         typer.Option(
             "--out", "-o", metavar="FILE", help="A .png, .html or .glb file to write; repeatable."
         ),
     ],
+    spacing: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTH", help="Edge lengths of a voxel of a .npy: 0.5 or 0.5,0.5,1."
+        ),
+    ] = None,
+    center: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,Z", help="Center of a .npy's grid; the origin if absent."),
+    ] = None,
+    length_unit: Annotated[
+        str | None, typer.Option(metavar="UNIT", help="Unit of a .npy's lengths; mm if absent.")
+    ] = None,
     title: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Title of the picture.")
     ] = None,
@@ -41,9 +54,8 @@ def visualize_volume(
         check_output_pictures(out)
         from tomo.draw.rig.rig_scene import volume_scene
         from tomo.draw.volume import isosurface_scene
-        from tomo.io import read_volume
 
-        data, grid, unit = read_volume(volume, allow_nan=True)
+        data, grid, unit = read_volume_file(volume, spacing, center, length_unit, allow_nan=True)
         heading = title if title is not None else volume.stem
         scene = None
         for path in out:

@@ -16,6 +16,7 @@ from rigs.files.size_guard import (
     largest_claim,
 )
 from tomo.grid import VoxelGrid
+from tomo.io._nrrd_axes import located
 
 _HEADER = 1 << 16  # bytes of a header; a longer one takes pynrrd seconds
 _WIDEST = 8  # bytes of the widest number that NRRD has
@@ -67,17 +68,7 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
     if len(sizes) != 3 or header["dimension"] != 3:
         raise ValueError(f"sizes: found {sizes[:4]}, expected three whole numbers >= 1")
     data = _values(header, content[file.tell() :], math.prod(sizes))
-    if "space directions" in header:
-        directions = np.asarray(header["space directions"], np.float64)
-        spacing = np.diagonal(directions)
-        if directions.shape != (3, 3) or (directions != np.diag(spacing)).any():
-            raise ValueError(
-                f"space directions: found {directions.tolist()}, expected axes along x, y and z"
-            )
-    else:
-        spacing = header.get("spacings", np.ones(3))
-    units = header.get("space units") or ["mm"]
-    return data, header.get("space origin", np.zeros(3)), spacing, str(units[0])
+    return located(header, data)
 
 
 def _sizes(header: bytes) -> list[int]:

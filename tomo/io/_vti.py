@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, decompressed
 from tomo.grid import VoxelGrid
+from tomo.io._axes import in_order
 
 _NUMBERS = {
     "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",
@@ -89,18 +90,16 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
         raise ValueError(
             f"found VTK XML of type {root.get('type')}, expected ImageData with one Piece"
         )
-    direction = _numbers(image, "Direction", 9, "1 0 0 0 1 0 0 0 1")
-    if not np.array_equal(direction, np.eye(3).ravel()):
-        raise ValueError("found turned axes (Direction), expected axes along x, y and z")
-
+    direction = _numbers(image, "Direction", 9, "1 0 0 0 1 0 0 0 1").reshape(3, 3)
     first, last = _numbers(piece, "Extent", 6, "", np.int64).reshape(3, 2).T
     spacing = _numbers(image, "Spacing", 3, "1 1 1")
-    origin = _numbers(image, "Origin", 3, "0 0 0") + first * spacing
+    steps = direction.T * spacing[:, None]
+    origin = _numbers(image, "Origin", 3, "0 0 0") + first @ steps
     shape = last - first + 1
     array = piece.find("PointData/DataArray")
     if array is None:
         array = piece.find("CellData/DataArray")
-        shape, origin = shape - 1, origin + spacing / 2
+        shape, origin = shape - 1, origin + steps.sum(axis=0) / 2
     if array is None:
         raise ValueError("found no DataArray, expected one in PointData or CellData")
     if array.get("NumberOfComponents", "1") != "1":
@@ -111,7 +110,10 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
     unit = image.find("FieldData/Array[@Name='length_unit']")
     codes = [] if unit is None else [int(code) for code in (unit.text or "").split()]
     length_unit = bytes(code for code in codes if code).decode() or "mm"
-    return values.reshape(shape, order="F"), origin, spacing, length_unit
+    values = values.reshape(shape, order="F")
+    if not (spacing > 0).all():
+        return values, origin, spacing, length_unit  # the grid says what is wrong with it
+    return *in_order(values, origin, steps, "Direction"), length_unit
 
 
 def _numbers(

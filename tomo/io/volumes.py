@@ -1,39 +1,54 @@
 """Volumes in and out: .npz, VTK ImageData (.vti) and NRRD, the format chosen by the suffix.
 
-All three store float32 values and the centre of voxel (0, 0, 0) as their origin, with x the
-fastest axis where the format has an order. In .vti the values are *point* data for that reason:
-VTK's origin is where the first point is, so points are voxel centres.
+Arrays (.npy), MetaImage (.mha) and NIfTI (.nii, .nii.gz) are only read. Those written store
+float32 values and the centre of voxel (0, 0, 0) as their origin, with x the fastest axis where the
+format has an order. In .vti the values are *point* data for that reason: VTK's origin is where the
+first point is, so points are voxel centres.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.files import atomic_path
-from rigs.files.archives import read_arrays
+from rigs.files.archives import read_array, read_arrays
 from rigs.files.size_guard import errors_of_libraries, largest_claim
 from tomo.grid import VoxelGrid
-from tomo.io import _nrrd, _vti
+from tomo.io import _metaimage, _nifti, _nrrd, _vti
 
 Volume = tuple[NDArray[np.float32], VoxelGrid, str]
 
 _HEADERS = 1 << 12  # bytes of a file written here that are no values, at the most
 
 
-def read_volume(path: str | os.PathLike, *, allow_nan: bool = False) -> Volume:
-    """Read a volume.
+def read_volume(
+    path: str | os.PathLike,
+    *,
+    allow_nan: bool = False,
+    spacing: ArrayLike | None = None,
+    center: ArrayLike | None = None,
+    length_unit: str | None = None,
+) -> Volume:
+    """Read a volume; axes that run against x, y or z, or in another order, are put in order.
 
     Parameters
     ----------
     path : path-like
-        A ``.npz`` (keys ``data, origin, spacing, length_unit``), ``.vti`` or ``.nrrd`` file.
+        A ``.npz`` (keys ``data, origin, spacing, length_unit``), ``.vti`` or ``.nrrd`` file, an
+        array ``(nx, ny, nz)`` in ``.npy``, ``.mha``, or with nibabel ``.nii`` or ``.nii.gz``.
     allow_nan : bool
         Whether voxels may be NaN, as `tomo.pipeline.Reconstruction.volume` marks unseen ones.
+    spacing : float or (3,), optional
+        Edge lengths of a voxel, for ``.npy``, which holds none.
+    center : (3,), optional
+        The middle of such a grid; the origin by default.
+    length_unit : str, optional
+        The unit of such a file.
 
     Returns
     -------
@@ -50,24 +65,48 @@ def read_volume(path: str | os.PathLike, *, allow_nan: bool = False) -> Volume:
         If there is no such file.
     """
     path = Path(path)
-    reader, _ = _format_of(path)
+    reader = _format_of(path, _READERS)
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such volume file")
-    with errors_of_libraries(f"{path}: not a readable volume"):
-        data, origin, spacing, length_unit = reader(path)
-        if data.ndim != 3 or data.dtype.kind not in "fiub":
+    given = {"spacing": spacing, "center": center, "length_unit": length_unit}
+    is_bare = reader is read_array
+    if is_bare and spacing is None:
+        raise ValueError(f"{path}: spacing: missing in a .npy, expected --spacing LENGTH with it")
+    for name, value in given.items():
+        if value is not None and not is_bare:
             raise ValueError(
-                f"data: found {data.dtype} of shape {data.shape}, expected numbers of shape "
-                "(nx, ny, nz)"
+                f"{path}: {name}: found {value} given, expected none: the file has its own grid"
             )
-        with np.errstate(over="ignore"):  # to infinity, which is refused below
-            data = np.ascontiguousarray(data, dtype=np.float32)
-        grid = VoxelGrid.from_origin(
-            data.shape, _three(spacing, "spacing"), _three(origin, "origin")
-        )
+    with errors_of_libraries(f"{path}: not a readable volume"):
+        if is_bare:
+            data = _checked(reader(path))
+            grid = VoxelGrid(data.shape, spacing, (0.0, 0.0, 0.0) if center is None else center)
+            length_unit = length_unit or "mm"
+        else:
+            data, origin, edges, length_unit = reader(path)
+            data = _checked(data)
+            grid = VoxelGrid.from_origin(
+                data.shape, _three(edges, "spacing"), _three(origin, "origin")
+            )
         _check_finite(data, allow_nan)
         check_length_unit(length_unit)
     return data, grid, length_unit
+
+
+def readable_endings() -> tuple[str, ...]:
+    """Return the endings of the volume files that can be read."""
+    return tuple(_READERS)
+
+
+def _checked(data: NDArray) -> NDArray[np.float32]:
+    """Return single-precision values of a volume, C order."""
+    if data.ndim != 3 or data.dtype.kind not in "fiub":
+        raise ValueError(
+            f"data: found {data.dtype} of shape {data.shape}, expected numbers of shape "
+            "(nx, ny, nz)"
+        )
+    with np.errstate(over="ignore"):  # to infinity, which is refused later
+        return np.ascontiguousarray(data, dtype=np.float32)
 
 
 def write_volume(
@@ -103,7 +142,7 @@ def write_volume(
         or the unit is no plain word.
     """
     path = Path(path)
-    _, writer = _format_of(path)
+    writer = _format_of(path, _WRITERS)
     data = np.asarray(data)
     if data.shape != grid.shape:
         raise ValueError(f"{path}: found volume shape {data.shape}, expected {grid.shape}")
@@ -179,18 +218,28 @@ def _write_npz(
     save(path, data=data, origin=grid.origin, spacing=grid.spacing, **units)
 
 
-_FORMATS: dict[str, tuple[Callable[[Path], tuple], Callable[..., None]]] = {
-    ".npz": (_read_npz, _write_npz),
-    ".vti": (_vti.read, _vti.write),
-    ".nrrd": (_nrrd.read, _nrrd.write),
+_READERS: dict[str, Callable] = {
+    ".npz": _read_npz,
+    ".vti": _vti.read,
+    ".nrrd": _nrrd.read,
+    ".npy": read_array,
+    ".mha": _metaimage.read,
+    ".nii": _nifti.read,
+    ".nii.gz": _nifti.read,
+}
+_WRITERS: dict[str, Callable[..., None]] = {
+    ".npz": _write_npz,
+    ".vti": _vti.write,
+    ".nrrd": _nrrd.write,
 }
 
 
-def _format_of(path: Path) -> tuple[Callable, Callable]:
-    try:
-        return _FORMATS[path.suffix.lower()]
-    except KeyError:
-        expected = ", ".join(_FORMATS)
-        raise ValueError(
-            f"{path}: volume format: found suffix {path.suffix!r}, expected one of {expected}"
-        ) from None
+def _format_of(path: Path, formats: Mapping[str, Callable]) -> Callable:
+    """Return the function for a file of that ending."""
+    for ending, function in formats.items():
+        if path.name.lower().endswith(ending):
+            return function
+    raise ValueError(
+        f"{path}: volume format: found suffix {path.suffix!r}, expected one of "
+        f"{', '.join(formats)}"
+    )

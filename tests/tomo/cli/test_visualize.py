@@ -40,6 +40,32 @@ def test_rig_with_a_volume_to_all_three(tmp_path, volume):
     assert np.abs(bounds).max() == pytest.approx(5.8, rel=0.05)  # metres
 
 
+def test_an_array_is_drawn_with_a_spacing(run_tool, tmp_path, volume):
+    array, out = tmp_path / "array.npy", tmp_path / "a.glb"
+    np.save(array, np.load(volume)["data"])
+    grid = ("--spacing", "1,2,1.5", "--center", "0,1,2")
+    done = run_tool("visualize_volume", array, *grid, "-o", out, "--json")
+    assert done.exit_code == 0, done.stderr
+    found = json.loads(done.stdout)["grid"]
+    assert found == {"shape": [8, 20, 10], "spacing": [1, 2, 1.5], "center": [0, 1, 2]}
+    expected = tmp_path / "b.glb"
+    assert run_tool("visualize_volume", volume, "-o", expected).exit_code == 0
+    assert out.read_bytes() == expected.read_bytes()
+    done = run_tool("visualize_rig", "paper11_33deg", "--volume", array, *grid, "-o", out)
+    assert done.exit_code == 0, done.stderr
+    for arguments, words in (
+        (("visualize_volume", array), "array.npy: spacing: missing in a .npy, expected --spacing"),
+        (("visualize_volume", volume, *grid[:2]), "volume.npz: spacing: found"),
+        (("visualize_rig", "paper11_33deg", "--volume", array), "array.npy: spacing: missing"),
+        (("visualize_rig", "paper11_33deg", "--volume", volume, *grid), "a grid of its own"),
+    ):
+        done = run_tool(*arguments, "-o", tmp_path / "none.glb")
+        assert done.exit_code == 2
+        assert len(done.stderr.splitlines()) == 1
+        assert words in done.stderr
+    assert not (tmp_path / "none.glb").exists()
+
+
 @pytest.mark.parametrize("name", ["paper11_33deg", "paper33_pitch"])
 def test_a_preset_to_all_three(run_tool, tmp_path, name):
     outs = [tmp_path / f"rig.{suffix}" for suffix in ("png", "html", "glb")]

@@ -60,11 +60,28 @@ FIELDS = [
     ({"encoding": "ascii", "data": b"1 2 x 4 5 6 7 8"}, "not a readable volume"),
     ({"spacings": "nan nan nan"}, "grid spacing: found (nan, nan, nan)"),
     ({"spacings": "-1 1 1"}, "grid spacing: found (-1.0, 1.0, 1.0)"),
-    ({"spacings": "1 1"}, "spacing: found float64 of shape (2,), expected three numbers"),
+    ({"spacings": "1 1"}, "spacings: found shape (2,), expected three numbers"),
     ({"space_dimension": 3, "space_origin": "(nan,2,3)"}, "grid center: found (nan, 2.5, 3.5)"),
     ({"space_dimension": 3, "space_origin": "(1,2)"}, "origin: found float64 of shape (2,)"),
     ({"space_dimension": 3, "space_directions": "(1,0,0) (0,1,0) none"}, "space directions"),
-    ({"space_units": '"m m" "x" "y"'}, "length_unit: found 'm m', expected one word"),
+    ({"space_units": '"m m" "m m" "m m"'}, "length_unit: found 'm m', expected one word"),
+    ({"space_units": '"mm" "mm" "m"'}, "space units: found ['mm', 'mm', 'm'], expected one unit"),
+    ({"axis_mins": "1 2"}, "axis mins: found shape (2,), expected three numbers"),
+    ({"axis_mins": "a b c"}, "not a readable volume"),
+    ({"centerings": "cell cell"}, "centerings: found ['cell', 'cell'], expected cell or node"),
+    ({"centers": "cell x node"}, "centerings: found ['cell', 'x', 'node'], expected cell or node"),
+    (
+        {"axis_mins": "0 0 0", "axis_maxs": "1 1 5", "spacings": "1 1 1"},
+        "axis maxs: found 5, expected 1 by axis mins, spacings and nodes",
+    ),
+    (
+        {"space_dimension": 3, "space_directions": "(1,0.1,0) (0,1,0) (0,0,1)"},
+        "space directions: found [[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], expected",
+    ),
+    (
+        {"space_dimension": 3, "space_directions": "(1,0,0) (1,0,0) (0,0,1)"},
+        "space directions: found [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], expected",
+    ),
 ]
 
 

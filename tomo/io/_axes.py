@@ -1,0 +1,48 @@
+"""Volumes whose array axes run along world axes in any order and direction, put in order."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+_ASKEW = 1e-6  # of a step, off its world axis; more is 0.001 voxels over 1000, less is rounding
+
+
+def in_order(
+    data: NDArray, origin: NDArray[np.float64], steps: NDArray[np.float64], field: str
+) -> tuple[NDArray, NDArray[np.float64], NDArray[np.float64]]:
+    """Return values ``(nx, ny, nz)`` with axes along x, y and z, first voxel and spacing.
+
+    Axes that run against the world's are flipped, and the origin moves to their other end.
+
+    Parameters
+    ----------
+    data : (n0, n1, n2)
+    origin : (3,)
+        World position of voxel (0, 0, 0)'s centre.
+    steps : (3, 3)
+        Row i is the way from a voxel to the next one along axis i of ``data``.
+    field : str
+        The file's name of them, for the error.
+
+    Raises
+    ------
+    ValueError
+        If an axis is not along a world axis, or two are along one.
+    """
+    steps = np.asarray(steps, np.float64)
+    found = f"{field}: found {steps.tolist()}, expected axes along x, y and z"
+    if steps.shape != (3, 3) or not np.isfinite(steps).all():
+        raise ValueError(found)
+    world = np.abs(steps).argmax(axis=1)
+    along = np.take_along_axis(steps, world[:, None], axis=1)[:, 0]
+    off = np.abs(steps).sum(axis=1) - np.abs(along)
+    if sorted(world) != [0, 1, 2] or (off > _ASKEW * np.abs(along)).any() or (along == 0).any():
+        raise ValueError(found)
+    origin = np.array(origin, np.float64)
+    for axis, step in enumerate(along):
+        if step < 0:
+            data = np.flip(data, axis)
+            origin[world[axis]] += (data.shape[axis] - 1) * step
+    order = np.argsort(world)
+    return data.transpose(order), origin, np.abs(along[order])
