@@ -52,13 +52,14 @@ class World:
         return replace(moved, world_frame=self.frame)
 
 
-def load_world(path: str | os.PathLike, length_unit: str) -> World:
-    """Return the world that a file describes, in a rig's unit of length.
+def load_world(path: str | os.PathLike, rig: Rig) -> World:
+    """Return the world that a file describes for a rig.
 
     The file has the keys ``R`` and ``t`` of ``x_new = R x_old + t``, or three points in the old
     world: ``origin``, ``x_axis`` on the new x axis, ``xy_plane`` in the new x-y plane at y > 0; or
-    ``points`` in the old world and what they ``become``, three or more of each, with ``rescale:
-    true`` where their distances set the scale. ``length_unit`` is by default the rig's, and
+    ``points`` in the old world and what they ``become``, three or more of each; or, as for
+    calibrate-rig, new positions of three or more cameras by name. ``rescale: true`` lets distances
+    set the scale. ``length_unit`` is by default the rig's, and
     ``world_frame`` says in words what the new world is.
 
     Raises
@@ -70,38 +71,46 @@ def load_world(path: str | os.PathLike, length_unit: str) -> World:
     """
     data = read_yaml_mapping(path)
     try:
-        return _world(data, length_unit)
+        return _world(data, rig)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _world(data: Mapping[str, Any], length_unit: str) -> World:
-    found = next((kind for kind in _KINDS if kind[0] in data), ())
-    choices = ", or ".join(" and ".join((", ".join(k[:-1]), k[-1])) for k in _KINDS)
-    if not found:
-        raise ValueError(f"found the keys {shortened(', '.join(data))}, expected {choices}")
-    for key in found:
-        if key not in data:
-            raise ValueError(f"{key}: missing, expected {', '.join(found)}")
-    for key in data:
-        if key not in (*found, *_MORE):
-            raise ValueError(f"{shortened(key)}: unknown, expected {', '.join((*found, *_MORE))}")
+def _world(data: Mapping[str, Any], rig: Rig) -> World:
+    given = {key: value for key, value in data.items() if key not in _MORE}
     rescale, frame = data.get("rescale", False), data.get("world_frame", "")
-    if not isinstance(rescale, bool) or (rescale and found[0] != "points"):
-        raise ValueError(
-            f"rescale: found {shortened(rescale)}, expected true or false, with points and become"
-        )
+    if not isinstance(rescale, bool):
+        raise ValueError(f"rescale: found {shortened(rescale)}, expected true or false")
     if not isinstance(frame, str):
         raise ValueError(f"world_frame: found {shortened(frame)}, expected text")
-    factor = _factor(data.get("length_unit", length_unit), length_unit)
-    if found[0] == "R":
+    factor = _factor(data.get("length_unit", rig.length_unit), rig.length_unit)
+    if given and all(isinstance(key, str) and key in rig for key in given):
+        points = np.array([rig[name].position for name in given])
+        places = np.array([numbers(place, (3,), name) for name, place in given.items()])
+        return _by_places(points, places * factor, rescale, frame)
+    keys = next((kind for kind in _KINDS if kind[0] in given), ())
+    if not keys:
+        choices = ", or ".join(" and ".join((", ".join(k[:-1]), k[-1])) for k in _KINDS)
+        raise ValueError(
+            f"found the keys {shortened(', '.join(map(str, data)))}, expected {choices}, or "
+            "positions by the rig's names of cameras"
+        )
+    for key in keys:
+        if key not in given:
+            raise ValueError(f"{key}: missing, expected {', '.join(keys)}")
+    for key in given:
+        if key not in keys:
+            raise ValueError(f"{shortened(key)}: unknown, expected {', '.join((*keys, *_MORE))}")
+    if keys[0] == "points":
+        places = [_points(data[key], key) * factor for key in keys]
+        return _by_places(*places, rescale, frame)
+    if rescale:
+        raise ValueError("rescale: found true, expected points and what they become with it")
+    if keys[0] == "R":
         R, t = rotation(data["R"], "R"), numbers(data["t"], (3,), "t") * factor
         return World(R, t, 1.0, frame or "moved from the rig's former world")
-    if found[0] == "origin":
-        R, t = _axes_by_points(*(numbers(data[key], (3,), key) * factor for key in found))
-        return World(R, t, 1.0, frame or "origin, x axis and x-y plane by three points")
-    places = [_points(data[key], key) * factor for key in found]
-    return _by_places(*places, rescale, frame)
+    R, t = _axes_by_points(*(numbers(data[key], (3,), key) * factor for key in keys))
+    return World(R, t, 1.0, frame or "origin, x axis and x-y plane by three points")
 
 
 def _factor(unit: Any, rig_unit: str) -> float:
@@ -114,14 +123,9 @@ def _factor(unit: Any, rig_unit: str) -> float:
 
 
 def _points(value: Any, what: str) -> NDArray[np.float64]:
-    """Return points ``(N, 3)`` that are not on a line."""
+    """Return points ``(N, 3)``."""
     count = len(value) if isinstance(value, list) else 0
-    points = numbers(value, (count or 3, 3), what)
-    if are_on_a_line(points):
-        raise ValueError(
-            f"{what}: found {len(points)} points, expected 3 or more that are not on a line"
-        )
-    return points
+    return numbers(value, (count or 3, 3), what)
 
 
 def _axes_by_points(
@@ -144,10 +148,15 @@ def _by_places(points: NDArray, become: NDArray, rescale: bool, frame: str) -> W
     Raises
     ------
     ValueError
-        If the places are missed by more than 5 % of their extent.
+        If points or places are on a line, or are not each other's within 5 % of their extent.
     """
     if len(points) != len(become):
         raise ValueError(f"become: found {len(become)} points, expected {len(points)}, as points")
+    for name, some in (("points", points), ("become", become)):
+        if are_on_a_line(some):
+            raise ValueError(
+                f"{name}: found {len(some)} points, expected 3 or more that are not on a line"
+            )
     R, t, size = motion_between(points, become, rescale)
     misfit = float(np.sqrt(((size * points @ R.T + t - become) ** 2).sum(axis=1).mean()))
     extent = float(np.sqrt(((become - become.mean(axis=0)) ** 2).sum(axis=1).mean()))

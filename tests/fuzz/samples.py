@@ -143,11 +143,12 @@ def _scans(folder):
     return {
         "scan.yaml": Reader("scan.yaml", load, (_SCAN,), TREE, others),
         "scan of transforms.json": Reader("transforms.json", load, (transforms,), TREE, others),
-        "world file": Reader("world.yaml", lambda path: load_world(path, "mm"), _WORLDS, TREE),
+        "world file": Reader("world.yaml", lambda path: load_world(path, rig), _WORLDS, TREE),
     }
 
 
 _WORLDS = (
+    b"cam0: [0, 0, 5]\ncam1: [1, 0, 5]\ncam2: [0, 1, 5]\nrescale: true\n",
     b"R: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]\nt: [1, 2, 3]\nlength_unit: cm\n",
     b"origin: [0, 0, 1]\nx_axis: [1, 0, 0]\nxy_plane: [0, 1, 0]\nworld_frame: the table\n",
     b"points: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nbecome: [[0, 0, 0], [0, 2, 0], [-2, 0, 0]]\n"

@@ -45,6 +45,7 @@ def test_both_kinds_of_camera_satisfy_the_protocol(camera):
     for moved in (
         camera.scaled(0.5),
         camera.cropped(1, 2, 20, 10),
+        camera.rotated(90),
         camera.shrunk(2),
         camera.shifted(1.0, 2.0),
         camera.transformed(np.eye(3), np.ones(3)),

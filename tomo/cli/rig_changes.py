@@ -60,7 +60,7 @@ WorldOption = Annotated[
     typer.Option(
         metavar="FILE",
         help="Move the world: a YAML file with R and t of x_new = R x + t, or the points origin, "
-        "x_axis and xy_plane, or points and what they become.",
+        "x_axis and xy_plane, or points and what they become, or positions of cameras by name.",
         **_PANEL,
     ),
 ]
@@ -210,7 +210,7 @@ def _in_world(rig: Rig, path: Path) -> tuple[Rig, list[str]]:
     """Return the rig in the world that a file describes, and what there is to say of it."""
     from rigs.files.world_file import load_world
 
-    world = load_world(path, rig.length_unit)
+    world = load_world(path, rig)
     moved, notes = world.of(rig), []
     if world.misfit:
         unit = rig.length_unit

@@ -1,6 +1,7 @@
 """A new world by a rigid motion, by three points, or by points' new places."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,13 +18,16 @@ T = np.array([10.0, -20.0, 5.0])
 
 @pytest.fixture
 def rig():
-    return ring(3, distance=500, image_size=(40, 30), footprint=0.5, volume=Volume((3, 4, 5), 2.0))
+    return RIG
+
+
+RIG = ring(4, distance=500, image_size=(40, 30), footprint=0.5, volume=Volume((3, 4, 5), 2.0))
 
 
 def world(tmp_path, unit="mm", **data):
     path = tmp_path / "world.yaml"
     path.write_text(yaml.safe_dump(data))
-    return load_world(path, unit)
+    return load_world(path, replace(RIG, length_unit=unit))
 
 
 def assert_same_views(rig, moved, size=1.0, R=R, t=T):
@@ -82,6 +86,15 @@ def test_distances_of_points_set_the_scale_where_asked(tmp_path, rig):
     assert grown == pytest.approx({**figures, "ray_miss_predicted": 0.25})
 
 
+def test_new_positions_of_cameras(tmp_path, rig):
+    places = {camera.name: (R @ camera.position + T).tolist() for camera in rig[1:]}
+    assert_same_views(rig, world(tmp_path, **places, length_unit="mm").of(rig))
+    assert_same_views(rig, world(tmp_path, **places, rescale=True).of(rig))
+    two = dict(list(places.items())[:2])
+    with pytest.raises(ValueError, match="points: found 2 points, expected 3 or more"):
+        world(tmp_path, **two)
+
+
 MIRRORED = (POINTS * [1, 1, -1]).tolist()
 BAD = [
     ({"a": 1}, "found the keys 'a', expected R and t, or origin, x_axis and xy_plane, or points"),
@@ -92,7 +105,7 @@ BAD = [
         {"R": np.eye(3).tolist(), "t": [0, 0, 0], "s": 2},
         "'s': unknown, expected R, t, world_frame",
     ),
-    ({"R": np.eye(3).tolist(), "t": [0, 0, 0], "rescale": True}, "rescale: found True"),
+    ({"R": np.eye(3).tolist(), "t": [0, 0, 0], "rescale": True}, "rescale: found true"),
     ({"R": np.eye(3).tolist(), "t": [0, 0, 0], "world_frame": 3}, "world_frame: found 3"),
     ({"R": np.eye(3).tolist(), "t": [0, 0, 0], "length_unit": "ell"}, "length_unit: found 'ell'"),
     (
@@ -103,9 +116,12 @@ BAD = [
     ({"points": POINTS.tolist(), "become": MIRRORED[:3]}, "become: found 3 points, expected 4"),
     ({"points": POINTS.tolist(), "become": MIRRORED}, "become: found points off these places"),
     (
-        {"points": [[i, i, 0] for i in range(3)], "become": MIRRORED},
-        "points: found 3 points, expected 3 or more",
+        {"points": [[i, i, 0] for i in range(4)], "become": MIRRORED},
+        "points: found 4 points, expected 3 or more",
     ),
+    ({"cam00": [0, 0, 0], "x": [1, 1, 1]}, "found the keys 'cam00, x', expected"),
+    ({"cam00": 3, "cam01": [0, 0, 0]}, "cam00: found shape (), expected 3 numbers"),
+    ({"rescale": True}, "found the keys 'rescale', expected R and t"),
     ({"points": 3, "become": 3}, "points: found shape ()"),
     ({"points": [[0, 0], [1, 1]], "become": 3}, "points: found shape (2, 2)"),
 ]

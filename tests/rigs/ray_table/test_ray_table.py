@@ -88,6 +88,8 @@ def test_it_is_moved_scaled_and_cropped_as_a_camera_is(model):
         lambda c: c.scaled(0.5),
         lambda c: c.scaled(2.0),
         lambda c: c.cropped(10, 20, 90, 70),
+        lambda c: c.rotated(90),
+        lambda c: c.cropped(10, 20, 90, 70).rotated(270).scaled(0.5),
         lambda c: c.shrunk(3),
         lambda c: c.shifted(2.5, -1.25),
         lambda c: c.cropped(10, 20, 90, 70).scaled(0.5).shifted(1, 0).transformed(R, [0, 0, 1]),

@@ -2,12 +2,13 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
 
-from rigs import Camera, Distortion, Rig, Volume, load_rig, look_at, preset, save_rig
+from rigs import Camera, Distortion, RayTable, Rig, Volume, load_rig, look_at, preset, save_rig
 from rigs.recordings import write_image
 from tomo import load_scan
 from tomo.io import read_volume
@@ -183,6 +184,23 @@ def test_shrinking_says_where_pixels_are_left_over(scene, run_tool, tmp_path):
         "--scale: sides of cam1 (40 x 48) are no multiples of it: what is left of the last column "
         "or row is taken to be cut off, not squeezed in"
     ]
+
+
+def test_a_table_of_rays_is_changed_and_written(run_tool, tmp_path):
+    lens = Distortion("brown", (-0.2, 0.05, 0.01, -0.02))
+    camera = Camera("a", (64, 48), [[80, 0, 32], [0, 80, 24], [0, 0, 1]], lens, t=[0, 0, 100.0])
+    save_rig(Rig((RayTable.of(camera), replace(camera, name="b"))), tmp_path / "rig.yaml")
+    options = ("--crop", "2,1,60,40", "--rotate", "90", "--scale", "2", "--rename", "a=c")
+    options += ("--length-unit", "cm")
+    rig, _ = converted(run_tool, tmp_path / "rig.yaml", tmp_path / "out.yaml", *options)
+    assert rig.names == ("c", "b")
+    assert rig["c"].image_size == rig["b"].image_size == (20, 30)
+    for found, expected in zip(rig["c"].rays(), rig["b"].rays(), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=2e-4)  # between pixels
+    given = load_rig(tmp_path / "rig.yaml")["a"]
+    again = given.cropped(2, 1, 60, 40).rotated(90).shrunk(2)
+    np.testing.assert_array_equal(rig["c"].rays()[1], again.rays()[1])
+    np.testing.assert_allclose(rig["c"].rays()[0], again.rays()[0] / 10, rtol=0, atol=1e-12)
 
 
 BAD = [
