@@ -77,6 +77,7 @@ def with_images_changed(rig: Rig, changes: Mapping[str, ImageChange]) -> Rig:
         rig[name]  # raises where there is none
     cameras = [changes[c.name].of(c) if c.name in changes else c for c in rig]
     changed = replace(rig, cameras=tuple(cameras))
+    changes = {name: change for name, change in changes.items() if change != ImageChange()}
     lines = [f"{name}: images {changes[name]}" for name in rig.names if name in changes]
     return replace(changed, calibration=followed(rig, changed, lines=lines))
 

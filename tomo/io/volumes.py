@@ -71,7 +71,10 @@ def read_volume(
     given = {"spacing": spacing, "center": center, "length_unit": length_unit}
     is_bare = reader is read_array
     if is_bare and spacing is None:
-        raise ValueError(f"{path}: spacing: missing in a .npy, expected --spacing LENGTH with it")
+        raise ValueError(
+            f"{path}: spacing: missing in a .npy, expected --spacing LENGTH with it, or a .npz "
+            "of data, origin and spacing"
+        )
     for name, value in given.items():
         if value is not None and not is_bare:
             raise ValueError(
