@@ -368,8 +368,13 @@ def _nrrds():
     head = "NRRD0004\ntype: float\ndimension: 3\nsizes: 2 3 4\nencoding: {}\nendian: little\n"
     head += "space: 3D-right-handed\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n"
     head += "space origin: (0,0,0)\n{}\n"
+    by_axis = (
+        "NRRD0004\ntype: float\ndimension: 3\nsizes: 2 3 4\nencoding: raw\nendian: little\n"
+        "spacings: 1 2 3\naxis mins: -1 6 0\naxis maxs: 1 0 nan\ncenterings: cell cell node\n"
+        'units: "mm" "mm" "mm"\n\n'
+    )
     values = np.arange(24, dtype="<f4").tobytes()
-    return tuple(
+    return by_axis.encode() + values, *(
         head.format(encoding, fields).encode() + data
         for encoding, fields, data in (
             ("raw", "", values),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -86,8 +86,6 @@ class RigChanges:
         ValueError
             Naming the option or the camera.
         """
-        from dataclasses import replace
-
         from rigs.changes import ImageChange, with_cameras, with_images_changed
 
         kept = self._kept(rig)
@@ -191,8 +189,6 @@ def _new_names(rig: Rig, texts: Sequence[str]) -> dict[str, str]:
 
 def _cut_sides(before: Rig, changes: dict[str, Any]) -> list[str]:
     """Return a note where shrinking leaves a part of a pixel over."""
-    from dataclasses import replace
-
     cut = []
     for name, change in changes.items():
         size = replace(change, scale=1.0).of(before[name]).image_size
