@@ -1,18 +1,20 @@
-"""COLMAP's text models: a folder of ``cameras.txt``, ``images.txt`` and, since 3.12, ``rigs.txt``.
+"""COLMAP's models: a folder of ``cameras``, ``images`` and, since 3.12, ``rigs``, as .txt or .bin.
 
 Poses are world to camera in OpenCV's axes, ``x_cam = R(QW, QX, QY, QZ) @ x_world + T``; (0.5, 0.5)
-is the centre of the top-left pixel; lengths have no unit. Known lens models: SIMPLE_PINHOLE,
-PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE.
+is the centre of the top-left pixel; lengths have no unit. `rigs.formats._colmap_lenses` lists the
+camera models; FOV, DIVISION and EUCM become tables of rays.
 
 An image's camera is its folder, else the image itself, as in ``transforms.json``. A folder whose
-images stand in different places belongs to a moving rig: then ``rigs.txt`` is read, and the world
-is the axes of the rig's reference sensor. Without ``images.txt`` too; sensors are then named by
-their numbers. Written are the cameras as sensors of one rig, seen in one frame, one image
-``<camera>.png`` each. https://colmap.github.io/format.html, https://colmap.github.io/cameras.html
+images stand in different places belongs to a moving rig: then ``rigs`` is read, and the world is
+the axes of the rig's reference sensor. Without ``images`` too; sensors are then named by their
+numbers. A folder with a model of each kind is read where both say the same. Written are the
+cameras as sensors of one rig, as text, seen in one frame, one image ``<camera>.png`` each.
+https://colmap.github.io/format.html, https://colmap.github.io/cameras.html
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -20,29 +22,16 @@ import numpy as np
 from rigs.camera import Camera
 from rigs.files.text import read_text, shortened, write_text
 from rigs.files.units import UNKNOWN
+from rigs.formats._colmap_binary import text_of
+from rigs.formats._colmap_lenses import MODELS, Sensor, read_sensor
 from rigs.formats._colmap_rigs import read_sensors, rig_texts
 from rigs.formats._lens import named_model, refuse_skew, refuse_tables
 from rigs.formats._values import as_count, errors_of, errors_of_file, numbers_of_line
 from rigs.formats._views import difference, grouped, named
 from rigs.geometry.rotation import matrix_of_quaternion, quaternion_of_matrix
-from rigs.lens import Distortion
 from rigs.rig import Rig
 
-#: The model here of each of COLMAP's, and its parameters in the order of the file.
-_MODELS: dict[str, tuple[str, str]] = {
-    "SIMPLE_PINHOLE": ("none", "f cx cy"),
-    "PINHOLE": ("none", "fx fy cx cy"),
-    "SIMPLE_RADIAL": ("brown", "f cx cy k1"),
-    "RADIAL": ("brown", "f cx cy k1 k2"),
-    "OPENCV": ("brown", "fx fy cx cy k1 k2 p1 p2"),
-    "FULL_OPENCV": ("rational", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
-    "OPENCV_FISHEYE": ("fisheye", "fx fy cx cy k1 k2 k3 k4"),
-}
-_SLOTS = {
-    "brown": ("k1", "k2", "p1", "p2"),
-    "rational": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
-    "fisheye": ("k1", "k2", "k3", "k4"),
-}
+_STEMS, _ENDINGS = ("cameras", "images", "rigs", "frames"), (".txt", ".bin")
 _POSE = ["QW", "QX", "QY", "QZ", "TX", "TY", "TZ"]
 _FIELDS = {
     "image_size": "WIDTH, HEIGHT",
@@ -51,19 +40,14 @@ _FIELDS = {
     "R": "QW, QX, QY, QZ",
     "t": "TX, TY, TZ",
 }
-_FILES = ("cameras.txt", "images.txt", "rigs.txt", "frames.txt")
+_FILES = tuple(f"{stem}{ending}" for stem in _STEMS for ending in _ENDINGS)
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Return whether a folder, or the folder of a file, is a text model."""
+    """Return whether a folder, or the folder of a file, is a model."""
     if path.is_file() and path.name not in _FILES:
         return False
-    folder = _folder(path)
-    if path.is_dir() and (folder / "cameras.bin").is_file():
-        return True  # load() explains that it is binary
-    return (folder / "cameras.txt").is_file() and any(
-        (folder / name).is_file() for name in ("images.txt", "rigs.txt")
-    )
+    return bool(_endings(path))
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
@@ -74,29 +58,38 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     ValueError
         In one line: the file, the camera, the field, what was found, what was expected.
     """
-    folder = _folder(Path(path))
-    if (folder / "cameras.bin").is_file() and not (folder / "cameras.txt").is_file():
+    path = Path(path)
+    folder = _folder(path)
+    rigs = [_load(folder, ending) for ending in _endings(path) or [".txt"]]
+    if len(rigs) > 1 and not _same(*rigs):
         raise ValueError(
-            f"{folder}: found a binary model, expected text: colmap model_converter "
-            "--output_type TXT makes it"
+            f"{folder}: found cameras.txt and cameras.bin of different models, expected one of "
+            "them as IN"
         )
-    sensors = _read_cameras(folder / "cameras.txt")
-    if not (folder / "images.txt").is_file():
-        return _rig_of_sensors(folder, sensors, {})
-    file = folder / "images.txt"
+    return rigs[0]
+
+
+def _load(folder: Path, ending: str) -> Rig:
+    """Return the rig of a folder's text files, or of its binary ones."""
+    sensors = _read_cameras(folder / f"cameras{ending}")
+    file, rigs = folder / f"images{ending}", folder / f"rigs{ending}"
+    if not file.is_file():
+        return _rig_of_sensors(rigs, sensors, {})
     with errors_of_file(file):
-        views = _read_images(read_text(file), sensors)
+        views = _read_images(_text(file), sensors)
         if not views:
             raise ValueError("found no images, expected at least one")
-        images = [image for image, _, _ in views]
-        cameras = [camera for _, camera, _ in views]
+        images, cameras, numbers = zip(*views, strict=True)
         names, frames = named(images, cameras, [None] * len(images), folder.name or "frame")
-        if (folder / "rigs.txt").is_file() and _is_moving(names, cameras):
-            return _rig_of_sensors(
-                folder, sensors, {s: n for (_, _, s), n in zip(views, names, strict=True)}
-            )
+        if rigs.is_file() and _is_moving(names, cameras):
+            return _rig_of_sensors(rigs, sensors, dict(zip(numbers, names, strict=True)))
         found, _ = grouped(folder, images, cameras, names, frames, _FIELDS)
-        return Rig(tuple(found), UNKNOWN, "as in COLMAP's model")
+        lenses = {}
+        for name, number in zip(names, numbers, strict=True):
+            if lenses.setdefault(name, sensors[number]).rays_of != sensors[number].rays_of:
+                raise ValueError(f"camera {name}: PARAMS: differs between its images")
+        cameras = [lenses[camera.name].finished(camera) for camera in found]
+        return Rig(tuple(cameras), UNKNOWN, "as in COLMAP's model")
 
 
 def save(rig: Rig, path: Path) -> None:
@@ -143,16 +136,46 @@ def _folder(path: Path) -> Path:
     return path.parent if path.is_file() else path
 
 
+def _endings(path: Path) -> list[str]:
+    """Return the endings of the models that a folder holds, or the one of a file of a model."""
+    folder = _folder(path)
+    found = [
+        ending
+        for ending in _ENDINGS
+        if (folder / f"cameras{ending}").is_file()
+        and any((folder / f"{stem}{ending}").is_file() for stem in ("images", "rigs"))
+    ]
+    return [ending for ending in found if path.is_dir() or path.suffix == ending]
+
+
+def _text(file: Path) -> str:
+    """Return the text of a model's file, or the text form of a binary one."""
+    return text_of(file) if file.suffix == ".bin" else read_text(file)
+
+
+def _same(rig: Rig, other: Rig) -> bool:
+    """Return whether two rigs have the same cameras, in any order."""
+    return set(rig.names) == set(other.names) and all(
+        camera == other[camera.name]
+        or (
+            camera.has_lens_model
+            and other[camera.name].has_lens_model
+            and not difference(camera, other[camera.name])
+        )
+        for camera in rig
+    )
+
+
 def _lines(text: str) -> list[str]:
     """Return the lines that are no comments; empty ones stay."""
     return [line for line in text.splitlines() if not line.lstrip().startswith("#")]
 
 
-def _read_cameras(file: Path) -> dict[int, Camera]:
-    """Return the cameras of ``cameras.txt`` by number, without their poses."""
+def _read_cameras(file: Path) -> dict[int, Sensor]:
+    """Return the cameras of ``cameras.txt`` by number."""
     sensors = {}
     with errors_of_file(file):
-        for line in _lines(read_text(file)):
+        for line in _lines(_text(file)):
             if not line.strip():
                 continue
             number, *words = line.split()
@@ -164,30 +187,11 @@ def _read_cameras(file: Path) -> dict[int, Camera]:
                     raise ValueError(
                         f"found {shortened(line)}, expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS"
                     )
-            sensors[key] = _sensor(number, words)
+            sensors[key] = read_sensor(number, words)
     return sensors
 
 
-def _sensor(number: str, words: list[str]) -> Camera:
-    """Return the camera of a line of ``cameras.txt``."""
-    with errors_of(f"camera {number}"):
-        if words[0] not in _MODELS:
-            raise ValueError(
-                f"MODEL: found {shortened(words[0])}, expected one of {', '.join(_MODELS)}"
-            )
-        model, parameters = _MODELS[words[0]]
-        values = dict(
-            zip(parameters.split(), numbers_of_line(words[3:], parameters.split()), strict=True)
-        )
-        size = as_count(words[1], "WIDTH"), as_count(words[2], "HEIGHT")
-        lens = [values.get(name, 0.0) for name in _SLOTS.get(model, ())]
-        fx, fy = (values.get(key, values.get("f")) for key in ("fx", "fy"))
-        K = [[fx, 0.0, values["cx"] - 0.5], [0.0, fy, values["cy"] - 0.5], [0.0, 0.0, 1.0]]
-        distortion = Distortion(model, tuple(lens))
-    return Camera(number, size, K, distortion, status="calibrated")
-
-
-def _read_images(text: str, sensors: dict[int, Camera]) -> list[tuple[PurePosixPath, Camera, int]]:
+def _read_images(text: str, sensors: dict[int, Sensor]) -> list[tuple[PurePosixPath, Camera, int]]:
     """Return the images' names, their posed cameras, and the cameras' numbers."""
     views = []
     lines = _lines(text)
@@ -211,25 +215,12 @@ def _read_images(text: str, sensors: dict[int, Camera]) -> list[tuple[PurePosixP
             if number not in sensors:
                 raise ValueError(f"CAMERA_ID: found {number}, expected one of cameras.txt")
             R = matrix_of_quaternion(pose[:4], "QW, QX, QY, QZ")
-            camera = _posed(sensors[number], str(number), R, np.array(pose[4:]))
+            camera = sensors[number].posed(str(number), R, np.array(pose[4:]))
         views.append((image, camera, number))
     return views
 
 
-def _posed(camera: Camera, name: str, R: np.ndarray, t: np.ndarray) -> Camera:
-    """Return a camera under another name at another pose."""
-    return Camera(
-        name,
-        camera.image_size,
-        camera.camera_matrix,
-        camera.distortion,
-        R,
-        t,
-        status="calibrated",
-    )
-
-
-def _is_moving(names: list[str], cameras: list[Camera]) -> bool:
+def _is_moving(names: Sequence[str], cameras: Sequence[Camera]) -> bool:
     """Return whether images of one camera were taken from different places."""
     first = dict(zip(reversed(names), reversed(cameras), strict=True))
     return any(
@@ -238,16 +229,15 @@ def _is_moving(names: list[str], cameras: list[Camera]) -> bool:
     )
 
 
-def _rig_of_sensors(folder: Path, sensors: dict[int, Camera], names: dict[int, str]) -> Rig:
+def _rig_of_sensors(file: Path, sensors: dict[int, Sensor], names: dict[int, str]) -> Rig:
     """Return the rig of ``rigs.txt``, its cameras named by their images' folders."""
-    file = folder / "rigs.txt"
     with errors_of_file(file):
         cameras = []
-        for number, (R, t) in read_sensors(_lines(read_text(file))).items():
+        for number, (R, t) in read_sensors(_lines(_text(file))).items():
             if number not in sensors:
                 raise ValueError(f"SENSOR_ID: found {number}, expected one of cameras.txt")
             name = names.get(number, f"camera{number}")
-            cameras.append(_posed(sensors[number], name, R, t))
+            cameras.append(sensors[number].finished(sensors[number].posed(name, R, t)))
         return Rig(tuple(cameras), UNKNOWN, "the reference sensor's axes")
 
 
@@ -259,6 +249,6 @@ def _camera_line(number: int, camera: Camera) -> str:
         model = "FULL_OPENCV"
     (fx, _, cx), (_, fy, cy) = camera.camera_matrix[:2].tolist()
     values = {"fx": fx, "fy": fy, "cx": cx + 0.5, "cy": cy + 0.5, **coefficients}
-    parameters = (repr(values.get(name, 0.0)) for name in _MODELS[model][1].split())
+    parameters = (repr(values.get(name, 0.0)) for name in MODELS[model][2].split())
     width, height = camera.image_size
     return f"{number} {model} {width} {height} {' '.join(parameters)}"

@@ -47,7 +47,7 @@ FORMATS: dict[str, Format] = {
     for item in (
         Format("emission_rig", "our rig.yaml", (".yaml",), writes=True),
         Format("middlebury", "Middlebury multi-view *_par.txt"),
-        Format("colmap", "COLMAP text model (a folder)", ("cameras.txt",), writes=True),
+        Format("colmap", "COLMAP model, text or binary (a folder)", ("cameras.txt",), writes=True),
         Format("transforms", "NeRF-style transforms.json", ("transforms.json",), writes=True),
         Format("multical", "multical's calibration.json"),
         Format("kalibr", "Kalibr's camchain.yaml"),

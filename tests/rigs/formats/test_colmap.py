@@ -149,7 +149,7 @@ CAMERA, IMAGE = "1 PINHOLE 640 480 800 800 320 240", "1 1 0 0 0 0 0 5 1 a.png"
 @pytest.mark.parametrize(
     ("file", "cameras", "images", "message"),
     [
-        ("cameras", CAMERA.replace("PINHOLE", "FOV"), IMAGE, "camera 1: MODEL: found 'FOV'"),
+        ("cameras", CAMERA.replace("PINHOLE", "LENS"), IMAGE, "camera 1: MODEL: found 'LENS'"),
         ("cameras", CAMERA + " 3", IMAGE, "camera 1: found 5 values, expected 4: fx fy cx cy"),
         ("cameras", CAMERA.replace("640", "x"), IMAGE, "camera 1: WIDTH: found 'x'"),
         ("cameras", CAMERA.replace("800", "-1", 1), IMAGE, "camera 1: camera_matrix: found focal"),
@@ -178,12 +178,6 @@ def test_images_without_lines_of_points_are_not_lost(tmp_path):
         formats.load(folder)
     (folder / "images.txt").write_text("\n\n".join(images))
     assert formats.load(folder).names == ("a", "b", "c", "d")
-
-
-def test_a_binary_model_is_refused_with_the_way_out(tmp_path):
-    (tmp_path / "cameras.bin").write_bytes(b"0")
-    with pytest.raises(ValueError, match=r"found a binary model, expected text: colmap model_con"):
-        formats.load(tmp_path)
 
 
 @given(data=st.data())

@@ -1,0 +1,308 @@
+"""COLMAP's further camera models, and its binary files, against its own library.
+
+Numbers of ``PYCOLMAP`` and ``BINARY`` were made by pycolmap 4.2.1.
+"""
+
+import base64
+import re
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rigs import Camera, RayTable, formats
+from rigs.formats import colmap
+
+MODELS = {
+    "SIMPLE_RADIAL_FISHEYE": (800, 320.5, 240.25, 0.02),
+    "RADIAL_FISHEYE": (800, 320.5, 240.25, 0.02, -0.01),
+    "SIMPLE_FISHEYE": (800, 320.5, 240.25),
+    "FISHEYE": (800, 810, 320.5, 240.25),
+    "FOV": (400, 410, 320.5, 240.25, 0.9),
+    "THIN_PRISM_FISHEYE": (
+        *(800, 810, 320.5, 240.25, 0.02, -0.01, 1e-3, 2e-3, 3e-3, 0.0, 2e-3, -1e-3),
+    ),
+    "SIMPLE_DIVISION": (800, 320.5, 240.25, -0.1),
+    "DIVISION": (800, 810, 320.5, 240.25, -0.1),
+    "EUCM": (500, 510, 320.5, 240.25, 0.6, 1.1),
+}
+POINTS = np.array([[0.1, -0.2, 1.0], [-0.6, 0.3, 2.0], [0.35, 0.25, 1.0]])
+#: ``Camera.img_from_cam(POINTS)`` of each model.
+PYCOLMAP = {
+    "SIMPLE_RADIAL_FISHEYE": [
+        [399.281469866, 82.687060269],
+        [88.452378275, 356.273810863],
+        [585.800927607, 429.750662577],
+    ],
+    "RADIAL_FISHEYE": [
+        [399.27962655, 82.6907469],
+        [88.477776427, 356.261111787],
+        [585.728941065, 429.699243618],
+    ],
+    "SIMPLE_FISHEYE": [
+        [399.20529147, 82.83941706],
+        [88.937404544, 356.031297728],
+        [584.928338773, 429.127384838],
+    ],
+    "FISHEYE": [
+        [399.20529147, 80.871784773],
+        [88.937404544, 357.47856395],
+        [584.928338773, 431.488352148],
+    ],
+    "FOV": [
+        [362.788376425, 153.558828328],
+        [195.929645558, 304.092306651],
+        [462.932457528, 344.530906404],
+    ],
+    "THIN_PRISM_FISHEYE": [
+        [399.434516385, 80.721202043],
+        [89.013190806, 357.609858095],
+        [586.734962427, 432.413081842],
+    ],
+    "SIMPLE_DIVISION": [
+        [400.10395069, 81.042098621],
+        [83.140906528, 358.929546736],
+        [595.503230808, 436.680879149],
+    ],
+    "DIVISION": [
+        [400.10395069, 79.051999853],
+        [83.140906528, 360.41304107],
+        [595.503230808, 439.136265138],
+    ],
+    "EUCM": [
+        [369.69908042, 139.883875944],
+        [175.718287827, 314.088673208],
+        [485.871276356, 360.734787059],
+    ],
+}
+#: A model of two cameras in one rig, RADIAL_FISHEYE and OPENCV, by ``write_binary``.
+BINARY = {
+    "cameras": (
+        "AgAAAAAAAAABAAAACQAAAIACAAAAAAAA4AEAAAAAAAAAAAAAAACJQAAAAAAACHRAAAAAAAAIbkB7FK5H"
+        "4XqUP3sUrkfheoS/AgAAAAQAAAAgAwAAAAAAAFgCAAAAAAAAAAAAAAAgjEAAAAAAAHCMQAAAAAAACHlA"
+        "AAAAAADEckCamZmZmZm5v5qZmZmZmak//Knx0k1iUD/8qfHSTWJgPw=="
+    ),
+    "images": (
+        "AgAAAAAAAAABAAAAE5Iqo3387D+O7V86Xr3VPxOSKqN9/Ly/E5Iqo338zD8AAAAAAADwPwAAAAAAAADA"
+        "AAAAAAAAPkABAAAAbGVmdC9hLnBuZwABAAAAAAAAAAAAAAAAAAxAAAAAAAAAEkD//////////wIAAAB3"
+        "qA/6w5/sP+6CQMXvw9o/RK2OPZzKp7/G7APynlTDv1S/55Y49StAh/IaymsoKcBhpB0rEEY8QAIAAABy"
+        "aWdodC9hLnBuZwABAAAAAAAAAAAAAAAAAAxAAAAAAAAAEkD//////////w=="
+    ),
+    "rigs": (
+        "AQAAAAAAAAABAAAAAgAAAAAAAAABAAAAAAAAAAIAAAABrPU3TFWM7T+ZaNwK2kO6P5lo3AraQ8o/ck4l"
+        "iOOy078AAAAAAAAUQAAAAAAAAPC/AAAAAAAAAEA="
+    ),
+}
+WORLD = np.array([[1.0, 2, 3], [-4, 1, -2], [2, -3, 5]])
+#: ``Image.project_point`` of the points of `WORLD`.
+SEEN = {
+    "left": [
+        [338.1135074013416, 184.98002849923844],
+        [237.72242483159584, 201.81755438609804],
+        [415.33304389031673, 80.14226356180296],
+    ],
+    "right": [
+        [807.2586148032335, -85.38416197360601],
+        [742.4712430149016, 4.901280386948542],
+        [819.6394669685935, -257.6004540301359],
+    ],
+}
+
+
+def documented(model, points):
+    """The pixels of points in the camera's axes, by the formulas of COLMAP's ``models.h``."""
+    values = list(MODELS[model])
+    first = 1 if model.startswith("SIMPLE") or model == "RADIAL_FISHEYE" else 2
+    fx, fy = values[0], values[first - 1]
+    cx, cy, *extra = values[first:]
+    x, y, z = points.T
+    u, v = x / z, y / z
+    r = np.hypot(u, v)
+    if "FISHEYE" in model:
+        angle = np.arctan2(np.hypot(x, y), z)
+        u, v = u * angle / r, v * angle / r
+        q = u * u + v * v
+        k1, k2, p1, p2, k3, k4, s1, s2 = (
+            extra if "PRISM" in model else [*extra, 0, 0][:2] + [0] * 6
+        )
+        gain = 1 + q * (k1 + q * (k2 + q * (k3 + q * k4)))
+        u, v = (
+            u * gain + 2 * p1 * u * v + p2 * (q + 2 * u * u) + s1 * q,
+            v * gain + 2 * p2 * u * v + p1 * (q + 2 * v * v) + s2 * q,
+        )
+    elif model == "FOV":
+        gain = np.arctan(2 * r * np.tan(extra[0] / 2)) / (r * extra[0])
+        u, v = u * gain, v * gain
+    elif model == "EUCM":
+        alpha, beta = extra
+        depth = alpha * np.sqrt(beta * (x * x + y * y) + z * z) + (1 - alpha) * z
+        u, v = x / depth, y / depth
+    else:  # the radius of the image is undone by r_image / (1 + k r_image^2)
+        gain = 2 / (1 + np.sqrt(1 - 4 * extra[0] * r * r))
+        u, v = u * gain, v * gain
+    return np.stack([fx * u + cx, fy * v + cy], axis=-1)
+
+
+def write_text(folder, model, parameters=None):
+    folder.mkdir(exist_ok=True)
+    values = " ".join(map(repr, MODELS[model] if parameters is None else parameters))
+    (folder / "cameras.txt").write_text(f"1 {model} 640 480 {values}\n")
+    (folder / "images.txt").write_text("1 1 0 0 0 0 0 0 1 a.png\n\n")
+    return folder
+
+
+def write_binary(folder, **changed):
+    folder.mkdir(exist_ok=True)
+    for name, text in BINARY.items():
+        content = changed.get(name, base64.b64decode(text))
+        (folder / f"{name}.bin").write_bytes(content)
+    return folder
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_pixels_look_where_colmaps_formula_puts_them(tmp_path, model):
+    camera = formats.load(write_text(tmp_path, model))["a"]
+    assert isinstance(camera, Camera if model.endswith("FISHEYE") and "PRISM" not in model
+                      else RayTable)  # fmt: skip
+    uv = np.random.default_rng(0).integers([0, 0], camera.image_size, (200, 2)).astype(float)
+    origins, directions = camera.rays(uv)
+    points = origins + directions * np.linspace(1, 9, 200)[:, None]
+    # COLMAP's centre of the top-left pixel is (0.5, 0.5)
+    np.testing.assert_allclose(uv + 0.5, documented(model, points), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_points_appear_where_pycolmap_puts_them(tmp_path, model):
+    np.testing.assert_allclose(documented(model, POINTS), PYCOLMAP[model], rtol=0, atol=1e-6)
+    camera = formats.load(write_text(tmp_path, model))["a"]
+    uv, _, valid = camera.project(POINTS)
+    assert valid.all()
+    near = 1e-6 if camera.has_lens_model else 1e-3  # between the rays of a table
+    np.testing.assert_allclose(uv + 0.5, PYCOLMAP[model], rtol=0, atol=near)
+
+
+def test_a_live_pycolmap_agrees(tmp_path):
+    pycolmap = pytest.importorskip("pycolmap", reason="COLMAP's own library is not installed")
+    for model, parameters in MODELS.items():
+        camera = pycolmap.Camera(model=model, width=640, height=480, params=parameters)
+        np.testing.assert_allclose(camera.img_from_cam(POINTS), PYCOLMAP[model], atol=1e-6)
+
+
+def test_models_without_distortion_are_pinholes(tmp_path):
+    for model, parameters in (
+        ("FOV", (400, 410, 320, 240, 0.0)),
+        ("DIVISION", (400, 410, 320, 240, 0.0)),
+    ):
+        assert formats.load(write_text(tmp_path, model, parameters))["a"].is_pinhole
+
+
+@pytest.mark.parametrize(
+    ("model", "parameters", "message"),
+    [
+        ("EQUIRECTANGULAR", (640, 480), "MODEL: found EQUIRECTANGULAR, which no camera here"),
+        ("RAD_TAN_THIN_PRISM_FISHEYE", [800.0] * 16, "MODEL: found RAD_TAN_THIN_PRISM_FISHEYE, "),
+        (
+            "THIN_PRISM_FISHEYE",
+            (800, 810, 320, 240, 0, 0, 1e-3, 0, 0, 0.2, 0, 0),
+            "PARAMS: found k4 0.2 beside p1, p2, sx1 or sy1, expected 0: its term of the eighth",
+        ),
+        ("FOV", (400, 410, 320, 240, 3.2), "PARAMS: found omega 3.2, expected less than pi"),
+    ],
+)
+def test_models_that_nothing_holds_are_refused_with_what_is_lost(
+    tmp_path, model, parameters, message
+):
+    folder = write_text(tmp_path, model, parameters)
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
+        formats.load(folder)
+    assert str(error.value).startswith(f"{folder / 'cameras.txt'}: camera 1: {message}")
+
+
+def test_images_of_one_camera_with_two_tables_are_refused(tmp_path):
+    write_text(tmp_path, "FOV")
+    line = (tmp_path / "cameras.txt").read_text()
+    (tmp_path / "cameras.txt").write_text(
+        line + line.replace("1 FOV", "2 FOV").replace("0.9", "1")
+    )
+    pose = "1 0 0 0 0 0 0"
+    (tmp_path / "images.txt").write_text(f"1 {pose} 1 left/a.png\n\n2 {pose} 2 left/b.png\n\n")
+    with pytest.raises(ValueError, match="camera left: PARAMS: differs between its images"):
+        formats.load(tmp_path)
+
+
+def test_a_binary_model_is_read_as_colmap_projects(tmp_path):
+    folder = write_binary(tmp_path)
+    assert formats.sniff(folder) == "colmap"
+    for path in (folder, folder / "cameras.bin", folder / "images.bin"):
+        rig = formats.load(path)
+        assert rig.names == ("left", "right")
+        assert [camera.image_size for camera in rig] == [(640, 480), (800, 600)]
+        for name, expected in SEEN.items():
+            uv, _, valid = rig[name].project(WORLD)
+            assert valid.all()
+            np.testing.assert_allclose(uv + 0.5, expected, rtol=0, atol=1e-6)
+    (folder / "images.bin").unlink()  # then the sensors of rigs.bin are the cameras
+    moved = rig.transformed(rig["left"].R, rig["left"].t)
+    sensors = formats.load(folder)
+    assert sensors.names == ("camera1", "camera2")
+    np.testing.assert_allclose(sensors[1].t, moved[1].t, atol=1e-12)
+    np.testing.assert_allclose(sensors[1].R, moved[1].R, atol=1e-12)
+
+
+def test_text_beside_binary_must_say_the_same(tmp_path):
+    folder = write_binary(tmp_path)
+    rig = formats.load(folder)
+    cameras = {
+        "left": "1 RADIAL_FISHEYE 640 480 800 320.5 240.25 0.02 -0.01\n",
+        "right": "2 OPENCV 800 600 900 910 400.5 300.25 -0.1 0.05 0.001 0.002\n",
+    }
+    (folder / "cameras.txt").write_text("".join(cameras.values()))
+    lines = [
+        f"{number} {colmap.pose_text(rig[name].R, rig[name].t)} {number} {name}/a.png\n\n"
+        for number, name in enumerate(cameras, 1)
+    ]
+    (folder / "images.txt").write_text("".join(reversed(lines)))
+    assert formats.load(folder).names == ("right", "left")
+    (folder / "cameras.txt").write_text("".join(cameras.values()).replace("-0.1 ", "-0.11 "))
+    with pytest.raises(ValueError, match=r"found cameras.txt and cameras.bin of different models"):
+        formats.load(folder)
+    assert formats.load(folder / "cameras.bin").names == ("left", "right")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("cameras", lambda b: b[:-1], "found the file's end at byte 159, expected another entry"),
+        ("cameras", lambda b: b + b"x", "found more bytes after 2 entries, expected the file's"),
+        ("cameras", lambda b: struct.pack("<Q", 2**63) + b[8:], "found the file's end at byte"),
+        ("cameras", lambda b: b[:12] + b"\x63" + b[13:], "camera 1: MODEL: found number 99"),
+        ("images", lambda b: b.replace(b"left", b"le\nt"), "image 1: NAME: found 'le\\nt/a.png'"),
+        ("images", lambda b: b.replace(b"left", b"le\xfft"), "image 1: NAME: found bytes that"),
+        (
+            "images",
+            lambda b: b[:85] + b"\xff" * 8 + b[93:],
+            "image 1: found the file's end before",
+        ),
+        ("images", lambda b: b[:-1], "image 2: found the file's end before its 1 points"),
+    ],
+)
+def test_what_is_wrong_in_a_binary_model_is_named(tmp_path, name, change, message):
+    good = base64.b64decode(BINARY[name])
+    folder = write_binary(tmp_path / "model", **{name: change(good)})
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
+        formats.load(folder)
+    assert str(error.value).startswith(f"{folder / name}.bin: {message}")
+
+
+@given(data=st.data())
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100)
+def test_broken_binary_models_are_refused_or_read(read_or_refused, tmp_path, data):
+    name = data.draw(st.sampled_from(sorted(BINARY)))
+    good = base64.b64decode(BINARY[name])
+    cut = data.draw(st.integers(0, len(good)))
+    junk = data.draw(st.binary(max_size=9))
+    folder = write_binary(tmp_path, **{name: good[:cut] + junk + good[cut + len(junk) :]})
+    rig = read_or_refused(colmap.load, folder)
+    assert rig is None or len(rig)
