@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from rigs.recordings import image_size
 
+_ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm")
 MOST_RAYS = 2**24
 """Largest table of rays made from a formula: about 4 GB while it is made."""
 
@@ -18,6 +20,15 @@ def size_of_image(path: Path) -> tuple[int, int] | None:
         return image_size(path)
     except (OSError, ValueError):
         return None
+
+
+def image_beside(folders: Iterable[Path], stem: str) -> Path | None:
+    """Return the image of that stem in the first of some folders that has one, or None."""
+    for folder in folders:
+        for ending in _ENDINGS:
+            if (folder / f"{stem}{ending}").is_file():
+                return folder / f"{stem}{ending}"
+    return None
 
 
 def required_size(

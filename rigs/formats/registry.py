@@ -55,6 +55,10 @@ FORMATS: dict[str, Format] = {
         Format("openptv", "OpenPTV .ori and .addpar, without glass"),
         Format("opencv", "cv2.FileStorage YAML and JSON", (".yml", ".json"), writes=True),
         Format("myptv", "MyPTV's camera files"),
+        Format("projection", "3 x 4 projection matrices: a file a camera (PMVS, DTU)"),
+        Format("dlt", "DLT coefficients, pixels from 0 at the top left"),
+        Format("dlt_matlab", "DLT of DLTdv8 and easyWand: pixels from 1 at the top left"),
+        Format("dlt_bottom", "DLT of Argus and DLTdv 3 to 7: pixels from 1 at the bottom left"),
         Format("astra", "ASTRA cone_vec as JSON", (".astra.json",), reads=False, writes=True),
         Format("rtk", "RTK circular geometry XML", (".xml",), reads=False, writes=True),
     )

@@ -94,6 +94,18 @@ def quaternion_of_matrix(R: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.roll(Rotation.from_matrix(R).as_quat(canonical=True), 1)
 
 
+def upper_times_rotation(matrix: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
+    """Return K and R, ``(3, 3)`` each, with ``K R`` the matrix ``(3, 3)``.
+
+    K is upper triangular with a positive diagonal; R is orthonormal, and a rotation where the
+    matrix's determinant is positive.
+    """
+    q, r = np.linalg.qr(matrix[::-1].T)
+    K, R = r.T[::-1, ::-1], q.T[::-1]
+    signs = np.sign(np.diag(K))
+    return K * signs, signs[:, None] * R
+
+
 def _wording(shape: tuple[int, ...]) -> str:
     """Return the words for an array of numbers of ``shape``."""
     return f"{' x '.join(str(n) for n in shape)} numbers"

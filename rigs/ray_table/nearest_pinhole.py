@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rigs.geometry.image_checks import pixel_centres
 from rigs.geometry.rays import nearest_point
+from rigs.geometry.rotation import upper_times_rotation
 
 _ENOUGH = 16  # rays that determine the pinhole; fewer need a larger part of the image
 _SAMPLES = 64  # rays along each side of an image
@@ -101,7 +102,7 @@ def nearest_pinhole(
     if np.linalg.det(homography) < 0:
         middle = uv[:, 0].min() + uv[:, 0].max()
         homography = np.array([[-1.0, 0, middle], [0, 1, 0], [0, 0, 1]]) @ homography
-    K, R = _upper_times_rotation(homography)
+    K, R = upper_times_rotation(homography)
     return K / K[2, 2], R, position
 
 
@@ -142,11 +143,3 @@ def _homography(
     H = basis[8].reshape(3, 3) / scale @ frame
     H = np.array([[spread[0], 0, middle[0]], [0, spread[1], middle[1]], [0, 0, 1]]) @ H
     return H if H[2] @ axis > 0 else -H
-
-
-def _upper_times_rotation(matrix: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
-    """Return K, upper triangular with a positive diagonal, and R with ``K R`` the matrix."""
-    q, r = np.linalg.qr(matrix[::-1].T)
-    K, R = r.T[::-1, ::-1], q.T[::-1]
-    signs = np.sign(np.diag(K))
-    return K * signs, signs[:, None] * R
