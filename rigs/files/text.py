@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import yaml
 from rigs.files.atomic import atomic_path
 
 _MAX_BYTES = 16 * 2**20
+_MAX_LINE = 2**20  # bytes; a point seen by ten thousand images has half as many
 _MAX_DEPTH = 32
 _MAX_VALUES = 1_000_000  # of a YAML file: 8 cameras and 45,000 frames have almost as many
 
@@ -29,16 +31,7 @@ def read_text(path: str | os.PathLike) -> str:
     ValueError
         If it is not UTF-8, or larger than 16 MiB.
     """
-    path = Path(path)
-    try:
-        is_folder, exists = path.is_dir(), path.exists()
-    except OSError as error:  # a name that is too long
-        raise ValueError(f"{path}: found no file's name: {error.strerror}") from None
-    if is_folder:
-        raise IsADirectoryError(f"{path}: found a folder, expected a file")
-    if not exists:
-        raise FileNotFoundError(f"{path}: no such file")
-    with path.open("rb") as file:
+    with _existing(path).open("rb") as file:
         data = file.read(_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES:
         raise ValueError(f"{path}: found more than {_MAX_BYTES >> 20} MiB, expected a text file")
@@ -48,6 +41,51 @@ def read_text(path: str | os.PathLike) -> str:
         raise ValueError(
             f"{path}: found a byte that is not UTF-8 at {error.start}, expected UTF-8 text"
         ) from None
+
+
+def iter_lines(path: str | os.PathLike) -> Iterator[str]:
+    """Yield the lines of a UTF-8 text file of any size that are not empty, without their ends.
+
+    For formats that begin with cameras and go on with millions of points.
+
+    Raises
+    ------
+    FileNotFoundError, IsADirectoryError
+        In one line that names the file.
+    ValueError
+        If a line is not UTF-8, or longer than 1 MiB.
+    """
+    with _existing(path).open("rb") as file:
+        number = 0
+        while line := file.readline(_MAX_LINE + 1):
+            number += 1
+            if len(line) > _MAX_LINE:
+                raise ValueError(
+                    f"{path}: found a line {number} of more than {_MAX_LINE >> 20} MiB, expected "
+                    "a text file"
+                )
+            try:
+                text = line.decode("utf-8-sig" if number == 1 else "utf-8").strip()
+            except UnicodeDecodeError:
+                raise ValueError(
+                    f"{path}: found bytes that are not UTF-8 in line {number}, expected UTF-8 text"
+                ) from None
+            if text:
+                yield text
+
+
+def _existing(path: str | os.PathLike) -> Path:
+    """Return the path of a file, or raise because there is none."""
+    path = Path(path)
+    try:
+        is_folder, exists = path.is_dir(), path.exists()
+    except OSError as error:  # a name that is too long
+        raise ValueError(f"{path}: found no file's name: {error.strerror}") from None
+    if is_folder:
+        raise IsADirectoryError(f"{path}: found a folder, expected a file")
+    if not exists:
+        raise FileNotFoundError(f"{path}: no such file")
+    return path
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:

@@ -7,6 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submodules=[
         "anipose",
         "astra",
+        "bundler",
         "colmap",
         "dlt",
         "dlt_bottom",
@@ -15,7 +16,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "kalibr",
         "middlebury",
         "multical",
+        "mvsnet",
         "myptv",
+        "nvm",
         "opencv",
         "openptv",
         "projection",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from rigs.recordings import image_size
 
@@ -29,6 +29,17 @@ def image_beside(folders: Iterable[Path], stem: str) -> Path | None:
             if (folder / f"{stem}{ending}").is_file():
                 return folder / f"{stem}{ending}"
     return None
+
+
+def image_listed(folder: Path, name: str) -> tuple[PurePosixPath, Path]:
+    """Return an image's name in a list and where to look for it: inside the list's folder.
+
+    Lists come from other machines: of a path that is absolute or goes up the last part counts.
+    """
+    image = PurePosixPath(name.replace("\\", "/"))
+    if image.is_absolute() or ".." in image.parts or ":" in name:  # C:/
+        image = PurePosixPath(image.name)
+    return image, folder / image
 
 
 def required_size(
