@@ -1,8 +1,11 @@
 """OpenPTV's calibrations: ``.ori`` and ``.addpar`` of each calibration image, and ``ptv.par``.
 
-Read only, given the project's folder, its ``parameters/ptv.par``, or one ``.ori`` inside it. With
-``D`` the rotation of the angles omega, phi, kappa (``D = Rx Ry Rz``; the matrix in the file is a
-copy of few digits), ``d = D^T (X - X0)``, x to the right and y up on the sensor in mm::
+Read only, given the project's folder, one in it (``cal``, ``parametersRun1``), its ``ptv.par``,
+pyptv's ``parameters_Run1.yaml``, or one ``.ori`` or ``.addpar``. Several sets of parameters must
+agree. Older files differ: 3D-PTV's ``ptv.par`` names four cameras whatever their number, and its
+first ones have a flag less; older ``.ori`` lack the glass. With ``D`` the rotation of the angles
+omega, phi, kappa (``D = Rx Ry Rz``; the matrix in the file is a copy of few digits),
+``d = D^T (X - X0)``, x to the right and y up on the sensor in mm::
 
     x = xh - cc d[0] / d[2],   y = yh - cc d[1] / d[2]
     x += x (k1 q + k2 q^2 + k3 q^3) + p1 (q + 2 x^2) + 2 p2 x y,   q = x^2 + y^2
@@ -11,15 +14,17 @@ copy of few digits), ``d = D^T (X - X0)``, x to the right and y up on the sensor
 
 and (0.5, 0.5) is the centre of the top-left pixel. That is Brown's lens where its centre is the
 principal point (xh = yh = 0, or no distortion); else the camera becomes a table of rays. Lengths
-are in mm. Glass (an index of refraction other than 1) bends rays and is refused.
-Source: ``liboptv/src/{imgcoord,trafo,calibration,segmentation,parameters}.c`` at
-https://github.com/OpenPTV/openptv; Dracos (ed.), "Three-Dimensional Velocity and Vorticity
-Measuring and Image Analysis Techniques" (1996).
+are in mm. Glass (an index of refraction other than 1) bends rays and is refused. Source:
+``liboptv/src/{imgcoord,trafo,calibration,segmentation,parameters}.c`` at
+https://github.com/OpenPTV/openptv, ``src_c/jw_ptv.c`` at https://github.com/3dptv/3dptv,
+``parameter_manager.py`` at https://github.com/alexlib/pyptv; Dracos (ed.), "Three-Dimensional
+Velocity and Vorticity Measuring and Image Analysis Techniques" (1996).
 """
 
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -27,9 +32,18 @@ import numpy as np
 
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
-from rigs.files.text import read_text
+from rigs.files.text import read_text, read_yaml_mapping, shortened
 from rigs.formats._image_size import check_table_size
-from rigs.formats._values import as_count, as_number, errors_of, errors_of_file, numbers_of_line
+from rigs.formats._values import (
+    as_count,
+    as_mapping,
+    as_number,
+    errors_of,
+    errors_of_file,
+    numbers_of_line,
+    read_head,
+    required,
+)
 from rigs.geometry.image_checks import pixel_centres
 from rigs.geometry.rotation import matrix_of_angles
 from rigs.lens import Distortion
@@ -42,7 +56,11 @@ _TURN = tuple(f"dm{i}{j}" for i in "012" for j in "012")
 _INTERIOR = ("xh", "yh", "cc")
 _GLASS = ("glass_x", "glass_y", "glass_z")
 _LENS = ("k1", "k2", "k3", "p1", "p2", "scx", "she")
-_SENSOR = ("imx", "imy", "pix_x", "pix_y", "chfield", "n1", "n2", "n3", "d")
+_MEDIA = ("n1", "n2", "n3", "d")
+_SENSOR = ("imx", "imy", "pix_x", "pix_y", "chfield", *_MEDIA)
+_PAR, _CAMERA = "ptv.par", (".ori", ".addpar")
+_FLAGS = 3  # lines of 0 or 1 before the sensor: filter, all cameras (not in old files), TIFF
+_TCL_ROWS = 4  # cameras that 3D-PTV's files name
 
 
 @dataclass(frozen=True)
@@ -55,10 +73,10 @@ class _Project:
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Return whether a path is a project, its ``ptv.par`` or a camera of it."""
+    """Return whether a path is a project, a folder of it, its parameters or a camera."""
     if path.is_dir():
-        return (path / "parameters" / "ptv.par").is_file() or (path / "ptv.par").is_file()
-    return path.suffix == ".ori" or path.name == "ptv.par"
+        return bool(_parameters_in(path)) or any(path.glob("*.ori"))
+    return path.suffix in _CAMERA or path.name == _PAR or _is_yaml(path, head)
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
@@ -73,44 +91,61 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     """
     path = Path(path)
     parameters = _parameters(path)
-    project = _read_project(parameters)
-    root = parameters.parent
-    root = root.parent if root.name == "parameters" else root
-    files = [path] if path.suffix == ".ori" else [root / f"{i}.ori" for i in project.images]
-    cameras = [_read_camera(file, project) for file in files]
+    projects = [_read_project(file) for file in parameters]
+    for file, project in zip(parameters, projects, strict=True):
+        if project != projects[0]:
+            raise ValueError(
+                f"{path}: found other cameras or sensors in {file} than in {parameters[0]}, "
+                "expected one of them as IN"
+            )
+    root = parameters[0].parent
+    root = root.parent if root.name.startswith("parameters") else root
+    single = path.suffix in _CAMERA and path.is_file()
+    files = [root / f"{image}.ori" for image in projects[0].images]
+    files = [path.with_suffix(".ori")] if single else files
+    cameras = [_read_camera(file, projects[0]) for file in files]
     with errors_of_file(path):
         return Rig(tuple(cameras), LENGTH_UNIT, f"as in {path.name}")
 
 
-def _parameters(path: Path) -> Path:
-    """Return the ``ptv.par`` that belongs to a path."""
-    if path.name == "ptv.par":
-        return path
-    folders = [path] if path.is_dir() else [path.parent, path.parent.parent]
+def _parameters(path: Path) -> list[Path]:
+    """Return the files of parameters that belong to a path: of the first folder with any."""
+    if path.is_file() and path.suffix not in _CAMERA:
+        return [path]
+    folders = [path, path.parent] if path.is_dir() else [path.parent, path.parent.parent]
     for folder in folders:
-        for file in (folder / "parameters" / "ptv.par", folder / "ptv.par"):
-            if file.is_file():
-                return file
+        if found := _parameters_in(folder):
+            return found
     raise FileNotFoundError(
-        f"{path}: found no parameters/ptv.par with it, which holds the sensor's size"
+        f"{path}: found no {_PAR} in it, in parameters or beside it, nor a parameters_*.yaml: one "
+        "of them holds the sensor's size and pixel pitch"
+    )
+
+
+def _parameters_in(folder: Path) -> list[Path]:
+    """Return the files of parameters in a project's folder, or in one of parameters."""
+    if (folder / _PAR).is_file():
+        return [folder / _PAR]
+    found = sorted(folder.glob(f"parameters*/{_PAR}"))
+    found += [file for file in sorted(folder.glob("*.y*ml")) if file.is_file()]
+    return [file for file in found if file.name == _PAR or _is_yaml(file, read_head(file))]
+
+
+def _is_yaml(path: Path, head: str) -> bool:
+    """Return whether a file is pyptv's YAML of parameters."""
+    return path.suffix in (".yaml", ".yml") and bool(
+        re.search(r"^num_cams\s*:", head, re.MULTILINE)
+        and re.search(r"^ptv\s*:", head, re.MULTILINE)
     )
 
 
 def _read_project(file: Path) -> _Project:
-    """Return the contents of a ``ptv.par``."""
+    """Return the contents of a ``ptv.par``, or of pyptv's YAML."""
     with errors_of_file(file):
-        words = [line.strip() for line in read_text(file).splitlines() if line.strip()]
-        count = as_count(words[0] if words else None, "number of cameras")
-        if len(words) < 1 + 2 * count + 3 + len(_SENSOR):
-            raise ValueError(
-                f"found {len(words)} lines, expected {13 + 2 * count} for {count} cameras"
-            )
-        images = [name.replace("\\", "/") for name in words[2 : 2 + 2 * count : 2]]
+        images, values = _of_yaml(file) if file.name != _PAR else _of_par(file)
         for image in images:
             if ".." in PurePosixPath(image).parts or PurePosixPath(image).is_absolute():
                 raise ValueError(f"calibration image: found {image!r}, expected a path inside")
-        rest = words[4 + 2 * count : 4 + 2 * count + len(_SENSOR)]
-        values = dict(zip(_SENSOR, numbers_of_line(rest, _SENSOR), strict=True))
         size = as_count(values["imx"], "imx"), as_count(values["imy"], "imy")
         for key in ("pix_x", "pix_y"):
             if not values[key] > 0:
@@ -126,11 +161,56 @@ def _read_project(file: Path) -> _Project:
     return _Project(tuple(images), size, (values["pix_x"], values["pix_y"]))
 
 
+def _of_par(file: Path) -> tuple[list[str], dict[str, float]]:
+    """Return the calibration images and the sensor of a ``ptv.par``."""
+    words = [line.strip() for line in read_text(file).splitlines() if line.strip()]
+    count = as_count(words[0] if words else None, "number of cameras")
+    rows = count
+    if count < _TCL_ROWS and not all(map(_is_number, words[1 + 2 * count : 3 + 2 * count])):
+        rows = _TCL_ROWS
+    images = [name.replace("\\", "/") for name in words[2 : 2 + 2 * count : 2]]
+    rest = words[1 + 2 * rows :]
+    flags = [word in ("0", "1") for word in rest[:_FLAGS]]
+    rest = rest[flags.index(False) if False in flags else _FLAGS :]
+    if len(rest) < len(_SENSOR):
+        raise ValueError(
+            f"found {len(words)} lines, expected {1 + 2 * rows + _FLAGS + len(_SENSOR)} "
+            f"for {count} cameras: their images in twos, flags, {' '.join(_SENSOR)}"
+        )
+    return images, dict(zip(_SENSOR, numbers_of_line(rest[: len(_SENSOR)], _SENSOR), strict=True))
+
+
+def _of_yaml(file: Path) -> tuple[list[str], dict[str, float]]:
+    """Return the calibration images and the sensor of pyptv's YAML."""
+    data = read_yaml_mapping(file)
+    count = as_count(required(data, "num_cams"), "num_cams")
+    ptv = as_mapping(required(data, "ptv"), "ptv")
+    with errors_of("ptv"):
+        listed = required(ptv, "img_cal")
+        if not isinstance(listed, list) or len(listed) < count:
+            raise ValueError(f"img_cal: found {shortened(listed)}, expected {count} images")
+        if not all(isinstance(name, str) and name for name in listed[:count]):
+            raise ValueError(f"img_cal: found {shortened(listed)}, expected names of images")
+        images = [name.replace("\\", "/") for name in listed[:count]]
+        keys = {key: f"mmp_{key}" if key in _MEDIA else key for key in _SENSOR}
+        return images, {key: as_number(required(ptv, name), name) for key, name in keys.items()}
+
+
+def _is_number(word: str) -> bool:
+    """Return whether a word is a number."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
 def _read_camera(file: Path, project: _Project) -> CameraLike:
     """Return the camera of an ``.ori`` and of its ``.addpar``, if there is one."""
-    names = (*_EXTERIOR, *_TURN, *_INTERIOR, *_GLASS)
+    names = (*_EXTERIOR, *_TURN, *_INTERIOR)
     with errors_of_file(file):
         words = read_text(file).split()
+        names += _GLASS if len(words) > len(names) else ()
         values = dict(zip(names, numbers_of_line(words[: len(names)], names), strict=True))
     lens = dict.fromkeys(_LENS, 0.0) | {"scx": 1.0}
     addpar = file.with_suffix(".addpar")

@@ -122,18 +122,131 @@ def test_what_is_wrong_in_openptvs_files_is_named(tmp_path):
         ("1280", "wide", "imx: found 'wide'"),
         ("0.012\n", "-1\n", "pix_x: found -1.0, expected a positive"),
         ("cal/cam1.tif", "../x/cam1.tif", "calibration image: found '../x/cam1.tif'"),
-        ("2\n", "9\n", "found 17 lines, expected 31 for 9 cameras"),
+        ("2\n", "9\n", "found 17 lines, expected 31 for 9 cameras: their"),
     ):
         parameters.write_text(good.replace(old, new, 1))
         with pytest.raises(ValueError, match=re.escape(f"{parameters}: {message}")):
             formats.load(folder)
     parameters.write_text(good)
     ori.write_text("1 2 3")
-    with pytest.raises(ValueError, match=re.escape(f"{ori}: found 3 values, expected 21: x0 y0")):
+    with pytest.raises(ValueError, match=re.escape(f"{ori}: found 3 values, expected 18: x0 y0")):
         formats.load(folder)
     ori.unlink()
     with pytest.raises(FileNotFoundError, match=r"cam2.tif.ori: no such file"):
         formats.load(folder)
+
+
+def parameters(folder):
+    return folder / "parameters" / "ptv.par"
+
+
+def test_every_path_of_a_project_names_it(tmp_path):
+    folder = write_openptv(tmp_path, OPENPTV)
+    rig = formats.load(folder)
+    for path in ("cal", "parameters", "parameters/ptv.par"):
+        assert formats.sniff(folder / path) == "openptv"
+        assert formats.load(folder / path).cameras == rig.cameras
+    for path in ("cal/cam2.tif.ori", "cal/cam2.tif.addpar"):
+        assert formats.load(folder / path).cameras == (rig["cam2"],)
+
+
+def test_runs_of_parameters_must_agree(tmp_path):
+    folder = write_openptv(tmp_path, OPENPTV)
+    rig = formats.load(folder)
+    for run in ("parametersRun1", "parametersRun2"):
+        (folder / run).mkdir()
+        (folder / run / "ptv.par").write_text(parameters(folder).read_text())
+    parameters(folder).unlink()
+    assert formats.load(folder).cameras == rig.cameras
+    assert formats.load(folder / "parametersRun2").cameras == rig.cameras
+    other = folder / "parametersRun2" / "ptv.par"
+    other.write_text(other.read_text().replace("1280", "640"))
+    message = f"{folder}: found other cameras or sensors in {other} than in "
+    with pytest.raises(ValueError, match=re.escape(message)):
+        formats.load(folder)
+    assert formats.load(folder / "parametersRun2")[0].image_size == (640, 1024)
+
+
+@pytest.mark.parametrize("flags", [["1", "1"], ["1", "0", "1"]])
+def test_the_files_of_3d_ptv_name_four_cameras(tmp_path, flags):
+    """Its reader takes four rows of names, and its first version has no flag of all cameras."""
+    folder = write_openptv(tmp_path, OPENPTV)
+    rig = formats.load(folder)
+    lines = parameters(folder).read_text().splitlines()
+    filler = ["img/cam3.1", "cal/cam3.tif", "---", "---"]
+    parameters(folder).write_text("\n".join([*lines[:5], *filler, *flags, *lines[8:]]) + "\n")
+    assert formats.load(folder).cameras == rig.cameras
+
+
+def test_older_orientations_have_no_glass(tmp_path):
+    folder = write_openptv(tmp_path, OPENPTV)
+    rig = formats.load(folder)
+    ori = folder / "cal/cam1.tif.ori"
+    ori.write_text(" ".join(ori.read_text().split()[:18]))
+    assert formats.load(folder).cameras == rig.cameras
+
+
+def yaml_of():
+    return """num_cams: 2
+ptv:
+  imx: 1280
+  imy: 1024
+  pix_x: 0.012
+  pix_y: 0.0125
+  chfield: 0
+  mmp_n1: 1.0
+  mmp_n2: 1.0
+  mmp_n3: 1.0
+  mmp_d: 6.0
+  img_cal:
+  - cal/cam1.tif
+  - cal/cam2.tif
+  splitter: false
+track:
+  dacc: 0.24
+"""
+
+
+def test_the_yaml_of_pyptv(tmp_path):
+    folder = write_openptv(tmp_path, OPENPTV)
+    rig = formats.load(folder)
+    file = folder / "parameters_Run1.yaml"
+    file.write_text(yaml_of())
+    assert formats.load(folder).cameras == rig.cameras  # both sets say the same
+    parameters(folder).unlink()
+    for path in (folder, file, folder / "cal"):
+        assert formats.sniff(path) == "openptv"
+        assert formats.load(path).cameras == rig.cameras
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "num_cams: 2",
+            "num_cams: 3",
+            "ptv: img_cal: found ['cal/cam1.tif', 'cal/cam2.tif'], exp",
+        ),
+        ("cal/cam1.tif", "7", "ptv: img_cal: found [7, 'cal/cam2.tif'], expected names of images"),
+        ("cal/cam1.tif", "../cam1.tif", "calibration image: found '../cam1.tif', expected a path"),
+        ("  imx: 1280\n", "", "ptv: imx: missing, expected it in the file"),
+        ("mmp_n2: 1.0", "mmp_n2: 1.46", "n1, n2, n3: found refraction indices [1.0, 1.46, 1.0]"),
+    ],
+)
+def test_what_is_wrong_in_the_yaml_is_named(tmp_path, old, new, message):
+    file = tmp_path / "parameters_Run1.yaml"
+    file.write_text(yaml_of().replace(old, new))
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
+        formats.load(file)
+    assert str(error.value).startswith(f"{file}: {message}")
+
+
+def test_orientations_without_parameters_say_what_lacks(tmp_path):
+    folder = write_openptv(tmp_path, OPENPTV)
+    parameters(folder).unlink()
+    for path in ("cal", "cal/cam1.tif.ori"):
+        with pytest.raises(FileNotFoundError, match=r"found no ptv.par in it, .* pixel pitch"):
+            formats.load(folder / path)
 
 
 @given(data=st.data())
