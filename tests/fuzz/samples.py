@@ -56,7 +56,8 @@ class Reader:
 
 def readers(folder):
     """Return every reader by name; ``folder`` is for what the writers write."""
-    return _rigs(folder) | _scans(folder) | _volumes(folder) | _images(folder) | _learned(folder)
+    rigs = _rigs(folder) | _models()
+    return rigs | _scans(folder) | _volumes(folder) | _images(folder) | _learned(folder)
 
 
 def small_rig(*models):
@@ -120,6 +121,38 @@ def _rigs(folder):
         "MyPTV": Reader("cam1", of_format("myptv"), (_myptv(),), TEXT),
         **{f"format unknown {end}": Reader(f"rig{end}", formats.load, anything, TREE)
            for end in (".json", ".toml", ".yaml", ".txt")},
+    }  # fmt: skip
+
+
+def _models():
+    """Models of structure from motion, in binary too, and bare matrices."""
+
+    def of_format(name, up=0, size=(9, 7)):
+        return lambda path: formats.load(path.parents[up - 1] if up else path, name,
+                                         image_size=size)  # fmt: skip
+
+    lenses = _colmap_lenses()
+    binary, images = _colmap_binary(), {"images.txt": b"1 1 0 0 0 0 0 9 1 a.png\n\n"}
+    R, t = look_at([30, 10, 200], [0, 0, 0])
+    P = np.array(K) @ np.column_stack([R, t])
+    table = "\n".join(f"{v!r},{v!r}" for v in (P / P[2, 3]).ravel()[:11].tolist())
+    size = {"a.png": _pngs()[0]}
+    return {
+        **{f"COLMAP {name}": Reader(name, of_format("colmap", 1, None), (content,), BINARY, binary)
+           for name, content in binary.items()},
+        "COLMAP lenses": Reader("cameras.txt", of_format("colmap", 1), lenses, TEXT, images),
+        "Bundler": Reader("bundle.out", of_format("bundler"), (_bundle(R, t),), TEXT,
+                          {"list.txt": b"a.png\n"} | size),
+        "Bundler list": Reader("list.txt", lambda path: formats.load(path.parent / "bundle.out"),
+                               (b"a.png\n", b"C:\\x\\a.png 0 9\n"), TEXT,
+                               {"bundle.out": _bundle(R, t)} | size),
+        "NVM": Reader("a.nvm", of_format("nvm", 0, None), _nvms(R, t), TEXT, size),
+        "MVSNet": Reader("0_cam.txt", of_format("mvsnet"), (_mvsnet(R, t),), TEXT),
+        "projection": Reader("a.txt", of_format("projection"), _matrices(P), TEXT),
+        "DLT": Reader("a.csv", of_format("dlt"), (table.encode(),), TEXT),
+        "DLT bottom": Reader("a.csv", of_format("dlt_bottom"), (table.encode(),), TEXT),
+        "pyptv": Reader("parameters_Run1.yaml", of_format("openptv"), (_pyptv(),), TREE,
+                        {name: text for name, text in _openptv().items() if "cal/" in name}),
     }  # fmt: skip
 
 
@@ -322,6 +355,65 @@ def _stereo():
             storage.write(name, matrix)
         texts.append(storage.releaseAndGetString().encode())
     return texts
+
+
+def _colmap_lenses():
+    lines = (
+        "1 FOV 9 7 8 8 4.5 3.5 0.9",
+        "1 DIVISION 9 7 8 8 4.5 3.5 -0.1",
+        "1 EUCM 9 7 8 8 4.5 3.5 0.6 1.1",
+        "1 RADIAL_FISHEYE 9 7 8 4.5 3.5 0.01 0.002",
+        "1 THIN_PRISM_FISHEYE 9 7 8 8 4.5 3.5 0.01 0.002 0.001 0.002 0.003 0 0.002 0.001",
+    )
+    return tuple(f"{line}\n".encode() for line in lines)
+
+
+def _colmap_binary():
+    cameras = struct.pack("<QIiQQ4d", 2, 1, 1, 9, 7, 8, 8, 4.5, 3.5)
+    cameras += struct.pack("<IiQQ5d", 2, 7, 9, 7, 8, 8, 4.5, 3.5, 0.9)
+    images = struct.pack("<Q", 2)
+    for number in (1, 2):
+        images += struct.pack("<I7dI", number, 1, 0, 0, 0, number, 0, 9, number)
+        images += b"%d/a.png\0" % number + struct.pack("<QddQ", 1, 1.5, 2.5, 2**64 - 1)
+    rigs = struct.pack("<QIIiIiIB7d", 1, 1, 2, 0, 1, 0, 2, 1, 1, 0, 0, 0, 1, 0, 0)
+    return {"cameras.bin": cameras, "images.bin": images, "rigs.bin": rigs}
+
+
+def _rows(matrix):
+    return "".join(" ".join(map(repr, row)) + "\n" for row in np.asarray(matrix).tolist())
+
+
+def _bundle(R, t):
+    turn = np.diag([1.0, -1, -1])
+    head = "# Bundle file v0.3\n1 1\n90.0 -0.1 0.05\n"
+    return (
+        head + _rows(turn @ R) + _rows([turn @ t]) + "1 2 3\n255 0 0\n1 0 5 1.5 2.5\n"
+    ).encode()
+
+
+def _nvms(R, t):
+    by_nine = " ".join(map(repr, [*R.ravel().tolist(), *t.tolist()]))
+    points = "0 0\n\n1\n1 2 3 255 0 0 1 0 5 1.5 2.5\n\n0\n"
+    return (
+        f"NVM_V3\n\n1\na.png 90.0 1 0 0 0 0 0 -200 {points}".encode(),
+        f"NVM_V3 FixedK 90 4 90 3\n\n1\na.png 90 1 0 0 0 0 0 -200 -0.1 {points[2:]}".encode(),
+        f"NVM_V3_R9T\n\n1\na.png 90.0 {by_nine} 0.05 {points[2:]}".encode(),
+    )
+
+
+def _mvsnet(R, t):
+    pose = np.vstack([np.column_stack([R, t]), [0, 0, 0, 1]])
+    return f"extrinsic\n{_rows(pose)}\nintrinsic\n{_rows(K)}\n425.0 2.5\n".encode()
+
+
+def _matrices(P):
+    return _rows(P).encode(), f"CONTOUR\n{_rows(P)}".encode(), _rows(P).replace(" ", ",").encode()
+
+
+def _pyptv():
+    values = {"imx": 9, "imy": 7, "pix_x": 0.012, "pix_y": 0.0125, "chfield": 0}
+    values |= {"mmp_n1": 1.0, "mmp_n2": 1.0, "mmp_n3": 1.0, "mmp_d": 6.0, "splitter": False}
+    return yaml.safe_dump({"num_cams": 1, "ptv": values | {"img_cal": ["cal/cam1.tif"]}}).encode()
 
 
 def _openptv():
