@@ -51,7 +51,7 @@ def required_size(
         source = f", or the image {image} in the file's folder" if image else ""
         raise ValueError(
             f"image_size: missing, as {format_name} files hold none, "
-            f"expected --image-size WIDTHxHEIGHT{source}"
+            f"expected convert-rig's --image-size WIDTHxHEIGHT{source}"
         )
     return size
 

@@ -65,8 +65,8 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     rig = load_counted(Path(path), image_size, first=0, bottom=False, chosen=False)
     logger.warning(
         "%s: pixels are counted from (0, 0) at the top left, as the file does not say: DLTdv8 and "
-        "easyWand count from 1 (--from dlt_matlab), older DLTdv and Argus from the bottom (--from "
-        "dlt_bottom)",
+        "easyWand count from 1 (convert-rig --from dlt_matlab), Argus and older DLTdv from the "
+        "bottom (--from dlt_bottom)",
         path,
     )
     return rig
@@ -106,8 +106,8 @@ def load_counted(
             if not chosen:
                 raise ValueError(
                     "L1 ... L11: found cameras that look away from their scene, expected rows "
-                    "counted from the top in a right-handed world: --from dlt_bottom, dlt_matlab "
-                    "or dlt says how they count"
+                    "counted from the top in a right-handed world: convert-rig --from dlt_bottom "
+                    "or dlt_matlab says how they count"
                 )
             logger.warning(
                 "%s: Z is negated: with rows counted from the %s its cameras look away from their "

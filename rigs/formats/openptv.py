@@ -12,7 +12,9 @@ omega, phi, kappa (``D = Rx Ry Rz``; the matrix in the file is a copy of few dig
     y += y (k1 q + k2 q^2 + k3 q^3) + p2 (q + 2 y^2) + 2 p1 x y
     column = imx / 2 + (scx x - sin(she) y) / pix_x,   row = imy / 2 - cos(she) y / pix_y
 
-and (0.5, 0.5) is the centre of the top-left pixel. That is Brown's lens where its centre is the
+and (0.5, 0.5) is the centre of the top-left pixel. That is 3D-PTV's and liboptv's formula; since
+optv 0.3 scx stretches the row too, and files do not say which is meant: a warning names a scx that
+is not 1. That is Brown's lens where its centre is the
 principal point (xh = yh = 0, or no distortion); else the camera becomes a table of rays. Lengths
 are in mm. Glass (an index of refraction other than 1) bends rays and is refused. Source:
 ``liboptv/src/{imgcoord,trafo,calibration,segmentation,parameters}.c`` at
@@ -23,6 +25,7 @@ Velocity and Vorticity Measuring and Image Analysis Techniques" (1996).
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 from dataclasses import dataclass
@@ -49,6 +52,8 @@ from rigs.geometry.rotation import matrix_of_angles
 from rigs.lens import Distortion
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
+
+logger = logging.getLogger(__name__)
 
 LENGTH_UNIT = "mm"
 _EXTERIOR = ("x0", "y0", "z0", "omega", "phi", "kappa")
@@ -237,6 +242,14 @@ def _camera(
     R = np.diag([1.0, -1.0, -1.0]) @ matrix_of_angles(*(values[key] for key in _EXTERIOR[3:])).T
     position = np.array([values[key] for key in _EXTERIOR[:3]])
     (pix_x, pix_y), (width, height) = project.pitch, project.size
+    if lens["scx"] != 1:
+        logger.warning(
+            "camera %s: scx: found %g, taken as 3D-PTV and liboptv do, which stretch columns "
+            "alone: optv 0.3 stretches rows too, up to %.2g px at the image's edge",
+            name,
+            lens["scx"],
+            abs(lens["scx"] - 1) * height / 2,
+        )
     scale, sin, cos = lens["scx"], math.sin(lens["she"]), math.cos(lens["she"])
     K = np.array(  # relative to the sensor's middle; y points up there
         [

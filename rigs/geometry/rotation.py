@@ -82,7 +82,9 @@ def matrix_of_quaternion(quaternion: ArrayLike, what: str) -> NDArray[np.float64
     from scipy.spatial.transform import Rotation
 
     q = np.asarray(quaternion, np.float64)
-    if not 0 < float(np.linalg.norm(q)) < np.inf:
+    with np.errstate(over="ignore"):
+        length = float(np.linalg.norm(q))
+    if not 0 < length < np.inf:
         raise ValueError(f"{what}: found {q.tolist()}, expected a unit quaternion")
     return Rotation.from_quat(np.roll(q, -1)).as_matrix()
 

@@ -136,6 +136,48 @@ def test_what_is_wrong_in_openptvs_files_is_named(tmp_path):
         formats.load(folder)
 
 
+#: Pixels of `SEEN_POINTS` by optv 0.3.2's ``image_coordinates``, of `OPENPTV` with scx = 1; last the
+#: first camera with xh, yh = 0.3, -0.2.
+SEEN = [
+    [
+        [726.8974259280932, 828.1663185936534],
+        [474.89609227329987, 544.5464054224283],
+        [654.5024246832332, 667.9965727386661],
+    ],
+    [
+        [670.4531475917208, 438.7205528782812],
+        [1010.5798748713664, 737.8635695003541],
+        [771.5037734592611, 611.2069535558526],
+    ],
+    [
+        [751.6712904305766, 843.7659894526435],
+        [499.8317403631463, 560.5356673474479],
+        [679.4870793251799, 683.9108842771905],
+    ],
+]
+SEEN_POINTS = [[10.0, -20, 5], [-25, 15, -10], [0, 0, 0]]
+
+
+def test_points_appear_where_openptvs_own_library_puts_them(tmp_path):
+    (exterior, interior, lens), second = OPENPTV
+    lens = [*lens[:5], 1.0, lens[6]]
+    cameras = [(exterior, interior, lens), second, (exterior, [0.3, -0.2, 60.0], lens)]
+    rig = formats.load(write_openptv(tmp_path, cameras))
+    for camera, expected in zip(rig, SEEN, strict=True):
+        near = 1e-6 if camera.has_lens_model else 1e-4  # between the rays of a table
+        uv, _, valid = camera.project(SEEN_POINTS)
+        assert valid.all()
+        np.testing.assert_allclose(uv + 0.5, expected, rtol=0, atol=near)
+
+
+def test_a_stretch_that_versions_read_differently_is_named(tmp_path, caplog):
+    formats.load(write_openptv(tmp_path, OPENPTV[1:]))
+    assert not caplog.records
+    formats.load(write_openptv(tmp_path, OPENPTV[:1]))
+    assert "camera cam1: scx: found 1.01, taken as 3D-PTV and liboptv do" in caplog.text
+    assert "up to 5.1 px at the image's edge" in caplog.text
+
+
 def parameters(folder):
     return folder / "parameters" / "ptv.par"
 
