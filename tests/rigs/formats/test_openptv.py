@@ -136,8 +136,8 @@ def test_what_is_wrong_in_openptvs_files_is_named(tmp_path):
         formats.load(folder)
 
 
-#: Pixels of `SEEN_POINTS` by optv 0.3.2's ``image_coordinates``, of `OPENPTV` with scx = 1; last the
-#: first camera with xh, yh = 0.3, -0.2.
+#: Pixels of `SEEN_POINTS` by optv 0.3.2's ``image_coordinates``: of `OPENPTV` with scx = 1, and of
+#: its first camera with xh, yh = 0.3, -0.2.
 SEEN = [
     [
         [726.8974259280932, 828.1663185936534],
