@@ -111,7 +111,8 @@ def load_counted(
                 )
             logger.warning(
                 "%s: Z is negated: with rows counted from the %s its cameras look away from their "
-                "scene, so the world of the file is left-handed",
+                "scene, so the world of the file is left-handed, or rows count from the other "
+                "edge",
                 path,
                 "bottom" if bottom else "top",
             )

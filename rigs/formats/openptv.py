@@ -16,11 +16,12 @@ and (0.5, 0.5) is the centre of the top-left pixel. That is 3D-PTV's and liboptv
 optv 0.3 scx stretches the row too, and files do not say which is meant: a warning names a scx that
 is not 1. That is Brown's lens where its centre is the
 principal point (xh = yh = 0, or no distortion); else the camera becomes a table of rays. Lengths
-are in mm. Glass (an index of refraction other than 1) bends rays and is refused. Source:
-``liboptv/src/{imgcoord,trafo,calibration,segmentation,parameters}.c`` at
-https://github.com/OpenPTV/openptv, ``src_c/jw_ptv.c`` at https://github.com/3dptv/3dptv,
-``parameter_manager.py`` at https://github.com/alexlib/pyptv; Dracos (ed.), "Three-Dimensional
-Velocity and Vorticity Measuring and Image Analysis Techniques" (1996).
+are in mm. Behind glass (indices of refraction that differ) it becomes a table of rays too, see
+`rigs.formats._openptv_glass`. Source: ``imgcoord.c``, ``trafo.c``, ``calibration.c``,
+``segmentation.c`` and ``parameters.c`` at https://github.com/OpenPTV/openptv, ``jw_ptv.c`` at
+https://github.com/3dptv/3dptv, ``parameter_manager.py`` at https://github.com/alexlib/pyptv;
+Dracos (ed.), "Three-Dimensional Velocity and Vorticity Measuring and Image Analysis Techniques"
+(1996).
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_text, read_yaml_mapping, shortened
 from rigs.formats._image_size import check_table_size
+from rigs.formats._openptv_glass import Media, behind_glass
 from rigs.formats._values import (
     as_count,
     as_mapping,
@@ -75,6 +77,7 @@ class _Project:
     images: tuple[str, ...]
     size: tuple[int, int]
     pitch: tuple[float, float]
+    media: Media
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -157,13 +160,8 @@ def _read_project(file: Path) -> _Project:
                 raise ValueError(f"{key}: found {values[key]}, expected a positive length")
         if values["chfield"] != 0:
             raise ValueError(f"chfield: found {values['chfield']:g}, expected 0: whole frames")
-        if any(values[key] != 1 for key in ("n1", "n2", "n3")):
-            indices = [values[key] for key in ("n1", "n2", "n3")]
-            raise ValueError(
-                f"n1, n2, n3: found refraction indices {indices}, expected 1: rays "
-                "through glass or water are bent, which no camera model here describes"
-            )
-    return _Project(tuple(images), size, (values["pix_x"], values["pix_y"]))
+        media = Media(*(values[key] for key in _MEDIA))
+    return _Project(tuple(images), size, (values["pix_x"], values["pix_y"]), media)
 
 
 def _of_par(file: Path) -> tuple[list[str], dict[str, float]]:
@@ -225,7 +223,11 @@ def _read_camera(file: Path, project: _Project) -> CameraLike:
             lens = dict(zip(_LENS, numbers_of_line(words[: len(_LENS)], _LENS), strict=True))
     name = PurePosixPath(file.stem).stem or file.stem  # cal/cam1.tif.ori
     with errors_of_file(file), errors_of(f"camera {name}"):
-        return _camera(name, values, lens, project)
+        camera = _camera(name, values, lens, project)
+        if not project.media.bends:
+            return camera
+        glass = np.array([required(values, key, "the way to the glass") for key in _GLASS])
+        return behind_glass(camera, glass, project.media)
 
 
 def _camera(

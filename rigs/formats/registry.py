@@ -52,7 +52,7 @@ FORMATS: dict[str, Format] = {
         Format("multical", "multical's calibration.json"),
         Format("kalibr", "Kalibr's camchain.yaml"),
         Format("anipose", "TOML of anipose and caliscope"),
-        Format("openptv", "OpenPTV .ori and .addpar, without glass"),
+        Format("openptv", "OpenPTV .ori and .addpar, of a folder or one"),
         Format("opencv", "cv2.FileStorage YAML and JSON", (".yml", ".json"), writes=True),
         Format("myptv", "MyPTV's camera files"),
         Format("bundler", "Bundler's bundle.out with its list.txt"),

@@ -151,7 +151,7 @@ def _models():
         "projection": Reader("a.txt", of_format("projection"), _matrices(P), TEXT),
         "DLT": Reader("a.csv", of_format("dlt"), (table.encode(),), TEXT),
         "DLT bottom": Reader("a.csv", of_format("dlt_bottom"), (table.encode(),), TEXT),
-        "pyptv": Reader("parameters_Run1.yaml", of_format("openptv"), (_pyptv(),), TREE,
+        "pyptv": Reader("parameters_Run1.yaml", of_format("openptv"), (_pyptv(), _pyptv(1.46)), TREE,
                         {name: text for name, text in _openptv().items() if "cal/" in name}),
     }  # fmt: skip
 
@@ -410,9 +410,9 @@ def _matrices(P):
     return _rows(P).encode(), f"CONTOUR\n{_rows(P)}".encode(), _rows(P).replace(" ", ",").encode()
 
 
-def _pyptv():
+def _pyptv(glass=1.0):
     values = {"imx": 9, "imy": 7, "pix_x": 0.012, "pix_y": 0.0125, "chfield": 0}
-    values |= {"mmp_n1": 1.0, "mmp_n2": 1.0, "mmp_n3": 1.0, "mmp_d": 6.0, "splitter": False}
+    values |= {"mmp_n1": 1.0, "mmp_n2": glass, "mmp_n3": 1.0, "mmp_d": 6.0, "splitter": False}
     return yaml.safe_dump({"num_cams": 1, "ptv": values | {"img_cal": ["cal/cam1.tif"]}}).encode()
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 from rigs import RayTable, formats
 from rigs.formats import openptv
@@ -103,15 +104,98 @@ def test_openptv_with_a_lens_round_another_centre_is_a_table_of_rays(tmp_path):
     np.testing.assert_allclose(uv + 0.5, openptv_pixels(points, *values, size, pitch), atol=1e-3)
 
 
+SEEN_POINTS = [[10.0, -20, 5], [-25, 15, -10], [0, 0, 0]]
+INDICES, THICKNESS = (1.0, 1.46, 1.33), 6.0  # of air, glass and water
+#: Pixels of `SEEN_POINTS` by optv 0.3.2 behind that glass, its vectors (0, 0, 50) and (5, 3, 60).
+SEEN_BEHIND = {
+    (0.0, 0.0, 50.0): [
+        [731.2091172611665, 855.8596235963062],
+        [466.944870478721, 567.990552126366],
+        [655.4132048652158, 693.3024173376937],
+    ],
+    (5.0, 3.0, 60.0): [
+        [738.4911223214339, 851.9347015294832],
+        [475.3888085073352, 561.4004105706879],
+        [663.2931444721384, 688.1652015488046],
+    ],
+}
+
+
+def write_behind(folder, glass, indices=INDICES, size=(1280, 1024), pitch=(0.012, 0.0125)):
+    (exterior, _, lens), _ = OPENPTV
+    camera = exterior, [0.3, -0.2, 60.0], [*lens[:5], 1.0, lens[6]]
+    write_openptv(folder, [camera], size, pitch, indices)
+    ori = folder / "cal/cam1.tif.ori"
+    words = ori.read_text().split()[:18]
+    ori.write_text(" ".join([*words, *map(repr, glass)]))
+    return camera
+
+
+@pytest.mark.parametrize("glass", SEEN_BEHIND)
+def test_points_behind_glass_appear_where_openptvs_own_library_puts_them(tmp_path, glass):
+    write_behind(tmp_path, glass)
+    uv, _, valid = formats.load(tmp_path)[0].project(SEEN_POINTS)
+    assert valid.all()
+    # optv finds them by an iteration that stops at 1e-4 px or so
+    np.testing.assert_allclose(uv + 0.5, SEEN_BEHIND[glass], rtol=0, atol=2e-4)
+
+
+def apparent(point, eye, glass):
+    """Where a point behind the window seems to be: on the line of sight that Snell's law asks for.
+
+    The angle before the window is found by how far the ray gets along it.
+    """
+    n = np.array(glass) / np.linalg.norm(glass)
+    depths = (
+        eye @ n - np.linalg.norm(glass) - THICKNESS,
+        THICKNESS,
+        np.linalg.norm(glass) - point @ n,
+    )
+    along = point - eye - ((point - eye) @ n) * n
+    far = np.linalg.norm(along)
+
+    def missing(sine):  # of the angle before the window
+        sines = [sine * INDICES[0] / index for index in INDICES]
+        return sum(d * s / np.sqrt(1 - s * s) for d, s in zip(depths, sines, strict=True)) - far
+
+    sine = brentq(missing, 0, 0.99, xtol=1e-16, rtol=1e-15)
+    return eye + sine * along / far - np.sqrt(1 - sine**2) * n
+
+
+@pytest.mark.parametrize("glass", SEEN_BEHIND)
+def test_rays_obey_snells_law(tmp_path, glass):
+    size, pitch = (320, 256), (0.048, 0.05)
+    exterior, interior, lens = write_behind(tmp_path, glass, size=size, pitch=pitch)
+    camera = formats.load(tmp_path)[0]
+    uv = np.random.default_rng(0).integers([0, 0], size, (200, 2)).astype(float)
+    origins, directions = camera.rays(uv)
+    points = origins + directions * np.linspace(1, 300, 200)[:, None]
+    eye = np.array(exterior[:3])
+    seen = np.array([apparent(point, eye, glass) for point in points])
+    expected = openptv_pixels(seen, exterior, interior, lens, size, pitch)
+    np.testing.assert_allclose(uv + 0.5, expected, rtol=0, atol=1e-6)
+
+
+def test_glass_that_does_not_bend_is_none(tmp_path):
+    air = formats.load(write_openptv(tmp_path / "a", OPENPTV[1:]))
+    water = formats.load(write_openptv(tmp_path / "b", OPENPTV[1:], indices=(1.33,) * 3))
+    assert water.cameras == air.cameras
+
+
 @pytest.mark.parametrize(
-    ("indices", "message"),
-    [((1, 1.46, 1.33), r"n1, n2, n3: found refraction indices \[1.0, 1.46, 1.33\], expected 1")],
+    ("glass", "indices", "file", "message"),
+    [
+        ((), INDICES, "cal/cam1.tif.ori", "camera cam1: glass_x: missing, expected the way to"),
+        ((0.0, 0.0, 0.0), INDICES, "cal/cam1.tif.ori", "camera cam1: glass_x, glass_y, glass_z"),
+        ((0.0, 0.0, 700.0), INDICES, "cal/cam1.tif.ori", "camera cam1: glass_x, glass_y, glass_z"),
+        ((0.0, 0.0, 50.0), (1, 0, 1.33), "parameters/ptv.par", "n1, n2, n3: found [1.0, 0.0"),
+    ],
 )
-def test_openptv_with_glass_is_refused(tmp_path, indices, message):
-    write_openptv(tmp_path, OPENPTV, indices=indices)
-    with pytest.raises(ValueError, match=message) as error:
+def test_what_is_wrong_with_the_glass_is_named(tmp_path, glass, indices, file, message):
+    write_behind(tmp_path, glass, indices)
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
         formats.load(tmp_path)
-    assert str(error.value).startswith(f"{tmp_path}/parameters/ptv.par: ")
+    assert str(error.value).startswith(f"{tmp_path / file}: {message}")
 
 
 def test_what_is_wrong_in_openptvs_files_is_named(tmp_path):
@@ -155,7 +239,6 @@ SEEN = [
         [679.4870793251799, 683.9108842771905],
     ],
 ]
-SEEN_POINTS = [[10.0, -20, 5], [-25, 15, -10], [0, 0, 0]]
 
 
 def test_points_appear_where_openptvs_own_library_puts_them(tmp_path):
@@ -272,7 +355,7 @@ def test_the_yaml_of_pyptv(tmp_path):
         ("cal/cam1.tif", "7", "ptv: img_cal: found [7, 'cal/cam2.tif'], expected names of images"),
         ("cal/cam1.tif", "../cam1.tif", "calibration image: found '../cam1.tif', expected a path"),
         ("  imx: 1280\n", "", "ptv: imx: missing, expected it in the file"),
-        ("mmp_n2: 1.0", "mmp_n2: 1.46", "n1, n2, n3: found refraction indices [1.0, 1.46, 1.0]"),
+        ("mmp_d: 6.0", "mmp_d: -1", "d: found -1.0, expected a thickness >= 0"),
     ],
 )
 def test_what_is_wrong_in_the_yaml_is_named(tmp_path, old, new, message):
