@@ -136,7 +136,7 @@ def _models():
     R, t = look_at([30, 10, 200], [0, 0, 0])
     P = np.array(K) @ np.column_stack([R, t])
     table = "\n".join(f"{v!r},{v!r}" for v in (P / P[2, 3]).ravel()[:11].tolist())
-    size = {"a.png": _pngs()[0]}
+    size, pyptv = {"a.png": _pngs()[0]}, (_pyptv(), _pyptv(1.46))
     return {
         **{f"COLMAP {name}": Reader(name, of_format("colmap", 1, None), (content,), BINARY, binary)
            for name, content in binary.items()},
@@ -151,7 +151,7 @@ def _models():
         "projection": Reader("a.txt", of_format("projection"), _matrices(P), TEXT),
         "DLT": Reader("a.csv", of_format("dlt"), (table.encode(),), TEXT),
         "DLT bottom": Reader("a.csv", of_format("dlt_bottom"), (table.encode(),), TEXT),
-        "pyptv": Reader("parameters_Run1.yaml", of_format("openptv"), (_pyptv(), _pyptv(1.46)), TREE,
+        "pyptv": Reader("parameters_Run1.yaml", of_format("openptv"), pyptv, TREE,
                         {name: text for name, text in _openptv().items() if "cal/" in name}),
     }  # fmt: skip
 

@@ -190,6 +190,18 @@ def test_a_live_pycolmap_agrees(tmp_path):
         np.testing.assert_allclose(camera.img_from_cam(POINTS), PYCOLMAP[model], atol=1e-6)
 
 
+def test_pycolmap_reads_what_is_written(make_rig, tmp_path):
+    pycolmap = pytest.importorskip("pycolmap", reason="COLMAP's own library is not installed")
+    rig = make_rig("none", "brown", "rational", "fisheye")
+    formats.save(rig, tmp_path / "model", "colmap")
+    model = pycolmap.Reconstruction(str(tmp_path / "model"))
+    for image in model.images.values():
+        camera = rig[image.name.removesuffix(".png")]
+        origins, directions = camera.rays([[100.0, 200], [400, 300]])
+        seen = [image.project_point(point) for point in origins + 300 * directions]
+        np.testing.assert_allclose(seen, [[100.5, 200.5], [400.5, 300.5]], rtol=0, atol=1e-6)
+
+
 def test_models_without_distortion_are_pinholes(tmp_path):
     for model, parameters in (
         ("FOV", (400, 410, 320, 240, 0.0)),
