@@ -14,7 +14,7 @@ import yaml
 from rigs.files.atomic import atomic_path
 
 _MAX_BYTES = 16 * 2**20
-_MAX_LINE = 2**20  # bytes; a point seen by ten thousand images has half as many
+_MAX_LINE = 16 * 2**20  # bytes; COLMAP writes all points of an image into one line
 _MAX_DEPTH = 32
 _MAX_VALUES = 1_000_000  # of a YAML file: 8 cameras and 45,000 frames have almost as many
 
@@ -43,17 +43,18 @@ def read_text(path: str | os.PathLike) -> str:
         ) from None
 
 
-def iter_lines(path: str | os.PathLike) -> Iterator[str]:
-    """Yield the lines of a UTF-8 text file of any size that are not empty, without their ends.
+def iter_lines(path: str | os.PathLike, keep_empty: bool = False) -> Iterator[str]:
+    """Yield the lines of a UTF-8 text file of any size, without blanks around them.
 
-    For formats that begin with cameras and go on with millions of points.
+    For formats whose few cameras stand among millions of points. Empty lines are left out unless
+    ``keep_empty``.
 
     Raises
     ------
     FileNotFoundError, IsADirectoryError
         In one line that names the file.
     ValueError
-        If a line is not UTF-8, or longer than 1 MiB.
+        If a line is not UTF-8, or longer than 16 MiB.
     """
     with _existing(path).open("rb") as file:
         number = 0
@@ -70,7 +71,7 @@ def iter_lines(path: str | os.PathLike) -> Iterator[str]:
                 raise ValueError(
                     f"{path}: found bytes that are not UTF-8 in line {number}, expected UTF-8 text"
                 ) from None
-            if text:
+            if text or keep_empty:
                 yield text
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
+from rigs.camera_protocol import CameraLike
 from rigs.recordings import image_size
 
 _ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm")
 MOST_RAYS = 2**24
 """Largest table of rays made from a formula: about 4 GB while it is made."""
+MOST_TABLES = 4
+"""How many of the largest tables one rig may have: 1.6 GB."""
 
 
 def size_of_image(path: Path) -> tuple[int, int] | None:
@@ -54,6 +57,24 @@ def required_size(
             f"expected convert-rig's --image-size WIDTHxHEIGHT{source}"
         )
     return size
+
+
+def check_tables(cameras: Iterable[CameraLike]) -> None:
+    """Raise if the tables of rays among cameras are too many for their pixels.
+
+    Raises
+    ------
+    ValueError
+        Naming the sum. A short list of images would decide how much memory they take.
+    """
+    sizes = [camera.image_size for camera in cameras if not camera.has_lens_model]
+    total = sum(width * height for width, height in sizes)
+    if total > MOST_TABLES * MOST_RAYS:
+        raise ValueError(
+            f"image_size: found {len(sizes)} tables of rays with {total} pixels, expected at most "
+            f"{MOST_TABLES * MOST_RAYS}: the lens is none of rig.yaml's, so keep fewer images or "
+            "undistort them first"
+        )
 
 
 def check_table_size(size: tuple[int, int]) -> None:

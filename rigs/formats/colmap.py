@@ -7,24 +7,28 @@ camera models; FOV, DIVISION and EUCM become tables of rays.
 An image's camera is its folder, else the image itself, as in ``transforms.json``. A folder whose
 images stand in different places belongs to a moving rig: then ``rigs`` is read, and the world is
 the axes of the rig's reference sensor. Without ``images`` too; sensors are then named by their
-numbers. A folder with a model of each kind is read where both say the same. Written are the
-cameras as sensors of one rig, as text, seen in one frame, one image ``<camera>.png`` each.
+numbers. A project's folder is read through its ``sparse``, and a folder with a model of each kind
+where both say the same. Written are the cameras as sensors of one rig, as text, seen in one frame,
+one image ``<camera>.png`` each.
 https://colmap.github.io/format.html, https://colmap.github.io/cameras.html
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import dropwhile
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from rigs.camera import Camera
-from rigs.files.text import read_text, shortened, write_text
+from rigs.camera_protocol import CameraLike
+from rigs.files.text import iter_lines, shortened, write_text
 from rigs.files.units import UNKNOWN
 from rigs.formats._colmap_binary import text_of
 from rigs.formats._colmap_lenses import MODELS, Sensor, read_sensor
 from rigs.formats._colmap_rigs import read_sensors, rig_texts
+from rigs.formats._image_size import check_tables
 from rigs.formats._lens import named_model, refuse_skew, refuse_tables
 from rigs.formats._values import as_count, errors_of, errors_of_file, numbers_of_line
 from rigs.formats._views import difference, grouped, named
@@ -47,7 +51,7 @@ def looks_like(path: Path, head: str) -> bool:
     """Return whether a folder, or the folder of a file, is a model."""
     if path.is_file() and path.name not in _FILES:
         return False
-    return bool(_endings(path))
+    return any(_endings(path, folder) for folder in _folders(path))
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
@@ -59,8 +63,12 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         In one line: the file, the camera, the field, what was found, what was expected.
     """
     path = Path(path)
-    folder = _folder(path)
-    rigs = [_load(folder, ending) for ending in _endings(path) or [".txt"]]
+    folder, *others = _folders(path)
+    if others:
+        raise ValueError(
+            f"{path}: found models in {folder} and {others[0]}, expected one of them as IN"
+        )
+    rigs = [_load(folder, ending) for ending in _endings(path, folder) or [".txt"]]
     if len(rigs) > 1 and not _same(*rigs):
         raise ValueError(
             f"{folder}: found cameras.txt and cameras.bin of different models, expected one of "
@@ -76,7 +84,7 @@ def _load(folder: Path, ending: str) -> Rig:
     if not file.is_file():
         return _rig_of_sensors(rigs, sensors, {})
     with errors_of_file(file):
-        views = _read_images(_text(file), sensors)
+        views = _read_images(_lines(file), sensors)
         if not views:
             raise ValueError("found no images, expected at least one")
         images, cameras, numbers = zip(*views, strict=True)
@@ -88,8 +96,11 @@ def _load(folder: Path, ending: str) -> Rig:
         for name, number in zip(names, numbers, strict=True):
             if lenses.setdefault(name, sensors[number]).rays_of != sensors[number].rays_of:
                 raise ValueError(f"camera {name}: PARAMS: differs between its images")
-        cameras = [lenses[camera.name].finished(camera) for camera in found]
-        return Rig(tuple(cameras), UNKNOWN, "as in COLMAP's model")
+        finished: list[CameraLike] = []
+        for camera in found:
+            finished.append(lenses[camera.name].finished(camera))
+            check_tables(finished)
+        return Rig(tuple(finished), UNKNOWN, "as in COLMAP's model")
 
 
 def save(rig: Rig, path: Path) -> None:
@@ -131,26 +142,27 @@ def pose_text(R: np.ndarray, t: np.ndarray) -> str:
     return " ".join(repr(float(v)) for v in (*quaternion_of_matrix(R), *t))
 
 
-def _folder(path: Path) -> Path:
-    """Return the folder of a model, given it or one of its files."""
-    return path.parent if path.is_file() else path
+def _folders(path: Path) -> list[Path]:
+    """Return the folders with a model: a path's own, else those in its ``sparse``."""
+    if path.is_file():
+        return [path.parent]
+    sparse = path / "sparse"
+    inner = sorted(sparse.iterdir()) if sparse.is_dir() else []
+    for folders in ([path], [sparse], inner):
+        if found := [folder for folder in folders if _endings(folder, folder)]:
+            return found
+    return [path]
 
 
-def _endings(path: Path) -> list[str]:
-    """Return the endings of the models that a folder holds, or the one of a file of a model."""
-    folder = _folder(path)
+def _endings(path: Path, folder: Path) -> list[str]:
+    """Return the endings of the models in a folder, or the one of a file of a model."""
     found = [
         ending
         for ending in _ENDINGS
         if (folder / f"cameras{ending}").is_file()
         and any((folder / f"{stem}{ending}").is_file() for stem in ("images", "rigs"))
     ]
-    return [ending for ending in found if path.is_dir() or path.suffix == ending]
-
-
-def _text(file: Path) -> str:
-    """Return the text of a model's file, or the text form of a binary one."""
-    return text_of(file) if file.suffix == ".bin" else read_text(file)
+    return [ending for ending in found if not path.is_file() or path.suffix == ending]
 
 
 def _same(rig: Rig, other: Rig) -> bool:
@@ -166,16 +178,18 @@ def _same(rig: Rig, other: Rig) -> bool:
     )
 
 
-def _lines(text: str) -> list[str]:
-    """Return the lines that are no comments; empty ones stay."""
-    return [line for line in text.splitlines() if not line.lstrip().startswith("#")]
+def _lines(file: Path) -> Iterator[str]:
+    """Yield the lines of a model's file, or of its text form, that are no comments."""
+    is_text = file.suffix != ".bin"
+    lines = iter_lines(file, keep_empty=True) if is_text else text_of(file).splitlines()
+    return (line for line in lines if not line.startswith("#"))
 
 
 def _read_cameras(file: Path) -> dict[int, Sensor]:
     """Return the cameras of ``cameras.txt`` by number."""
     sensors = {}
     with errors_of_file(file):
-        for line in _lines(_text(file)):
+        for line in _lines(file):
             if not line.strip():
                 continue
             number, *words = line.split()
@@ -191,17 +205,17 @@ def _read_cameras(file: Path) -> dict[int, Sensor]:
     return sensors
 
 
-def _read_images(text: str, sensors: dict[int, Sensor]) -> list[tuple[PurePosixPath, Camera, int]]:
+def _read_images(
+    lines: Iterator[str], sensors: dict[int, Sensor]
+) -> list[tuple[PurePosixPath, Camera, int]]:
     """Return the images' names, their posed cameras, and the cameras' numbers."""
     views = []
-    lines = _lines(text)
-    while lines and not lines[0].strip():
-        lines.pop(0)
-    for line in lines[1::2]:  # every second one, often empty
-        if len(line.split()) % 3:
-            raise ValueError(f"found {shortened(line)}, expected POINTS2D after each image")
-    for line in lines[::2]:
-        if not line.strip():
+    for index, line in enumerate(dropwhile(lambda line: not line, lines)):
+        if index % 2:  # every second one, often empty
+            if len(line.split()) % 3:
+                raise ValueError(f"found {shortened(line)}, expected POINTS2D after each image")
+            continue
+        if not line:
             continue
         words = line.split(maxsplit=9)
         if len(words) != 10:
@@ -233,11 +247,12 @@ def _rig_of_sensors(file: Path, sensors: dict[int, Sensor], names: dict[int, str
     """Return the rig of ``rigs.txt``, its cameras named by their images' folders."""
     with errors_of_file(file):
         cameras = []
-        for number, (R, t) in read_sensors(_lines(_text(file))).items():
+        for number, (R, t) in read_sensors(list(_lines(file))).items():
             if number not in sensors:
                 raise ValueError(f"SENSOR_ID: found {number}, expected one of cameras.txt")
             name = names.get(number, f"camera{number}")
             cameras.append(sensors[number].finished(sensors[number].posed(name, R, t)))
+            check_tables(cameras)
         return Rig(tuple(cameras), UNKNOWN, "the reference sensor's axes")
 
 

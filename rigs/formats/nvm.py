@@ -24,7 +24,7 @@ from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import iter_lines, shortened
 from rigs.files.units import UNKNOWN
-from rigs.formats._image_size import check_table_size, image_listed, required_size
+from rigs.formats._image_size import check_table_size, check_tables, image_listed, required_size
 from rigs.formats._values import (
     as_count,
     as_number,
@@ -97,7 +97,10 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         for name, bend in zip(names, bends, strict=True):
             if bend != bend_of[name]:
                 raise ValueError(f"camera {name}: k: found {bend} and {bend_of[name]}")
-        finished = [_bent(camera, bend_of[camera.name]) for camera in found]
+        finished: list[CameraLike] = []
+        for camera in found:
+            finished.append(_bent(camera, bend_of[camera.name]))
+            check_tables(finished)
         return Rig(tuple(finished), UNKNOWN, f"as in {path.name}")
 
 

@@ -37,7 +37,7 @@ import numpy as np
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_text, read_yaml_mapping, shortened
-from rigs.formats._image_size import check_table_size
+from rigs.formats._image_size import check_table_size, check_tables
 from rigs.formats._openptv_glass import Media, behind_glass
 from rigs.formats._values import (
     as_count,
@@ -111,7 +111,11 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     single = path.suffix in _CAMERA and path.is_file()
     files = [root / f"{image}.ori" for image in projects[0].images]
     files = [path.with_suffix(".ori")] if single else files
-    cameras = [_read_camera(file, projects[0]) for file in files]
+    cameras: list[CameraLike] = []
+    for file in files:
+        cameras.append(_read_camera(file, projects[0]))
+        with errors_of_file(file):
+            check_tables(cameras)
     with errors_of_file(path):
         return Rig(tuple(cameras), LENGTH_UNIT, f"as in {path.name}")
 
@@ -223,11 +227,10 @@ def _read_camera(file: Path, project: _Project) -> CameraLike:
             lens = dict(zip(_LENS, numbers_of_line(words[: len(_LENS)], _LENS), strict=True))
     name = PurePosixPath(file.stem).stem or file.stem  # cal/cam1.tif.ori
     with errors_of_file(file), errors_of(f"camera {name}"):
-        camera = _camera(name, values, lens, project)
         if not project.media.bends:
-            return camera
+            return _camera(name, values, lens, project)
         glass = np.array([required(values, key, "the way to the glass") for key in _GLASS])
-        return behind_glass(camera, glass, project.media)
+        return behind_glass(_camera(name, values, lens, project), glass, project.media)
 
 
 def _camera(

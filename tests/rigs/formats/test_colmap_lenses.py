@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rigs import Camera, RayTable, formats
-from rigs.formats import colmap
+from rigs.formats import _image_size, colmap
 
 MODELS = {
     "SIMPLE_RADIAL_FISHEYE": (800, 320.5, 240.25, 0.02),
@@ -261,6 +261,40 @@ def test_a_binary_model_is_read_as_colmap_projects(tmp_path):
     assert sensors.names == ("camera1", "camera2")
     np.testing.assert_allclose(sensors[1].t, moved[1].t, atol=1e-12)
     np.testing.assert_allclose(sensors[1].R, moved[1].R, atol=1e-12)
+
+
+def test_a_project_is_read_through_its_sparse_folder(tmp_path):
+    (tmp_path / "sparse").mkdir()
+    write_binary(tmp_path / "sparse" / "0")
+    assert formats.sniff(tmp_path) == "colmap"
+    assert formats.load(tmp_path).names == ("left", "right")
+    write_binary(tmp_path / "sparse" / "1")
+    with pytest.raises(ValueError, match=r"found models in .*sparse/0 and .*sparse/1, expected"):
+        formats.load(tmp_path)
+    assert formats.load(tmp_path / "sparse" / "1").names == ("left", "right")
+
+
+def test_images_of_many_points_are_read(tmp_path):
+    write_text(tmp_path, "FISHEYE")
+    points = " ".join(["100.25 200.75 -1"] * 600_000)
+    images = [f"{number} 1 0 0 0 {number} 0 0 1 {number}.png\n{points}\n" for number in (1, 2)]
+    (tmp_path / "images.txt").write_text("".join(images))
+    assert (tmp_path / "images.txt").stat().st_size > 16 << 20  # most of other text files
+    assert formats.load(tmp_path).names == ("1", "2")
+    (tmp_path / "images.txt").write_text(images[0].replace("\n", f" {points} {points}\n", 1))
+    with pytest.raises(ValueError, match="found a line 1 of more than 16 MiB"):
+        formats.load(tmp_path)
+
+
+def test_more_tables_than_memory_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(_image_size, "MOST_RAYS", 640 * 480)
+    write_text(tmp_path, "FOV")
+    lines = [f"{number} 1 0 0 0 {number} 0 0 1 {number}.png\n\n" for number in range(1, 6)]
+    (tmp_path / "images.txt").write_text("".join(lines[:4]))
+    assert len(formats.load(tmp_path)) == 4
+    (tmp_path / "images.txt").write_text("".join(lines))
+    with pytest.raises(ValueError, match=r"found 5 tables of rays with 1536000 pixels, expected"):
+        formats.load(tmp_path)
 
 
 def test_text_beside_binary_must_say_the_same(tmp_path):
