@@ -56,6 +56,10 @@ MODELS: dict[str, tuple[int, str, str]] = {
     "EUCM": (16, "table", "fx fy cx cy alpha beta"),
     "EQUIRECTANGULAR": (17, "", "w h"),
 }
+_LOST = {
+    "RAD_TAN_THIN_PRISM_FISHEYE": "its tangential, prism and highest radial terms",
+    "EQUIRECTANGULAR": "all of the sphere that is not in front",
+}
 _PRISM = ("k1", "k2", "k3", "p1", "p2", "sx1", "sy1")
 _SLOTS = {
     "none": (),
@@ -124,12 +128,14 @@ def _lens_of(model: str, values: Mapping[str, float]) -> Distortion | None:
     _, kind, _ = MODELS[model]
     if model == "THIN_PRISM_FISHEYE" and not any(values[k] for k in ("p1", "p2", "sx1", "sy1")):
         kind = "fisheye"
+    if model == "RAD_TAN_THIN_PRISM_FISHEYE" and not any(list(values.values())[8:]):
+        return Distortion("fisheye", tuple(values[f"k{i}"] for i in range(4)))
     if kind in _SLOTS:
         return Distortion(kind, tuple(values.get(name, 0.0) for name in _SLOTS[kind]))
     if not kind:
-        known = ", ".join(name for name, (_, kind, _) in MODELS.items() if kind)
         raise ValueError(
-            f"MODEL: found {model}, which no camera here holds, expected one of {known}"
+            f"MODEL: found {model}, expected one that a camera here can hold: {_LOST[model]} would "
+            "be lost; colmap image_undistorter makes images of PINHOLE"
         )
     if model == "THIN_PRISM_FISHEYE" and values["k4"]:
         raise ValueError(

@@ -183,6 +183,15 @@ def test_points_appear_where_pycolmap_puts_them(tmp_path, model):
     np.testing.assert_allclose(uv + 0.5, PYCOLMAP[model], rtol=0, atol=near)
 
 
+def test_a_fisheye_that_says_it_has_a_prism_is_one(tmp_path):
+    """Whose further terms are zero; the numbers are pycolmap's."""
+    parameters = (800, 810, 320.5, 240.25, 0.02, -0.01, 3e-3, -1e-3, *[0] * 8)
+    camera = formats.load(write_text(tmp_path, "RAD_TAN_THIN_PRISM_FISHEYE", parameters))["a"]
+    expected = [[399.27965288, 80.721202917], [88.477006307, 357.711640557],
+                [585.732308326, 432.069794414]]  # fmt: skip
+    np.testing.assert_allclose(camera.project(POINTS)[0] + 0.5, expected, rtol=0, atol=1e-6)
+
+
 def test_a_live_pycolmap_agrees(tmp_path):
     pycolmap = pytest.importorskip("pycolmap", reason="COLMAP's own library is not installed")
     for model, parameters in MODELS.items():
@@ -213,7 +222,7 @@ def test_models_without_distortion_are_pinholes(tmp_path):
 @pytest.mark.parametrize(
     ("model", "parameters", "message"),
     [
-        ("EQUIRECTANGULAR", (640, 480), "MODEL: found EQUIRECTANGULAR, which no camera here"),
+        ("EQUIRECTANGULAR", (640, 480), "MODEL: found EQUIRECTANGULAR, expected one that a"),
         ("RAD_TAN_THIN_PRISM_FISHEYE", [800.0] * 16, "MODEL: found RAD_TAN_THIN_PRISM_FISHEYE, "),
         (
             "THIN_PRISM_FISHEYE",
