@@ -134,8 +134,8 @@ def _lens_of(model: str, values: Mapping[str, float]) -> Distortion | None:
         return Distortion(kind, tuple(values.get(name, 0.0) for name in _SLOTS[kind]))
     if not kind:
         raise ValueError(
-            f"MODEL: found {model}, expected one that a camera here can hold: {_LOST[model]} would "
-            "be lost; colmap image_undistorter makes images of PINHOLE"
+            f"MODEL: found {model}, expected one that a camera here can hold: {_LOST[model]} "
+            "would be lost; colmap image_undistorter makes images of PINHOLE"
         )
     if model == "THIN_PRISM_FISHEYE" and values["k4"]:
         raise ValueError(

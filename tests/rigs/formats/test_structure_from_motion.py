@@ -142,12 +142,13 @@ def test_a_fixed_calibration_holds_for_all_images(tmp_path):
 
 def test_names_of_other_machines_and_further_models(tmp_path, caplog):
     text = model().replace("a.png", 'C:\\my"scan\\a"1.png').replace("b.png", "/data/b.png")
+    text = text.replace("c.png", "../up/c.png")
     text = text[:-2] + "\n".join(model().splitlines()[2:]) + "\n"
     file = tmp_path / "a.nvm"
     file.write_text(text)
     with caplog.at_level(logging.WARNING):
         rig = formats.load(file, image_size=SIZE)
-    assert rig.names == ("a 1", "b", "c")
+    assert rig.names == ("a 1", "b", "c")  # and not looked for outside the file's folder
     assert "a further model, of 3 images, is left out" in caplog.text
 
 
