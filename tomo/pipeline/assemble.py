@@ -13,6 +13,7 @@ from tomo.pipeline.assess import Assessed
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.evaluate import Evaluated, Reference
 from tomo.pipeline.explain import ExplainedScan
+from tomo.pipeline.learn import Learned
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.options import Options
 from tomo.pipeline.reconstruction import Reconstruction
@@ -35,6 +36,7 @@ class Stages:
     build: WeightedSystem
     explain: ExplainedScan
     solve: Solved
+    learn: Learned
     compare: Compared
     evaluate: Evaluated
     assess: Assessed
@@ -107,6 +109,7 @@ def assemble(
         projector=_projector(system, options.tracer),
         basis=stages.solve.built.basis.report(),
         pixel_weights=built.weighting,
+        learning=stages.learn.report,
         learned=evaluated.learned,
         uncertainty=stages.assess.uncertainty,
     )

@@ -49,7 +49,7 @@ def assess(
 ) -> Assessed:
     """Repeat the solve with new noise, and see where the views disagree with their cameras."""
     uncertainty, alignment = None, None
-    system, unseen = solved.built.system, solved.built.system.unseen
+    system, unseen = solved.system, solved.built.system.unseen
     with timed() as stage:
         if registered.alignment is not None:
             alignment = replace(

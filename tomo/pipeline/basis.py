@@ -10,7 +10,6 @@ import numpy as np
 
 from tomo.operators import LINEAR, STORED, VOXEL, LinearSystem
 from tomo.pipeline.methods import AUTO, Method
-from tomo.selection.folds import FEW_VIEWS
 
 MOST_WORK = 5
 """Largest work of the linear basis over that of the voxel basis at which it is taken. Footprints
@@ -84,18 +83,15 @@ def linear_where_possible(
     return linear, Basis(LINEAR, "light has no edges of voxels")
 
 
-def reason_of_method(method: Method, n_views: int, *, encoder: bool, freeze_encoder: bool) -> str:
+def reason_of_method(method: Method, *, freeze_encoder: bool) -> str:
     """Return why a method rules the linear basis out; empty where it does not.
 
-    ``encoder`` tells whether an encoder is given, ``freeze_encoder`` whether it is used as it is.
+    ``freeze_encoder`` tells whether an encoder is used as it is.
     """
     if not method.through_lenses:
         return f"{method.name} goes ray by ray"
     if method.needs_midpoints and not freeze_encoder:
-        if encoder:
-            return "encoders are trained in the voxel basis"
-        if n_views > FEW_VIEWS:
-            return "with many views weights are learned in the voxel basis"
+        return "weights are learned in the voxel basis"
     return ""
 
 

@@ -65,12 +65,7 @@ def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> Weigh
     """Choose the unknowns and weigh the pixels, of images as given."""
     methods = methods_of(options)
     with timed() as stage:
-        against = reason_of_method(
-            methods[0],
-            traced.system.projector.n_views,
-            encoder=options.encoder is not None,
-            freeze_encoder=options.freeze_encoder,
-        )
+        against = reason_of_method(methods[0], freeze_encoder=options.freeze_encoder)
         system, basis = in_basis(traced.system, options.basis, options.supersample, against)
         weights, weighting = _weighted(system, screened, options, methods)
     return WeightedSystem(system, traced.measured, weights, weighting, basis, record=stage.record)

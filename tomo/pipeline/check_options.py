@@ -55,6 +55,12 @@ def methods_of(options: Options) -> list[Method]:
     return [method_named(options.method), *others]
 
 
+def may_learn(options: Options) -> bool:
+    """Return whether weights may be learned in place of segment lengths."""
+    method = method_named(options.method)
+    return method.needs_midpoints or (method.name == AUTO and options.learn)
+
+
 def repeats_of(options: Options) -> int:
     """Return how often the solve is repeated with new noise; ``auto``: a few for ``auto`` alone.
 

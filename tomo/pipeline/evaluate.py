@@ -18,8 +18,8 @@ from tomo.grid import VoxelGrid
 from tomo.operators import LINEAR, LinearSystem
 from tomo.operators.system import VolumeNotSeenError
 from tomo.operators.view_gains import Gains
+from tomo.pipeline.check_options import may_learn
 from tomo.pipeline.load import LoadedScan
-from tomo.pipeline.methods import method_named
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Compared, Solved, Watch, with_learned_weights
@@ -121,7 +121,7 @@ def trace_apart(
             system.projector.grid,
             masks=screened.apart_masks,
             active=system.projector.active,
-            midpoints=method_named(options.method).needs_midpoints,
+            midpoints=may_learn(options),
             tracer=options.tracer,
             supersample=options.supersample,
             form=options.projector,
@@ -148,7 +148,7 @@ def evaluate(
             stage.warnings += blind_warnings(apart)
         with as_warning("re-projected images: not found", stage.warnings):
             found, built = solved.solution, solved.built
-            system = solved.system(same_views=True)
+            system = solved.system
             views += views_of(
                 system.on_voxel_means, found.volume, screened.images, screened.masks, built.gains
             )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.grouping import golden_ratio_sequence
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.measurement import NoiseModel
 from tomo.operators import STORED, LinearSystem
@@ -17,7 +18,7 @@ from tomo.pipeline.options import Options
 from tomo.scan.downsample import Coarser
 from tomo.screening.causes import volume_of
 from tomo.screening.hypotheses import Evidence
-from tomo.screening.left_out_blocks import Blocks
+from tomo.screening.left_out_blocks import Blocks, blocks_of
 from tomo.solvers import curvature, mlem
 from tomo.solvers.initial_volume import mlos_start
 
@@ -107,6 +108,46 @@ def quick_solve(
         start = active.compress(mlem(projector, measured, iterations=FIRST, start=first).volume)
     how = {"strength": STRENGTH, "iterations": ITERATIONS, "start": start}
     return active.compress(curvature(projector, measured, **how).volume)
+
+
+def pixels_that_fit(system: LinearSystem) -> NDArray[np.int64] | None:
+    """Return some of the pixels, in blocks, of a system too large to explain by; else None."""
+    if system.projector.n_segments <= SEGMENTS or not system.projector.rows_are_single_rays:
+        return None
+    block = blocks_of(system)
+    order = golden_ratio_sequence(int(block.max()) + 1)
+    return np.flatnonzero(order[block] < SEGMENTS / system.projector.n_segments)
+
+
+def traced_again(
+    system: LinearSystem,
+    options: Options,
+    kept: NDArray[np.int64] | None = None,
+    *,
+    midpoints: bool = True,
+) -> LinearSystem:
+    """Return the stored equations, in the voxel basis, of all or some of a system's pixels."""
+    masks, pointers = [], system.projector.view_ptr
+    for number, (camera, pixels) in enumerate(zip(system.rig, system.pixels, strict=True)):
+        own = slice(None)
+        if kept is not None:
+            mine = kept[(kept >= pointers[number]) & (kept < pointers[number + 1])]
+            own = mine - pointers[number]
+        width, height = camera.image_size
+        mask = np.zeros(width * height, bool)
+        mask[pixels[own]] = True
+        masks.append(mask.reshape(height, width))
+    return LinearSystem.from_rig(
+        system.rig,
+        system.projector.grid,
+        masks=masks,
+        active=system.projector.active,
+        skip=False,
+        midpoints=midpoints,
+        tracer=options.tracer,
+        supersample=options.supersample,
+        form=STORED,
+    )
 
 
 def _coarser(

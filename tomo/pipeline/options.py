@@ -113,6 +113,12 @@ class Options:
         "better.",
         switch(optional=True),
     )
+    learn: bool = _option(
+        True,
+        "Whether weights are learned in place of segment lengths, with method auto, where "
+        "these leave the images unexplained and the weights predict left-out pixels better.",
+        switch(),
+    )
     uncertainty: int | str = _option(
         AUTO,
         "How many times the solve is repeated with new noise for the standard deviation of each "

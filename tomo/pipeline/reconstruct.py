@@ -13,6 +13,7 @@ from tomo.pipeline.check_options import cameras_to_refine, check_options
 from tomo.pipeline.evaluate import evaluate, read_reference, trace_apart
 from tomo.pipeline.explain import explain_images
 from tomo.pipeline.first_use import warm_up_stages
+from tomo.pipeline.learn import learn
 from tomo.pipeline.load import load
 from tomo.pipeline.options import Options
 from tomo.pipeline.reconstruction import Reconstruction
@@ -69,12 +70,14 @@ def reconstruct(
     explained = explain_images(built, screened, options)
     solved = solve(explained.built, options, watch=reference.watch, progress=progress)
     solved = with_own_absorption(solved, options)
+    learned = learn(solved, screened, options, watch=reference.watch, progress=progress)
+    solved = learned.solved
     compared = compare(solved.built, options, watch=reference.watch, progress=progress)
     evaluated = evaluate(loaded, screened, solved, compared, apart, reference, options)
     light = screened.unmodelled_light
     assessed = assess(registered, solved, options, unmodelled_light=light, progress=progress)
     stages = Stages(
-        reference, loaded, screened, registered, traced, built, explained, solved, compared,
-        evaluated, assessed,
+        reference, loaded, screened, registered, traced, built, explained, solved, learned,
+        compared, evaluated, assessed,
     )  # fmt: skip
     return assemble(stages, options, first_use=first_use, seconds=time.perf_counter() - began)

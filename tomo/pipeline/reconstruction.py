@@ -55,8 +55,8 @@ class Reconstruction:
         All cameras, those refined and shifted as they were found, at the size that images were
         recorded in; None where that was not asked for, or found nothing.
     seconds : mapping
-        A stage each, ``load, screen, register, trace, explain, build, solve, compare, evaluate,
-        uncertainty``, and ``total``; ``choose`` is a part of ``solve``.
+        A stage each, ``load, screen, register, trace, explain, build, solve, learn, compare,
+        evaluate, uncertainty``, and ``total``; ``choose`` is a part of ``solve``.
     first_use_seconds : float
         Compiling or loading kernels, once a process.
     unseen : (nx, ny, nz) bool, optional
@@ -70,6 +70,8 @@ class Reconstruction:
         unit of the volume's values, the voxels.
     projector, basis, pixel_weights : mapping
         The form of the projector, the unknowns and the pixels' weights that were used, and why.
+    learning : mapping, optional
+        Whether the default went on to learned weights, and why; None where it was not asked to.
     learned : LearnedWeights, optional
         The weights learned in place of segment lengths; None: none were.
     uncertainty : Assessment, optional
@@ -99,6 +101,7 @@ class Reconstruction:
     projector: Mapping[str, Any] = field(default_factory=dict)
     basis: Mapping[str, Any] = field(default_factory=dict)
     pixel_weights: Mapping[str, Any] = field(default_factory=dict)
+    learning: Mapping[str, Any] | None = None
     learned: LearnedWeights | None = None
     uncertainty: Assessment | None = None
 

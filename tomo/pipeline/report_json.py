@@ -38,6 +38,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
         "refinement": outcome.refinement,
         "explanation": outcome.explanation,
         "gains": outcome.gains,
+        "learning": outcome.learning,
         "learned": outcome.learned.report() if outcome.learned else None,
         "uncertainty": outcome.uncertainty.report() if outcome.uncertainty else None,
         "relative_residual": found.relative_residual,

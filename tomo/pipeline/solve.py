@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -49,9 +49,10 @@ class Solved:
     built: WeightedSystem
     record: Record = Record()
 
-    def system(self, *, same_views: bool) -> LinearSystem:
-        """Return the equations with the learned weights, where there are any."""
-        return with_learned_weights(self.built.system, self.solution, same_views=same_views)
+    @cached_property
+    def system(self) -> LinearSystem:
+        """The equations with the learned weights, where there are any."""
+        return with_learned_weights(self.built.system, self.solution, same_views=True)
 
 
 def solve(
@@ -163,6 +164,13 @@ def solve_by(
     )
 
 
+def choice_of(solved: Solved) -> Choice:
+    """Return how the default solved, to solve the same way again."""
+    found = solved.solution
+    width, strength = found.settings["smooth_width"], found.settings["strength"]
+    return Choice(width, strength, found.history[-1].index, math.nan)
+
+
 def repeatable(solved: Solved, options: Options) -> Resolve | None:
     """Return the solve with as many iterations, for other images; None if the method learns.
 
@@ -174,7 +182,7 @@ def repeatable(solved: Solved, options: Options) -> Resolve | None:
     method, found = method_named(options.method), solved.solution
     if method.needs_midpoints:
         return None
-    projector, weights = solved.built.system.projector, solved.built.weights
+    projector, weights = solved.system.projector, solved.built.weights
     iterations = found.history[-1].index
 
     @cache
@@ -189,10 +197,9 @@ def repeatable(solved: Solved, options: Options) -> Resolve | None:
             part, pixels = projector.subset(views), projector.pixels_of(views)
             measured, kept = measured[pixels], None if weights is None else weights[pixels]
         if method.name == AUTO:
-            width, strength = found.settings["smooth_width"], found.settings["strength"]
-            choice = Choice(width, strength, iterations, math.nan)
             start = start_of_all() if views is None else None
-            repeated = solve_as_chosen(part, measured, choice, weights=kept, start=start)
+            how = {"weights": kept, "start": start}
+            repeated = solve_as_chosen(part, measured, choice_of(solved), **how)
         else:
             arguments = method.arguments(seed=options.seed, iterations=iterations)
             repeated = method.solver(part, measured, **arguments)

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured
 from tomo.selection.fits import Fit, Fits, Progress, Tried
@@ -23,7 +22,6 @@ from tomo.selection.folds import (
     Fold,
     blocks_to_leave_out,
     runs_of_pixels,
-    views_to_leave_out,
 )
 from tomo.selection.slab import part_to_choose_by
 from tomo.selection.smooth_solve import smooth_start, solve_smoothly
@@ -212,32 +210,6 @@ def _of_width(fits: Fits, width: float, strength: float, steps: Sequence[int]) -
         if best.strength != strength:
             break
     return best
-
-
-def residual_of_left_out_views(
-    projector: ProjectionOperator,
-    measured: ArrayLike,
-    choice: Choice,
-    weights: NDArray[np.float32] | None = None,
-) -> float:
-    """Return the relative residual of left-out views for a given choice.
-
-    Relative to all views where those are dark. NaN with fewer than three views, or dark images:
-    none can be left out.
-    """
-    measured = check_measured(projector, measured)
-    views = np.flatnonzero(np.diff(projector.view_ptr)).tolist()
-    if len(views) < 3 or not measured.any():
-        return math.nan
-    squared = light = 0.0
-    for left_out in views_to_leave_out(views):
-        fold = Fold.leaving_out_views(left_out, projector, measured, weights)
-        found = solve_as_chosen(
-            fold.training, fold.training_pixels, choice, weights=fold.training_weights
-        )
-        squared += float(fold.squared_errors(projector.active.compress(found.volume)).sum())
-        light += fold.squared_light
-    return math.sqrt(squared / (light or norm(measured) ** 2))
 
 
 def solve_as_chosen(

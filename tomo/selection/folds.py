@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
 
 FEW_VIEWS = 8
-"""Views up to which only one is left out; more views leave out every eighth."""
+"""Views up to which each one counts: too few to fit what is each view's own."""
 
 LEFT_OUT = 1 / 8
 """Fraction of the pixel blocks that a fold leaves out. A larger one makes the training see less
@@ -23,14 +24,22 @@ RUN = 3
 """Pixels in a row that are left out together where no blocks are given."""
 
 
-def views_to_leave_out(views: Sequence[int]) -> list[list[int]]:
-    """Return the views that each fold leaves out.
+def surely_lower(errors: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
+    """Return whether the sum of ``errors`` is below that of ``others`` by more than chance.
 
-    One with few views, else every eighth.
+    Parameters
+    ----------
+    errors, others : (blocks,)
+        Squared errors of the same left-out blocks by two models.
+
+    Notes
+    -----
+    The differences of the blocks are paired: what both models miss cancels. Their sum must exceed
+    its standard error, ``sqrt(blocks) std(differences)``: the one-standard-error rule (Breiman,
+    Friedman, Stone and Olshen, "Classification and Regression Trees", 1984, section 3.4.3).
     """
-    if len(views) <= FEW_VIEWS:
-        return [[views[max(len(views) // 4, 1)]]]
-    return [list(views[2::8])]
+    less = others - errors
+    return bool(less.sum() > math.sqrt(len(less)) * less.std())
 
 
 def runs_of_pixels(projector: ProjectionOperator) -> NDArray[np.int64]:

@@ -22,10 +22,11 @@ _KINDS = {"weights": WeightEncoder, "correction": CorrectionEncoder}
 _TENSOR_PARTS = (
     "torch._utils _rebuild_tensor_v2",
     "torch FloatStorage",
+    "torch DoubleStorage",
     "torch ByteStorage",
     "collections OrderedDict",
 )
-"""Names in the pickle of a file of float32 tensors and the state of a generator; no others are
+"""Names in the pickle of a file of float tensors and the state of a generator; no others are
 accepted."""
 
 Encoder = WeightEncoder | CorrectionEncoder

@@ -14,8 +14,7 @@ units are kept.
 1. The classic solve that predicts left-out pixels best is the baseline.
 2. Gains and coefficients are found by variable projection (`variable_projection`): Gauss-Newton
    steps on the residual ``m - A(g, k) x(g, k)``, the voxels ``x`` eliminated. Residuals are summed
-   over patches of the images, where errors of single pixels cancel. Terms are added one by one as
-   long as left-out views are predicted better.
+   over patches of the images, where errors of single pixels cancel.
 3. Outer iterations (`outer_iterations`) alternate between encoder and voxels. The encoder is
    trained at fixed voxels (`encoder_training`, `fixed_voxels`) on the loss ::
 
@@ -24,9 +23,11 @@ units are kept.
    and the voxels are solved for again with the weights that it gives. At voxels that are optimal
    for the weights, the gradient of the loss by the encoder is that with the voxels eliminated
    (envelope theorem), so that the alternation descends on that loss.
-4. The weights that predict left-out views best are kept if they are clearly better than segment
-   lengths; otherwise the result is the baseline. With eight views or fewer only what is common to
-   all views is learned, in two outer iterations.
+4. All of this is done without every eighth block of pixels (`left_out`). Terms and encoders are
+   kept where they predict these better by more than chance; otherwise the result is the baseline.
+   With eight views or fewer only what is common to all views is learned.
+
+`wernet` is the method of that name; `candidate.learn_shared` serves the default method.
 
 The encoder's forward pass stands in `ray_weights.packed_corrections` (PyTorch, for training) and
 in `compiled_forward` (its compiled twin, for whole volumes).
@@ -43,8 +44,10 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "candidate": ["LearnedShared", "learn_shared"],
         "correction": ["CorrectionEncoder", "ViewParameters"],
         "learned_weights": ["LearnedWeights", "Profile"],
+        "left_out": ["LeftOut"],
         "ray_features": ["RayFeatures"],
         "ray_weights": ["RayWeights"],
         "wernet": ["wernet"],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import zlib
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
@@ -17,8 +16,6 @@ from numpy.typing import NDArray
 from rigs.files import atomic_path
 from rigs.files.size_guard import errors_of_libraries
 from rigs.files.text import shortened
-from tomo.selection import Choice
-from tomo.selection.fits import Tried
 from tomo.wernet.default.correction import CorrectionEncoder, ViewParameters
 from tomo.wernet.default.ray_weights import RayWeights
 from tomo.wernet.encoder_file import load_tensors, rebuilt
@@ -26,32 +23,24 @@ from tomo.wernet.encoder_file import load_tensors, rebuilt
 if TYPE_CHECKING:
     from tomo.operators import ProjectionOperator
 
-_FORMAT, _VERSION = "wernet-checkpoint", 6
+_FORMAT, _VERSION = "wernet-checkpoint", 7
 
 
 @dataclass(frozen=True, eq=False)
-class EvaluatedWeights:
-    """Learned weights of one outer iteration, and how well they predict left-out views.
+class JudgedWeights:
+    """Learned weights of one outer iteration, and how well they predict left-out pixels.
 
     Attributes
     ----------
     index : int
         The outer iteration; 0 for parametric terms alone.
-    held_out_residual : float
-        Relative residual of left-out views.
-    relative_residual : float
-        Relative residual of all views with the volume.
-    volume : (nx, ny, nz) float32
-    solved_by : mapping
-        Settings of the classic solve.
+    errors : (blocks,) float64
+        Squared errors of the left-out pixels.
     weights : RayWeights
     """
 
     index: int
-    held_out_residual: float
-    relative_residual: float
-    volume: NDArray[np.float32]
-    solved_by: Mapping[str, Any]
+    errors: NDArray[np.float64]
     weights: RayWeights
 
 
@@ -64,11 +53,9 @@ class State:
     iteration : int
         Outer iterations done.
     volume : (unknowns,) float32
-    choice : Choice
-        How the voxels are solved for.
-    best : EvaluatedWeights, optional
-    previous : float
-        Residual of left-out views when last evaluated.
+    best : JudgedWeights, optional
+    residual : float
+        Relative residual of left-out pixels by the weights that were tried last.
     stop_reason : str
         Why the iterations ended; empty while they go on.
     training : dict
@@ -79,9 +66,8 @@ class State:
 
     iteration: int
     volume: NDArray[np.float32]
-    choice: Choice
-    best: EvaluatedWeights | None
-    previous: float
+    best: JudgedWeights | None
+    residual: float
     stop_reason: str
     training: dict[str, Any]
     has_terms: bool = False
@@ -128,9 +114,8 @@ class Checkpoint:
             "iteration": state.iteration,
             "has_terms": state.has_terms,
             "volume": torch.from_numpy(state.volume.copy()),
-            "choice": list(state.choice.setting),
             "best": None if state.best is None else _packed(state.best),
-            "previous": state.previous,
+            "residual": state.residual,
             "stop_reason": state.stop_reason,
             "training": state.training,
         }
@@ -171,49 +156,36 @@ class Checkpoint:
 
 def _state(content: Mapping[str, Any]) -> State:
     """Return the state in the content of a file, checked."""
-    chosen = Tried(*content["choice"])
-    for name, found, kind in (
-        ("iteration", content["iteration"], int),
-        ("stop_reason", content["stop_reason"], str),
-        ("previous", content["previous"], float),
-        ("training", content["training"], dict),
-        ("choice: width", chosen.width, int | float),
-        ("choice: iterations", chosen.iterations, int),
-        ("choice: residual", chosen.held_out_residual, int | float),
-        ("choice: strength", chosen.strength, int | float),
-    ):
+    kinds = {"iteration": int, "residual": float, "stop_reason": str, "training": dict}
+    for name, kind in kinds.items():
+        found = content[name]
         if not isinstance(found, kind) or isinstance(found, bool):
             raise ValueError(f"{name}: found {shortened(found)}")
-    numbers = (content["iteration"], chosen.iterations, chosen.width, chosen.strength)
-    if not all(0 <= number < math.inf for number in numbers):
-        raise ValueError(
-            f"iteration, choice: found {content['iteration']}, {shortened(content['choice'])}"
-        )
+    if content["iteration"] < 0:
+        raise ValueError(f"iteration: found {content['iteration']}")
     return State(
         content["iteration"],
-        _numbers(content["volume"], "volume"),
-        Choice(*chosen, reason="as before the interruption"),
+        _numbers(content["volume"], "volume", torch.float32),
         None if content["best"] is None else _unpacked(content["best"]),
-        content["previous"],
+        content["residual"],
         content["stop_reason"],
         content["training"],
         bool(content["has_terms"]),
     )
 
 
-def _numbers(tensor: torch.Tensor, name: str) -> NDArray[np.float32]:
+def _numbers(tensor: torch.Tensor, name: str, kind: torch.dtype) -> NDArray:
     """Return a tensor of a file as an array of finite numbers."""
-    if tensor.dtype != torch.float32 or not tensor.isfinite().all():
-        raise ValueError(f"{name}: found {tensor.dtype}, NaN or infinity, expected float32")
+    if tensor.dtype != kind or not tensor.isfinite().all():
+        raise ValueError(f"{name}: found {tensor.dtype}, NaN or infinity, expected {kind}")
     return tensor.numpy()
 
 
-def _packed(best: EvaluatedWeights) -> dict[str, Any]:
+def _packed(best: JudgedWeights) -> dict[str, Any]:
     weights = best.weights
     return {
-        "numbers": [best.index, best.held_out_residual, best.relative_residual, weights.unit],
-        "volume": torch.from_numpy(best.volume.copy()),
-        "solved_by": dict(best.solved_by),
+        "numbers": [best.index, weights.unit],
+        "errors": torch.from_numpy(best.errors.copy()),
         "encoder": [weights.encoder.settings, weights.encoder.state_dict()],
         "view_parameters": weights.view_parameters.state_dict(),
         "upstream_volume": torch.from_numpy(weights.volume.copy()),
@@ -222,15 +194,15 @@ def _packed(best: EvaluatedWeights) -> dict[str, Any]:
     }
 
 
-def _unpacked(content: Mapping[str, Any]) -> EvaluatedWeights:
+def _unpacked(content: Mapping[str, Any]) -> JudgedWeights:
     encoder = rebuilt(CorrectionEncoder, *content["encoder"])
     parameters = ViewParameters(*content["view_parameters"]["embedding"].shape)
     parameters.load_state_dict(content["view_parameters"])
-    index, held_out, residual, unit = map(float, content["numbers"])
-    upstream_volume = _numbers(content["upstream_volume"], "upstream_volume")
+    index, unit = map(float, content["numbers"])
+    upstream_volume = _numbers(content["upstream_volume"], "upstream_volume", torch.float32)
     per_view, scale = bool(content["per_view"]), content["image_scale"]
     if scale is not None:
         scale = float(scale[0]), float(scale[1])
     weights = RayWeights(encoder, parameters, upstream_volume, unit, per_view, scale)
-    volume, solved_by = _numbers(content["volume"], "volume"), dict(content["solved_by"])
-    return EvaluatedWeights(int(index), held_out, residual, volume, solved_by, weights)
+    errors = _numbers(content["errors"], "errors", torch.float64)
+    return JudgedWeights(int(index), errors, weights)

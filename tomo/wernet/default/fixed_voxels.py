@@ -58,19 +58,18 @@ class FixedVoxels:
         trained: Sequence[torch.nn.Parameter],
         rays: torch.Tensor,
         map_chunks: ChunkMap,
-    ) -> tuple[float, float]:
+    ) -> float:
         """Set the gradients of the ``trained`` parameters for the loss of some rays (B,).
 
         Returns
         -------
-        loss, misfit : float
-            The misfit is the loss without the penalty. The gradients of a loss that is not finite
-            are not usable.
+        loss : float
+            The gradients of a loss that is not finite are not usable.
         """
         counts = self.features.count[rays.to(self.features.count.device)]
         n_rays, n_segments = len(rays), int(counts.sum())
 
-        def of_chunk(chunk: slice) -> tuple[float, float, Sequence[torch.Tensor]]:
+        def of_chunk(chunk: slice) -> tuple[float, Sequence[torch.Tensor]]:
             some = rays[chunk].to(self.measured.device)
             packing, correction = packed_corrections(
                 encoder, view_parameters, self.features, self.upstream, some
@@ -80,11 +79,11 @@ class FixedVoxels:
             predicted = packing.sum(weight * self.volume[self.features.voxel[segment].long()])
             misfit = (predicted - self.measured[some]).square().sum() / (self.power * n_rays)
             loss = misfit + self.penalty * correction.square().sum() / n_segments
-            return loss.item(), misfit.item(), torch.autograd.grad(loss, trained)
+            return loss.item(), torch.autograd.grad(loss, trained)
 
         done = map_chunks(of_chunk, micro_batches(counts))
-        set_summed_gradients(trained, [gradients for _, _, gradients in done])
-        return sum(loss for loss, _, _ in done), sum(misfit for _, misfit, _ in done)
+        set_summed_gradients(trained, [gradients for _, gradients in done])
+        return sum(loss for loss, _ in done)
 
 
 def set_rate(optimiser: torch.optim.Optimizer, progress: float) -> None:

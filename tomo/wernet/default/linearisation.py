@@ -17,7 +17,7 @@ from tomo.operators import GaussianBasis
 from tomo.selection import Choice, solve_as_chosen
 from tomo.solvers import cgls
 from tomo.wernet.default.correction import ViewParameters
-from tomo.wernet.default.patches import PATCH, Patches
+from tomo.wernet.default.patches import Patches
 from tomo.wernet.default.ray_features import RayFeatures
 from tomo.wernet.default.ray_weights import parametric_corrections, reweighted
 
@@ -65,9 +65,14 @@ class PixelSubset:
         stride: int,
         unit: float,
         image_scale: tuple[float, float] | None = None,
+        held: NDArray[np.bool_] | None = None,
     ) -> PixelSubset:
-        """Take every ``stride``-th pixel; ``image_scale`` is that of all, see `RayFeatures`."""
-        pixels = np.arange(0, projector.shape[0], stride)
+        """Take every ``stride``-th pixel that is not ``held`` out, ``(pixels,)`` bool.
+
+        ``image_scale`` is that of all, see `RayFeatures`.
+        """
+        pixels = np.arange(projector.shape[0]) if held is None else np.flatnonzero(~held)
+        pixels = pixels[::stride]
         subset = projector.take(pixels)
         features = RayFeatures.of(subset, image_scale=image_scale)
         noise = noise_from_differences(measured)  # of all pixels: it needs true neighbours
@@ -78,16 +83,18 @@ class PixelSubset:
         """Name the sizes."""
         return f"<PixelSubset: {len(self.measured)} pixels, {len(self.patches.view)} patches>"
 
-    @cached_property
-    def smaller_patches(self) -> Patches:
-        """Patches of half the side."""
-        return Patches.of(self.projector, self.features, PATCH / 2)
+    def linearise(
+        self,
+        view_parameters: ViewParameters,
+        choice: Choice,
+        volume: NDArray[np.float32] | None = None,
+    ) -> Linearisation:
+        """Return how the images change about these gains and coefficients.
 
-    def linearise(self, view_parameters: ViewParameters, choice: Choice) -> Linearisation:
-        """Return how the images change about these gains and coefficients."""
-        volume = volume_with(
-            self.projector, self.measured, self.features, view_parameters, choice, self.unit
-        )
+        ``volume``, (unknowns,), is that of the upstream emission; solved for when None.
+        """
+        if volume is None:
+            volume = self._volume(view_parameters, choice)
         upstream = self.features.upstream_emission(volume, self.unit)
         correction = parametric_corrections(view_parameters, self.features, upstream)
         weighted = reweighted(self.projector, correction)
@@ -114,6 +121,21 @@ class PixelSubset:
             residual=self.patches.sum(residual),
             gain_change=self.patches.sum(gain_change),
         )
+
+    def _volume(self, view_parameters: ViewParameters, choice: Choice) -> NDArray[np.float32]:
+        """Return the voxels (unknowns,) solved for with gains and global terms.
+
+        The upstream emission needs a volume itself: where its coefficient is not zero the solve is
+        done a second time with that of the first.
+        """
+        projector, features = self.projector, self.features
+        upstream = torch.zeros_like(features.length)
+        for _ in range(2 if view_parameters.coefficients[1] else 1):
+            correction = parametric_corrections(view_parameters, features, upstream)
+            found = solve_as_chosen(reweighted(projector, correction), self.measured, choice)
+            volume = projector.active.compress(found.volume)
+            upstream = features.upstream_emission(volume, self.unit)
+        return volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,28 +231,6 @@ class Linearisation:
             left = _not_imitated(self.basis, image, self.elimination) / self.scale(term)
             self._columns[term] = self.subset.patches.sum(left)
         return self._columns[term]
-
-
-def volume_with(
-    projector: Projector,
-    measured: NDArray[np.float32],
-    features: RayFeatures,
-    view_parameters: ViewParameters,
-    choice: Choice,
-    unit: float,
-) -> NDArray[np.float32]:
-    """Return the voxels (unknowns,) solved for with gains and global terms.
-
-    The upstream emission needs a volume itself: where its coefficient is not zero the solve is
-    done a second time with that of the first.
-    """
-    upstream = torch.zeros_like(features.length)
-    for _ in range(2 if view_parameters.coefficients[1] else 1):
-        correction = parametric_corrections(view_parameters, features, upstream)
-        found = solve_as_chosen(reweighted(projector, correction), measured, choice)
-        volume = projector.active.compress(found.volume)
-        upstream = features.upstream_emission(volume, unit)
-    return volume
 
 
 def _not_imitated(

@@ -74,8 +74,8 @@ class RayFeatures:
     shortest_edge : float
         The grid's shortest edge.
     per_view : bool
-        Whether views have parameters, and pixels a position in the image. With few views the
-        encoder would memorise each view instead of finding what all have in common.
+        Whether the encoder sees where a pixel lies in the image. With few views it would memorise
+        each view instead of finding what all have in common.
     image_scale : (float, float)
         Units of ``image_position`` and ``off_axis``: their largest values among the training rays.
     """
@@ -153,7 +153,7 @@ class RayFeatures:
             view=move(view, np.int64),
             direction=move(direction),
             image_position=move(position if per_view else np.zeros_like(position)),
-            off_axis=move(off_axis if per_view else np.zeros_like(off_axis)),
+            off_axis=move(off_axis),
             entry_distance=move(_entry_distances(first.astype(np.float64), direction, half)),
             midpoint=move(segments.midpoint),
             length=move(segments.length),

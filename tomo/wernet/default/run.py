@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tomo.operators import VOXEL
 from tomo.solvers import Iteration
 from tomo.solvers.solution import Callback
-from tomo.wernet.default.checkpoint import Checkpoint, EvaluatedWeights
+from tomo.wernet.default.checkpoint import Checkpoint, JudgedWeights
 from tomo.wernet.default.outer_iterations import OuterIterations
 
 
@@ -38,19 +38,21 @@ def run(
     *,
     resume: bool,
     train: bool,
-    started: bool,
+    gains: bool | None,
 ) -> None:
-    """Find parametric terms and do the outer iterations, until one of them says why they end."""
+    """Find parametric terms and do the outer iterations, until one of them says why they end.
+
+    ``gains`` says whether the views' gains are among the terms; None looks for no terms.
+    """
     state = saved.load() if saved and resume and not outer.stop_reason else None
     if state is not None:
         with saved.damages():
             outer.restore(state)
-    elif outer.training.features.per_view and outer.limit and not outer.stop_reason:
-        found = outer.find_terms()
-        residual = outer.solve_with_terms() if found and not started else math.nan
+    elif gains is not None and outer.limit and not outer.stop_reason:
+        found = outer.find_terms(gains=gains)
         if saved:
             saved.save(outer.state())
-        if not math.isnan(residual) and record.add(1, outer.volume, residual):
+        if found and record.add(1, outer.last.volume, outer.last.training_residual):
             outer.stop_reason = "stopped by the callback after the parametric terms"
     blurred = outer.projector.basis == VOXEL and not outer.projector.rows_are_single_rays
     if blurred and train and not outer.stop_reason:
@@ -65,18 +67,16 @@ def run(
             outer.stop_reason = f"stopped by the callback after outer iteration {outer.done}"
 
 
-def stop_message(
-    stop_reason: str, kept: EvaluatedWeights | None, residuals: Sequence[float]
-) -> str:
+def stop_message(stop_reason: str, kept: JudgedWeights | None, residuals: Sequence[float]) -> str:
     """Return in a line why the iterations ended and which weights are kept.
 
     Parameters
     ----------
     stop_reason : str
-    kept : EvaluatedWeights or None
+    kept : JudgedWeights or None
         None for the classic solve with segment lengths.
     residuals : (float, float)
-        Relative residuals of left-out views, with segment lengths and with learned weights.
+        Relative residuals of left-out pixels, with segment lengths and with learned weights.
     """
     lengths, learned = residuals
     both = f"{learned:.4f}, segment lengths {lengths:.4f}"
@@ -85,10 +85,10 @@ def stop_message(
     if kept is None:
         return (
             f"{stop_reason}; segment lengths are kept: learned weights do not predict left-out "
-            f"views clearly better (relative residual {both})"
+            f"pixels surely better (relative residual {both})"
         )
     source = f"of outer iteration {kept.index}" if kept.index else "by parametric terms"
     return (
-        f"{stop_reason}; learned weights {source} are kept (relative residual of left-out views "
+        f"{stop_reason}; learned weights {source} are kept (relative residual of left-out pixels "
         f"{both})"
     )

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Collection, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from tomo._compute.reductions import dot
-from tomo.selection import Choice, choose_by_left_out_pixels
+from tomo.operators import VOXEL
+from tomo.selection import Choice
 from tomo.wernet.default.correction import ViewParameters
+from tomo.wernet.default.left_out import Judged, LeftOut
 from tomo.wernet.default.linearisation import Linearisation, PixelSubset
-from tomo.wernet.default.patch_validation import left_out_patch_residuals
 from tomo.wernet.default.patches import beyond_noise, noise_along_a_term
-from tomo.wernet.default.ray_features import TERMS
-
-if TYPE_CHECKING:
-    from tomo.operators import ProjectionOperator
+from tomo.wernet.default.ray_features import TERMS, RayFeatures
 
 STEPS = 6
 """Gauss-Newton steps at most; a fit settles in two or three."""
@@ -43,22 +41,10 @@ FINE = 16
 """Pixels a patch from which on vignetting is a candidate. Voxels imitate nearly all of it; with
 fewer pixels the error of coarse pixels looks like it."""
 
-PROMISING = {1: 0.975, 2: 0.92}
-"""Skip a candidate term if its first Gauss-Newton step is predicted to reduce the patch misfit by
-less than 2.5 % (8 % for a pair). Larger reductions miss vignetting; smaller ones try terms that
-are not there."""
-
-WORTH_OF_GAINS = 0.85
-"""Factor to which gains must lower the patch residual of left-out views. Larger: a dozen views'
-gains fit noise. Smaller: true gains are refused."""
-
-WORTH_OF_A_TERM = 0.94
-"""The same for a term, its effect on the misfit of all views multiplied in: left-out views alone
-hardly show vignetting."""
-
-NO_WORSE = 1.05
-"""Factor by which a term may predict left-out views worse if it explains enough of all views. The
-error of volumes from few views changes by as much."""
+PROMISING = 0.975
+"""Skip a candidate if its first Gauss-Newton step is predicted to leave more of the patch misfit
+beyond noise. Larger: terms that are not there are fitted, in vain. Smaller: vignetting is missed.
+"""
 
 
 class Step(NamedTuple):
@@ -74,26 +60,35 @@ class Step(NamedTuple):
 
 
 def fit_parametric_terms(
-    projector: ProjectionOperator,
-    measured: NDArray[np.float32],
+    pixels: LeftOut,
+    features: RayFeatures,
     choice: Choice,
     unit: float,
-    image_scale: tuple[float, float] | None = None,
-) -> ViewParameters | None:
-    """Return the gains and coefficients that predict left-out views best; None if none does.
+    lengths: Callable[[], Judged],
+    *,
+    gains: bool = True,
+    volume: NDArray[np.float32] | None = None,
+) -> tuple[ViewParameters | None, Judged | None]:
+    """Return the gains and coefficients that predict left-out pixels best; None if none does.
+
+    With them comes the solve by the best that was tried; None where nothing promised enough.
 
     Parameters
     ----------
-    projector : ProjectionOperator
-        Its entries are segment lengths and its segments have midpoints.
-    measured : (pixels,) float32
+    pixels : LeftOut
+        The segments of its projector have midpoints.
+    features : RayFeatures
+        Of all its rays.
     choice : Choice
-        How to solve for the voxels at first. Once a term explains a disagreement of the views,
-        the solve that is chosen anew is less smooth.
+        How to solve for the voxels.
     unit : float
         Unit of the upstream emission.
-    image_scale : (float, float), optional
-        Unit of positions in the image, see `RayFeatures`.
+    lengths : callable
+        Returns the solve with segment lengths; called where a term promises something.
+    gains : bool
+        Whether the views' gains are among the candidates.
+    volume : (unknowns,) float32, optional
+        By segment lengths, to look for terms with; solved for when None.
 
     Notes
     -----
@@ -104,91 +99,62 @@ def fit_parametric_terms(
     which does not cancel within patches and which no term explains.
 
     Candidates are the views' gains and each of `TERMS`, or two terms together where none stands
-    out alone. Each that promises to explain something is fitted. The best is kept as long as
-    left-out views are predicted better with it, patch by patch
-    (`tomo.wernet.default.patch_validation`). Gains have no priority: some three dozen numbers
-    explain most of what one term does, and predict nothing for it.
+    out alone. Each that promises to explain something is fitted without the left-out pixels. The
+    one that predicts these best is kept if it does so better than without it by more than chance,
+    and the others are then tried on top of it.
     """
+    projector = pixels.projector.without_blur  # terms are of rays; a lens mixes these
+    if pixels.projector.basis == VOXEL:
+        projector = pixels.projector
+    single = projector.rows_are_single_rays
     stride = max(projector.shape[0] // (PIXELS_PER_UNKNOWN * max(projector.shape[1], 1)), 1)
-    if not projector.rows_are_single_rays:
-        stride = 1  # every pixel needs the rays of its neighbours
-    subset = PixelSubset.of(projector, measured, stride, unit, image_scale)
-    best, chosen = ViewParameters(projector.n_views, 1), ()
-    now = subset.linearise(best, choice)
-    residuals = left_out_patch_residuals(subset, subset.projector, choice)
-    while promising := _promising(now, best, chosen):
-        fits, before = [], _step(now, best, chosen).after or 1.0
+    # through a lens every pixel needs the rays of its neighbours
+    held, stride = (pixels.held, stride) if single else (None, 1)
+    scale = features.image_scale
+    subset = PixelSubset.of(projector, pixels.measured, stride, unit, scale, held)
+    best, chosen, judged = ViewParameters(projector.n_views, 1), (), None
+    now = subset.linearise(best, choice, volume)
+    candidates, tried = {*range(len(TERMS)), *((GAINS,) if gains else ())}, None
+    while promising := _promising(now, best, chosen, candidates):
+        judged, fits = judged or lengths(), []
         for terms in promising:
             parameters = copy.deepcopy(best)
-            fitted = _fit(parameters, now, (*chosen, *terms))
-            worth, beyond = WORTH_OF_GAINS, 0
-            if GAINS not in terms:
-                unexplained = _step(fitted, parameters, (*chosen, *terms)).after / before
-                worth, beyond = min(WORTH_OF_A_TERM / (unexplained or 1.0), NO_WORSE), 1
-            evaluated = _evaluate(fitted, now, residuals, worth, beyond)
-            fits.append((*evaluated, terms, parameters, fitted))
-        ratio, left, choice, terms, parameters, fitted = min(fits, key=lambda fit: fit[0])
-        if not ratio < 1:
+            # gains on top of terms leave these as they are: fitted together, both run away
+            fitted = _fit(parameters, now, terms if GAINS in terms else (*chosen, *terms))
+            found = pixels.judge_terms(features, parameters, choice, unit)
+            fits.append((found, terms, parameters, fitted))
+        found, terms, parameters, fitted = min(fits, key=lambda fit: fit[0].errors.sum())
+        tried = tried or found
+        if not found.surely_better_than(judged):
             break
-        best, chosen, residuals = parameters, (*chosen, *terms), left
-        now = fitted if choice is fitted.choice else subset.linearise(best, choice)
-    return best if chosen else None
-
-
-def _evaluate(
-    fitted: Linearisation,
-    now: Linearisation,
-    others: NDArray[np.float64],
-    worth: float,
-    beyond: int,
-) -> tuple[float, NDArray[np.float64], Choice]:
-    """Return the residuals of left-out patches with a fit, and how to solve for them.
-
-    The first value is their ratio to ``others``, those with the weights ``now``, over the ratio
-    that is ``worth`` it, of the whole residual or ``beyond`` the noise. The solve is the one
-    before or a new choice, whichever predicts patches better: the choice goes by pixels, which may
-    ask for another smoothness. A fit is not to have all the credit for that: it must also predict
-    patches better than the weights ``now`` do with the new choice.
-    """
-    subset, solves, before = fitted.subset, [], fitted.choice
-    anew = choose_by_left_out_pixels(fitted.weighted, subset.measured)
-    for choice in (before,) if anew.solves_as(before) else (before, anew):
-        left = left_out_patch_residuals(subset, fitted.weighted, choice)
-        ratio = _least_ratio(left[beyond], others[beyond]) / worth
-        if choice is anew:
-            same = left_out_patch_residuals(subset, now.weighted, anew)
-            by_fit = _least_ratio(left[beyond], same[beyond])
-            ratio = max(ratio, by_fit / max(worth, WORTH_OF_A_TERM))
-        solves.append((ratio, left, choice))
-    return min(solves, key=lambda solve: solve[0])
-
-
-def _least_ratio(residuals: NDArray[np.float64], others: NDArray[np.float64]) -> float:
-    """Return the least of the ratios of residuals to others."""
-    return float(np.min(residuals / np.where(others, others, 1.0)))
+        best, chosen, judged, now = parameters, (*chosen, *terms), found, fitted
+    return (best, judged) if chosen else (None, tried)
 
 
 def _promising(
-    now: Linearisation, view_parameters: ViewParameters, chosen: Sequence[int]
+    now: Linearisation,
+    view_parameters: ViewParameters,
+    chosen: Sequence[int],
+    candidates: Collection[int],
 ) -> list[tuple[int, ...]]:
-    """Return the terms and `GAINS` not yet chosen whose first step promises enough.
+    """Return the candidates not yet chosen whose first step promises enough.
 
     They come one by one, or as pairs of terms where none alone does: each may hide the other.
     """
-    candidates = {*range(len(TERMS)), GAINS}.difference(chosen)
+    gains, candidates = {GAINS}.intersection(candidates), set(candidates).difference(chosen)
     if now.subset.patches.pixels_per_patch < FINE:
         candidates.discard(VIGNETTING)
     chance = noise_along_a_term(dot(now.noise, now.noise), len(now.noise))
 
     def promises(*terms: int) -> bool:
         # Gains hide a term where they are not fitted with it, or take its effect where they are.
-        for others in {tuple(chosen), tuple(sorted({*chosen, GAINS}.difference(terms)))}:
+        for others in {tuple(chosen), tuple(sorted(gains.union(chosen).difference(terms)))}:
             without = _step(now, view_parameters, others).after
             coefficients, _, _, left = _step(now, view_parameters, (*others, *terms))
             # Light dims on its way. A brightening is an error of coarse voxels and pixels.
             dims = all(coefficients[term] < 0 for term in terms if term != GAINS)
             clear = GAINS in terms or without**2 - left**2 > len(terms) * chance
-            if dims and clear and left < PROMISING[len(terms)] * without:
+            if dims and clear and left < PROMISING * without:
                 return True
         return False
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 import time
 from pathlib import Path
 from typing import Any
@@ -21,20 +20,16 @@ from tomo.solvers.solution import Callback
 from tomo.wernet.default.checkpoint import Checkpoint
 from tomo.wernet.default.correction import CorrectionEncoder, ViewParameters
 from tomo.wernet.default.encoder_training import EncoderTraining
+from tomo.wernet.default.left_out import LeftOut
 from tomo.wernet.default.outer_iterations import OuterIterations
-from tomo.wernet.default.patch_validation import evaluated
 from tomo.wernet.default.ray_features import RayFeatures
 from tomo.wernet.default.run import Record, run, stop_message
 from tomo.wernet.device import usable_device
 from tomo.wernet.encoder_file import load_encoder
 from tomo.wernet.micro_batches import chunk_map
 
-FEW_VIEW_ITERATIONS = 2
-"""Outer iterations with few views. More: what is particular to each view is learned."""
-
-WIDEST_WITH_FEW_VIEWS = 1.0
-"""Width of the smooth basis, in voxels, above which few views teach nothing: most of the residual
-is then detail that the basis lacks, and would be learned as optics."""
+FEWEST_VIEWS = 3
+"""Views that learning needs at least: whatever the weights, some volume reproduces two."""
 
 FEW_VIEW_FEATURES = ("depth in the grid", "segment length", "upstream emission")
 """Features that a new encoder sees with few views: the same from every side. Directions and
@@ -49,6 +44,8 @@ def wernet(
     start: ArrayLike | None = None,
     weights: ArrayLike | None = None,
     pixel_blocks: NDArray[np.int64] | None = None,
+    choice: Choice | None = None,
+    shared: bool = False,
     callback: Callback | None = None,
     encoder: str | Path | CorrectionEncoder | None = None,
     freeze_encoder: bool = False,
@@ -75,11 +72,16 @@ def wernet(
     start : (voxels,), optional
         The voxels of the first outer iteration; those of the classic solve when None.
     weights : (pixels,), optional
-        Weights of the pixels where voxels are solved for and left-out views evaluated, for
+        Weights of the pixels where voxels are solved for and left-out pixels predicted, for
         example inverse variances; all alike when None.
     pixel_blocks : (pixels,) int, optional
-        Pixels that are left out together where smoothness is chosen, see
-        `tomo.selection.choose_by_left_out_pixels`.
+        Pixels that are left out together, see `tomo.selection.choose_by_left_out_pixels`.
+    choice : Choice, optional
+        How voxels are solved for; by cross-validation when None, and then once more with learned
+        weights.
+    shared : bool
+        Learn only what is common to all views: no gains, and nothing else of a single view. With
+        few views that is so in any case.
     callback : callable, optional
         ``callback(index, volume, relative_residual)`` after the classic solve, index 0, after the
         solve with parametric terms, where there are any, and after every outer iteration;
@@ -106,7 +108,7 @@ def wernet(
     Solution
         ``weights`` holds the learned weights; None where segment lengths are kept. ``encoder`` is
         theirs, for `tomo.wernet.save_encoder`; None where they need none.
-        ``settings["held_out_residual"]`` holds the relative residuals of left-out views with
+        ``settings["held_out_residual"]`` holds the relative residuals of left-out pixels with
         ``segment_lengths`` and with ``learned`` weights; NaN where there are none.
 
     Raises
@@ -128,34 +130,38 @@ def wernet(
     _check(iterations, encoder, freeze_encoder)
     measured = check_measured(projector, measured)
     place = usable_device(device)
-    per_view = np.count_nonzero(np.diff(projector.view_ptr)) > FEW_VIEWS
-    features = RayFeatures.of(projector, place, per_view=per_view)
+    views = np.count_nonzero(np.diff(projector.view_ptr))
+    many = views > FEW_VIEWS
+    features = RayFeatures.of(projector, place, per_view=many)
     settings = {
         "method": "wernet",
         "iterations": 0 if freeze_encoder else int(iterations),
         "start": start is not None,
         "weighted": weights is not None,
+        "shared": shared,
         "encoder": _name(encoder),
         "freeze_encoder": freeze_encoder,
         "device": str(device),
         "seed": seed,
     }
-    own = _own_encoder(encoder, blocks, channels, seed, per_view).to(place)
+    if encoder is None:
+        own = new_encoder(many_views=many, blocks=blocks, channels=channels, seed=seed)
+    elif isinstance(encoder, CorrectionEncoder):
+        own = copy.deepcopy(encoder)
+    else:
+        own = load_encoder(encoder, CorrectionEncoder)
+    own = own.to(place)
     settings |= own.settings
     view_parameters = ViewParameters(projector.n_views, own.channels).to(place)
 
     weights = check_weights(projector, weights)
-    baseline = choose_by_left_out_pixels(projector, measured, blocks=pixel_blocks, weights=weights)
-    baseline = evaluated(projector, measured, baseline, weights)
+    pixels = LeftOut.of(projector, measured, pixel_blocks, weights)
+    how = {"blocks": pixels.blocks, "weights": weights}
+    baseline = choice or choose_by_left_out_pixels(projector, measured, **how)
     classic = solve_as_chosen(projector, measured, baseline, weights=weights)
-    volume = projector.active.compress(classic.volume)
     stop_reason = ""
-    if record.add(0, volume, classic.relative_residual):
+    if record.add(0, projector.active.compress(classic.volume), classic.relative_residual):
         stop_reason = "stopped by the callback before the first outer iteration"
-    if start is not None:
-        volume = additive_start(projector, start, nonnegative=True)
-    stop_reason = stop_reason or _nothing_to_learn(baseline, per_view or freeze_encoder)
-
     with chunk_map(place) as map_chunks:
         training = EncoderTraining(
             features,
@@ -165,23 +171,23 @@ def wernet(
             iterations=max(settings["iterations"], 1),
             seed=seed,
             map_chunks=map_chunks,
+            per_view=many and not shared,
+            held=pixels.held,
         )
         outer = OuterIterations(
-            projector,
-            measured,
+            pixels,
             training,
             baseline,
-            volume,
             unit=float(np.sqrt(np.mean(np.square(measured, dtype=np.float64)))) or 1.0,
-            limit=min(settings["iterations"], math.inf if per_view else FEW_VIEW_ITERATIONS),
-            stop_reason=stop_reason,
-            weights=weights,
-            pixel_blocks=pixel_blocks,
+            limit=settings["iterations"],
+            volume=None if start is None else additive_start(projector, start, nonnegative=True),
+            stop_reason=stop_reason or _nothing_to_learn(pixels, views, baseline),
         )
         saved = Checkpoint.of(checkpoint, settings, projector, measured)
-        how = {"resume": resume, "train": not freeze_encoder, "started": start is not None}
-        run(outer, record, saved, **how)
-    return _solution(outer, record, classic, settings)
+        gains = many and not shared if own.is_zero else None  # another encoder has its own
+        run(outer, record, saved, resume=resume, train=not freeze_encoder, gains=gains)
+    anew = choice is None and not freeze_encoder
+    return _solution(outer, record, classic, settings, choose_anew=anew)
 
 
 def _check(iterations: int, encoder: object, freeze_encoder: bool) -> None:
@@ -191,13 +197,14 @@ def _check(iterations: int, encoder: object, freeze_encoder: bool) -> None:
         raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder as well")
 
 
-def _nothing_to_learn(baseline: Choice, details_are_seen: bool) -> str:
+def _nothing_to_learn(pixels: LeftOut, views: int, baseline: Choice) -> str:
     """Return why no weights can be learned from these views; nothing where they can."""
-    if math.isnan(baseline.held_out_residual):
-        why = "too few views to leave any out" if baseline.tried else baseline.reason
-        return f"no views to evaluate weights by: {why}"
-    if not details_are_seen and baseline.width > WIDEST_WITH_FEW_VIEWS:
-        return "the few views allow no detail: smoothness would be learned as optics"
+    if not pixels.measured.any():
+        return f"nothing to judge weights by: {baseline.reason}"
+    if views < FEWEST_VIEWS:
+        return "nothing to judge weights by: too few views, some volume reproduces any two"
+    if not pixels.held.any() or pixels.held.all():
+        return "nothing to judge weights by: too few pixels to leave any out"
     return ""
 
 
@@ -208,37 +215,37 @@ def _name(encoder: str | Path | CorrectionEncoder | None) -> str | None:
     return encoder and str(encoder)
 
 
-def _own_encoder(
-    given: str | Path | CorrectionEncoder | None,
-    blocks: int,
-    channels: int,
-    seed: int,
-    per_view: bool,
+def new_encoder(
+    *, many_views: bool, blocks: int = 2, channels: int = 16, seed: int = 0
 ) -> CorrectionEncoder:
-    """Return a new encoder, a copy of the given one, or that of a file."""
-    if given is None:
-        encoder = CorrectionEncoder(blocks=blocks, channels=channels, seed=seed)
-        if not per_view:
-            encoder.show_only(FEW_VIEW_FEATURES)
-        return encoder
-    if isinstance(given, CorrectionEncoder):
-        return copy.deepcopy(given)
-    return load_encoder(given, CorrectionEncoder)
+    """Return an untrained encoder, which with few views sees nothing that names a view."""
+    encoder = CorrectionEncoder(blocks=blocks, channels=channels, seed=seed)
+    if not many_views:
+        encoder.show_only(FEW_VIEW_FEATURES)
+    return encoder
 
 
 def _solution(
-    outer: OuterIterations, record: Record, classic: Solution, settings: dict[str, Any]
+    outer: OuterIterations,
+    record: Record,
+    classic: Solution,
+    settings: dict[str, Any],
+    *,
+    choose_anew: bool,
 ) -> Solution:
-    """Return the solution with the weights that are kept, or the classic one."""
-    kept = outer.kept()
-    result = kept or classic
+    """Return the solution of all pixels with the weights that are kept, or the classic one."""
+    kept, pixels = outer.best, outer.pixels
+    result = classic
+    if kept is not None:
+        learned, choice = kept.weights.projector(pixels.projector), outer.choice
+        if choose_anew:
+            how = {"blocks": pixels.blocks, "weights": pixels.weights}
+            choice = choose_by_left_out_pixels(learned, pixels.measured, **how)
+        result = solve_as_chosen(learned, pixels.measured, choice, weights=pixels.weights)
     returned = outer.projector.active.compress(result.volume)
     if not np.array_equal(returned, record.volume):
         record.add(record.history[-1].index + 1, returned, result.relative_residual)
-    residuals = {
-        "segment_lengths": outer.baseline.held_out_residual,
-        "learned": outer.best.held_out_residual if outer.best else math.nan,
-    }
+    residuals = dict(zip(("segment_lengths", "learned"), outer.residuals(), strict=True))
     done = f"all {outer.limit} outer iterations done" if outer.limit else "nothing was trained"
     stop_reason = outer.stop_reason or done
     return Solution(
@@ -247,7 +254,7 @@ def _solution(
         history=tuple(record.history),
         settings={
             **settings,
-            "solved_by": kept.solved_by if kept else dict(classic.settings),
+            "solved_by": dict(result.settings),
             "held_out_residual": residuals,
             "learned": kept is not None,
         },

@@ -200,11 +200,13 @@ def test_pixels_that_cross_nothing_stay_empty(scene):
         np.concatenate([[0], np.cumsum(counts)]), s.voxel[kept], s.length[kept], s.midpoint[kept]
     )
     unweighted = Projector(some, one.grid, one.projector.view_ptr)
-    learned = _weights(unweighted, per_view=False).projector(unweighted)
+    weights = _weights(unweighted, per_view=False)
+    weights = replace(weights, image_scale=RayFeatures.of(one.projector).image_scale)
+    learned = weights.projector(unweighted)
     assert np.array_equal(learned.segments.ptr, some.ptr)
-    whole = _weights(unweighted, per_view=False).projector(one.projector)
-    np.testing.assert_allclose(
-        learned.segments.length, whole.segments.length[kept], rtol=1e-5, atol=1e-7
+    whole = weights.projector(one.projector)
+    np.testing.assert_allclose(  # to 4e-5: the view's middle is that of the rays it has
+        learned.segments.length, whole.segments.length[kept], rtol=1e-4, atol=1e-7
     )
 
 

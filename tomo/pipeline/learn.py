@@ -1,0 +1,219 @@
+"""Stage 8, learn: weights in place of segment lengths, where these do not explain the images.
+
+The default goes on to WERNet only where images differ from their re-projections by more than
+noise, and takes what it learns only where left-out pixels are predicted better, by more than
+chance.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.operators import LINEAR, STORED
+from tomo.operators.system import Progress
+from tomo.pipeline.answer import EXPLAINED, verdict_of, worst_view
+from tomo.pipeline.basis import BLOCK
+from tomo.pipeline.evaluate import views_of
+from tomo.pipeline.evidence import pixels_that_fit, traced_again
+from tomo.pipeline.explain import FEWEST_VIEWS
+from tomo.pipeline.methods import AUTO, method_named
+from tomo.pipeline.options import Options
+from tomo.pipeline.screen import ScreenedScan
+from tomo.pipeline.solve import Solved, Watch, choice_of, solve_by
+from tomo.pipeline.stage import Record, as_warning, timed
+from tomo.screening.hypotheses import SURE
+from tomo.selection.folds import LEFT_OUT
+
+if TYPE_CHECKING:
+    from tomo.wernet.default.candidate import LearnedShared
+
+ITERATIONS = 6
+"""Outer iterations of an encoder at most. More: time; fewer: smooth weight fields stay half
+learned."""
+
+_WORDS = {
+    "depth in the grid": "absorption by a medium",
+    "upstream emission": "self-absorption",
+    "off the axis, squared": "vignetting",
+    "encoder": "weights by a network",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """The solution, with learned weights where they predict left-out pixels better.
+
+    Attributes
+    ----------
+    solved : Solved
+    report : mapping, optional
+        ``report.json``'s ``learning``; None where learning was not looked at.
+    record : Record
+    """
+
+    solved: Solved
+    report: dict[str, Any] | None = None
+    record: Record = Record()
+
+
+def learn(
+    solved: Solved,
+    screened: ScreenedScan,
+    options: Options,
+    *,
+    watch: Watch | None = None,
+    progress: Progress | None = None,
+) -> Learned:
+    """Go on to learned weights where segment lengths leave the images unexplained."""
+    if not options.learn or method_named(options.method).name != AUTO:
+        return Learned(solved)
+    report = {"tried": False, "taken": False, "found": [], "reason": ""}
+    with timed() as stage, as_warning("learned weights: not tried", stage.warnings):
+        began = time.perf_counter()
+        report["reason"] = _not_needed(solved, screened)
+        if not report["reason"]:
+            solved, found = _learned(solved, screened, options, watch, progress)
+            report |= found
+            if report["taken"]:
+                seconds = solved.solution.seconds
+                total = seconds["total"] + time.perf_counter() - began
+                solution = replace(solved.solution, seconds={**seconds, "total": total})
+                solved = replace(solved, solution=solution)
+                stage.warnings.append(_of_weights(report))
+    return Learned(solved, report, stage.record)
+
+
+def _not_needed(solved: Solved, screened: ScreenedScan) -> str:
+    """Return why nothing is to be learned; empty where the images ask for it."""
+    system, measured = solved.built.system, solved.built.measured
+    projector = system.projector
+    if system.form != STORED or (projector.basis != LINEAR and not projector.rows_are_single_rays):
+        return "weights are learned for stored rays in focus"
+    if np.count_nonzero(np.diff(projector.view_ptr)) < FEWEST_VIEWS:
+        return "too few views: whatever the weights, some volume reproduces them"
+    if not measured.any():
+        return "the images are dark"
+    residual, noise = _left_out_residual(solved), _relative_noise(solved, screened)
+    chance = math.sqrt(2 / max(LEFT_OUT * len(measured), 1))
+    if not residual**2 > noise**2 * (1 + SURE * chance):
+        return (
+            f"noise explains the left-out pixels (relative residual {residual:.4f}, noise "
+            f"{noise:.4f})"
+        )
+    return ""
+
+
+def _left_out_residual(solved: Solved) -> float:
+    """Return the relative residual of left-out pixels by the default's own choice."""
+    tried = solved.solution.settings.get("tried", ())
+    return min((one.held_out_residual for one in tried), default=math.nan)
+
+
+def _relative_noise(solved: Solved, screened: ScreenedScan) -> float:
+    """Return the noise of the pixels over their light, weighted as the residual is."""
+    built, pointers = solved.built, solved.built.system.projector.view_ptr
+    measured = built.measured.astype(np.float64)
+    variance = [
+        model.variance(measured[start:stop])
+        for model, start, stop in zip(screened.noise, pointers[:-1], pointers[1:], strict=True)
+    ]
+    weights = 1.0 if built.weights is None else built.weights
+    light = float((weights * np.square(measured)).sum())
+    return math.sqrt(float((weights * np.concatenate(variance)).sum()) / light)
+
+
+def _learned(
+    solved: Solved,
+    screened: ScreenedScan,
+    options: Options,
+    watch: Watch | None,
+    progress: Progress | None,
+) -> tuple[Solved, dict[str, Any]]:
+    """Return the solution by learned weights if these predict left-out pixels better."""
+    from tomo.wernet.default import LeftOut
+
+    built, choice = solved.built, choice_of(solved)
+    voxels = traced_again(built.system, options)
+    kept = pixels_that_fit(voxels)
+    some = voxels if kept is None else traced_again(built.system, options, kept)
+    kept = slice(None) if kept is None else kept
+    weights = None if built.weights is None else built.weights[kept]
+    linear = built.basis.name == LINEAR
+    sample = some.with_linear_basis(options.supersample) if linear else some
+    pixels = LeftOut.of(sample.projector, built.measured[kept], sample.blocks(BLOCK), weights)
+    found = _shared(pixels, solved, screened, options)
+    report = {
+        "tried": not math.isnan(found.residuals[1]),
+        "found": list(found.terms),
+        "left_out_residual": dict(
+            zip(("segment_lengths", "learned"), found.residuals, strict=True)
+        ),
+    }
+    if found.weights is None:
+        reason = "learned weights do not predict left-out pixels better, by more than chance"
+        if not report["tried"]:
+            reason = "the residuals show nothing that all views have in common"
+        return solved, report | {"reason": reason}
+    whole = voxels.with_linear_basis(options.supersample) if linear else voxels
+    by_lengths = replace(built, system=whole, choice=choice)
+    learned = replace(whole, projector=found.weights.projector(whole.projector))
+    last = solve_by(
+        method_named(AUTO), None, replace(by_lengths, system=learned), options, watch, progress
+    )
+    before = solved.solution
+    solution = replace(
+        last,
+        weights=found.weights,
+        encoder=found.weights.encoder,
+        settings={
+            **last.settings,
+            "tried": before.settings["tried"],
+            "held_out_residual": report["left_out_residual"],
+        },
+        seconds={**last.seconds, **before.seconds},
+    )
+    reason = "learned weights predict left-out pixels better, by more than chance"
+    return replace(solved, solution=solution, built=by_lengths), report | {
+        "taken": True,
+        "reason": reason,
+    }
+
+
+def _shared(
+    pixels: Any, solved: Solved, screened: ScreenedScan, options: Options
+) -> LearnedShared:
+    """Learn the terms, and train an encoder where the images are not explained."""
+    from tomo.wernet.default import learn_shared
+
+    built = solved.built
+    views = views_of(
+        built.system.on_voxel_means,
+        solved.solution.volume,
+        screened.images,
+        screened.masks,
+        built.gains,
+    )
+    worst = worst_view(views)
+    explained = worst is None or verdict_of(worst) == EXPLAINED
+    volume: NDArray[np.float32] = pixels.projector.active.compress(solved.solution.volume)
+    iterations = 0 if explained else ITERATIONS
+    return learn_shared(
+        pixels, choice_of(solved), volume, iterations=iterations, seed=options.seed
+    )
+
+
+def _of_weights(report: dict[str, Any]) -> str:
+    """Return the line on what was learned."""
+    words = " and ".join(_WORDS[name] for name in report["found"])
+    lengths, learned = report["left_out_residual"].values()
+    return (
+        f"{words}: learned from the images and corrected, since left-out pixels are predicted "
+        f"better (relative residual {lengths:.4f} by segment lengths, {learned:.4f} by learned "
+        "weights). If the optics are known to be right, reconstruct with --no-learn"
+    )
