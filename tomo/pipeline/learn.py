@@ -10,16 +10,13 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tomo.operators import LINEAR, STORED
+from tomo.operators import LINEAR, STORED, LinearSystem
 from tomo.operators.system import Progress
-from tomo.pipeline.answer import EXPLAINED, verdict_of, worst_view
 from tomo.pipeline.basis import BLOCK
-from tomo.pipeline.evaluate import views_of
 from tomo.pipeline.evidence import pixels_that_fit, traced_again
 from tomo.pipeline.explain import FEWEST_VIEWS
 from tomo.pipeline.methods import AUTO, method_named
@@ -30,18 +27,9 @@ from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.screening.hypotheses import SURE
 from tomo.selection.folds import LEFT_OUT
 
-if TYPE_CHECKING:
-    from tomo.wernet.default.candidate import LearnedShared
-
-ITERATIONS = 6
-"""Outer iterations of an encoder at most. More: time; fewer: smooth weight fields stay half
-learned."""
-
 _WORDS = {
-    "depth in the grid": "absorption by a medium",
     "upstream emission": "self-absorption",
     "off the axis, squared": "vignetting",
-    "encoder": "weights by a network",
 }
 
 
@@ -78,7 +66,7 @@ def learn(
         began = time.perf_counter()
         report["reason"] = _not_needed(solved, screened)
         if not report["reason"]:
-            solved, found = _learned(solved, screened, options, watch, progress)
+            solved, found = _learned(solved, options, watch, progress)
             report |= found
             if report["taken"]:
                 seconds = solved.solution.seconds
@@ -129,25 +117,24 @@ def _relative_noise(solved: Solved, screened: ScreenedScan) -> float:
 
 
 def _learned(
-    solved: Solved,
-    screened: ScreenedScan,
-    options: Options,
-    watch: Watch | None,
-    progress: Progress | None,
+    solved: Solved, options: Options, watch: Watch | None, progress: Progress | None
 ) -> tuple[Solved, dict[str, Any]]:
     """Return the solution by learned weights if these predict left-out pixels better."""
-    from tomo.wernet.default import LeftOut
+    from tomo.wernet.default import LeftOut, learn_shared
 
     built, choice = solved.built, choice_of(solved)
-    voxels = traced_again(built.system, options)
+    voxels = _through_gas(traced_again(built.system, options), solved, options)
     kept = pixels_that_fit(voxels)
-    some = voxels if kept is None else traced_again(built.system, options, kept)
+    some = voxels
+    if kept is not None:
+        some = _through_gas(traced_again(built.system, options, kept), solved, options)
     kept = slice(None) if kept is None else kept
     weights = None if built.weights is None else built.weights[kept]
     linear = built.basis.name == LINEAR
     sample = some.with_linear_basis(options.supersample) if linear else some
     pixels = LeftOut.of(sample.projector, built.measured[kept], sample.blocks(BLOCK), weights)
-    found = _shared(pixels, solved, screened, options)
+    volume = voxels.projector.active.compress(solved.solution.volume)
+    found = learn_shared(pixels, choice, volume)
     report = {
         "tried": not math.isnan(found.residuals[1]),
         "found": list(found.terms),
@@ -185,27 +172,13 @@ def _learned(
     }
 
 
-def _shared(
-    pixels: Any, solved: Solved, screened: ScreenedScan, options: Options
-) -> LearnedShared:
-    """Learn the terms, and train an encoder where the images are not explained."""
-    from tomo.wernet.default import learn_shared
-
-    built = solved.built
-    views = views_of(
-        built.system.on_voxel_means,
-        solved.solution.volume,
-        screened.images,
-        screened.masks,
-        built.gains,
-    )
-    worst = worst_view(views)
-    explained = worst is None or verdict_of(worst) == EXPLAINED
-    volume: NDArray[np.float32] = pixels.projector.active.compress(solved.solution.volume)
-    iterations = 0 if explained else ITERATIONS
-    return learn_shared(
-        pixels, choice_of(solved), volume, iterations=iterations, seed=options.seed
-    )
+def _through_gas(system: LinearSystem, solved: Solved, options: Options) -> LinearSystem:
+    """Return the equations through the gas that was found to absorb, if any was."""
+    absorption = solved.built.absorption
+    if not absorption:
+        return system
+    how = {"supersample": options.supersample, "tracer": options.tracer}
+    return system.with_absorption(absorption, solved.solution.volume, **how)
 
 
 def _of_weights(report: dict[str, Any]) -> str:

@@ -209,6 +209,7 @@ def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
         ("carving", "Pixels and voxels left out"),
         ("alignment", "Where the cameras look"),
         ("gains", "Gains and backgrounds"),
+        ("learning", "Segment lengths or learned weights"),
         ("learned", "Learned weights"),
         ("projector", "Projector"),
         ("basis", "Basis"),

@@ -15,8 +15,9 @@ from tomo.selection import Choice
 from tomo.wernet.default.checkpoint import JudgedWeights, State
 from tomo.wernet.default.encoder_training import EncoderTraining
 from tomo.wernet.default.left_out import Judged, LeftOut
+from tomo.wernet.default.ray_features import TERMS
 from tomo.wernet.default.ray_weights import RayWeights, corrections, reweighted
-from tomo.wernet.default.variable_projection import fit_parametric_terms
+from tomo.wernet.default.variable_projection import GAINS, fit_parametric_terms
 
 LARGEST_CORRECTION = 1e3
 """Corrections above it count as divergence: weights are then a million times the segment
@@ -105,16 +106,11 @@ class OuterIterations:
         """The present voxels, (unknowns,)."""
         return self.lengths.volume if self.volume is None else self.volume
 
-    def find_terms(self, *, gains: bool, first: NDArray[np.float32] | None = None) -> bool:
-        """Find the global terms, and the views' gains; return whether there are any.
-
-        ``first``, (unknowns,), is a volume by segment lengths to look for them with; one is solved
-        for when None.
-        """
+    def find_terms(self, *, gains: bool) -> bool:
+        """Find the global terms, and the views' gains; return whether there are any."""
         features, how = self.training.features, (self.choice, self.unit, lambda: self.lengths)
-        parameters, self.last = fit_parametric_terms(
-            self.pixels, features, *how, gains=gains, volume=first
-        )
+        candidates = {*range(len(TERMS)), *((GAINS,) if gains else ())}
+        parameters, self.last = fit_parametric_terms(self.pixels, features, *how, candidates)
         self.residual = self.pixels.residual(self.last)
         if parameters is None:
             return False

@@ -65,8 +65,8 @@ def fit_parametric_terms(
     choice: Choice,
     unit: float,
     lengths: Callable[[], Judged],
+    candidates: Collection[int],
     *,
-    gains: bool = True,
     volume: NDArray[np.float32] | None = None,
 ) -> tuple[ViewParameters | None, Judged | None]:
     """Return the gains and coefficients that predict left-out pixels best; None if none does.
@@ -85,8 +85,8 @@ def fit_parametric_terms(
         Unit of the upstream emission.
     lengths : callable
         Returns the solve with segment lengths; called where a term promises something.
-    gains : bool
-        Whether the views' gains are among the candidates.
+    candidates : collection of int
+        Numbers of `TERMS`, and `GAINS` for the views' gains.
     volume : (unknowns,) float32, optional
         By segment lengths, to look for terms with; solved for when None.
 
@@ -114,7 +114,7 @@ def fit_parametric_terms(
     subset = PixelSubset.of(projector, pixels.measured, stride, unit, scale, held)
     best, chosen, judged = ViewParameters(projector.n_views, 1), (), None
     now = subset.linearise(best, choice, volume)
-    candidates, tried = {*range(len(TERMS)), *((GAINS,) if gains else ())}, None
+    tried = None
     while promising := _promising(now, best, chosen, candidates):
         judged, fits = judged or lengths(), []
         for terms in promising:

@@ -44,8 +44,6 @@ def wernet(
     start: ArrayLike | None = None,
     weights: ArrayLike | None = None,
     pixel_blocks: NDArray[np.int64] | None = None,
-    choice: Choice | None = None,
-    shared: bool = False,
     callback: Callback | None = None,
     encoder: str | Path | CorrectionEncoder | None = None,
     freeze_encoder: bool = False,
@@ -76,12 +74,6 @@ def wernet(
         example inverse variances; all alike when None.
     pixel_blocks : (pixels,) int, optional
         Pixels that are left out together, see `tomo.selection.choose_by_left_out_pixels`.
-    choice : Choice, optional
-        How voxels are solved for; by cross-validation when None, and then once more with learned
-        weights.
-    shared : bool
-        Learn only what is common to all views: no gains, and nothing else of a single view. With
-        few views that is so in any case.
     callback : callable, optional
         ``callback(index, volume, relative_residual)`` after the classic solve, index 0, after the
         solve with parametric terms, where there are any, and after every outer iteration;
@@ -138,14 +130,15 @@ def wernet(
         "iterations": 0 if freeze_encoder else int(iterations),
         "start": start is not None,
         "weighted": weights is not None,
-        "shared": shared,
         "encoder": _name(encoder),
         "freeze_encoder": freeze_encoder,
         "device": str(device),
         "seed": seed,
     }
     if encoder is None:
-        own = new_encoder(many_views=many, blocks=blocks, channels=channels, seed=seed)
+        own = CorrectionEncoder(blocks=blocks, channels=channels, seed=seed)
+        if not many:
+            own.show_only(FEW_VIEW_FEATURES)
     elif isinstance(encoder, CorrectionEncoder):
         own = copy.deepcopy(encoder)
     else:
@@ -157,7 +150,7 @@ def wernet(
     weights = check_weights(projector, weights)
     pixels = LeftOut.of(projector, measured, pixel_blocks, weights)
     how = {"blocks": pixels.blocks, "weights": weights}
-    baseline = choice or choose_by_left_out_pixels(projector, measured, **how)
+    baseline = choose_by_left_out_pixels(projector, measured, **how)
     classic = solve_as_chosen(projector, measured, baseline, weights=weights)
     stop_reason = ""
     if record.add(0, projector.active.compress(classic.volume), classic.relative_residual):
@@ -171,7 +164,7 @@ def wernet(
             iterations=max(settings["iterations"], 1),
             seed=seed,
             map_chunks=map_chunks,
-            per_view=many and not shared,
+            per_view=many,
             held=pixels.held,
         )
         outer = OuterIterations(
@@ -184,10 +177,9 @@ def wernet(
             stop_reason=stop_reason or _nothing_to_learn(pixels, views, baseline),
         )
         saved = Checkpoint.of(checkpoint, settings, projector, measured)
-        gains = many and not shared if own.is_zero else None  # another encoder has its own
+        gains = many if own.is_zero else None  # another encoder has its own
         run(outer, record, saved, resume=resume, train=not freeze_encoder, gains=gains)
-    anew = choice is None and not freeze_encoder
-    return _solution(outer, record, classic, settings, choose_anew=anew)
+    return _solution(outer, record, classic, settings, choose_anew=not freeze_encoder)
 
 
 def _check(iterations: int, encoder: object, freeze_encoder: bool) -> None:
@@ -213,16 +205,6 @@ def _name(encoder: str | Path | CorrectionEncoder | None) -> str | None:
     if isinstance(encoder, CorrectionEncoder):
         return "in memory"
     return encoder and str(encoder)
-
-
-def new_encoder(
-    *, many_views: bool, blocks: int = 2, channels: int = 16, seed: int = 0
-) -> CorrectionEncoder:
-    """Return an untrained encoder, which with few views sees nothing that names a view."""
-    encoder = CorrectionEncoder(blocks=blocks, channels=channels, seed=seed)
-    if not many_views:
-        encoder.show_only(FEW_VIEW_FEATURES)
-    return encoder
 
 
 def _solution(

@@ -23,7 +23,12 @@ def _found(one):
     unit = float(np.sqrt(np.mean(one.measured**2)))
     pixels, features = LeftOut.of(one.projector, one.measured), RayFeatures.of(one.projector)
     found = fit_parametric_terms(
-        pixels, features, choice, unit, lambda: pixels.judge(one.projector, choice)
+        pixels,
+        features,
+        choice,
+        unit,
+        lambda: pixels.judge(one.projector, choice),
+        {0, 1, 2, GAINS},
     )
     return found[0], unit
 

@@ -1,0 +1,92 @@
+"""The default goes on to learned weights where segment lengths do not explain the images."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phantoms import GaussianBlobs
+from rigs import ring
+from tomo import VoxelGrid, load_scan
+from tomo.pipeline import Options, reconstruct
+from tomo.simulation import simulate_images
+from tomo.simulation.camera_noise import gaussian
+from tomo.simulation.effects import Effects
+
+GRID = VoxelGrid((16, 22, 16), 1.0)
+PLACES = [[2.5, -4.0, 1.0], [-2.0, 4.5, -1.5], [0.5, 0.5, 3.0]]
+
+
+def _scan(folder, views, effects=None):
+    """Return a scan of three flames in 60 x 80 pixels, with a little noise, simulated finer."""
+    look = {
+        "image_size": (60, 80),
+        "footprint": 0.3,
+        "pitch_degrees": [14.0, -10.0] * (views // 2),
+    }
+    rig = ring(views, distance=60.0, center=GRID.center, start_degrees=5.0, **look)
+    flame = GaussianBlobs(PLACES, [1.8, 2.2, 1.6], [1.0, 0.7, 0.8])
+    made = simulate_images(rig, flame, GRID, supersample=2, refine=2, effects=effects, seed=13)
+    images = gaussian(list(made.images.values()), 0.003, np.random.default_rng(5))
+    made = replace(made, images=dict(zip(rig.names, images, strict=True)))
+    return load_scan(made.save(folder))
+
+
+def _both(scan, **settings):
+    """Return the reconstructions with and without learned weights."""
+    how = {"uncertainty": 0, **settings}
+    return (reconstruct(scan, options=Options(**how, learn=learn)) for learn in (True, False))
+
+
+def _nrmse(outcome):
+    return outcome.solution.quality["nrmse"]
+
+
+@pytest.mark.parametrize("views", [6, 12])
+def test_vignetting_is_learned_and_corrected(tmp_path, views):
+    scan = _scan(tmp_path / "scan", views, Effects(vignetting=0.4))
+    found, plain = _both(scan, hold_out=["cam02"])
+    told = json.loads(json.dumps(found.report(), allow_nan=False))
+    assert told["learning"]["taken"] is True
+    assert told["learning"]["found"] == ["off the axis, squared"]
+    residuals = told["learning"]["left_out_residual"]
+    assert residuals["learned"] < residuals["segment_lengths"]
+    assert told["learned"]["held_out_residual"] == residuals
+    assert told["method"] == "curvature"
+    assert _nrmse(found) < 0.8 * _nrmse(plain)
+    psnr = [one.report()["held_out"]["cam02"]["psnr"] for one in (found, plain)]
+    assert psnr[0] > psnr[1]
+    line = next(line for line in found.warnings if line.startswith("vignetting: learned"))
+    assert "--no-learn" in line
+    assert plain.learning is None
+    assert plain.report()["learning"] is None
+
+
+def test_what_was_learned_is_in_the_images_and_the_uncertainty(tmp_path):
+    scan = _scan(tmp_path / "scan", 12, Effects(vignetting=0.4))
+    found = reconstruct(scan, options=Options())
+    own = [view.relative_residual for view in found.views]
+    assert np.mean(own) == pytest.approx(found.solution.relative_residual, rel=0.1)
+    assert found.uncertainty.relative_deviation > 0
+    assert found.report()["uncertainty"]["intervals"] is not None
+
+
+@pytest.mark.parametrize("views", [6, 12])
+def test_a_faultless_scene_stays_as_it_is_to_the_bit(tmp_path, views):
+    found, plain = _both(_scan(tmp_path / "scan", views))
+    assert found.learning["taken"] is False
+    assert found.learning["reason"]
+    assert found.learned is None
+    np.testing.assert_array_equal(found.solution.volume, plain.solution.volume)
+    assert found.warnings == plain.warnings
+
+
+def test_it_is_not_tried_where_it_cannot_be(tmp_path):
+    scan = _scan(tmp_path / "scan", 6, Effects(vignetting=0.4))
+    few = reconstruct(scan, options=Options(uncertainty=0, hold_out=list(scan.rig.names[2:])))
+    assert "too few views" in few.learning["reason"]
+    on_the_fly = reconstruct(scan, options=Options(uncertainty=0, projector="on-the-fly"))
+    assert "stored" in on_the_fly.learning["reason"]
+    named = reconstruct(scan, options=Options(method="mlem", iterations=5))
+    assert named.learning is None
