@@ -207,7 +207,7 @@ def test_given_weights_are_tried_in_the_linear_basis(small, classic, tmp_path):
     np.testing.assert_array_equal(frozen.solution.volume, classic.solution.volume)
 
 
-def test_few_views_learn_in_the_linear_basis(few):
+def test_few_views_end_in_the_linear_basis(few):
     found, boxes = (
         reconstruct(few, options=Options(method="wernet", basis=one, **QUICK))
         for one in ("auto", "voxel")
