@@ -177,7 +177,8 @@ def wernet(
             stop_reason=stop_reason or _nothing_to_learn(pixels, views, baseline),
         )
         saved = Checkpoint.of(checkpoint, settings, projector, measured)
-        gains = many if own.is_zero else None  # another encoder has its own
+        # few views say too little of terms of their own; another encoder has its own
+        gains = True if many and own.is_zero else None
         run(outer, record, saved, resume=resume, train=not freeze_encoder, gains=gains)
     return _solution(outer, record, classic, settings, choose_anew=not freeze_encoder)
 
