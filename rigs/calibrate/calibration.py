@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.calibrate.adjust.culling import Culled, adjust_and_cull
 from rigs.calibrate.adjust.duplicates import without_repeats
+from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.initial import (
     SingleCamera,
     check_target_poses,
@@ -17,9 +18,8 @@ from rigs.calibrate.adjust.initial import (
     single_camera,
 )
 from rigs.calibrate.adjust.joint_terms import richer_terms
-from rigs.calibrate.adjust.lens_choice import Terms
+from rigs.calibrate.adjust.lens_choice import LensRules, Terms
 from rigs.calibrate.adjust.observation_arrays import (
-    Freedom,
     ObservationArrays,
     Scene,
     ordered,
@@ -29,7 +29,7 @@ from rigs.calibrate.adjust.projection import Lens
 from rigs.calibrate.adjust.shared_views import rig_poses
 from rigs.calibrate.adjust.world import in_world
 from rigs.calibrate.observations import Observations
-from rigs.calibrate.options import check_options
+from rigs.calibrate.options import check_options, check_rules, common_lenses
 from rigs.calibrate.quality.assessment import assessment, findings
 from rigs.calibrate.quality.covariance import labels, refuse_unknown_lenses
 from rigs.calibrate.quality.quality import measure
@@ -52,6 +52,9 @@ def calibrate(
     target: object | None = None,
     volume: Volume | None = None,
     cull: bool = True,
+    square_pixels: bool = False,
+    fixed_center: bool = False,
+    common_lens: Iterable[Collection[str]] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Calibration:
     """Return the rig that explains the observations best, and how far it can be trusted.
@@ -85,6 +88,12 @@ def calibrate(
         kept in the rig.
     cull : bool
         Leave out outliers; False keeps every observation.
+    square_pixels : bool
+        Hold fx equal to fy.
+    fixed_center : bool
+        Hold the principal point in the middle of the image.
+    common_lens : iterable of collections of str
+        Sets of cameras; those of one set share camera matrix and distortion.
     progress : callable, optional
         Called with a line of text at each step.
 
@@ -106,6 +115,10 @@ def calibrate(
         distortion=distortion,
         target=target,
     )
+    rules = LensRules(
+        square_pixels, fixed_center, common_lenses(observations.cameras, common_lens)
+    )
+    check_rules(rules, observations.image_sizes, observations.cameras, intrinsics)
     names, points = observations.cameras, observations.target_points
     keep, frozen, repeats = without_repeats(observations)
     order = ordered(observations)
@@ -117,11 +130,11 @@ def calibrate(
         points[observations.point[order]] / scale,
         observations.uv[order],
     )
-    views = _single_cameras(observations, arrays, intrinsics, distortion, report)
+    views = _single_cameras(observations, arrays, intrinsics, distortion, rules, report)
     report("poses along shared views")
     scene, root = rig_poses(names, views, arrays, len(observations.frames))
     report("joint adjustment")
-    kept, freedom, terms = _adjusted(scene, arrays, views, root, distortion, cull)
+    kept, freedom, terms = _adjusted(scene, arrays, views, root, distortion, rules, cull)
     scene, world_frame, size, poorly_met = in_world(
         _scaled(kept.solution.scene, scale), names, observations.frames, world, rescale
     )
@@ -166,21 +179,34 @@ def _single_cameras(
     arrays: ObservationArrays,
     intrinsics: Rig | None,
     distortion: str,
+    rules: LensRules,
     report: Callable[[str], None],
 ) -> list[SingleCamera]:
     """Return each camera's lens, found from its own images or given, and its target poses."""
     frames = len(observations.frames)
+    first = range(len(observations.cameras)) if rules.common is None else rules.common
+    lenses: dict[int, tuple[Lens, Terms]] = {}
     views = []
     for camera, name in enumerate(observations.cameras):
         report(f"lens of camera {name}")
         own = arrays.where(arrays.camera == camera)
         own = replace(own, camera=np.zeros(len(own), np.int64))
-        lens, terms = (
-            lens_alone(name, own, frames, observations.image_sizes[camera], distortion)
-            if intrinsics is None
-            else _given(intrinsics[name])
-        )
-        views.append(single_camera(lens, terms, own, frames))
+        if intrinsics is not None:
+            lenses[camera] = _given(intrinsics[name])
+        elif first[camera] == camera:
+            # Images of all cameras with this lens, as if one camera had taken them
+            one = arrays.where(np.isin(arrays.camera, np.flatnonzero(np.equal(first, camera))))
+            moments = one.frame + frames * one.camera
+            one = replace(one, camera=np.zeros(len(one), np.int64), frame=moments)
+            lenses[camera] = lens_alone(
+                name,
+                one,
+                frames * len(observations.cameras),
+                observations.image_sizes[camera],
+                distortion,
+                rules,
+            )
+        views.append(single_camera(*lenses[first[camera]], own, frames))
         check_target_poses(name, views[-1])
     return views
 
@@ -191,6 +217,7 @@ def _adjusted(
     views: list[SingleCamera],
     root: int,
     distortion: str,
+    rules: LensRules,
     cull: bool,
 ) -> tuple[Culled, Freedom, list[Terms]]:
     """Return the joint adjustment, what was free in it, and each camera's lens terms.
@@ -198,11 +225,16 @@ def _adjusted(
     The pose of camera ``root`` is held. Terms that pay only jointly are freed for ``auto``.
     """
     held = np.arange(len(views)) == root
-    freedom = Freedom(tuple(_lens_freedom(view) for view in views), ~held)
+    freedom = Freedom(
+        tuple(_lens_freedom(view, rules) for view in views),
+        ~held,
+        square=rules.square_pixels,
+        common=rules.common,
+    )
     terms = [view.terms for view in views]
     kept = adjust_and_cull(scene, arrays, freedom, cull)
     if distortion == "auto":
-        richer = richer_terms(kept.solution.scene, arrays.where(kept.used), freedom, terms)
+        richer = richer_terms(kept.solution.scene, arrays.where(kept.used), freedom, terms, rules)
         if richer is not None:
             scene, freedom, terms = richer
             kept = adjust_and_cull(scene, arrays, freedom, cull)
@@ -262,9 +294,9 @@ def _given(camera: Camera) -> tuple[Lens, Terms]:
     return Lens(camera.camera_matrix, lens.model, np.array(lens.coefficients)), _GIVEN
 
 
-def _lens_freedom(view: SingleCamera) -> NDArray[np.bool_]:
+def _lens_freedom(view: SingleCamera, rules: LensRules) -> NDArray[np.bool_]:
     """Return which numbers of a camera's lens are adjusted."""
-    return np.zeros(view.lens.size, bool) if view.terms is _GIVEN else view.terms.freedom()
+    return np.zeros(view.lens.size, bool) if view.terms is _GIVEN else view.terms.freedom(rules)
 
 
 def _scaled(scene: Scene, scale: float) -> Scene:

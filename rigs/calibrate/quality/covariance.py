@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import information
+from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.joint_terms import fall_of_squares
-from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 from rigs.rig import Rig
 
 _UNKNOWN_FOCAL_LENGTH = 0.2  # relative standard deviation; above it the focal length is a guess
@@ -49,24 +50,24 @@ def covariance_of(
 
 
 def labels(names: tuple[str, ...], freedom: Freedom) -> tuple[tuple[str, str], ...]:
-    """Return camera and name of each free parameter."""
-    found = []
+    """Return camera and name of each free parameter; a shared one has those that come first."""
+    found: list[tuple[str, str]] = [("", "")] * freedom.size
     for camera, name in enumerate(names):
-        own = ["wx", "wy", "wz", "tx", "ty", "tz", "fx", "fy", "cx", "cy"]
-        own += [f"c{i}" for i in range(len(freedom.lens[camera]) - 4)]
-        free = freedom.columns(camera)
-        found += [(name, label) for label, is_free in zip(own, free, strict=True) if is_free]
+        coefficients = [f"c{i}" for i in range(len(freedom.lens[camera]) - 4)]
+        own = ["wx", "wy", "wz", "tx", "ty", "tz", "fx", "fy", "cx", "cy", *coefficients, "time"]
+        for place, label in zip(freedom.places[camera], own, strict=True):
+            if place >= 0 and not found[place][0]:
+                found[place] = name, label
     return tuple(found)
 
 
 def focal_errors(scene: Scene, freedom: Freedom, covariance: NDArray) -> NDArray[np.float64]:
     """Return the larger relative standard deviation of each camera's two focal lengths."""
     errors = np.zeros(len(scene.lenses))
-    for camera, own in enumerate(freedom.slices):
-        free = freedom.columns(camera)
+    for camera, places in enumerate(freedom.places):
         for column in (6, 7):  # fx, fy
-            if free[column]:
-                at = own.start + int(free[:column].sum())
+            at = places[column]
+            if at >= 0:
                 focal = scene.lenses[camera].matrix[column - 6, column - 6]
                 errors[camera] = max(errors[camera], np.sqrt(covariance[at, at]) / focal)
     return errors
@@ -93,14 +94,15 @@ def lens_misfit(
     when the lens is right, 0 where it is free already.
     """
     misfit = np.zeros(len(scene.lenses))
-    every = Freedom(tuple(np.ones(lens.size, bool) for lens in scene.lenses), freedom.pose)
-    matrix, gradient = information(scene, observations, every)
-    free = np.concatenate(
-        [freedom.columns(camera)[every.columns(camera)] for camera in range(len(misfit))]
+    every = Freedom(
+        tuple(np.ones(lens.size, bool) for lens in scene.lenses), freedom.pose, freedom.time
     )
-    for camera, own in enumerate(every.slices):
+    matrix, gradient = information(scene, observations, every)
+    free = every.freed_in(freedom)
+    for camera, places in enumerate(every.places):
         freed = np.zeros(len(free), bool)
-        freed[own] = ~free[own]
+        freed[places[places >= 0]] = True
+        freed &= ~free
         if freed.any():
             gain = fall_of_squares(matrix, gradient, free | freed)
             misfit[camera] = np.sqrt(gain / int(freed.sum())) / max(noise, 1e-9)

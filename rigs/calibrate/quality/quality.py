@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import adjust
-from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
+from rigs.calibrate.adjust.freedom import Freedom
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 from rigs.calibrate.quality.covariance import covariance_of, focal_errors, lens_misfit
 from rigs.calibrate.quality.ray_miss import predicted_squares, views
 from rigs.calibrate.quality.region import evaluation_points
