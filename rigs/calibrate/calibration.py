@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.calibrate.adjust.culling import Culled, adjust_and_cull
 from rigs.calibrate.adjust.duplicates import without_repeats
+from rigs.calibrate.adjust.film import Film
 from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.initial import (
     SingleCamera,
@@ -32,9 +33,10 @@ from rigs.calibrate.observations import Observations
 from rigs.calibrate.options import check_options, check_rules, common_lenses
 from rigs.calibrate.quality.assessment import assessment, findings
 from rigs.calibrate.quality.covariance import labels, refuse_unknown_lenses
-from rigs.calibrate.quality.quality import measure
+from rigs.calibrate.quality.quality import Quality, measure
 from rigs.calibrate.quality.summary import summary
 from rigs.calibrate.result import Calibration
+from rigs.calibrate.synchrony import adjust_in_step, in_step
 from rigs.camera import Camera
 from rigs.rig import Rig, Volume
 
@@ -55,6 +57,7 @@ def calibrate(
     square_pixels: bool = False,
     fixed_center: bool = False,
     common_lens: Iterable[Collection[str]] = (),
+    times: Mapping[str, float] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Calibration:
     """Return the rig that explains the observations best, and how far it can be trusted.
@@ -94,6 +97,9 @@ def calibrate(
         Hold the principal point in the middle of the image.
     common_lens : iterable of collections of str
         Sets of cameras; those of one set share camera matrix and distortion.
+    times : mapping of str to float, optional
+        Moments of frames of films, counted in frames (`frame_times`). Where the target moves
+        smoothly, cameras that are out of step are found and their offsets allowed for.
     progress : callable, optional
         Called with a line of text at each step.
 
@@ -132,29 +138,51 @@ def calibrate(
     )
     views = _single_cameras(observations, arrays, intrinsics, distortion, rules, report)
     report("poses along shared views")
-    scene, root = rig_poses(names, views, arrays, len(observations.frames))
+    film = _film(observations, arrays, times)
+    scene, root, whole = rig_poses(names, views, arrays, len(observations.frames), film)
     report("joint adjustment")
-    kept, freedom, terms = _adjusted(scene, arrays, views, root, distortion, rules, cull)
+    freedom = Freedom(
+        tuple(_lens_freedom(view, rules) for view in views),
+        np.arange(len(views)) != root,
+        square=rules.square_pixels,
+        common=rules.common,
+    )
+    synchrony, fraction = None, np.zeros(len(views))
+    if film is not None:
+        report("moments of the images")
+        rows, filed = film.filed(arrays, whole)
+        synchrony = in_step(film, scene, arrays, filed, freedom, whole)
+        order, arrays, fraction = order[rows], filed, synchrony.fraction
+        if synchrony.is_out.any():
+            freedom = replace(freedom, time=synchrony.is_out)
+    kept, arrays, freedom, terms, fraction = _adjusted(
+        scene, arrays, views, freedom, distortion, rules, cull, film, fraction
+    )
     scene, world_frame, size, poorly_met = in_world(
         _scaled(kept.solution.scene, scale), names, observations.frames, world, rescale
     )
     if size != 1:
         observations = replace(observations, target_points=points * size)
-    arrays = replace(arrays, points=arrays.points * (scale * size))
+    arrays = arrays.scaled(scale * size)
     rig = Rig(_cameras(observations, scene, intrinsics), length_unit, world_frame, volume)
     report("quality")
     quality, noise, covariance = measure(
         rig, scene, arrays, kept.used, freedom, volume, intrinsics is not None
     )
+    if synchrony is not None:
+        synchrony = synchrony.with_fraction(fraction)
+        quality = _by_number(quality, film, whole)
     refuse_unknown_lenses(quality.focal_error, names)
     residuals = np.full((len(observations), 2), np.nan)
     residuals[order] = arrays.uv - predicted(scene, arrays)
     used = np.zeros(len(observations), bool)
     used[order] = kept.used
     voxel = None if volume is None else float(np.prod(volume.spacing)) ** (1 / 3)
-    warnings, notes = findings(quality, observations, used, noise, voxel)
+    offsets = None if synchrony is None else synchrony.in_words()
+    warnings, notes = findings(quality, observations, used, noise, voxel, offsets)
     warnings = (*frozen, *poorly_met, *warnings)
-    notes = (*repeats, *_unposed(scene, arrays, observations.frames), *notes)
+    out_of_step = () if synchrony is None else synchrony.findings(names)
+    notes = (*out_of_step, *repeats, *_unposed(scene, arrays, observations.frames), *notes)
     calibration = Calibration(
         rig,
         observations,
@@ -170,6 +198,7 @@ def calibrate(
         quality,
         warnings + notes,
         assessment(quality, warnings, notes, length_unit, voxel),
+        synchrony,
     )
     return replace(calibration, rig=replace(rig, calibration=summary(calibration)))
 
@@ -211,34 +240,57 @@ def _single_cameras(
     return views
 
 
+def _film(
+    observations: Observations, arrays: ObservationArrays, times: Mapping[str, float] | None
+) -> Film | None:
+    """Return the film that several cameras took of a moving target, if it is one."""
+    if times is None or len(observations.cameras) < 2:
+        return None
+    return Film.of(np.array([times.get(name, np.nan) for name in observations.frames]), arrays)
+
+
+def _by_number(quality: Quality, film: Film, whole: NDArray[np.float64]) -> Quality:
+    """Return the figures with those of images under the frames of their own numbers."""
+    filed = np.stack([film.partners(-delay) for delay in whole])  # (cameras, frames)
+    figures = {
+        name: np.where(filed >= 0, np.take_along_axis(getattr(quality, name), filed, 1), np.nan)
+        for name in ("image_rms", "alone_rms", "contradiction")
+    }
+    return replace(quality, **figures)
+
+
 def _adjusted(
     scene: Scene,
     arrays: ObservationArrays,
     views: list[SingleCamera],
-    root: int,
+    freedom: Freedom,
     distortion: str,
     rules: LensRules,
     cull: bool,
-) -> tuple[Culled, Freedom, list[Terms]]:
-    """Return the joint adjustment, what was free in it, and each camera's lens terms.
+    film: Film | None,
+    offset: NDArray[np.float64],
+) -> tuple[Culled, ObservationArrays, Freedom, list[Terms], NDArray[np.float64]]:
+    """Return the joint adjustment, its observations, what was free, lens terms and offsets.
 
-    The pose of camera ``root`` is held. Terms that pay only jointly are freed for ``auto``.
+    Terms that pay only jointly are freed for ``auto``. Cameras that are out of step have the
+    moment of their images free; the points are then where these saw them.
     """
-    held = np.arange(len(views)) == root
-    freedom = Freedom(
-        tuple(_lens_freedom(view, rules) for view in views),
-        ~held,
-        square=rules.square_pixels,
-        common=rules.common,
-    )
-    terms = [view.terms for view in views]
-    kept = adjust_and_cull(scene, arrays, freedom, cull)
+    unmoved, terms = arrays, [view.terms for view in views]
+
+    def adjusted(scene: Scene, freedom: Freedom) -> Culled:
+        nonlocal arrays, offset
+        if freedom.time is None:
+            return adjust_and_cull(scene, arrays, freedom, cull)
+        kept, arrays, offset = adjust_in_step(film, scene, unmoved, freedom, cull, offset)
+        return kept
+
+    kept = adjusted(scene, freedom)
     if distortion == "auto":
         richer = richer_terms(kept.solution.scene, arrays.where(kept.used), freedom, terms, rules)
         if richer is not None:
             scene, freedom, terms = richer
-            kept = adjust_and_cull(scene, arrays, freedom, cull)
-    return kept, freedom, terms
+            kept = adjusted(scene, freedom)
+    return kept, arrays, freedom, terms, offset
 
 
 def _unposed(scene: Scene, arrays: ObservationArrays, frames: tuple[str, ...]) -> tuple[str, ...]:

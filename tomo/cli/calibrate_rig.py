@@ -9,9 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tomo.cli.calibration_inputs import (
+    CommonLensOption,
+    FixedCenterOption,
+    IntrinsicsOption,
+    LensImagesOption,
+    SquareOption,
+    check_lens_options,
+    given_lenses,
+    lens_sets,
+    with_lens_images,
+)
 from tomo.cli.console import JsonFlag, console, print_json, progress_bar, say
 from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import CenterOption, SpacingOption, load_rig_or_preset, parse_grid
+from tomo.cli.inputs import CenterOption, SpacingOption, parse_grid
 from tomo.cli.outputs import check_output_file, check_output_folder
 
 if TYPE_CHECKING:
@@ -29,6 +40,8 @@ _NAMED = 6
 EXAMPLES = """
 flametomo calibrate-rig images --target chessboard:9x6:25
     -o rig.yaml
+flametomo calibrate-rig poses --intrinsics-images lenses -o rig.yaml
+    --target chessboard:9x6:25 --square-pixels --common-lens all
 flametomo calibrate-rig images -o rig.yaml --grid 30x140x30
     --spacing 0.5 --target charuco:5x4:54:40.5:DICT_4X4_1000
 """
@@ -91,11 +104,12 @@ def calibrate_rig(
     length_unit: Annotated[
         str, typer.Option(metavar="UNIT", help="Unit of the target's lengths and of the rig.")
     ] = "mm",
-    intrinsics: Annotated[
-        str | None,
-        typer.Option(metavar="RIG", help="A rig whose lenses and camera matrices are kept."),
-    ] = None,
+    intrinsics: IntrinsicsOption = None,
+    intrinsics_images: LensImagesOption = None,
     model: ModelOption = "auto",
+    square_pixels: SquareOption = False,
+    fixed_center: FixedCenterOption = False,
+    common_lens: CommonLensOption = None,
     world: WorldOption = None,
     rescale: Annotated[
         bool, typer.Option("--rescale", help="Take the scale from the positions in --world.")
@@ -123,31 +137,47 @@ def calibrate_rig(
     with bad_input_in_one_line():
         _check_outputs(out, report, cache)
         from rigs import save_rig
-        from rigs.calibrate import calibrate
-        from rigs.calibrate.detect import detections, image_set
+        from rigs.calibrate import calibrate, frame_times
+        from rigs.calibrate.detect import detections
         from rigs.calibrate.options import check_options
         from rigs.calibrate.targets import parse_target
         from rigs.files.json_file import write_json
 
+        notes: list[str] = []
+        target_seen, volume = parse_target(target), _volume(grid, spacing, center)
+        found = _image_set(images, every, notes)
         how = {
-            "intrinsics": load_rig_or_preset(intrinsics) if intrinsics else None,
+            "intrinsics": given_lenses(intrinsics or [], found),
             "world": _world(world),
             "rescale": rescale,
             "length_unit": length_unit,
             "distortion": model,
-            "target": parse_target(target),
+            "target": target_seen,
         }
-        volume = _volume(grid, spacing, center)
-        found = image_set(images, every)
-        frames = {frame for of_camera in found.values() for frame in of_camera}
+        frames = _frames(found)
         check_options(found, frames, **how)
+        lenses = {
+            "square_pixels": square_pixels,
+            "fixed_center": fixed_center,
+            "common_lens": lens_sets(common_lens or [], found),
+        }
+        check_lens_options(found, intrinsics, intrinsics_images, lenses)
+        times = frame_times(frames)
+        if intrinsics_images is not None:
+            own = _image_set(intrinsics_images, every, notes)
+            found = with_lens_images(found, own, intrinsics_images)
         with progress_bar("detect") as progress:
             seen = detections(found, how["target"], cache=cache, progress=progress)
         with console.status("calibrate") as status:
             calibration = calibrate(
-                seen.observations, **how, volume=volume, progress=status.update
+                seen.observations,
+                **how,
+                **lenses,
+                times=times,
+                volume=volume,
+                progress=status.update,
             )
-        notes = _notes(found, seen)
+        notes += _notes(found, seen)
         folder = out.parent if report is None else report
         seconds = time.perf_counter() - started
         details = {"images": images, "target": how["target"], "time": f"{seconds:.0f} s"}
@@ -187,6 +217,18 @@ def _volume(grid: str | None, spacing: str | None, center: str | None) -> Volume
 
     voxels = parse_grid(grid, spacing, center)
     return Volume(voxels.shape, voxels.spacing, voxels.center)
+
+
+def _image_set(folder: Path, every: int, notes: list[str]) -> ImageSet:
+    """Return the images in a folder, and add lines on folders that are no cameras."""
+    from rigs.calibrate.detect import image_set
+
+    return image_set(folder, every, notes.append)
+
+
+def _frames(found: ImageSet) -> list[str]:
+    """Return the names of all frames, each once."""
+    return list(dict.fromkeys(frame for of_camera in found.values() for frame in of_camera))
 
 
 def _world(text: str | None) -> Any:

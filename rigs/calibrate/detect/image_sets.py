@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,10 @@ from numpy.typing import NDArray
 
 from rigs.recordings import IMAGE_SUFFIXES, luminance, read_pixels
 
+_NEVER_IMAGES = (
+    ".csv", ".html", ".ini", ".json", ".log", ".m", ".mat", ".md", ".npz", ".odt", ".ods", ".pdf",
+    ".py", ".pyc", ".toml", ".txt", ".xls", ".xlsx", ".xml", ".yaml", ".yml", ".zip",
+)  # fmt: skip
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
 
 
@@ -40,7 +44,9 @@ Source = str | os.PathLike | VideoFrame | np.ndarray
 """Where an image comes from: a file, a picture of a video, or the image itself."""
 
 
-def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, Source]]:
+def image_set(
+    folder: str | os.PathLike, every: int = 1, note: Callable[[str], None] | None = None
+) -> dict[str, dict[str, Source]]:
     """Return the images in ``folder``: one folder per camera, or one video per camera.
 
     Parameters
@@ -51,6 +57,9 @@ def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, 
         Names that begin with a dot and files of other kinds are ignored.
     every : int
         Use every n-th picture of a video.
+    note : callable, optional
+        Called with a line on each folder that holds only files that are never images, like
+        texts; it is not taken as a camera.
 
     Returns
     -------
@@ -82,7 +91,15 @@ def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, 
         there = f"{loose} images outside camera folders" if loose else "neither"
         raise ValueError(f"{folder}: found {there}, expected one folder or one video per camera")
     if folders:
-        return {path.name: _images_in(path) for path in folders}
+        stray = [path for path in folders if _is_stray(path)]
+        if len(stray) == len(folders):
+            raise ValueError(
+                f"{folder}: found no images in {', '.join(path.name for path in folders)}, "
+                "expected one folder of images per camera"
+            )
+        for path in stray if note is not None else ():
+            note(f"{path}: holds no image, only files of other kinds: not taken as a camera")
+        return {path.name: _images_in(path) for path in folders if path not in stray}
     images: dict[str, dict[str, Source]] = {}
     for path in videos:
         if path.stem in images:
@@ -157,8 +174,8 @@ def _images_in(folder: Path) -> dict[str, Source]:
     ]
     if not paths:
         raise ValueError(
-            f"{folder}: camera {folder.name}: found no images, expected some of "
-            f"{', '.join(IMAGE_SUFFIXES)}"
+            f"{folder}: camera {folder.name}: found no images ({_contents(folder)}), expected "
+            f"some of {', '.join(IMAGE_SUFFIXES)}; move the folder away if it is no camera"
         )
     images: dict[str, Source] = {}
     for path in sorted(paths, key=lambda path: _natural(path.name)):
@@ -169,6 +186,23 @@ def _images_in(folder: Path) -> dict[str, Source]:
             )
         images[path.stem] = path
     return images
+
+
+def _is_stray(folder: Path) -> bool:
+    """Return whether a folder has files, all of kinds that are never images."""
+    inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    return bool(inside) and all(
+        path.is_file() and path.suffix.lower() in _NEVER_IMAGES for path in inside
+    )
+
+
+def _contents(folder: Path) -> str:
+    """Return what a folder without images holds, in words."""
+    inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    kinds = {path.suffix.lower() or path.name for path in inside if path.is_file()}
+    kinds |= {f"folder {path.name}" for path in inside if path.is_dir()}
+    named = sorted(kinds)
+    return ", ".join(named[:4]) + (", ..." if len(named) > 4 else "") if named else "it is empty"
 
 
 def _open_video(path: Path) -> cv2.VideoCapture:

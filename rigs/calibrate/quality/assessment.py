@@ -32,15 +32,31 @@ def findings(
     used: NDArray[np.bool_],
     noise: float,
     voxel: float | None = None,
+    offsets: tuple[str, ...] | None = None,
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return warnings about the rig, the gravest first, and notes on what was left out.
 
+    Parameters
+    ----------
+    quality : Quality
+    observations : Observations
+    used : (observations,) bool
+    noise : float
+        Pixels.
+    voxel : float, optional
+        Edge length of a voxel.
+    offsets : tuple of str, optional
+        Each camera's offset in time in words, where a film shows it: it is then no cause.
+
+    Notes
+    -----
     Where the rays meet within a tenth of ``voxel``, only errors that displace them by more are
     reported, and points left out are a note; where it is None a voxel is as large as a pixel.
     """
     least = _least_displacement(quality, voxel)
-    warnings, notes = _left_out(quality, observations, used, harmless=bool(least.all()))
-    contradictions, frame_notes = _contradictions(quality, observations, used, least)
+    causes = _causes(offsets, len(observations.cameras))
+    warnings, notes = _left_out(quality, observations, used, causes, harmless=bool(least.all()))
+    contradictions, frame_notes = _contradictions(quality, observations, used, least, causes)
     warnings += contradictions
     notes += frame_notes
     warnings += _bad_images(quality, observations, used, noise, least)
@@ -51,6 +67,13 @@ def findings(
         )
     warnings += [*_unmodelled(quality, voxel), *_thin_data(quality, observations, voxel)]
     return tuple(warnings), tuple(notes)
+
+
+def _causes(offsets: tuple[str, ...] | None, cameras: int) -> list[str]:
+    """Return for each camera why it may disagree, other than by its lens."""
+    if offsets is None:
+        return ["it moved or is not synchronised"] * cameras
+    return [f"it moved (it is in step: {words} frames)" for words in offsets]
 
 
 def assessment(
@@ -86,7 +109,12 @@ def assessment(
 
 
 def _left_out(
-    quality: Quality, observations: Observations, used: NDArray[np.bool_], *, harmless: bool
+    quality: Quality,
+    observations: Observations,
+    used: NDArray[np.bool_],
+    causes: list[str],
+    *,
+    harmless: bool,
 ) -> tuple[list[str], list[str]]:
     """Return warnings and notes on what was left out: whole images, and single observations.
 
@@ -101,16 +129,16 @@ def _left_out(
     warnings, notes = [], []
     for camera, name, images, words in _many(observations, out):
         warnings.append(
-            f"camera {name}: {words}, disagree with the other cameras and were left out: it moved "
-            "or is not synchronised"
+            f"camera {name}: {words}, disagree with the other cameras and were left out: "
+            f"{causes[camera]}"
         )
         out[camera, images] = False
     # When two disagree either may be left out, so the one that remains is as suspect
     alone = (kept > 0) & ((kept > 0).sum(axis=0) == 1) & out.any(axis=0)
-    for _, name, images, words in _many(observations, alone):
+    for camera, name, images, words in _many(observations, alone):
         warnings.append(
-            f"camera {name}: in {words}, no other camera agrees with it: it moved or is not "
-            "synchronised, or all others did"
+            f"camera {name}: in {words}, no other camera agrees with it: {causes[camera]}, or all "
+            "others did"
         )
         out[:, images] = False
     for frame in np.flatnonzero((out.sum(axis=0) >= 2) & (kept.sum(axis=0) == 0)):
@@ -160,6 +188,7 @@ def _contradictions(
     observations: Observations,
     used: NDArray[np.bool_],
     least: NDArray[np.float64],
+    causes: list[str],
 ) -> tuple[list[str], list[str]]:
     """Return warnings on cameras and notes on frames that were used but contradict the others."""
     kept = np.zeros(quality.contradiction.shape, bool)
@@ -180,8 +209,8 @@ def _contradictions(
         if cameras[worst] > _MORE_THAN_OTHERS * others and len(cameras) > 2:
             lines.append(
                 f"camera {name}: contradicts the others ({rms} by itself, {cameras[worst]:.2g} "
-                f"standard deviations where {others:.2g} is usual): it moved, is not "
-                "synchronised, or its lens is wrong"
+                f"standard deviations where {others:.2g} is usual): {causes[worst]}, "
+                "or its lens is wrong"
             )
         else:
             lines.append(

@@ -120,7 +120,7 @@ def measure(
         Naming camera and parameter, if the observations do not determine the cameras.
     """
     noise, covariance = covariance_of(rig, scene, observations.where(used), freedom)
-    image_rms, alone_rms, contradiction, excess = _images(scene, observations, used, freedom)
+    image_rms, alone_rms, contradiction, excess = image_figures(scene, observations, used, freedom)
     covariance = covariance * excess
     points, seen = evaluation_points(rig, scene, observations.where(used), volume)
     squares = np.zeros(seen.shape)
@@ -209,7 +209,7 @@ def with_scene(rig: Rig, scene: Scene) -> Rig:
     return replace(rig, cameras=tuple(cameras))
 
 
-def _images(
+def image_figures(
     scene: Scene, observations: ObservationArrays, used: NDArray[np.bool_], freedom: Freedom
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
     """Return each image's RMS, that alone, and its contradiction, all ``(cameras, frames)``.
