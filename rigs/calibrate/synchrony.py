@@ -17,7 +17,8 @@ from rigs.calibrate.quality.quality import image_figures
 
 _CLEAR = 5.0  # standard errors by which an offset exceeds zero before it is applied
 _LEAST_OFFSET = 0.02  # pictures; less is not worth a word, and interpolation errs by as much
-_LEAST_FALL = 0.9  # of a camera's noise, that an offset must leave at most to be believed
+_FALL = 0.9  # of a camera's noise; where an offset leaves less the residuals showed it
+_RISE = 1.05  # of a camera's noise; an offset that leaves more is not believed
 _WORTH_SAYING = 0.05  # of a frame, that is left after images are paired anew
 _DETERMINED = 0.25  # frames; a larger standard error tells nothing of a camera out of step
 _AGREE = 3.0  # standard errors within which two cameras are in step
@@ -76,12 +77,17 @@ class Synchrony:
                 todo += f", or pair its image n{-whole:+d} with image n of the others in scan.yaml"
                 left = abs(offset - whole)
                 todo += f"; {left:.2g} of a frame is left then" if left > _WORTH_SAYING else ""
+            before, after = self.before[camera], self.after[camera]
+            fall = (
+                f", and the noise of its residuals falls from {before:.2g} to {after:.2g} px: its "
+                "lens is not at fault"
+                if after < _FALL * before
+                else ""
+            )
             lines.append(
                 f"camera {names[camera]}: out of step: its images were taken {abs(offset):.4g} "
                 f"frames ({known}) {when} those of the same number of {names[self.reference]}. "
-                "This is allowed for here, and the noise of its residuals falls from "
-                f"{self.before[camera]:.2g} to {self.after[camera]:.2g} px: its lens is not at "
-                f"fault. For the experiment, {todo}"
+                f"This is allowed for here{fall}. For the experiment, {todo}"
             )
         return tuple(lines)
 
@@ -90,8 +96,10 @@ class Synchrony:
         if not (self.error < _DETERMINED).all():
             return None
         return tuple(
-            f"{offset:+.2f} ± {error:.2g}"
-            for offset, error in zip(self.offset, self.error, strict=True)
+            f"out of step by {offset:+.3g} ± {error:.1g} frames, which is allowed for"
+            if is_out
+            else f"in step, within {offset:+.2f} ± {error:.1g} frames"
+            for offset, error, is_out in zip(self.offset, self.error, self.is_out, strict=True)
         )
 
     def with_fraction(self, fraction: NDArray[np.float64]) -> Synchrony:
@@ -148,7 +156,7 @@ def in_step(
     reference = int(np.argmax((agree & (apart < film.spacing)).sum(axis=1)))
     offset, error = offset - offset[reference], apart[reference]
     is_out = np.abs(offset) > np.maximum(_CLEAR * error, _LEAST_OFFSET)
-    is_out &= after < _LEAST_FALL * before
+    is_out &= after < _RISE * before
     is_out |= np.abs(whole - whole[reference]) > 1.5 * film.spacing
     return Synchrony(reference, offset, error, is_out, whole, before, after)
 

@@ -7,7 +7,7 @@ pictures without a gap. A camera that is out of step by some pictures sees the t
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ _LEAST_RUN = 5  # pictures; fewer say little of a curve's ends
 _GAP = 1.5  # pictures from one pose to the next; across a longer gap a cubic errs by pixels
 _SMOOTH = 0.4  # error of a cubic prediction over a step; stills held in any pose have 2 and more
 _LEAST_STEP = 0.2  # pixels from picture to picture; less shows no moment
+_KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # pictures from knot to knot that are tried
 _LEAST_PICTURES = 8  # that are predicted from their neighbours, to tell films from stills
 
 
@@ -58,7 +59,8 @@ class Film:
 
         Each point's pixel is predicted by a cubic through its two neighbours before and after.
         """
-        known = np.sort(times[np.isfinite(times)])
+        seen = np.unique(observations.frame)
+        known = np.unique(times[seen][np.isfinite(times[seen])])
         if len(known) < _LEAST_RUN:
             return None
         film = cls(times, float(np.median(np.diff(known))))
@@ -135,8 +137,10 @@ class Film:
     ) -> ObservationArrays:
         """Return the observations of points that moved until their camera took the picture.
 
-        The point x of a target with pose R(s), t(s) at the moment s is, in the axes of its pose
-        at the frame's moment f, ``R(f).T (R(s) x + t(s) - t(f))``, with ``s = f + offset``.
+        With the way R(s), t(s) of the target's pose at the moment s, the point x of a frame taken
+        at f has moved by ``R(f).T (R(s) x + t(s) - R(f) x - t(f))``, with ``s = f + offset``. The
+        way is a cubic spline of least squares, so that the noise of single poses does not move
+        points: a moment read from it would be too near a frame's.
 
         Parameters
         ----------
@@ -152,28 +156,24 @@ class Film:
         moved : ObservationArrays
             With velocities a picture; points are NaN where the target's way is not known.
         """
-        from scipy.interpolate import CubicSpline
-
         poses = np.concatenate([scene.target_R, scene.target_t[:, :, None]], axis=2)  # (F, 3, 4)
         late = offset[observations.camera]
         frames = observations.frame
         times = self.times[frames] + late
         with_one = np.c_[observations.points, np.ones(len(late))]  # (N, 4)
-        place, speed = np.full((2, len(late), 3), np.nan)
+        shift, speed = np.full((2, len(late), 3), np.nan)
         for run in self._runs(scene):
-            spline = CubicSpline(self.times[run], poses[run])
+            way = _way(self.times[run], poses[run], self.spacing)
             inside = (times >= self.times[run[0]]) & (times <= self.times[run[-1]])
             inside &= np.isin(frames, run)
-            for into, order in ((place, 0), (speed, 1)):
-                into[inside] = np.einsum(
-                    "nij,nj->ni", spline(times[inside], order), with_one[inside]
-                )
+            change = way(times[inside]) - way(self.times[frames[inside]])
+            for into, pose in ((shift, change), (speed, way(times[inside], 1))):
+                into[inside] = np.einsum("nij,nj->ni", pose, with_one[inside])
         back = scene.target_R[frames].transpose(0, 2, 1)
-        points = (back @ (place - scene.target_t[frames])[:, :, None])[:, :, 0]
-        velocity = (back @ speed[:, :, None])[:, :, 0]
+        shift, velocity = ((back @ each[:, :, None])[:, :, 0] for each in (shift, speed))
         velocity = np.where(np.isfinite(velocity), velocity, 0.0)
         is_still = (late == 0) | np.isnan(times)
-        points = np.where(is_still[:, None], observations.points, points)
+        points = observations.points + np.where(is_still[:, None], 0.0, shift)
         return replace(observations, points=points, velocity=velocity)
 
     def _runs(self, scene: Scene) -> list[NDArray[np.int64]]:
@@ -182,3 +182,28 @@ class Film:
         posed = posed[np.argsort(self.times[posed])]
         breaks = np.flatnonzero(np.diff(self.times[posed]) > _GAP * self.spacing) + 1
         return [run for run in np.split(posed, breaks) if len(run) >= _LEAST_RUN]
+
+
+def _way(
+    times: NDArray[np.float64], poses: NDArray[np.float64], spacing: float
+) -> Callable[..., NDArray[np.float64]]:
+    """Return the cubic spline through a run's poses ``(n, 3, 4)`` with as few knots as they need.
+
+    The distance of knots is chosen by generalised cross-validation (Craven and Wahba 1979); where
+    the closest is best the spline goes through every pose.
+    """
+    from scipy.interpolate import CubicSpline, make_lsq_spline
+
+    best, least = None, np.inf
+    for distance in _KNOTS:
+        pieces = int((times[-1] - times[0]) / (distance * spacing))
+        inner = np.linspace(times[0], times[-1], pieces + 1)[1:-1] if pieces > 1 else []
+        knots = np.r_[[times[0]] * 4, inner, [times[-1]] * 4]
+        spare = len(times) - (len(knots) - 4)
+        if spare < 1:
+            continue
+        way = make_lsq_spline(times, poses, knots, k=3)
+        score = float(((way(times) - poses) ** 2).sum()) / spare**2
+        if score < least:
+            best, least = (None if distance == _KNOTS[0] else way), score
+    return CubicSpline(times, poses) if best is None else best

@@ -59,7 +59,7 @@ def findings(
     contradictions, frame_notes = _contradictions(quality, observations, used, least, causes)
     warnings += contradictions
     notes += frame_notes
-    warnings += _bad_images(quality, observations, used, noise, least)
+    warnings += _bad_images(quality, observations, used, noise, least, offsets)
     if noise > _HIGH_NOISE:
         warnings.append(
             f"residuals of {noise:.2g} px per coordinate, far above the error of detection: check "
@@ -73,7 +73,7 @@ def _causes(offsets: tuple[str, ...] | None, cameras: int) -> list[str]:
     """Return for each camera why it may disagree, other than by its lens."""
     if offsets is None:
         return ["it moved or is not synchronised"] * cameras
-    return [f"it moved (it is in step: {words} frames)" for words in offsets]
+    return [f"it moved (it is {words})" for words in offsets]
 
 
 def assessment(
@@ -236,6 +236,7 @@ def _bad_images(
     used: NDArray[np.bool_],
     noise: float,
     least: NDArray[np.float64],
+    offsets: tuple[str, ...] | None,
 ) -> list[str]:
     """Return lines on cameras and frames that are noisy or bent even by themselves."""
     lines = []
@@ -253,9 +254,10 @@ def _bad_images(
             )
         misfit = quality.lens_misfit[camera]
         if misfit > _LENS_MISFIT and misfit * noise >= least[camera]:
+            also = "" if offsets is None else f"; it is {offsets[camera]}"
             lines.append(
                 f"camera {name}: its given lens does not fit what it saw "
-                f"({misfit:.2g} standard deviations)"
+                f"({misfit:.2g} standard deviations){also}"
             )
     usual = float(np.nanmedian(quality.frame_rms))
     for frame in np.flatnonzero(quality.frame_rms > _HIGH_FRAME * usual):
