@@ -145,10 +145,11 @@ def calibrate_rig(
 
         notes: list[str] = []
         target_seen, volume = parse_target(target), _volume(grid, spacing, center)
+        given_world = _world(world)
         found = _image_set(images, every, notes)
         how = {
             "intrinsics": given_lenses(intrinsics or [], found),
-            "world": _world(world),
+            "world": given_world,
             "rescale": rescale,
             "length_unit": length_unit,
             "distortion": model,

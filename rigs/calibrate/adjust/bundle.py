@@ -170,7 +170,7 @@ def _normal_equations(
             B = by_target[part].reshape(len(r), 6)
             targets[index] += B.T @ B
             target_gradient[index] += B.T @ r
-            mixed[index, own] = A.T @ B
+            mixed[index, own] += A.T @ B
         flat = by_camera.reshape(2 * len(uv), by_camera.shape[2])
         cameras[np.ix_(own, own)] += flat.T @ flat
         camera_gradient[own] += flat.T @ residual.reshape(-1)

@@ -166,7 +166,9 @@ def test_folders_that_hold_no_image_set_are_named(tmp_path):
     with pytest.raises(ValueError, match="found 1 images outside camera folders"):
         image_set(tmp_path)
     (tmp_path / "left").mkdir()
-    with pytest.raises(ValueError, match=r"camera left: found no images, expected some of .png"):
+    with pytest.raises(
+        ValueError, match=r"camera left: found no images \(it is empty\), expected some of .png"
+    ):
         image_set(tmp_path)
     cv2.imwrite(str(tmp_path / "left" / "a.png"), board())
     cv2.imwrite(str(tmp_path / "left" / "a.tif"), board())
