@@ -166,9 +166,7 @@ def calibrate(
     arrays = arrays.scaled(scale * size)
     rig = Rig(_cameras(observations, scene, intrinsics), length_unit, world_frame, volume)
     report("quality")
-    quality, noise, covariance = measure(
-        rig, scene, arrays, kept.used, freedom, volume, intrinsics is not None
-    )
+    quality, noise, covariance = measure(rig, scene, arrays, kept.used, freedom, volume)
     if synchrony is not None:
         synchrony = synchrony.with_fraction(fraction)
         quality = _by_number(quality, film, whole)
@@ -179,7 +177,9 @@ def calibrate(
     used[order] = kept.used
     voxel = None if volume is None else float(np.prod(volume.spacing)) ** (1 / 3)
     offsets = None if synchrony is None else synchrony.in_words()
-    warnings, notes = findings(quality, observations, used, noise, voxel, offsets)
+    warnings, notes = findings(
+        quality, observations, used, noise, voxel, offsets, rules.in_words()
+    )
     warnings = (*frozen, *poorly_met, *warnings)
     out_of_step = () if synchrony is None else synchrony.findings(names)
     notes = (*out_of_step, *repeats, *_unposed(scene, arrays, observations.frames), *notes)

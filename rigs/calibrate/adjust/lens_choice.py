@@ -36,6 +36,16 @@ class LensRules:
     fixed_center: bool = False
     common: tuple[int, ...] | None = None
 
+    def in_words(self) -> str:
+        """Return the lens that is held, in words; a given one where nothing else is known."""
+        known = {
+            "square pixels": self.square_pixels,
+            "a fixed centre": self.fixed_center,
+            "a common lens": self.common is not None,
+        }
+        words = " and ".join(word for word, is_so in known.items() if is_so)
+        return f"lens with {words}" if words else "given lens"
+
     def one_lens(self, free: NDArray[np.bool_]) -> Freedom:
         """Return the freedom of one camera at rest whose lens has these free numbers."""
         return Freedom((free,), np.zeros(1, bool), square=self.square_pixels)

@@ -33,6 +33,7 @@ def findings(
     noise: float,
     voxel: float | None = None,
     offsets: tuple[str, ...] | None = None,
+    held: str = "given lens",
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return warnings about the rig, the gravest first, and notes on what was left out.
 
@@ -47,6 +48,8 @@ def findings(
         Edge length of a voxel.
     offsets : tuple of str, optional
         Each camera's offset in time in words, where a film shows it: it is then no cause.
+    held : str
+        The lens that the adjustment held, in words.
 
     Notes
     -----
@@ -59,7 +62,7 @@ def findings(
     contradictions, frame_notes = _contradictions(quality, observations, used, least, causes)
     warnings += contradictions
     notes += frame_notes
-    warnings += _bad_images(quality, observations, used, noise, least, offsets)
+    warnings += _bad_images(quality, observations, used, noise, least, offsets, held)
     if noise > _HIGH_NOISE:
         warnings.append(
             f"residuals of {noise:.2g} px per coordinate, far above the error of detection: check "
@@ -237,6 +240,7 @@ def _bad_images(
     noise: float,
     least: NDArray[np.float64],
     offsets: tuple[str, ...] | None,
+    held: str,
 ) -> list[str]:
     """Return lines on cameras and frames that are noisy or bent even by themselves."""
     lines = []
@@ -256,7 +260,7 @@ def _bad_images(
         if misfit > _LENS_MISFIT and misfit * noise >= least[camera]:
             also = "" if offsets is None else f"; it is {offsets[camera]}"
             lines.append(
-                f"camera {name}: its given lens does not fit what it saw "
+                f"camera {name}: its {held} does not fit what it saw "
                 f"({misfit:.2g} standard deviations){also}"
             )
     usual = float(np.nanmedian(quality.frame_rms))

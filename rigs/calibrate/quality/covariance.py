@@ -87,23 +87,30 @@ def refuse_unknown_lenses(focal_error: NDArray[np.float64], names: tuple[str, ..
 def lens_misfit(
     scene: Scene, observations: ObservationArrays, freedom: Freedom, noise: float
 ) -> NDArray[np.float64]:
-    """Return by how many standard deviations the lenses held fixed do not fit, ``(cameras,)``.
+    """Return by how many standard deviations what is held of lenses does not fit, ``(cameras,)``.
 
     The figure is ``sqrt(fall / n) / noise``, where ``fall`` is the predicted fall of the sum of
-    squares if the n held numbers of the camera's lens were free (Rao's score test). It is about 1
-    when the lens is right, 0 where it is free already.
+    squares if the camera had n more free numbers (Rao's score test): those of a given lens, a
+    second focal length, the centre, or a lens of its own. It is about 1 when the lens is right, 0
+    where nothing is held.
     """
     misfit = np.zeros(len(scene.lenses))
-    every = Freedom(
-        tuple(np.ones(lens.size, bool) for lens in scene.lenses), freedom.pose, freedom.time
-    )
+    lenses = tuple(own | (np.arange(len(own)) < 4) if own.any() else ~own for own in freedom.lens)
+    every = Freedom(lenses, freedom.pose, freedom.time)
+    shared = list(freedom.common or range(len(misfit)))
+    more = []
+    for lens, place, own, first in zip(lenses, freedom.places, freedom.lens, shared, strict=True):
+        free = len(np.unique(place[6:-1][own])) if shared.count(first) == 1 else 0
+        more.append(int(lens.sum()) - free)
+    if not any(more):
+        return misfit
     matrix, gradient = information(scene, observations, every)
-    free = every.freed_in(freedom)
-    for camera, places in enumerate(every.places):
-        freed = np.zeros(len(free), bool)
-        freed[places[places >= 0]] = True
-        freed &= ~free
-        if freed.any():
-            gain = fall_of_squares(matrix, gradient, free | freed)
-            misfit[camera] = np.sqrt(gain / int(freed.sum())) / max(noise, 1e-9)
+    held = tuple(np.zeros(len(own), bool) for own in lenses)
+    poses = every.freed_in(Freedom(held, freedom.pose, freedom.time))
+    for camera, (places, count) in enumerate(zip(every.places, more, strict=True)):
+        if count:
+            freed = poses.copy()
+            freed[places[places >= 0]] = True
+            gain = fall_of_squares(matrix, gradient, freed)
+            misfit[camera] = np.sqrt(gain / count) / max(noise, 1e-9)
     return misfit

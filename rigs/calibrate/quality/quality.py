@@ -66,8 +66,8 @@ class Quality:
     focal_error : (cameras,) float64
         Standard deviation of the focal length relative to it; 0 where it was given.
     lens_misfit : (cameras,) float64
-        By how many standard deviations a given lens does not fit; about 1 when it does, 0 where
-        the lens was not given.
+        By how many standard deviations what is held of a lens does not fit; about 1 when it does,
+        0 where nothing is held.
     """
 
     points: NDArray[np.float64]
@@ -96,7 +96,6 @@ def measure(
     used: NDArray[np.bool_],
     freedom: Freedom,
     volume: Volume | None,
-    given_lenses: bool,
 ) -> tuple[Quality, float, NDArray[np.float64]]:
     """Return the figures of an adjusted scene, the pixel noise and the covariance.
 
@@ -111,8 +110,6 @@ def measure(
     freedom : Freedom
     volume : Volume, optional
         Where ray-miss is evaluated; by default where the target was.
-    given_lenses : bool
-        Whether the lenses were given and held.
 
     Raises
     ------
@@ -159,9 +156,7 @@ def measure(
         *coverage,
         depths,
         focal_errors(scene, freedom, covariance / excess),
-        lens_misfit(scene, observations.where(used), freedom, noise)
-        if given_lenses
-        else np.zeros(cameras),
+        lens_misfit(scene, observations.where(used), freedom, noise),
     )
     return quality, noise, covariance
 

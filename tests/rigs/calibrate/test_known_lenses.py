@@ -96,3 +96,22 @@ def test_images_of_other_sizes_have_other_lenses(alike):
 def test_lenses_are_given_or_found(alike):
     with pytest.raises(ValueError, match="found lenses that are kept as they are"):
         calibrate(alike[1], intrinsics=alike[0].rig, square_pixels=True)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"square_pixels": True}, "its lens with square pixels does not fit"),
+        ({"fixed_center": True}, "its lens with a fixed centre does not fit"),
+        ({"common_lens": [("cam00", "cam01", "cam02")]}, "its lens with a common lens does not"),
+    ],
+)
+def test_what_is_not_so_is_said(simulated_rig, alike, options, words):
+    simulated = simulated_rig(cameras=3, frames=10, seed=3)
+    K = simulated.rig[0].camera_matrix * [[1, 1, 1], [1, 1.02, 1], [1, 1, 1]]
+    K[:2, 2] += 80
+    other = replace(simulated.rig[0], camera_matrix=K)
+    cameras = (other, *simulated.rig.cameras[1:])
+    simulated = replace(simulated, rig=replace(simulated.rig, cameras=cameras))
+    assert words in calibrate(simulated.observe(0.1, 5), **options).assessment
+    assert "does not fit" not in calibrate(alike[1], **options).assessment
