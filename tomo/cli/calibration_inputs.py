@@ -46,7 +46,7 @@ FixedCenterOption = Annotated[
 CommonLensOption = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="A,B,...",
+        metavar="A,B",
         help="Cameras that share camera matrix and distortion, or all; repeatable.",
         **_LENSES,
     ),
