@@ -6,41 +6,26 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rigs.calibrate.adjust.culling import Culled, adjust_and_cull
 from rigs.calibrate.adjust.duplicates import without_repeats
-from rigs.calibrate.adjust.film import Film
-from rigs.calibrate.adjust.freedom import Freedom
-from rigs.calibrate.adjust.initial import (
-    SingleCamera,
-    check_target_poses,
-    lens_alone,
-    single_camera,
-)
-from rigs.calibrate.adjust.joint_terms import richer_terms
-from rigs.calibrate.adjust.lens_choice import LensRules, Terms
+from rigs.calibrate.adjust.lens_choice import LensRules
 from rigs.calibrate.adjust.observation_arrays import (
     ObservationArrays,
     Scene,
-    ordered,
     predicted,
 )
-from rigs.calibrate.adjust.projection import Lens
-from rigs.calibrate.adjust.shared_views import rig_poses
 from rigs.calibrate.adjust.world import in_world
+from rigs.calibrate.joint_adjustment import adjust_together
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.options import check_options, check_rules, common_lenses
 from rigs.calibrate.quality.assessment import assessment, findings
 from rigs.calibrate.quality.covariance import labels, refuse_unknown_lenses
-from rigs.calibrate.quality.quality import Quality, measure
+from rigs.calibrate.quality.quality import measure
 from rigs.calibrate.quality.summary import summary
 from rigs.calibrate.result import Calibration
-from rigs.calibrate.synchrony import adjust_in_step, in_step
 from rigs.camera import Camera
 from rigs.rig import Rig, Volume
-
-_GIVEN = Terms("given", "none", ())
 
 
 def calibrate(
@@ -127,62 +112,42 @@ def calibrate(
     check_rules(rules, observations.image_sizes, observations.cameras, intrinsics)
     names, points = observations.cameras, observations.target_points
     keep, frozen, repeats = without_repeats(observations)
-    order = ordered(observations)
-    order = order[keep[order]]
     scale = float(np.linalg.norm(np.ptp(points, axis=0)))  # adjusted in units of the target's size
-    arrays = ObservationArrays(
-        observations.camera[order],
-        observations.frame[order],
-        points[observations.point[order]] / scale,
-        observations.uv[order],
-    )
-    views = _single_cameras(observations, arrays, intrinsics, distortion, rules, report)
-    report("poses along shared views")
-    film = _film(observations, arrays, times)
-    scene, root, whole = rig_poses(names, views, arrays, len(observations.frames), film)
-    report("joint adjustment")
-    freedom = Freedom(
-        tuple(_lens_freedom(view, rules) for view in views),
-        np.arange(len(views)) != root,
-        square=rules.square_pixels,
-        common=rules.common,
-    )
-    synchrony, fraction = None, np.zeros(len(views))
-    if film is not None:
-        report("moments of the images")
-        rows, filed = film.filed(arrays, whole)
-        synchrony = in_step(film, scene, arrays, filed, freedom, whole)
-        order, arrays, fraction = order[rows], filed, synchrony.fraction
-        if synchrony.is_out.any():
-            freedom = replace(freedom, time=synchrony.is_out)
-    kept, arrays, freedom, terms, fraction = _adjusted(
-        scene, arrays, views, freedom, distortion, rules, cull, film, fraction
+    adjusted = adjust_together(
+        observations,
+        np.flatnonzero(keep),
+        scale,
+        intrinsics=intrinsics,
+        distortion=distortion,
+        rules=rules,
+        cull=cull,
+        times=times,
+        report=report,
     )
     scene, world_frame, size, poorly_met = in_world(
-        _scaled(kept.solution.scene, scale), names, observations.frames, world, rescale
+        _scaled(adjusted.scene, scale), names, observations.frames, world, rescale
     )
     if size != 1:
         observations = replace(observations, target_points=points * size)
-    arrays = arrays.scaled(scale * size)
+    arrays, used = adjusted.arrays.scaled(scale * size), np.zeros(len(observations), bool)
     rig = Rig(_cameras(observations, scene, intrinsics), length_unit, world_frame, volume)
     report("quality")
-    quality, noise, covariance = measure(rig, scene, arrays, kept.used, freedom, volume)
-    if synchrony is not None:
-        synchrony = synchrony.with_fraction(fraction)
-        quality = _by_number(quality, film, whole)
+    quality, noise, covariance = measure(
+        rig, scene, arrays, adjusted.used, adjusted.freedom, volume
+    )
+    quality = adjusted.by_number(quality)
     refuse_unknown_lenses(quality.focal_error, names)
     residuals = np.full((len(observations), 2), np.nan)
-    residuals[order] = arrays.uv - predicted(scene, arrays)
-    used = np.zeros(len(observations), bool)
-    used[order] = kept.used
+    residuals[adjusted.rows] = arrays.uv - predicted(scene, arrays)
+    used[adjusted.rows] = adjusted.used
     voxel = None if volume is None else float(np.prod(volume.spacing)) ** (1 / 3)
+    synchrony = adjusted.synchrony
     offsets = None if synchrony is None else synchrony.in_words()
-    warnings, notes = findings(
-        quality, observations, used, noise, voxel, offsets, rules.in_words()
-    )
+    held = rules.in_words()
+    warnings, notes = findings(quality, observations, used, noise, voxel, offsets, held)
     warnings = (*frozen, *poorly_met, *warnings)
-    out_of_step = () if synchrony is None else synchrony.findings(names)
-    notes = (*out_of_step, *repeats, *_unposed(scene, arrays, observations.frames), *notes)
+    unposed = _unposed(scene, arrays, observations.frames)
+    notes = (*adjusted.out_of_step(observations), *repeats, *unposed, *notes)
     calibration = Calibration(
         rig,
         observations,
@@ -190,107 +155,17 @@ def calibrate(
         used,
         scene.target_R,
         scene.target_t,
-        tuple(one.name for one in terms),
+        tuple(one.name for one in adjusted.terms),
         noise,
-        labels(names, freedom),
+        labels(names, adjusted.freedom),
         covariance,
-        names[root],
+        names[adjusted.root],
         quality,
         warnings + notes,
         assessment(quality, warnings, notes, length_unit, voxel),
         synchrony,
     )
     return replace(calibration, rig=replace(rig, calibration=summary(calibration)))
-
-
-def _single_cameras(
-    observations: Observations,
-    arrays: ObservationArrays,
-    intrinsics: Rig | None,
-    distortion: str,
-    rules: LensRules,
-    report: Callable[[str], None],
-) -> list[SingleCamera]:
-    """Return each camera's lens, found from its own images or given, and its target poses."""
-    frames = len(observations.frames)
-    first = range(len(observations.cameras)) if rules.common is None else rules.common
-    lenses: dict[int, tuple[Lens, Terms]] = {}
-    views = []
-    for camera, name in enumerate(observations.cameras):
-        report(f"lens of camera {name}")
-        own = arrays.where(arrays.camera == camera)
-        own = replace(own, camera=np.zeros(len(own), np.int64))
-        if intrinsics is not None:
-            lenses[camera] = _given(intrinsics[name])
-        elif first[camera] == camera:
-            # Images of all cameras with this lens, as if one camera had taken them
-            one = arrays.where(np.isin(arrays.camera, np.flatnonzero(np.equal(first, camera))))
-            moments = one.frame + frames * one.camera
-            one = replace(one, camera=np.zeros(len(one), np.int64), frame=moments)
-            lenses[camera] = lens_alone(
-                name,
-                one,
-                frames * len(observations.cameras),
-                observations.image_sizes[camera],
-                distortion,
-                rules,
-            )
-        views.append(single_camera(*lenses[first[camera]], own, frames))
-        check_target_poses(name, views[-1])
-    return views
-
-
-def _film(
-    observations: Observations, arrays: ObservationArrays, times: Mapping[str, float] | None
-) -> Film | None:
-    """Return the film that several cameras took of a moving target, if it is one."""
-    if times is None or len(observations.cameras) < 2:
-        return None
-    return Film.of(np.array([times.get(name, np.nan) for name in observations.frames]), arrays)
-
-
-def _by_number(quality: Quality, film: Film, whole: NDArray[np.float64]) -> Quality:
-    """Return the figures with those of images under the frames of their own numbers."""
-    filed = np.stack([film.partners(-delay) for delay in whole])  # (cameras, frames)
-    figures = {
-        name: np.where(filed >= 0, np.take_along_axis(getattr(quality, name), filed, 1), np.nan)
-        for name in ("image_rms", "alone_rms", "contradiction")
-    }
-    return replace(quality, **figures)
-
-
-def _adjusted(
-    scene: Scene,
-    arrays: ObservationArrays,
-    views: list[SingleCamera],
-    freedom: Freedom,
-    distortion: str,
-    rules: LensRules,
-    cull: bool,
-    film: Film | None,
-    offset: NDArray[np.float64],
-) -> tuple[Culled, ObservationArrays, Freedom, list[Terms], NDArray[np.float64]]:
-    """Return the joint adjustment, its observations, what was free, lens terms and offsets.
-
-    Terms that pay only jointly are freed for ``auto``. Cameras that are out of step have the
-    moment of their images free; the points are then where these saw them.
-    """
-    unmoved, terms = arrays, [view.terms for view in views]
-
-    def adjusted(scene: Scene, freedom: Freedom) -> Culled:
-        nonlocal arrays, offset
-        if freedom.time is None:
-            return adjust_and_cull(scene, arrays, freedom, cull)
-        kept, arrays, offset = adjust_in_step(film, scene, unmoved, freedom, cull, offset)
-        return kept
-
-    kept = adjusted(scene, freedom)
-    if distortion == "auto":
-        richer = richer_terms(kept.solution.scene, arrays.where(kept.used), freedom, terms, rules)
-        if richer is not None:
-            scene, freedom, terms = richer
-            kept = adjusted(scene, freedom)
-    return kept, arrays, freedom, terms, offset
 
 
 def _unposed(scene: Scene, arrays: ObservationArrays, frames: tuple[str, ...]) -> tuple[str, ...]:
@@ -338,17 +213,6 @@ def _check(observations: Observations, intrinsics: Rig | None) -> None:
                 f"intrinsics: camera {name}: image_size: found {intrinsics[name].image_size}, "
                 f"expected {size} as its images"
             )
-
-
-def _given(camera: Camera) -> tuple[Lens, Terms]:
-    """Return the lens of a camera whose intrinsics are kept."""
-    lens = camera.distortion
-    return Lens(camera.camera_matrix, lens.model, np.array(lens.coefficients)), _GIVEN
-
-
-def _lens_freedom(view: SingleCamera, rules: LensRules) -> NDArray[np.bool_]:
-    """Return which numbers of a camera's lens are adjusted."""
-    return np.zeros(view.lens.size, bool) if view.terms is _GIVEN else view.terms.freedom(rules)
 
 
 def _scaled(scene: Scene, scale: float) -> Scene:

@@ -15,20 +15,23 @@ from tomo.cli.calibration_inputs import (
     IntrinsicsOption,
     LensImagesOption,
     SquareOption,
+    cameras_images,
     check_lens_options,
+    frame_names,
     given_lenses,
+    given_volume,
+    given_world,
     lens_sets,
     with_lens_images,
 )
 from tomo.cli.console import JsonFlag, console, print_json, progress_bar, say
 from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import CenterOption, SpacingOption, parse_grid
+from tomo.cli.inputs import CenterOption, SpacingOption
 from tomo.cli.outputs import check_output_file, check_output_folder
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from rigs import Volume
     from rigs.calibrate import Calibration
     from rigs.calibrate.detect import Detections
     from rigs.calibrate.detect.detect import ImageSet
@@ -144,18 +147,18 @@ def calibrate_rig(
         from rigs.files.json_file import write_json
 
         notes: list[str] = []
-        target_seen, volume = parse_target(target), _volume(grid, spacing, center)
-        given_world = _world(world)
-        found = _image_set(images, every, notes)
+        target_seen, volume = parse_target(target), given_volume(grid, spacing, center)
+        axes = given_world(world)
+        found = cameras_images(images, every, notes)
         how = {
             "intrinsics": given_lenses(intrinsics or [], found),
-            "world": given_world,
+            "world": axes,
             "rescale": rescale,
             "length_unit": length_unit,
             "distortion": model,
             "target": target_seen,
         }
-        frames = _frames(found)
+        frames = frame_names(found)
         check_options(found, frames, **how)
         lenses = {
             "square_pixels": square_pixels,
@@ -165,7 +168,7 @@ def calibrate_rig(
         check_lens_options(found, intrinsics, intrinsics_images, lenses)
         times = frame_times(frames)
         if intrinsics_images is not None:
-            own = _image_set(intrinsics_images, every, notes)
+            own = cameras_images(intrinsics_images, every, notes)
             found = with_lens_images(found, own, intrinsics_images)
         with progress_bar("detect") as progress:
             seen = detections(found, how["target"], cache=cache, progress=progress)
@@ -208,39 +211,6 @@ def _check_outputs(out: Path, report: Path | None, cache: Path | None) -> None:
         check_output_file(cache)
     if report is not None:
         check_output_folder(report)
-
-
-def _volume(grid: str | None, spacing: str | None, center: str | None) -> Volume | None:
-    """Return the voxels that options describe; None where there are none."""
-    if grid is None and spacing is None and center is None:
-        return None
-    from rigs import Volume
-
-    voxels = parse_grid(grid, spacing, center)
-    return Volume(voxels.shape, voxels.spacing, voxels.center)
-
-
-def _image_set(folder: Path, every: int, notes: list[str]) -> ImageSet:
-    """Return the images in a folder, and add lines on folders that are no cameras."""
-    from rigs.calibrate.detect import image_set
-
-    return image_set(folder, every, notes.append)
-
-
-def _frames(found: ImageSet) -> list[str]:
-    """Return the names of all frames, each once."""
-    return list(dict.fromkeys(frame for of_camera in found.values() for frame in of_camera))
-
-
-def _world(text: str | None) -> Any:
-    """Return a name as it is, and the positions in a file."""
-    if text is None or Path(text).suffix.lower() not in (".yaml", ".yml"):
-        return text
-    from rigs.files.text import read_yaml_mapping
-    from rigs.geometry.rotation import numbers
-
-    positions = read_yaml_mapping(text)
-    return {name: numbers(point, (3,), f"{text}: {name}") for name, point in positions.items()}
 
 
 def _notes(found: ImageSet, seen: Detections) -> list[str]:

@@ -1,18 +1,18 @@
-"""Inputs of ``flametomo calibrate-rig`` about lenses: whose they are, and images of their own."""
+"""Inputs of ``flametomo calibrate-rig``: images, world, volume, and what is known of lenses."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tomo.cli.inputs import load_rig_or_preset
+from tomo.cli.inputs import load_rig_or_preset, parse_grid
 
 if TYPE_CHECKING:
-    from rigs import Rig
+    from rigs import Rig, Volume
     from rigs.calibrate.detect.detect import ImageSet
 
 _LENSES = {"rich_help_panel": "Lenses"}
@@ -150,3 +150,36 @@ def check_lens_options(
             "are kept as they are"
         )
     common_lenses(list(cameras), lenses["common_lens"])
+
+
+def given_world(text: str | None) -> Any:
+    """Return a name as it is, and the positions in a file."""
+    if text is None or Path(text).suffix.lower() not in (".yaml", ".yml"):
+        return text
+    from rigs.files.text import read_yaml_mapping
+    from rigs.geometry.rotation import numbers
+
+    positions = read_yaml_mapping(text)
+    return {name: numbers(point, (3,), f"{text}: {name}") for name, point in positions.items()}
+
+
+def given_volume(grid: str | None, spacing: str | None, center: str | None) -> Volume | None:
+    """Return the voxels that options describe; None where there are none."""
+    if grid is None and spacing is None and center is None:
+        return None
+    from rigs import Volume
+
+    voxels = parse_grid(grid, spacing, center)
+    return Volume(voxels.shape, voxels.spacing, voxels.center)
+
+
+def cameras_images(folder: Path, every: int, notes: list[str]) -> ImageSet:
+    """Return the images in a folder, and add lines on folders that are no cameras."""
+    from rigs.calibrate.detect import image_set
+
+    return image_set(folder, every, notes.append)
+
+
+def frame_names(found: ImageSet) -> list[str]:
+    """Return the names of all frames, each once."""
+    return list(dict.fromkeys(frame for of_camera in found.values() for frame in of_camera))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tomo.cli.center_offer import offered_center, with_offered_center
 from tomo.cli.console import JsonFlag, finite_or_none, print_json, say
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
@@ -27,9 +27,7 @@ from tomo.cli.outputs import check_output_pictures
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from rigs import Rig
     from rigs.check.result import RigCheck
-    from tomo.grid import VoxelGrid
     from tomo.operators.timing import Effort
 
 EXAMPLES = """
@@ -94,10 +92,10 @@ def check_rig(
             voxels = parse_grid(grid, spacing, center, lower, upper, default=default)
         except ValueError as error:
             is_asked = is_free and (grid is None or spacing is None)
-            raise ValueError(f"{error}{_offered(loaded) if is_asked else ''}") from None
+            raise ValueError(f"{error}{offered_center(loaded) if is_asked else ''}") from None
         check, coarse = check_on_grid(loaded, voxels, pixel_accuracy=pixel_accuracy)
         if is_free:
-            check = _with_center(check, loaded, voxels)
+            check = with_offered_center(check, loaded, voxels)
         need, effort, why = _effort(loaded, voxels, time)
         heading = Path(rig).stem
         for path in out:
@@ -113,38 +111,6 @@ def check_rig(
     say(f"{heading}: {check.assessment}. {_costs(need, effort, iterations, why)}", "bold")
     if json:
         print_json(_report(check, need, effort, iterations, why, out))
-
-
-def _offered(rig: Rig) -> str:
-    """Return the centre to ask for, in words; nothing where the cameras' axes do not meet."""
-    from rigs import point_in_view
-
-    point = point_in_view(rig)
-    return "" if point is None else f"; the cameras' axes meet at --center {_triple(point)}"
-
-
-def _with_center(check: RigCheck, rig: Rig, grid: VoxelGrid) -> RigCheck:
-    """Return the check with a line on the grid's centre, the origin as none was given."""
-    import numpy as np
-
-    from rigs import point_in_view
-    from rigs.check.result import Finding
-
-    point = point_in_view(rig)
-    if point is None or np.abs(point - grid.center).max() < max(grid.spacing):
-        return check
-    is_outside = ((point < grid.lower) | (point > grid.upper)).any()
-    finding = Finding(
-        "warning" if is_outside else "note",
-        "no --center was given and the rig has no volume, so the grid is about the origin; the "
-        f"cameras' axes meet at {_triple(point)}: try --center {_triple(point)}",
-        (),
-    )
-    return replace(check, findings=(finding, *check.findings))
-
-
-def _triple(point: Sequence[float]) -> str:
-    return ",".join(f"{value:.6g}" for value in point)
 
 
 def _effort(rig: object, voxels: object, is_timed: bool) -> tuple:

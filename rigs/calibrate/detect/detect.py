@@ -226,10 +226,8 @@ def _instead(images: list[NDArray], target: Target) -> str | None:
     if sizes:
         columns, rows = max(sizes, key=lambda size: sizes[size])
         other = replace(target, columns=columns, rows=rows)
-        return (
-            f"markers of {target.dictionary}, but the board does not fit: has it {columns}x{rows} "
-            f"squares? Then say {other}"
-        )
+        own = f"{target.columns}x{target.rows}"
+        return f"markers of a board of {columns}x{rows} squares, not {own} (say {other})"
     name = other_dictionary(search, target)
     return name and f"markers of {name}"
 

@@ -223,7 +223,7 @@ def test_a_target_that_is_mirrored(refused, few):
 def test_a_wrong_count_of_squares(refused, few):
     line = refused(few, target="charuco:6x5:24:18:DICT_4X4_50")
     assert "camera cam00" in line
-    assert "has it 7x5 squares? Then say charuco:7x5:24.0:18.0:DICT_4X4_50" in line
+    assert "found markers of a board of 7x5 squares, not 6x5 (say charuco:7x5:24.0:18.0:" in line
     assert "pose_000.png" in line
 
 
@@ -303,8 +303,8 @@ def test_no_such_folder(refused, tmp_path):
 
 def test_swapped_counts_of_a_charuco_board_are_named(refused, few):
     line = refused(few, target="charuco:5x7:24:18:DICT_4X4_50")
-    assert "markers of DICT_4X4_50, but the board does not fit: has it 7x5 squares?" in line
-    assert "say charuco:7x5:24.0:18.0:DICT_4X4_50" in line
+    assert "found markers of a board of 7x5 squares, not 5x7" in line
+    assert "(say charuco:7x5:24.0:18.0:DICT_4X4_50), expected charuco:5x7:24.0:18.0" in line
 
 
 def test_a_folder_of_texts_among_the_cameras_is_no_camera(run_tool, images, tmp_path, calibrated):
