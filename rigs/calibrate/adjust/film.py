@@ -17,6 +17,11 @@ from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, i
 
 _LEAST_RUN = 5  # pictures; fewer say little of a curve's ends
 _GAP = 1.5  # pictures from one pose to the next; across a longer gap a cubic errs by pixels
+_LONGEST_GAP = 4.5  # pictures; a longer gap ends a run
+_JUMP_KNOTS = 3.0  # pictures from knot to knot of the spline that poses may jump from
+_JUMP = 10.0  # times the usual distance from it; hand-held targets had 6 at most
+_FEW = 0.2  # of a run's poses; more that seem to jump are a way that the spline cannot follow
+_REWEIGHTED = 8  # times, of which the last changes little
 _SMOOTH = 0.4  # error of a cubic prediction over a step; stills held in any pose have 2 and more
 _LEAST_STEP = 0.2  # pixels from picture to picture; less shows no moment
 _KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # pictures from knot to knot that are tried
@@ -163,9 +168,12 @@ class Film:
         with_one = np.c_[observations.points, np.ones(len(late))]  # (N, 4)
         shift, speed = np.full((2, len(late), 3), np.nan)
         for run in self._runs(scene):
-            way = _way(self.times[run], poses[run], self.spacing)
-            inside = (times >= self.times[run[0]]) & (times <= self.times[run[-1]])
-            inside &= np.isin(frames, run)
+            way, known, gap = _way(self.times[run], poses[run], self.spacing)
+            inside = np.isin(frames, run)
+            at = np.searchsorted(known, times)
+            inside &= (at > 0) & (at < len(known)) | np.isin(times, known)
+            at = np.clip(at, 1, len(known) - 1)
+            inside &= (known[at] - known[at - 1] <= gap) | np.isin(times, known)
             change = way(times[inside]) - way(self.times[frames[inside]])
             for into, pose in ((shift, change), (speed, way(times[inside], 1))):
                 into[inside] = np.einsum("nij,nj->ni", pose, with_one[inside])
@@ -180,30 +188,77 @@ class Film:
         """Return the frames of each run, in order of time, that has enough poses."""
         posed = np.flatnonzero(np.isfinite(scene.target_t[:, 0]) & np.isfinite(self.times))
         posed = posed[np.argsort(self.times[posed])]
-        breaks = np.flatnonzero(np.diff(self.times[posed]) > _GAP * self.spacing) + 1
+        breaks = np.flatnonzero(np.diff(self.times[posed]) > _LONGEST_GAP * self.spacing) + 1
         return [run for run in np.split(posed, breaks) if len(run) >= _LEAST_RUN]
 
 
 def _way(
     times: NDArray[np.float64], poses: NDArray[np.float64], spacing: float
-) -> Callable[..., NDArray[np.float64]]:
+) -> tuple[Callable[..., NDArray[np.float64]], NDArray[np.float64], float]:
     """Return the cubic spline through a run's poses ``(n, 3, 4)`` with as few knots as they need.
 
     The distance of knots is chosen by generalised cross-validation (Craven and Wahba 1979); where
-    the closest is best the spline goes through every pose.
-    """
-    from scipy.interpolate import CubicSpline, make_lsq_spline
+    the closest is best the spline goes through every pose. Poses that jump are left out.
 
-    best, least = None, np.inf
+    Returns
+    -------
+    way : callable
+    known : (kept,) float64
+        Moments of the poses that it follows.
+    gap : float
+        The longest time between two of these that it crosses.
+    """
+    from scipy.interpolate import CubicSpline
+
+    kept = ~_jumps(times, poses, spacing)
+    times, poses = times[kept], poses[kept]
+    best, least, gap = None, np.inf, _GAP * spacing
     for distance in _KNOTS:
-        pieces = int((times[-1] - times[0]) / (distance * spacing))
-        inner = np.linspace(times[0], times[-1], pieces + 1)[1:-1] if pieces > 1 else []
-        knots = np.r_[[times[0]] * 4, inner, [times[-1]] * 4]
-        spare = len(times) - (len(knots) - 4)
-        if spare < 1:
+        way, unknowns = _least_squares(times, poses, distance * spacing)
+        spare = len(times) - unknowns
+        if way is None or spare < 1:
             continue
-        way = make_lsq_spline(times, poses, knots, k=3)
         score = float(((way(times) - poses) ** 2).sum()) / spare**2
         if score < least:
             best, least = (None if distance == _KNOTS[0] else way), score
-    return CubicSpline(times, poses) if best is None else best
+            gap = max(_GAP, distance - 1) * spacing
+    return (CubicSpline(times, poses) if best is None else best), times, gap
+
+
+def _jumps(
+    times: NDArray[np.float64], poses: NDArray[np.float64], spacing: float
+) -> NDArray[np.bool_]:
+    """Return which poses are far from a spline of least absolute deviations, a few at most."""
+    weights = np.ones(len(times))
+    for _ in range(_REWEIGHTED):
+        way, _ = _least_squares(times, poses, _JUMP_KNOTS * spacing, weights)
+        if way is None:
+            return np.zeros(len(times), bool)
+        off = np.sqrt(((way(times) - poses) ** 2).sum(axis=(1, 2)))
+        usual = max(float(np.median(off)), 1e-12)
+        weights = 1 / np.sqrt(np.maximum(off, usual))
+    jumps = off > _JUMP * usual
+    return jumps if jumps.mean() <= _FEW else np.zeros(len(times), bool)
+
+
+def _least_squares(
+    times: NDArray[np.float64],
+    poses: NDArray[np.float64],
+    distance: float,
+    weights: NDArray[np.float64] | None = None,
+) -> tuple[Callable[..., NDArray[np.float64]] | None, int]:
+    """Return a spline with knots so far apart, and its number of coefficients; None if too few."""
+    from scipy.interpolate import make_lsq_spline
+
+    pieces = max(int((times[-1] - times[0]) / distance), 1)
+    inner = np.linspace(times[0], times[-1], pieces + 1)[1:-1]
+    knots = np.r_[[times[0]] * 4, inner, [times[-1]] * 4]
+    unknowns = len(knots) - 4
+    # Each coefficient needs a pose between its knots (Schoenberg and Whitney)
+    at = np.searchsorted(times, knots[:-4], side="right")
+    if unknowns > len(times) or (times[np.minimum(at, len(times) - 1)] >= knots[4:])[1:-1].any():
+        return None, unknowns
+    try:
+        return make_lsq_spline(times, poses, knots, k=3, w=weights), unknowns
+    except (ValueError, np.linalg.LinAlgError):
+        return None, unknowns

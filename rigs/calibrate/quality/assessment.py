@@ -56,7 +56,7 @@ def findings(
     least = _least_displacement(quality, voxel)
     causes = causes_besides_lens(offsets, len(observations.cameras))
     warnings, notes = left_out(quality, observations, used, causes, harmless=bool(least.all()))
-    contradictions, frame_notes = _contradictions(quality, observations, used, least, causes)
+    contradictions, frame_notes = _contradictions(quality, observations, used, least, offsets)
     warnings += contradictions
     notes += frame_notes
     warnings += _bad_images(quality, observations, used, noise, least, offsets, held)
@@ -106,7 +106,7 @@ def _contradictions(
     observations: Observations,
     used: NDArray[np.bool_],
     least: NDArray[np.float64],
-    causes: list[str],
+    offsets: tuple[str, ...] | None,
 ) -> tuple[list[str], list[str]]:
     """Return warnings on cameras and notes on frames that were used but contradict the others."""
     kept = np.zeros(quality.contradiction.shape, bool)
@@ -115,6 +115,7 @@ def _contradictions(
     cameras, frames = (np.sqrt(_mean(contradiction**2, axis)) for axis in (1, 0))
     if len(cameras) < 2:
         return [], []
+    together = "one moved or is not synchronised" if offsets is None else "one moved"
     excess = np.where(kept, quality.image_rms**2 - quality.alone_rms**2, np.nan)
     moved, moved_frames = (np.sqrt(np.maximum(_mean(excess, axis), 0.0)) for axis in (1, 0))
     lines, notes = [], []
@@ -124,17 +125,17 @@ def _contradictions(
     if cameras[worst] > _CAMERA_CONTRADICTS and (moved >= least).any():
         alone = _rms(np.where(kept, quality.alone_rms, np.nan)[worst])
         rms = f"residuals {quality.camera_rms[worst]:.2g} px, {alone:.2g}"
+        cause = causes_besides_lens(offsets, len(cameras))[worst]
         if cameras[worst] > _MORE_THAN_OTHERS * others and len(cameras) > 2:
             lines.append(
                 f"camera {name}: contradicts the others ({rms} by itself, {cameras[worst]:.2g} "
-                f"standard deviations where {others:.2g} is usual): {causes[worst]}, "
+                f"standard deviations where {others:.2g} is usual): {cause}, "
                 "or its lens is wrong"
             )
         else:
             lines.append(
                 f"cameras contradict each other, {name} most ({rms} by itself, "
-                f"{cameras[worst]:.2g} standard deviations): one moved or is not synchronised, or "
-                "the target is bent"
+                f"{cameras[worst]:.2g} standard deviations): {together}, or the target is bent"
             )
     usual = float(np.nanmedian(frames))
     stands_out = frames > np.fmax(_FRAME_CONTRADICTS, 3 * usual)

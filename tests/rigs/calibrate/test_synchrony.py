@@ -90,6 +90,30 @@ def test_the_message_says_how_far_which_way_and_what_to_do(moving_target):
     assert figures["out_of_step"]
 
 
+def test_images_of_other_moments_and_missing_ones_do_not_bend_the_way(moving_target):
+    """One image of ten is displaced whole, some points are wrong, and a tenth is missing."""
+    rig, seen = moving_target((0, 0.4, 0), frames=40, seed=11)
+    rng = np.random.default_rng(1)
+    uv = seen.uv.copy()
+    for frame in (7, 15, 23, 31):
+        uv[(seen.camera == 1) & (seen.frame == frame)] += rng.normal(0, 20, 2)
+    uv[rng.choice(len(uv), 60, replace=False)] += rng.normal(0, 15, (60, 2))
+    kept = rng.uniform(size=(3, 40)) > 0.1
+    wrong = replace(seen, uv=uv).where(kept[seen.camera, seen.frame])
+    found = calibrated(wrong, rig).synchrony
+    assert found.offset[1] == pytest.approx(0.4, abs=0.02)
+    assert found.is_out.tolist() == [False, True, False]
+
+
+def test_a_camera_that_moved_is_not_out_of_step(moving_target):
+    rig, seen = moving_target((0, 0, 0), frames=40, seed=12)
+    uv = seen.uv + np.where((seen.camera == 1) & (seen.frame > 25), 3.0, 0.0)[:, None]
+    found = calibrated(replace(seen, uv=uv), rig)
+    assert not found.synchrony.is_out.any()
+    assert "moved" in found.assessment
+    assert "synchronised" not in found.assessment.split("\n")[1]
+
+
 def test_pictures_of_a_film_may_be_left_out(moving_target):
     rig, seen = moving_target((0, 1.5, 0), seed=8, step=3)
     found = calibrated(seen, rig).synchrony
