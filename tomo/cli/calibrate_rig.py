@@ -38,8 +38,8 @@ Images = Annotated[
     Path,
     typer.Argument(
         metavar="IMAGES",
-        help="A folder with one folder of images, or one video, for each camera. Images of "
-        "the same name were taken at the same time.",
+        help="A folder with one folder of images, or one video, for each camera, or with images "
+        "CAMERA_NUMBER.*. Images of the same name were taken at the same time.",
     ),
 ]
 TargetOption = Annotated[
@@ -104,6 +104,13 @@ def calibrate_rig(
     spacing: SpacingOption = None,
     center: CenterOption = None,
     report: ReportOption = None,
+    pattern: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATTERN",
+            help="How the images are named otherwise, like '{frame}/{camera}.png'.",
+        ),
+    ] = None,
     every: Annotated[
         int, typer.Option(help="Use one picture of a video in this many.", min=1)
     ] = 1,
@@ -138,7 +145,7 @@ def calibrate_rig(
             "target": parse_target(target),
         }
         volume = _volume(grid, spacing, center)
-        found = image_set(images, every)
+        found = image_set(images, every, pattern)
         frames = {frame for of_camera in found.values() for frame in of_camera}
         check_options(found, frames, **how)
         with progress_bar("detect") as progress:
@@ -201,7 +208,9 @@ def _world(text: str | None) -> Any:
 
 
 def _notes(found: ImageSet, seen: Detections) -> list[str]:
-    """Return lines on images that are blurred, and on cameras whose images lack the target."""
+    """Return lines on files, blurred images, and cameras whose images lack the target."""
+    from rigs.calibrate.detect.image_sets import notes_of
+
     notes = [
         f"camera {camera}: {found[camera][frame]}: edges are blurred over {blur:.2g} px, twice as "
         "much as is usual or more"
@@ -215,7 +224,7 @@ def _notes(found: ImageSet, seen: Detections) -> list[str]:
                 f"camera {camera}: target not found in {len(without)} of {len(frames)} images: "
                 f"{named}"
             )
-    return notes
+    return notes + notes_of(found)
 
 
 def _write_page(

@@ -11,6 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.recordings.mosaic import STEP, Mosaic
+from rigs.recordings.still import CHANNELS
+
 
 @dataclass(frozen=True)
 class Corrections:
@@ -39,6 +42,11 @@ class Corrections:
         given for images of integers.
     bit_depth : int, or a mapping to int
         Bits that the camera really uses of an integer image: 12 of 16, say.
+    bayer : str, or a mapping to str
+        The order of the colours on a sensor with colour filters, see `rigs.recordings.Mosaic`:
+        the pixels of ``channel`` become an image with rays of its own.
+    channel : str, or a mapping to str
+        ``r``, ``g`` or ``b``: the colour of a mosaic, or of an image in colour.
     """
 
     dark: float | Path | Mapping[str, float | Path] | None = None
@@ -47,11 +55,36 @@ class Corrections:
     mask: Path | Mapping[str, Path] | None = None
     saturation: float | Mapping[str, float] | None = None
     bit_depth: int | Mapping[str, int] | None = None
+    bayer: str | Mapping[str, str] | None = None
+    channel: str | Mapping[str, str] | None = None
 
     def of(self, correction: str, camera: str) -> float | Path | None:
         """Return the value of one correction for one camera; None where there is none."""
         value = getattr(self, correction)
         return value.get(camera) if isinstance(value, Mapping) else value
+
+    def mosaic(self, camera: str) -> Mosaic | None:
+        """Return which pixels of a camera's sensor are used; None where all are.
+
+        Raises
+        ------
+        ValueError
+            If the order of the colours or the channel is unknown, or no channel is chosen.
+        """
+        bayer, channel = self.of("bayer", camera), self.of("channel", camera)
+        if channel is not None and channel not in CHANNELS:
+            raise ValueError(f"camera {camera}: channel: found {channel!r}, expected r, g or b")
+        if bayer is None:
+            return None
+        if channel is None:
+            raise ValueError(
+                f"camera {camera}: channel: found none, expected r, g or b with bayer {bayer}: "
+                "--channel g, or corrections: {channel: g} in scan.yaml"
+            )
+        try:
+            return Mosaic(bayer, channel)
+        except ValueError as error:
+            raise ValueError(f"camera {camera}: {error}") from None
 
     def corrected(
         self, image: Path | NDArray, camera: str, size: tuple[int, int], source: Path | None = None
@@ -71,7 +104,7 @@ class Corrections:
         Returns
         -------
         image : (height, width) float32
-            Zero where it is not usable.
+            Zero where it is not usable. Of a mosaic, the colour's smaller image.
         usable : (height, width) bool
         full : (height, width) bool
             True where an integer pixel is at full scale: its light is not known.
@@ -89,8 +122,10 @@ class Corrections:
             self._value(name, camera, size) for name in ("mask", "dark", "flat", "gain")
         )
         usable = np.ones(size[::-1], bool) if mask is None else mask != 0
-        raw = _read(image, camera, size, self.of("bit_depth", camera), usable)
-        full = _plateau(raw >= 1) if holds_integers(image) else np.zeros(raw.shape, bool)
+        raw = self._read(image, camera, size, self.of("bit_depth", camera), usable, False)
+        mosaic = self.mosaic(camera)
+        step = 1 if mosaic is None else STEP
+        full = _plateau(raw >= 1, step) if holds_integers(image) else np.zeros(raw.shape, bool)
         usable = usable & ~full
         saturation = self.of("saturation", camera)
         if saturation is not None:
@@ -102,7 +137,11 @@ class Corrections:
             usable = usable & lit
         if gain is not None:
             values = values * gain
-        return np.where(usable, values, 0).astype(np.float32), usable, full
+        values = np.where(usable, values, 0).astype(np.float32)
+        if mosaic is not None:
+            usable, full = mosaic.all(usable), mosaic.any(full)
+            values = np.where(usable, mosaic.means(values), np.float32(0))
+        return values, usable, full
 
     def _check_scale(self, image: Path | NDArray, camera: str, source: Path | None) -> None:
         """Refuse corrections in a camera's counts: they would never, or always, be reached."""
@@ -125,20 +164,54 @@ class Corrections:
             return None if value is None else np.float32(value)
         # a mask's numbers are no intensities: they have a depth of their own
         bits = None if name == "mask" else self.of("bit_depth", camera)
-        return _read(value, camera, size, bits)
+        return self._read(value, camera, size, bits)
+
+    def _read(
+        self,
+        image: Path | NDArray,
+        camera: str,
+        size: tuple[int, int],
+        bit_depth: int | None,
+        usable: NDArray[np.bool_] | None = None,
+        is_correction: bool = True,
+    ) -> NDArray[np.float32]:
+        """Return a camera's image, of its own size."""
+        from rigs.recordings import intensities, read_image
+
+        place = f"{image}: " if isinstance(image, Path) else ""
+        colours = {name: self.of(name, camera) for name in ("channel", "bayer")}
+        try:
+            if isinstance(image, Path):
+                colours["must_have_channel"] = not is_correction
+                values = read_image(image, bit_depth, usable, **colours)
+            elif colours["channel"] is not None and colours["bayer"] is None and not is_correction:
+                raise ValueError(
+                    "image in memory: found a grey image, expected bayer with channel"
+                )
+            else:
+                values = intensities(image, "image in memory", bit_depth, usable)
+        except (ValueError, FileNotFoundError) as error:
+            raise type(error)(f"camera {camera}: {error}") from error
+        if values.shape[::-1] != tuple(size):
+            raise ValueError(
+                f"{place}camera {camera}: found an image of {values.shape[1]} x "
+                f"{values.shape[0]} pixels, expected {size[0]} x {size[1]}, the camera's "
+                "image_size"
+            )
+        return values
 
 
-def _plateau(full: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the pixels with a neighbour at full scale as well.
+def _plateau(full: NDArray[np.bool_], step: int = 1) -> NDArray[np.bool_]:
+    """Return the pixels with a neighbour at full scale as well, ``step`` pixels away.
 
     Lenses spread light over more than a pixel; the brightest of an image scaled to its maximum
     stands alone.
     """
     beside = np.zeros_like(full)
-    beside[1:] |= full[:-1]
-    beside[:-1] |= full[1:]
-    beside[:, 1:] |= full[:, :-1]
-    beside[:, :-1] |= full[:, 1:]
+    beside[step:] |= full[:-step]
+    beside[:-step] |= full[step:]
+    beside[:, step:] |= full[:, :-step]
+    beside[:, :-step] |= full[:, step:]
     return full & beside
 
 
@@ -162,29 +235,3 @@ def holds_integers(image: Path | NDArray) -> bool:
     from rigs.recordings import is_integer_image
 
     return is_integer_image(image) if isinstance(image, Path) else image.dtype.kind in "biu"
-
-
-def _read(
-    image: Path | NDArray,
-    camera: str,
-    size: tuple[int, int],
-    bit_depth: int | None,
-    usable: NDArray[np.bool_] | None = None,
-) -> NDArray[np.float32]:
-    """Return a camera's image, of its own size."""
-    from rigs.recordings import intensities, read_image
-
-    try:
-        if isinstance(image, Path):
-            place, values = f"{image}: ", read_image(image, bit_depth, usable)
-        else:
-            stored = image.astype(np.uint8) if image.dtype == bool else image
-            place, values = "", intensities(stored, "image in memory", bit_depth, usable)
-    except (ValueError, FileNotFoundError) as error:
-        raise type(error)(f"camera {camera}: {error}") from error
-    if values.shape[::-1] != tuple(size):
-        raise ValueError(
-            f"{place}camera {camera}: found an image of {values.shape[1]} x {values.shape[0]} "
-            f"pixels, expected {size[0]} x {size[1]}, the camera's image_size"
-        )
-    return values

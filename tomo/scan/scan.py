@@ -46,7 +46,8 @@ class Scan:
     shrink : int
         By how much the images are shrunk when read.
     recorded_sizes : mapping, optional
-        Camera to ``(width, height)`` of the files; that of the rig when None.
+        Camera to ``(width, height)`` of the files; that of the rig when None. A mosaic of colours
+        has files of twice the rig's size, see `of_channel`.
     effects : mapping, optional
         The effects that the images were simulated with: the fields of
         `tomo.simulation.effects.Effects`, and ``gains``, camera to gain. Only compared with, as
@@ -129,7 +130,10 @@ class Scan:
             Frame(f"frame_{number:03d}", {name: stack[number] for name, stack in stacks.items()})
             for number in range(len(next(iter(stacks.values()), ())))
         )
-        return cls(rig, frames, corrections, grid, truth, effects=effects)
+        for name in rig.names:
+            if corrections.of("channel", name) and not corrections.of("bayer", name):
+                raise ValueError(f"camera {name}: channel: found grey arrays, expected bayer too")
+        return cls(rig, frames, corrections, grid, truth, effects=effects).with_mosaics_divided()
 
     def save(self, folder: str | PathLike) -> Path:
         """Write a scan in memory as a scan folder, see `save_scan`; return its scan.yaml.
@@ -139,13 +143,16 @@ class Scan:
         ValueError
             If an image or the truth is a file, or images are shrunk.
         """
+        is_divided = any(self.corrections.mosaic(name) for name in self.rig.names)
         files = [
             image
             for image in (*(i for f in self.frames for i in f.images.values()), self.truth)
             if isinstance(image, Path)
         ]
-        if files or self.shrink != 1:
-            found = f"the file {files[0]}" if files else f"images shrunk {self.shrink}-fold"
+        if files or self.shrink != 1 or is_divided:
+            found = f"images shrunk {self.shrink}-fold"
+            if files or is_divided:
+                found = f"the file {files[0]}" if files else "one colour of a mosaic"
             raise ValueError(f"{folder}: scan: found {found}, expected a scan in memory as it is")
         return save_scan(
             folder,
@@ -244,6 +251,51 @@ class Scan:
             cameras.append(camera.shrunk(factor))
         rig = replace(self.rig, cameras=tuple(cameras))
         return replace(self, rig=rig, shrink=self.shrink * factor)
+
+    def of_channel(self, channel: str | None, bayer: str | None = None) -> Scan:
+        """Return the scan of one colour of images in colour, or of sensors with colour filters.
+
+        Parameters
+        ----------
+        channel : {"r", "g", "b"}
+            A mosaic without one is refused.
+        bayer : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
+            The order of the colours on the sensors, see `rigs.recordings.Mosaic`: cameras and
+            images are then those of the colour's pixels alone.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown, or the scan's corrections name colours already.
+        """
+        for name in ("channel", "bayer"):
+            known = getattr(self.corrections, name)
+            if known is not None:
+                raise ValueError(
+                    f"{self._where}corrections.{name}: found {known}, expected none with --{name}"
+                )
+        corrections = replace(self.corrections, channel=channel, bayer=bayer)
+        return replace(self, corrections=corrections).with_mosaics_divided()
+
+    def with_mosaics_divided(self) -> Scan:
+        """Return the scan with the cameras of one colour, where corrections say it is a mosaic.
+
+        The rig is that of whole sensors before, and is not afterwards: see `of_channel`.
+
+        Raises
+        ------
+        ValueError
+            If the order of the colours is unknown, or no channel is chosen.
+        """
+        try:
+            mosaics = {name: self.corrections.mosaic(name) for name in self.rig.names}
+            cameras = tuple(
+                camera if mosaics[camera.name] is None else mosaics[camera.name].camera(camera)
+                for camera in self.rig
+            )
+        except ValueError as error:
+            raise ValueError(f"{self._where}{error}") from None
+        return replace(self, rig=replace(self.rig, cameras=cameras))
 
     def images(self, frame: str | None = None) -> Images:
         """Return the corrected images of a frame: float32 ``(h, w)``, in the rig's order.

@@ -1,20 +1,28 @@
-"""Images of a target in folders or videos, by camera and frame, and their reading."""
+"""Images of a target in folders or films, by camera and frame, and their reading."""
 
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.recordings import IMAGE_SUFFIXES, luminance, read_pixels
-
-VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
+from rigs.recordings import (
+    FILM_SUFFIXES,
+    IMAGE_SUFFIXES,
+    find_images,
+    image_notes,
+    luminance,
+    open_recording,
+    read_still,
+    without_pattern,
+)
+from rigs.recordings.layout import how_to_name, images_in, natural
+from rigs.recordings.notes import grouped_notes
+from rigs.recordings.tiff_stack import is_stack
 
 
 @dataclass(frozen=True)
@@ -40,17 +48,22 @@ Source = str | os.PathLike | VideoFrame | np.ndarray
 """Where an image comes from: a file, a picture of a video, or the image itself."""
 
 
-def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, Source]]:
-    """Return the images in ``folder``: one folder per camera, or one video per camera.
+def image_set(
+    folder: str | os.PathLike, every: int = 1, pattern: str | None = None
+) -> dict[str, dict[str, Source]]:
+    """Return the images in ``folder``, by camera and frame.
 
     Parameters
     ----------
     folder : path-like
-        Either folders named as the cameras, in which equal file names without suffix are one
-        frame; or videos named as the cameras, in which equal picture numbers are one frame.
-        Names that begin with a dot and files of other kinds are ignored.
+        Folders named as the cameras, in which equal file names without suffix are one frame;
+        images ``CAMERA_NUMBER.*`` beside each other; or films (videos, TIFFs of many pages)
+        named as the cameras, in which equal picture numbers are one frame. Names that begin with
+        a dot and files of other kinds are ignored.
     every : int
-        Use every n-th picture of a video.
+        Use every n-th picture of a film.
+    pattern : str, optional
+        How files are named otherwise, see `rigs.recordings.find_images`.
 
     Returns
     -------
@@ -60,38 +73,62 @@ def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, 
     Raises
     ------
     ValueError
-        If there is nothing to read, folders and videos are mixed, a camera's folder is empty or
-        has one frame twice, or a video cannot be decoded.
+        If there is nothing to read, folders and films are mixed, a camera's folder is empty or
+        has one frame twice, or a film cannot be decoded.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise ValueError(f"{folder}: found no folder, expected one folder or one video per camera")
     if every < 1:
         raise ValueError(f"every: found {every}, expected at least 1")
+    if pattern is not None:
+        found = find_images(folder, None, pattern)
+        if not found:
+            raise ValueError(
+                f"{folder}: pattern: found no image whose name fits {pattern!r}, expected some"
+            )
+        return dict(found)
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
-    inside.sort(key=lambda path: _natural(path.name))
+    inside.sort(key=lambda path: natural(path.name))
     folders = [path for path in inside if path.is_dir()]
-    videos = [path for path in inside if path.suffix.lower() in VIDEO_SUFFIXES and path.is_file()]
-    if folders and videos:
+    files = [path for path in inside if path.is_file()]
+    loose = [path for path in files if path.suffix.lower() in IMAGE_SUFFIXES]
+    films = [path for path in files if path.suffix.lower() in FILM_SUFFIXES]
+    if not films and not folders:
+        films = [path for path in loose if is_stack(path)]
+    if folders and films:
         raise ValueError(
-            f"{folder}: found the folder {folders[0].name} and the video {videos[0].name}, "
+            f"{folder}: found the folder {folders[0].name} and the video {films[0].name}, "
             "expected one folder per camera or one video per camera"
         )
-    if not folders and not videos:
-        loose = sum(path.suffix.lower() in IMAGE_SUFFIXES for path in inside)
-        there = f"{loose} images outside camera folders" if loose else "neither"
-        raise ValueError(f"{folder}: found {there}, expected one folder or one video per camera")
-    if folders:
-        return {path.name: _images_in(path) for path in folders}
-    images: dict[str, dict[str, Source]] = {}
-    for path in videos:
-        if path.stem in images:
-            raise ValueError(f"{folder}: camera {path.stem}: found two videos, expected one")
-        images[path.stem] = {
-            f"{index:06d}": VideoFrame(path, index)
-            for index in range(0, _count_pictures(path), every)
-        }
-    return images
+    if films:
+        return _pictures_of(films, folder, every)
+    for path in folders:
+        _check_holds_images(path)
+    found = find_images(folder)
+    if not found:
+        there = f"{len(loose)} images outside camera folders" if loose else "neither"
+        raise ValueError(
+            f"{folder}: found {there}, expected one folder or one video per camera: "
+            f"{how_to_name(loose, folder, None)}"
+        )
+    return dict(found)
+
+
+def notes_of(images: Mapping[str, Mapping[str, Source]]) -> list[str]:
+    """Return lines on what files say and reading does not heed, see `image_notes`."""
+    stills = {
+        camera: [Path(one) for one in frames.values() if isinstance(one, str | os.PathLike)]
+        for camera, frames in images.items()
+    }
+    films = {
+        (camera, source.path)
+        for camera, frames in images.items()
+        for source in frames.values()
+        if isinstance(source, VideoFrame)
+    }
+    of_films = ((camera, open_recording(path).notes) for camera, path in sorted(films))
+    return [*image_notes(stills), *grouped_notes(of_films)]
 
 
 def read_source(source: Source) -> NDArray:
@@ -112,88 +149,51 @@ def read_source(source: Source) -> NDArray:
         return _grey(source, "image", blue_first=True)
     path = Path(source)
     try:
-        image = read_pixels(path)
+        still = read_still(path)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
+    image = without_pattern(still.pixels) if still.is_mosaic else still.pixels
     return _grey(image, str(path))
 
 
 def read_pictures(path: Path, indices: Iterable[int]) -> Iterator[tuple[int, NDArray]]:
-    """Yield number and grey image of a video's pictures, in order.
-
-    A video is decoded from its beginning, because seeking is inexact in many formats.
+    """Yield number and grey image of a film's pictures, in order.
 
     Raises
     ------
     ValueError
-        If the video cannot be opened or ends before the last picture asked for.
+        If the film cannot be opened or ends before the last picture asked for.
     """
-    wanted = sorted(set(indices))
-    video = _open_video(path)
-    try:
-        at = 0
-        for index in wanted:
-            while at <= index:
-                if not video.grab():
-                    raise ValueError(
-                        f"{path}: decoding stops at picture {at}, expected {wanted[-1] + 1}"
-                    )
-                at += 1
-            decoded, image = video.retrieve()
-            if not decoded:
-                raise ValueError(f"{path}: picture {index} cannot be decoded")
-            yield index, _grey(image, f"{path}: picture {index}", blue_first=True)
-    finally:
-        video.release()
+    film = open_recording(path)
+    for index in sorted(set(indices)):
+        yield index, _grey(film.read(index), f"{path}: picture {index}")
 
 
-def _images_in(folder: Path) -> dict[str, Source]:
-    paths = [
-        path
-        for path in folder.iterdir()
-        if path.is_file()
-        and path.suffix.lower() in IMAGE_SUFFIXES
-        and not path.name.startswith(".")
-    ]
-    if not paths:
-        raise ValueError(
-            f"{folder}: camera {folder.name}: found no images, expected some of "
-            f"{', '.join(IMAGE_SUFFIXES)}"
-        )
-    images: dict[str, Source] = {}
-    for path in sorted(paths, key=lambda path: _natural(path.name)):
+def _pictures_of(films: list[Path], folder: Path, every: int) -> dict[str, dict[str, Source]]:
+    """Return every n-th picture of films that are named as their cameras."""
+    images: dict[str, dict[str, Source]] = {}
+    for path in films:
         if path.stem in images:
-            raise ValueError(
-                f"{path}: camera {folder.name}: found the frame {path.stem} twice, "
-                f"{Path(images[path.stem]).name} is another, expected one image"
-            )
-        images[path.stem] = path
+            raise ValueError(f"{folder}: camera {path.stem}: found two videos, expected one")
+        images[path.stem] = {
+            f"{index:06d}": VideoFrame(path, index)
+            for index in range(0, open_recording(path).n_frames, every)
+        }
     return images
 
 
-def _open_video(path: Path) -> cv2.VideoCapture:
-    if not path.is_file():
-        raise ValueError(f"{path}: found no such video")
-    video = cv2.VideoCapture(str(path))
-    if not video.isOpened():
-        raise ValueError(f"{path}: not a readable video: damaged, or no decoder for it")
-    return video
-
-
-def _count_pictures(path: Path) -> int:
-    """Count by decoding, because the count in the header is often wrong."""
-    video = _open_video(path)
-    stated = int(max(video.get(cv2.CAP_PROP_FRAME_COUNT), 0))
-    count = 0
-    while video.grab():
-        count += 1
-    video.release()
-    if count == 0 or count < 0.9 * stated:
-        raise ValueError(
-            f"{path}: camera {path.stem}: decoding stops at picture {count}, expected {stated}: "
-            "damaged or truncated"
-        )
-    return count
+def _check_holds_images(folder: Path) -> None:
+    """Raise unless a folder, which names a camera, holds images."""
+    if images_in(folder):
+        return
+    names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+    more = f" and {len(names) - 1} more" if names[1:] else ""
+    there = f", but {names[0]}{more}" if names else ""
+    raise ValueError(
+        f"{folder}: camera {folder.name}: found no images{there}, expected some of "
+        f"{', '.join(IMAGE_SUFFIXES)}: every folder is taken for a camera's; move this one "
+        "elsewhere, or say where images are, like --pattern '{camera}/{frame}.tif'"
+    )
 
 
 def _grey(image: NDArray, name: str, blue_first: bool = False) -> NDArray:
@@ -213,9 +213,3 @@ def _grey(image: NDArray, name: str, blue_first: bool = False) -> NDArray:
     if image.dtype.kind == "f" and not np.isfinite(image).all():
         raise ValueError(f"{name}: found NaN or infinite pixels, expected finite ones")
     return image
-
-
-def _natural(name: str) -> list[tuple[int, int | str]]:
-    """Return a key that sorts numbers inside names by value."""
-    parts = re.split(r"(\d+)", name)
-    return [(0, int(part)) if part.isdecimal() else (1, part) for part in parts if part]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig
-from rigs.recordings import IMAGE_SUFFIXES, luminance, read_pixels
+from rigs.recordings import find_images, luminance, read_still, without_pattern
+from rigs.recordings.layout import ONLY
 from tomo.draw.rig.rig_scene import Target, on_symbol, symbol_length
 from tomo.draw.scene import ColourScale, Mesh, Scene
 from tomo.draw.volume.maps import lattice_triangles
@@ -19,7 +21,7 @@ _LONGEST_IN_SPACE = 48  # and of the one that hangs in the camera's symbol
 
 
 def load_thumbnails(
-    rig: Rig, source: str | os.PathLike, frame: str | None = None
+    rig: Rig, source: str | os.PathLike, frame: str | None = None, pattern: str | None = None
 ) -> dict[str, NDArray[np.uint8]]:
     """Return each camera's picture, shrunk by area means; cameras without one are left out.
 
@@ -27,10 +29,12 @@ def load_thumbnails(
     ----------
     rig : Rig
     source : path-like
-        A scan (a folder with a scan.yaml, or a transforms.json), or a folder that holds
-        ``<camera>/<frame>.*`` or ``<camera>.*``. A scan's are corrected as it says.
+        A scan (a folder with a scan.yaml, or a transforms.json), or a folder of images, see
+        `rigs.recordings.find_images`. A scan's are corrected as it says.
     frame : str, optional
         The moment; the first when None.
+    pattern : str, optional
+        How the files of a folder are named, where it is no scan.
 
     Returns
     -------
@@ -52,8 +56,9 @@ def load_thumbnails(
     ):
         images = _of_scan(rig, source, frame)
     else:
-        found = {camera.name: _file_of(source, camera.name, frame) for camera in rig}
-        images = {name: _read(path, rig[name]) for name, path in found.items() if path is not None}
+        found = find_images(source, rig.names, pattern)
+        chosen = {name: _of_frame(files, frame) for name, files in found.items()}
+        images = {n: _read(path, rig[n]) for n, path in chosen.items() if path is not None}
     if not images:
         moment = "<frame>" if frame is None else frame
         raise ValueError(
@@ -105,26 +110,22 @@ def _of_scan(rig: Rig, source: Path, frame: str | None) -> dict[str, NDArray[np.
         return {}
     scan = scan.only(*common)
     for camera in scan.rig:
-        _check_size(source, camera.image_size, rig[camera.name])
+        size = scan.recorded_sizes[camera.name]
+        if rig[camera.name].image_size != camera.image_size:  # all of a mosaic's colours
+            _check_size(source, size, rig[camera.name])
     return dict(zip(scan.rig.names, scan.images(frame), strict=True))
 
 
-def _file_of(folder: Path, camera: str, frame: str | None) -> Path | None:
-    """Return a camera's image in a folder; None where there is none."""
-    places = (folder / camera, folder)
-    for place, stem in zip(places, (frame, camera), strict=True):
-        if not place.is_dir():
-            continue
-        for path in sorted(place.iterdir()):
-            if path.suffix.lower() in IMAGE_SUFFIXES and stem in (None, path.stem):
-                return path
-    return None
+def _of_frame(files: Mapping[str, Path], frame: str | None) -> Path | None:
+    """Return a camera's file of a frame, its first, or its only one; None where there is none."""
+    return next(iter(files.values())) if frame is None else files.get(frame, files.get(ONLY))
 
 
 def _read(path: Path, camera: CameraLike) -> NDArray[np.float32]:
     """Return a photograph as grey levels."""
     try:
-        image = luminance(read_pixels(path))
+        still = read_still(path)
+        image = luminance(without_pattern(still.pixels) if still.is_mosaic else still.pixels)
     except (OSError, ValueError) as error:
         raise ValueError(f"camera {camera.name}: {error}") from None
     _check_size(path, image.shape[::-1], camera)

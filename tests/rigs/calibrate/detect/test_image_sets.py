@@ -166,11 +166,11 @@ def test_folders_that_hold_no_image_set_are_named(tmp_path):
     with pytest.raises(ValueError, match="found 1 images outside camera folders"):
         image_set(tmp_path)
     (tmp_path / "left").mkdir()
-    with pytest.raises(ValueError, match=r"camera left: found no images, expected some of .png"):
+    with pytest.raises(ValueError, match=r"camera left: found no images, expected some of .tif"):
         image_set(tmp_path)
     cv2.imwrite(str(tmp_path / "left" / "a.png"), board())
     cv2.imwrite(str(tmp_path / "left" / "a.tif"), board())
-    with pytest.raises(ValueError, match="camera left: found the frame a twice"):
+    with pytest.raises(ValueError, match="camera left: found the frame 'a' twice"):
         image_set(tmp_path)
     (tmp_path / "right.avi").write_bytes(b"")
     with pytest.raises(ValueError, match=r"found the folder left and the video right.avi"):
