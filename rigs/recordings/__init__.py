@@ -5,11 +5,12 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "films": ["FILM_SUFFIXES", "open_recording"],
         "images": ["MOST_BITS", "intensities", "is_integer_image", "read_image"],
         "layout": ["find_images"],
         "mosaic": ["Mosaic", "without_pattern"],
         "notes": ["image_notes"],
-        "recording": ["FILM_SUFFIXES", "Recording", "open_recording"],
+        "recording": ["Recording"],
         "still": ["Still"],
         "stills": ["IMAGE_SUFFIXES", "image_size", "luminance", "read_still"],
         "write": ["write_image"],

@@ -16,33 +16,43 @@ if TYPE_CHECKING:
 PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
 """Colours of the first row's two pixels, then of the second row's."""
 
-STEP = 2
-"""Rows, and columns, from a pixel to the next of its colour."""
+COLOURS = ("r", "g", "g2", "b")
+"""The four pixels of every 2 x 2: g is the green one of the first row, g2 that of the second."""
+
+_STEP = 2  # rows, and columns, from a pixel to the next of its colour
 
 
 @dataclass(frozen=True)
 class Mosaic:
     """The pixels of one colour of a sensor with a Bayer filter; nothing is interpolated.
 
-    Each 2 x 2 pixels of the sensor become one: its red or blue pixel, or the mean of its two
-    green ones, which is the light in their middle.
+    Every 2 x 2 pixels of the sensor have one of them: an image of half the width and height, in
+    which every pixel keeps its own ray.
 
     Parameters
     ----------
     pattern : {"RGGB", "BGGR", "GRBG", "GBRG"}
         Colours of the first row's two pixels, then of the second row's, in the file.
-    channel : {"r", "g", "b"}
+    channel : {"r", "g", "g2", "b"}
+        ``g`` is the green pixel of the first row, ``g2`` that of the second.
 
     Raises
     ------
     ValueError
         If one of them is unknown.
 
+    Notes
+    -----
+    The mean of both green pixels along the ray in their middle would use all light, and is worse:
+    on a turbulent flame in 8 views it raised the error from 0.091 to 0.115 without noise, from
+    0.096 to 0.121 at 1 % noise and from 0.156 to 0.159 at 5 %. A mean over two pixels is not the
+    light along the ray between them.
+
     Examples
     --------
     >>> import numpy as np
-    >>> Mosaic("RGGB", "g").means(np.array([[9.0, 1.0], [3.0, 5.0]]))
-    array([[2.]])
+    >>> Mosaic("RGGB", "g").pixels(np.array([[9, 1], [3, 5]]))
+    array([[1]])
     """
 
     pattern: str
@@ -51,49 +61,41 @@ class Mosaic:
     def __post_init__(self) -> None:
         """Check both names."""
         if self.pattern not in PATTERNS:
-            raise ValueError(
-                f"bayer: found {self.pattern!r}, expected one of {', '.join(PATTERNS)}"
-            )
-        if self.channel not in ("r", "g", "b"):
-            raise ValueError(f"channel: found {self.channel!r}, expected r, g or b")
+            known = ", ".join(PATTERNS)
+            raise ValueError(f"bayer: found {self.pattern!r}, expected one of {known}")
+        if self.channel not in COLOURS:
+            known = ", ".join(COLOURS)
+            raise ValueError(f"channel: found {self.channel!r}, expected one of {known}")
 
     @property
-    def places(self) -> list[tuple[int, int]]:
-        """Rows and columns of the colour's pixels in the first 2 x 2 of the image."""
-        return [divmod(n, STEP) for n, c in enumerate(self.pattern) if c == self.channel.upper()]
+    def place(self) -> tuple[int, int]:
+        """Row and column of the first pixel of the colour."""
+        colour = self.channel[0].upper()
+        find = self.pattern.rindex if self.channel == "g2" else self.pattern.index
+        return divmod(find(colour), _STEP)
 
-    def means(self, image: NDArray[np.floating]) -> NDArray[np.floating]:
-        """Return the colour's image ``(height // 2, width // 2)``."""
-        return np.mean(self._planes(image), axis=0, dtype=np.float64).astype(image.dtype)
-
-    def all(self, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return where all of a pixel's own ``flags`` hold, ``(height // 2, width // 2)``."""
-        return np.all(self._planes(flags), axis=0)
-
-    def any(self, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return where any of a pixel's own ``flags`` holds, ``(height // 2, width // 2)``."""
-        return np.any(self._planes(flags), axis=0)
+    def pixels(self, image: NDArray) -> NDArray:
+        """Return the colour's pixels of an image, ``(height // 2, width // 2)``."""
+        rows, columns = (side - side % _STEP for side in image.shape)
+        row, column = self.place
+        return image[row:rows:_STEP, column:columns:_STEP]
 
     def camera(self, camera: AnyCamera) -> AnyCamera:
-        """Return the camera of the colour's image, from that of the sensor's.
+        """Return the camera of the colour's pixels, from that of the sensor's.
 
         Raises
         ------
         ValueError
             If the image is narrower or lower than two pixels.
         """
-        if min(camera.image_size) < STEP:
+        if min(camera.image_size) < _STEP:
             raise ValueError(
                 f"camera {camera.name}: found {camera.image_size[0]} x {camera.image_size[1]} "
                 "pixels, expected at least 2 x 2 of a mosaic of colours"
             )
-        row, column = np.mean(self.places, axis=0).tolist()
+        row, column = self.place
         # `shrunk` looks from the middle of the 2 x 2 pixels, at half a pixel
-        return camera.shifted(0.5 - column, 0.5 - row).shrunk(STEP)
-
-    def _planes(self, image: NDArray) -> list[NDArray]:
-        rows, columns = (side - side % STEP for side in image.shape)
-        return [image[row:rows:STEP, column:columns:STEP] for row, column in self.places]
+        return camera.shifted(0.5 - column, 0.5 - row).shrunk(_STEP)
 
 
 def without_pattern(image: NDArray) -> NDArray[np.float32]:

@@ -6,6 +6,7 @@ import re
 import warnings
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim
 from rigs.recordings.still import Still
@@ -48,8 +49,7 @@ def read_netpbm(content: bytes) -> Still:
     count, kept = width * height * channels, np.uint16 if full > 255 else np.uint8
     check_claim(2 * count, len(content))
     if kind in (2, 3):
-        with warnings.catch_warnings(action="ignore"):  # of letters: the numbers are counted
-            found = np.fromstring(content[start:], np.int64, sep=" ")
+        found = _as_text(content[start:])
     else:
         stored = np.dtype(">u2" if full > 255 else np.uint8)
         held = min(count, (len(content) - start) // stored.itemsize)
@@ -62,6 +62,15 @@ def read_netpbm(content: bytes) -> Still:
         raise ValueError(f"found a pixel of {wrong}, expected 0 to {full}, the file's full scale")
     shape = (height, width, 3) if channels == 3 else (height, width)
     return Still(found.astype(kept).reshape(shape), full)
+
+
+def _as_text(content: bytes) -> NDArray[np.int64]:
+    """Return the whole numbers in a text, as far as there are."""
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of letters: the numbers are counted
+            return np.fromstring(content, np.int64, sep=" ")
+    except ValueError:
+        raise ValueError("found a text that holds more than numbers: damaged") from None
 
 
 def _header(content: bytes) -> tuple[int, int, int, int, int]:

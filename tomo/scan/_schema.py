@@ -13,8 +13,7 @@ from rigs.files.messages import dotted, first_problem
 from rigs.files.schema import Number, Text, VolumeEntry, Whole
 from rigs.files.text import read_yaml_mapping, shortened
 from rigs.recordings import MOST_BITS
-from rigs.recordings.mosaic import PATTERNS
-from rigs.recordings.still import CHANNELS
+from rigs.recordings.mosaic import COLOURS, PATTERNS
 
 
 def _named(name: str) -> str:
@@ -88,7 +87,7 @@ _Flat = _one_or_each(
 _Mask = _one_or_each("an image's path", _is_path)
 _BitDepth = _one_or_each(f"a whole number from 1 to {MOST_BITS}", _is_bit_depth)
 _Bayer = _one_or_each(f"one of {', '.join(PATTERNS)}", lambda v: v in PATTERNS)
-_Channel = _one_or_each(f"one of {', '.join(CHANNELS)}", lambda v: v in CHANNELS)
+_Channel = _one_or_each(f"one of {', '.join(COLOURS)}", lambda v: v in COLOURS)
 
 
 class _Corrections(_Strict):

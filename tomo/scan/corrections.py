@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.recordings.mosaic import STEP, Mosaic
+from rigs.recordings.mosaic import Mosaic
 from rigs.recordings.still import CHANNELS
 
 
@@ -46,7 +46,8 @@ class Corrections:
         The order of the colours on a sensor with colour filters, see `rigs.recordings.Mosaic`:
         the pixels of ``channel`` become an image with rays of its own.
     channel : str, or a mapping to str
-        ``r``, ``g`` or ``b``: the colour of a mosaic, or of an image in colour.
+        ``r``, ``g`` or ``b``: the colour of an image in colour or of a mosaic, which has ``g2``
+        too.
     """
 
     dark: float | Path | Mapping[str, float | Path] | None = None
@@ -72,9 +73,12 @@ class Corrections:
             If the order of the colours or the channel is unknown, or no channel is chosen.
         """
         bayer, channel = self.of("bayer", camera), self.of("channel", camera)
-        if channel is not None and channel not in CHANNELS:
-            raise ValueError(f"camera {camera}: channel: found {channel!r}, expected r, g or b")
         if bayer is None:
+            if channel is not None and channel not in CHANNELS:
+                expected = f"one of {', '.join(CHANNELS)}"
+                raise ValueError(
+                    f"camera {camera}: channel: found {channel!r}, expected {expected}"
+                )
             return None
         if channel is None:
             raise ValueError(
@@ -124,8 +128,12 @@ class Corrections:
         usable = np.ones(size[::-1], bool) if mask is None else mask != 0
         raw = self._read(image, camera, size, self.of("bit_depth", camera), usable, False)
         mosaic = self.mosaic(camera)
-        step = 1 if mosaic is None else STEP
-        full = _plateau(raw >= 1, step) if holds_integers(image) else np.zeros(raw.shape, bool)
+        if mosaic is not None:
+            dark, flat, gain, raw, usable = (
+                mosaic.pixels(one) if np.ndim(one) else one
+                for one in (dark, flat, gain, raw, usable)
+            )
+        full = _plateau(raw >= 1) if holds_integers(image) else np.zeros(raw.shape, bool)
         usable = usable & ~full
         saturation = self.of("saturation", camera)
         if saturation is not None:
@@ -137,11 +145,7 @@ class Corrections:
             usable = usable & lit
         if gain is not None:
             values = values * gain
-        values = np.where(usable, values, 0).astype(np.float32)
-        if mosaic is not None:
-            usable, full = mosaic.all(usable), mosaic.any(full)
-            values = np.where(usable, mosaic.means(values), np.float32(0))
-        return values, usable, full
+        return np.where(usable, values, 0).astype(np.float32), usable, full
 
     def _check_scale(self, image: Path | NDArray, camera: str, source: Path | None) -> None:
         """Refuse corrections in a camera's counts: they would never, or always, be reached."""
@@ -184,10 +188,6 @@ class Corrections:
             if isinstance(image, Path):
                 colours["must_have_channel"] = not is_correction
                 values = read_image(image, bit_depth, usable, **colours)
-            elif colours["channel"] is not None and colours["bayer"] is None and not is_correction:
-                raise ValueError(
-                    "image in memory: found a grey image, expected bayer with channel"
-                )
             else:
                 values = intensities(image, "image in memory", bit_depth, usable)
         except (ValueError, FileNotFoundError) as error:
@@ -201,17 +201,17 @@ class Corrections:
         return values
 
 
-def _plateau(full: NDArray[np.bool_], step: int = 1) -> NDArray[np.bool_]:
-    """Return the pixels with a neighbour at full scale as well, ``step`` pixels away.
+def _plateau(full: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the pixels with a neighbour at full scale as well.
 
     Lenses spread light over more than a pixel; the brightest of an image scaled to its maximum
     stands alone.
     """
     beside = np.zeros_like(full)
-    beside[step:] |= full[:-step]
-    beside[:-step] |= full[step:]
-    beside[:, step:] |= full[:, :-step]
-    beside[:, :-step] |= full[:, step:]
+    beside[1:] |= full[:-1]
+    beside[:-1] |= full[1:]
+    beside[:, 1:] |= full[:, :-1]
+    beside[:, :-1] |= full[:, 1:]
     return full & beside
 
 
