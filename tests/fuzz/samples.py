@@ -5,6 +5,7 @@ import bz2
 import gzip
 import io
 import json
+import os
 import struct
 import zlib
 from collections.abc import Callable, Mapping
@@ -23,8 +24,13 @@ from rigs.calibrate.detect.found import Found
 from rigs.calibrate.detect.image_sets import read_source
 from rigs.files import load_rig, save_rig
 from rigs.ray_table.ray_file import load_ray_table, save_ray_table
-from rigs.recordings import image_notes, is_integer_image, read_image, read_still
-from rigs.recordings.tiff_stack import TiffStack
+from rigs.recordings import (
+    image_notes,
+    is_integer_image,
+    open_recording,
+    read_image,
+    read_still,
+)
 from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume, write_volume
 from tomo.selection import Choice
@@ -171,10 +177,10 @@ def _images(folder):
 
     def noted(path):
         image_notes({"cam": [path]})
-        read_still(path).grey("g")
+        read_still(path)
 
     def film(path):
-        recording = TiffStack(path)
+        recording = open_recording(path)
         for index in range(min(recording.n_frames, 3)):
             recording.read(index)
 
@@ -184,6 +190,7 @@ def _images(folder):
         "image .jpg": Reader("a.jpg", read_image, (_jpeg(),), BINARY),
         "image .pgm": Reader("a.pgm", read_image, _pnms(), (*TEXT, *BINARY)),
         "film .tif": Reader("a.tif", film, _stacks(), BINARY),
+        "film .avi": Reader("a.avi", film, _videos(folder), BINARY),
         "notes on images": Reader("a.tif", noted, every, PNG),
         "calibration image": Reader("a.tif", read_source, every, PNG),
         "detection cache": Reader("found.npz", _detection_cache.read,
@@ -392,6 +399,19 @@ def _stacks():
         stack = np.arange(189, dtype=np.uint16).reshape(3, 7, 9)
         tifffile.imwrite(file, stack, photometric="minisblack", **settings)
         made.append(file.getvalue())
+    return tuple(made)
+
+
+def _videos(folder):
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # as `Video` does, but before writing
+    made = []
+    for code in ("MJPG", "FFV1"):
+        path = str(folder / "written.avi")
+        writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*code), 10, (32, 24))
+        for level in (60, 90, 200):
+            writer.write(np.full((24, 32, 3), level, np.uint8))
+        writer.release()
+        made.append((folder / "written.avi").read_bytes())
     return tuple(made)
 
 

@@ -24,6 +24,7 @@ NAMES = (
     *(
         "image .pgm",
         "film .tif",
+        "film .avi",
         "notes on images",
         "calibration image",
         "detection cache",

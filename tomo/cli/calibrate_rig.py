@@ -111,6 +111,14 @@ def calibrate_rig(
             help="How the images are named otherwise, like '{frame}/{camera}.png'.",
         ),
     ] = None,
+    bayer: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ORDER",
+            help="Images are mosaics of colour filters in this order, like RGGB: the target is "
+            "searched in their brightness.",
+        ),
+    ] = None,
     every: Annotated[
         int, typer.Option(help="Use one picture of a video in this many.", min=1)
     ] = 1,
@@ -145,7 +153,7 @@ def calibrate_rig(
             "target": parse_target(target),
         }
         volume = _volume(grid, spacing, center)
-        found = image_set(images, every, pattern)
+        found = image_set(images, every, pattern, _are_mosaics(bayer))
         frames = {frame for of_camera in found.values() for frame in of_camera}
         check_options(found, frames, **how)
         with progress_bar("detect") as progress:
@@ -184,6 +192,13 @@ def _check_outputs(out: Path, report: Path | None, cache: Path | None) -> None:
         check_output_file(cache)
     if report is not None:
         check_output_folder(report)
+
+
+def _are_mosaics(bayer: str | None) -> bool:
+    """Return whether images are mosaics; an order of colours that is none is refused."""
+    from rigs.recordings import Mosaic
+
+    return bayer is not None and bool(Mosaic(bayer.upper(), "g"))
 
 
 def _volume(grid: str | None, spacing: str | None, center: str | None) -> Volume | None:

@@ -20,7 +20,7 @@ from rigs.recordings import (
     read_still,
     without_pattern,
 )
-from rigs.recordings.layout import how_to_name, images_in, natural
+from rigs.recordings.layout import Images, how_to_name, images_in, natural
 from rigs.recordings.notes import grouped_notes
 from rigs.recordings.tiff_stack import is_stack
 
@@ -44,12 +44,30 @@ class VideoFrame:
         return f"{self.path}: frame {self.index}"
 
 
-Source = str | os.PathLike | VideoFrame | np.ndarray
+@dataclass(frozen=True)
+class MosaicImage:
+    """An image file of a sensor with colour filters, even where the file does not say so.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    """
+
+    path: Path
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+
+Source = str | os.PathLike | VideoFrame | MosaicImage | np.ndarray
 """Where an image comes from: a file, a picture of a video, or the image itself."""
 
 
 def image_set(
-    folder: str | os.PathLike, every: int = 1, pattern: str | None = None
+    folder: str | os.PathLike,
+    every: int = 1,
+    pattern: str | None = None,
+    are_mosaics: bool = False,
 ) -> dict[str, dict[str, Source]]:
     """Return the images in ``folder``, by camera and frame.
 
@@ -64,6 +82,8 @@ def image_set(
         Use every n-th picture of a film.
     pattern : str, optional
         How files are named otherwise, see `rigs.recordings.find_images`.
+    are_mosaics : bool
+        Whether images are mosaics of colour filters: the pattern is smoothed away.
 
     Returns
     -------
@@ -87,7 +107,7 @@ def image_set(
             raise ValueError(
                 f"{folder}: pattern: found no image whose name fits {pattern!r}, expected some"
             )
-        return dict(found)
+        return _sources(found, are_mosaics)
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
     inside.sort(key=lambda path: natural(path.name))
     folders = [path for path in inside if path.is_dir()]
@@ -101,6 +121,8 @@ def image_set(
             f"{folder}: found the folder {folders[0].name} and the video {films[0].name}, "
             "expected one folder per camera or one video per camera"
         )
+    if films and are_mosaics:
+        raise ValueError(f"{films[0]}: bayer: found a film, expected image files with --bayer")
     if films:
         return _pictures_of(films, folder, every)
     for path in folders:
@@ -112,13 +134,25 @@ def image_set(
             f"{folder}: found {there}, expected one folder or one video per camera: "
             f"{how_to_name(loose, folder, None)}"
         )
-    return dict(found)
+    return _sources(found, are_mosaics)
+
+
+def _sources(found: Images, are_mosaics: bool) -> dict[str, dict[str, Source]]:
+    """Return the sources of image files."""
+    return {
+        camera: {frame: MosaicImage(path) if are_mosaics else path for frame, path in each.items()}
+        for camera, each in found.items()
+    }
 
 
 def notes_of(images: Mapping[str, Mapping[str, Source]]) -> list[str]:
     """Return lines on what files say and reading does not heed, see `image_notes`."""
     stills = {
-        camera: [Path(one) for one in frames.values() if isinstance(one, str | os.PathLike)]
+        camera: [
+            Path(str(one))
+            for one in frames.values()
+            if isinstance(one, str | os.PathLike | MosaicImage)
+        ]
         for camera, frames in images.items()
     }
     films = {
@@ -147,12 +181,14 @@ def read_source(source: Source) -> NDArray:
         return next(iter(read_pictures(source.path, [source.index])))[1]
     if isinstance(source, np.ndarray):
         return _grey(source, "image", blue_first=True)
-    path = Path(source)
+    path = source.path if isinstance(source, MosaicImage) else Path(source)
     try:
         still = read_still(path)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
-    image = without_pattern(still.pixels) if still.is_mosaic else still.pixels
+    image = still.pixels
+    if still.is_grey and (still.is_mosaic or isinstance(source, MosaicImage)):
+        image = without_pattern(image)
     return _grey(image, str(path))
 
 
