@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 from rigs.recordings.stills import IMAGE_SUFFIXES
@@ -16,7 +17,7 @@ ONLY = "0"
 """The frame of a camera's only image, where its name is the camera's."""
 
 _BETWEEN = "_-. "  # stand between a camera's name and a frame's
-_EXAMPLE = "--pattern '{camera}_{frame}.tif'"
+_EXAMPLE = "{camera}_{frame}.tif"
 _LAYOUTS = "cam00/0001.tif, cam00/cam00_0001.tif, cam00_0001.tif or cam00.tif"
 
 
@@ -86,19 +87,39 @@ def natural(name: str) -> list[tuple[int, int | str]]:
 
 
 def how_to_name(paths: Sequence[Path], folder: Path, cameras: Sequence[str] | None) -> str:
-    """Return what to do about images whose names fit no layout: the pattern to write."""
-    told = f"expected {_LAYOUTS}"
-    for path in paths:
-        inside = path.relative_to(folder).as_posix()
-        for camera in sorted(cameras or (), key=len, reverse=True):
-            if camera in inside:
-                before, _, after = inside.partition(camera)
-                frames = list(re.finditer(r"\d+", after)) or [None]
-                end = frames[-1]
-                if end is not None:
-                    after = f"{after[: end.start()]}{{frame}}{after[end.end() :]}"
-                return f"{told}, or the names' pattern, like --pattern '{before}{{camera}}{after}'"
-    return f"{told}, or the names' pattern, like {_EXAMPLE}"
+    """Return how files have to be named, and the pattern to write for those that are there."""
+    inside = [path.relative_to(folder).as_posix() for path in paths]
+    known = (_pattern_around(path, cameras) for path in inside) if cameras else ()
+    pattern = next(filter(None, known), None) or _pattern_between(inside) or _EXAMPLE
+    return f"files named {_LAYOUTS}, or their pattern, like --pattern '{pattern}'"
+
+
+def _pattern_around(path: str, cameras: Sequence[str]) -> str | None:
+    """Return the pattern of a path that holds a camera's name; its last number is the frame."""
+    for camera in sorted(cameras, key=len, reverse=True):
+        before, name, after = path.partition(camera)
+        if name:
+            *_, last = [None, *re.finditer(r"\d+", after)]
+            if last is not None:
+                after = f"{after[: last.start()]}{{frame}}{after[last.end() :]}"
+            return f"{before}{{camera}}{after}"
+    return None
+
+
+def _pattern_between(paths: Sequence[str]) -> str | None:
+    """Return the pattern of paths that differ in one word; None where numbers differ too."""
+    start = re.match(r".*[\W_]|", _common_start(paths))[0]
+    backwards = _common_start([path[::-1] for path in paths])
+    end = re.match(r".*[\W_]|", backwards)[0][::-1]
+    words = {path[len(start) : len(path) - len(end)] for path in paths}
+    if len(words) < 2 or any(re.search(r"\d|/", word) or not word for word in words):
+        return None
+    return f"{start}{{camera}}{end}"
+
+
+def _common_start(texts: Sequence[str]) -> str:
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*texts, strict=False))
+    return "".join(letters[0] for letters in alike)
 
 
 def _by_names(
@@ -168,7 +189,7 @@ def _by_pattern(
     if pattern.count("{camera}") != 1 or pattern.count("{frame}") > 1:
         raise ValueError(
             f"pattern: found {pattern!r}, expected {{camera}} once, and {{frame}} where several "
-            f"moments were recorded, like {_EXAMPLE}"
+            f"moments were recorded, like {_EXAMPLE!r}"
         )
     if pattern.startswith("/") or ".." in pattern.split("/") or "\\" in pattern:
         raise ValueError(f"pattern: found {pattern!r}, expected a path inside {folder}")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.recordings.mosaic import Mosaic
+from rigs.recordings.mosaic import COLOURS, Mosaic
 from rigs.recordings.still import CHANNELS
 
 
@@ -80,15 +80,16 @@ class Corrections:
                     f"camera {camera}: channel: found {channel!r}, expected {expected}"
                 )
             return None
-        if channel is None:
-            raise ValueError(
-                f"camera {camera}: channel: found none, expected r, g or b with bayer {bayer}: "
-                "--channel g, or corrections: {channel: g} in scan.yaml"
-            )
         try:
-            return Mosaic(bayer, channel)
+            mosaic = Mosaic(bayer, COLOURS[0] if channel is None else channel)
         except ValueError as error:
             raise ValueError(f"camera {camera}: {error}") from None
+        if channel is None:
+            raise ValueError(
+                f"camera {camera}: channel: found none, expected one of {', '.join(COLOURS)} with "
+                f"bayer {bayer}: --channel g, or corrections: {{channel: g}} in scan.yaml"
+            )
+        return mosaic
 
     def corrected(
         self, image: Path | NDArray, camera: str, size: tuple[int, int], source: Path | None = None

@@ -195,6 +195,6 @@ def _no_images(
     others = ", ".join(sorted(path.name for path in folder.iterdir() if path.is_dir()))
     return FileNotFoundError(
         f"{folder}: camera {camera}: found no folder {camera} in it and no image of that name; it "
-        f"has {others or 'no folders'} and {len(inside)} images in all, "
+        f"has {others or 'no folders'} and {len(inside)} images in all, expected "
         f"{how_to_name(inside, folder, cameras)}"
     )

@@ -131,7 +131,7 @@ def image_set(
     if not found:
         there = f"{len(loose)} images outside camera folders" if loose else "neither"
         raise ValueError(
-            f"{folder}: found {there}, expected one folder or one video per camera: "
+            f"{folder}: found {there}, expected one folder or one video per camera, or "
             f"{how_to_name(loose, folder, None)}"
         )
     return _sources(found, are_mosaics)

@@ -7,6 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rigs.recordings import find_images
+from rigs.recordings.layout import how_to_name
 
 CAMERAS = ("cam00", "cam01", "cam10")
 
@@ -147,3 +148,19 @@ def test_long_names_take_no_time(make):
     assert find_images(folder) == {}
     assert find_images(folder, None, "*_*_*_{camera}_*_*_{frame}.tif") is not None
     assert time.process_time() - began < 2
+
+
+@pytest.mark.parametrize(
+    ("paths", "cameras", "pattern"),
+    [
+        (["left.tif", "right.tif"], None, "{camera}.tif"),
+        (["shot1_left-raw.tif", "shot1_right-raw.tif"], None, "shot1_{camera}-raw.tif"),
+        (["0001_left.tif", "0002_right.tif"], None, "{camera}_{frame}.tif"),  # an example
+        (["run3/0007left_x.tif"], ["left"], "run3/0007{camera}_x.tif"),
+        (["a/xleft0007.tif"], ["lef", "left"], "a/x{camera}{frame}.tif"),
+        ([], ["left"], "{camera}_{frame}.tif"),
+    ],
+)
+def test_the_pattern_to_write_is_that_of_the_files(tmp_path, paths, cameras, pattern):
+    words = how_to_name([tmp_path / path for path in paths], tmp_path, cameras)
+    assert words.endswith(f"--pattern '{pattern}'")

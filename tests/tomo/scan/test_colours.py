@@ -111,7 +111,9 @@ def test_what_does_not_fit_is_refused(folder, rig, edit, assert_refused):
         edit(folder, lambda c, wrong=wrong: c.update(corrections=wrong))
         assert_refused(lambda: load_scan(folder), "corrections.", "expected one of")
     edit(folder, lambda c: c.update(corrections={"bayer": "RGGB"}))
-    assert_refused(lambda: load_scan(folder), "scan.yaml", "channel: found none, expected r, g")
+    assert_refused(
+        lambda: load_scan(folder), "scan.yaml", "channel: found none, expected one of r, g"
+    )
     edit(folder, lambda c: c.update(corrections={"bayer": "RGGB", "channel": "g"}))
     assert_refused(lambda: load_scan(folder).of_channel("r"), "corrections.channel: found g")
     assert_refused(

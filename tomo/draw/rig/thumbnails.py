@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig
 from rigs.recordings import find_images, luminance, read_still, without_pattern
-from rigs.recordings.layout import ONLY
+from rigs.recordings.layout import ONLY, how_to_name
 from tomo.draw.rig.rig_scene import Target, on_symbol, symbol_length
 from tomo.draw.scene import ColourScale, Mesh, Scene
 from tomo.draw.volume.maps import lattice_triangles
@@ -60,10 +60,10 @@ def load_thumbnails(
         chosen = {name: _of_frame(files, frame) for name, files in found.items()}
         images = {n: _read(path, rig[n]) for n, path in chosen.items() if path is not None}
     if not images:
-        moment = "<frame>" if frame is None else frame
+        moment = "" if frame is None else f" of frame {frame}"
         raise ValueError(
-            f"{source}: found no image of any camera, expected <camera>/{moment}.* with a camera "
-            f"of the rig: {', '.join(rig.names)}"
+            f"{source}: found no image{moment} of any camera, expected some of the rig's "
+            f"{', '.join(rig.names)}: {how_to_name((), source, rig.names)}"
         )
     small = {name: _shrunk(image, _LONGEST) for name, image in images.items()}
     bright = np.quantile(np.concatenate([image.ravel() for image in small.values()]), 0.999)
