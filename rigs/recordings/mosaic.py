@@ -97,6 +97,11 @@ class Mosaic:
         # `shrunk` looks from the middle of the 2 x 2 pixels, at half a pixel
         return camera.shifted(0.5 - column, 0.5 - row).shrunk(_STEP)
 
+    def sensor(self, camera: AnyCamera) -> AnyCamera:
+        """Return the camera of the whole sensor, but for an odd side, from the colour's."""
+        row, column = self.place
+        return camera.scaled(_STEP).shifted(column - 0.5, row - 0.5)
+
 
 def without_pattern(image: NDArray) -> NDArray[np.float32]:
     """Return a mosaic's brightness, at full size: every pixel is a mean over its 3 x 3.

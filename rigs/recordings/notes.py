@@ -73,8 +73,12 @@ def _said_by(path: str | os.PathLike) -> list[str]:
                         "smaller ones beside it are taken for thumbnails"
                     )
         else:
+            import PIL.Image
+
             header = header_of(file)
-            orientation, kind = header.getexif().get(_ORIENTATION, 1), header.format
+            # the general method: PNG's own decodes the image first, however large it claims to be
+            exif = PIL.Image.Image.getexif(header)
+            orientation, kind = exif.get(_ORIENTATION, 1), header.format
         if orientation in _VIEWS:
             said.append(
                 f"an orientation tag ({orientation}) asks for images to be viewed "

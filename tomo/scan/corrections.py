@@ -64,6 +64,12 @@ class Corrections:
         value = getattr(self, correction)
         return value.get(camera) if isinstance(value, Mapping) else value
 
+    @property
+    def colours(self) -> dict[str, str | Mapping[str, str]]:
+        """``bayer`` and ``channel``, where they are given."""
+        given = {"bayer": self.bayer, "channel": self.channel}
+        return {name: value for name, value in given.items() if value is not None}
+
     def mosaic(self, camera: str) -> Mosaic | None:
         """Return which pixels of a camera's sensor are used; None where all are.
 

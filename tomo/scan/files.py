@@ -102,9 +102,7 @@ def _load_scan_file(path: Path) -> Scan:
     effects = None if content.effects is None else content.effects.model_dump()
     if effects is not None:
         check_cameras(path, "effects.gains", effects["gains"], rig)
-    corrections = Corrections(**corrections)
-    scan = Scan(rig, frames, corrections, grid, truth, source=path, effects=effects)
-    return scan.with_mosaics_divided()
+    return Scan(rig, frames, Corrections(**corrections), grid, truth, source=path, effects=effects)
 
 
 def _inside(scan_file: Path, text: str, field: str) -> Path:
@@ -174,7 +172,7 @@ def scan_of_images(
             frames.setdefault(frame, {})[camera] = path
     settings.setdefault("grid", grid_of_rig(rig))
     ordered = tuple(Frame(name, frames[name]) for name in sorted(frames, key=natural))
-    return Scan(rig, ordered, source=folder, **settings).with_mosaics_divided()
+    return Scan(rig, ordered, source=folder, **settings)
 
 
 def _no_images(

@@ -21,7 +21,7 @@ from tomo.scan.write import save_scan
 if TYPE_CHECKING:
     from os import PathLike
 
-    from rigs import Rig
+    from rigs import CameraLike, Rig
 
 Images = list[NDArray[np.float32]]
 Masks = list[NDArray[np.bool_]]
@@ -34,7 +34,9 @@ class Scan:
     Parameters
     ----------
     rig : Rig
-        The cameras of the images that this scan gives back, shrunk where those are shrunk.
+        The cameras of the images that this scan gives back, shrunk where those are shrunk. Where
+        corrections take one colour of mosaics, those of the sensors are given, without
+        ``recorded_sizes``, and become those of the colour.
     frames : tuple of Frame
     corrections : Corrections
     grid : VoxelGrid, optional
@@ -46,8 +48,7 @@ class Scan:
     shrink : int
         By how much the images are shrunk when read.
     recorded_sizes : mapping, optional
-        Camera to ``(width, height)`` of the files; that of the rig when None. A mosaic of colours
-        has files of twice the rig's size, see `of_channel`.
+        Camera to ``(width, height)`` of the files; that of the rig as given when None.
     effects : mapping, optional
         The effects that the images were simulated with: the fields of
         `tomo.simulation.effects.Effects`, and ``gains``, camera to gain. Only compared with, as
@@ -69,6 +70,7 @@ class Scan:
         if self.recorded_sizes is None:
             sizes = {camera.name: tuple(camera.image_size) for camera in self.rig}
             object.__setattr__(self, "recorded_sizes", sizes)
+            object.__setattr__(self, "rig", self._rig_of_colours())
         if not len(self.rig):
             raise ValueError(f"{self._where}cameras: found none, expected at least one")
         if not self.frames:
@@ -133,7 +135,7 @@ class Scan:
         for name in rig.names:
             if corrections.of("channel", name) and not corrections.of("bayer", name):
                 raise ValueError(f"camera {name}: channel: found grey arrays, expected bayer too")
-        return cls(rig, frames, corrections, grid, truth, effects=effects).with_mosaics_divided()
+        return cls(rig, frames, corrections, grid, truth, effects=effects)
 
     def save(self, folder: str | PathLike) -> Path:
         """Write a scan in memory as a scan folder, see `save_scan`; return its scan.yaml.
@@ -274,19 +276,24 @@ class Scan:
                 raise ValueError(
                     f"{self._where}corrections.{name}: found {known}, expected none with --{name}"
                 )
+        if self.shrink != 1:
+            raise ValueError(
+                f"{self._where}scale: found {self.shrink}, expected 1 before a colour"
+            )
         corrections = replace(self.corrections, channel=channel, bayer=bayer)
-        return replace(self, corrections=corrections).with_mosaics_divided()
+        return replace(self, corrections=corrections, recorded_sizes=None)
 
-    def with_mosaics_divided(self) -> Scan:
-        """Return the scan with the cameras of one colour, where corrections say it is a mosaic.
+    def recorded_camera(self, camera: CameraLike) -> CameraLike:
+        """Return the camera of images as recorded, from one of this scan's images."""
+        mosaic = self.corrections.mosaic(camera.name)
+        if self.shrink == 1 and mosaic is None:
+            return camera
+        camera = camera.scaled(self.shrink)
+        whole = camera if mosaic is None else mosaic.sensor(camera)
+        return replace(whole, image_size=self.recorded_sizes[camera.name])
 
-        The rig is that of whole sensors before, and is not afterwards: see `of_channel`.
-
-        Raises
-        ------
-        ValueError
-            If the order of the colours is unknown, or no channel is chosen.
-        """
+    def _rig_of_colours(self) -> Rig:
+        """Return the rig, its cameras those of one colour where they record mosaics."""
         try:
             mosaics = {name: self.corrections.mosaic(name) for name in self.rig.names}
             cameras = tuple(
@@ -295,7 +302,7 @@ class Scan:
             )
         except ValueError as error:
             raise ValueError(f"{self._where}{error}") from None
-        return replace(self, rig=replace(self.rig, cameras=cameras))
+        return replace(self.rig, cameras=cameras)
 
     def images(self, frame: str | None = None) -> Images:
         """Return the corrected images of a frame: float32 ``(h, w)``, in the rig's order.

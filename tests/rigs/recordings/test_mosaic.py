@@ -47,6 +47,14 @@ def test_rays_are_those_through_the_pixels_own_places(pattern, channel):
     np.testing.assert_allclose(own.project(points)[0], expected, atol=1e-9)
 
 
+@pytest.mark.parametrize(("pattern", "channel"), EVERY)
+def test_the_sensor_s_camera_comes_back(pattern, channel):
+    mosaic, whole = Mosaic(pattern, channel), camera((80, 60))
+    back = mosaic.sensor(mosaic.camera(whole))
+    assert back.image_size == whole.image_size
+    np.testing.assert_allclose(back.camera_matrix, whole.camera_matrix, rtol=1e-12)
+
+
 @pytest.mark.parametrize("channel", COLOURS)
 def test_a_ray_table_keeps_the_rays_of_the_colour_s_pixels(channel):
     table = RayTable.of(camera())

@@ -40,6 +40,17 @@ def test_a_mosaic_s_colour_has_images_and_rays_of_its_own(mosaic, rig, edit, cha
                 np.testing.assert_array_equal(one, other)
 
 
+def test_cameras_as_recorded_come_back_from_one_colour_shrunk(mosaic, rig):
+    folder, _ = mosaic
+    scan = scan_of_images(rig, folder / "images").of_channel("b", "GBRG").scaled(2)
+    for camera in rig:
+        back = scan.recorded_camera(scan.rig[camera.name])
+        assert back.image_size == camera.image_size
+        np.testing.assert_allclose(back.camera_matrix, camera.camera_matrix, atol=1e-9)
+    parts = scan.only("left").without()
+    assert parts.rig["left"].image_size == (1, 1)
+
+
 def test_cameras_may_differ(mosaic, edit):
     folder, images = mosaic
     edit(folder, lambda c: c.update(corrections={
@@ -102,6 +113,7 @@ def test_a_channel_of_images_in_colour(folder, rig, edit, assert_refused):
 
 def test_what_does_not_fit_is_refused(folder, rig, edit, assert_refused):
     scan = load_scan(folder)
+    assert_refused(lambda: scan.scaled(2).of_channel("g"), "scale: found 2, expected 1 before")
     assert_refused(lambda: scan.of_channel("x"), "scan.yaml", "channel: found 'x'")
     assert_refused(lambda: scan.of_channel("g", "RGB"), "bayer: found 'RGB', expected one of RGGB")
     assert_refused(lambda: scan.of_channel(None, "RGGB"), "camera left: channel: found none")
