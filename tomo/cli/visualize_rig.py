@@ -197,7 +197,7 @@ def _pictures(rig: Rig, images: Path | None, frame: str | None, pattern: str | N
         return {}
     from tomo.draw.rig.thumbnails import load_thumbnails
 
-    return load_thumbnails(rig, images, frame, pattern)
+    return load_thumbnails(rig, images, frame, pattern, note=say)
 
 
 def _scene(rig: Rig, voxels: VoxelGrid | None, data: object, pictures: dict) -> Scene:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig
-from rigs.recordings import find_images, luminance, read_still, without_pattern
+from rigs.recordings import find_images, image_notes, luminance, read_still, without_pattern
 from rigs.recordings.layout import ONLY, how_to_name
 from tomo.draw.rig.rig_scene import Target, on_symbol, symbol_length
 from tomo.draw.scene import ColourScale, Mesh, Scene
@@ -21,7 +21,11 @@ _LONGEST_IN_SPACE = 48  # and of the one that hangs in the camera's symbol
 
 
 def load_thumbnails(
-    rig: Rig, source: str | os.PathLike, frame: str | None = None, pattern: str | None = None
+    rig: Rig,
+    source: str | os.PathLike,
+    frame: str | None = None,
+    pattern: str | None = None,
+    note: Callable[[str], None] | None = None,
 ) -> dict[str, NDArray[np.uint8]]:
     """Return each camera's picture, shrunk by area means; cameras without one are left out.
 
@@ -34,7 +38,9 @@ def load_thumbnails(
     frame : str, optional
         The moment; the first when None.
     pattern : str, optional
-        How the files of a folder are named, where it is no scan.
+        How the files of a folder are named that is no scan.
+    note : callable, optional
+        Called with a line on what files say and reading does not heed, see `image_notes`.
 
     Returns
     -------
@@ -51,14 +57,18 @@ def load_thumbnails(
     source = Path(source)
     if not source.exists():
         raise FileNotFoundError(f"{source}: no such folder of images")
-    if source.suffix == ".json" or any(
+    is_scan = source.suffix == ".json" or any(
         (source / name).exists() for name in ("scan.yaml", "transforms.json")
-    ):
-        images = _of_scan(rig, source, frame)
+    )
+    if is_scan and pattern is None:
+        files, images = _of_scan(rig, source, frame)
     else:
         found = find_images(source, rig.names, pattern)
-        chosen = {name: _of_frame(files, frame) for name, files in found.items()}
-        images = {n: _read(path, rig[n]) for n, path in chosen.items() if path is not None}
+        chosen = {name: _of_frame(each, frame) for name, each in found.items()}
+        files = {name: path for name, path in chosen.items() if path is not None}
+        images = {name: _read(path, rig[name]) for name, path in files.items()}
+    for line in image_notes({name: [path] for name, path in files.items()}) if note else ():
+        note(line)
     if not images:
         moment = "" if frame is None else f" of frame {frame}"
         raise ValueError(
@@ -100,20 +110,23 @@ def image_scene(rig: Rig, target: Target, images: dict[str, NDArray]) -> Scene:
     return Scene(tuple(meshes), length_unit=rig.length_unit)
 
 
-def _of_scan(rig: Rig, source: Path, frame: str | None) -> dict[str, NDArray[np.float32]]:
-    """Return the images of a scan's cameras that the rig has too."""
+def _of_scan(
+    rig: Rig, source: Path, frame: str | None
+) -> tuple[dict[str, Path], dict[str, NDArray[np.float32]]]:
+    """Return the files and the images of a scan's cameras that the rig has too."""
     from tomo import load_scan
 
     scan = load_scan(source)
     common = [name for name in scan.rig.names if name in rig.names]
     if not common:
-        return {}
+        return {}, {}
     scan = scan.only(*common)
     for camera in scan.rig:
         size = scan.recorded_sizes[camera.name]
         if rig[camera.name].image_size != camera.image_size:  # all of a mosaic's colours
             _check_size(source, size, rig[camera.name])
-    return dict(zip(scan.rig.names, scan.images(frame), strict=True))
+    images = dict(zip(scan.rig.names, scan.images(frame), strict=True))
+    return {name: scan.frame(frame).images[name] for name in images}, images
 
 
 def _of_frame(files: Mapping[str, Path], frame: str | None) -> Path | None:
