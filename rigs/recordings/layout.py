@@ -174,12 +174,21 @@ def _frame_of(stem: str, camera: str) -> str | None:
 
 
 def _numbered(paths: Sequence[Path]) -> Iterable[tuple[str, str, Path]]:
-    """Yield camera, frame and path of files ``CAMERA_NUMBER``; nothing where one is not."""
+    """Yield camera, frame and path of files ``CAMERA_NUMBER``; nothing where one is not.
+
+    Words that stand before the number of every camera are the frame's: ``pose_01`` of
+    ``left_pose_01`` and ``right_pose_01``.
+    """
     numbered = re.compile(r"(.*[^\d_\-. ].*)[_\-. ]+(\d+)")
     split = [numbered.fullmatch(path.stem) for path in paths]
-    if None not in split:
-        for path, match in zip(paths, split, strict=True):
-            yield match[1].rstrip(_BETWEEN), match[2], path
+    if None in split:
+        return
+    before = {match[1].rstrip(_BETWEEN) for match in split}
+    end = _common_start([name[::-1] for name in before])[::-1] if len(before) > 1 else ""
+    words = re.search(r"[_\-. ].*|$", end)[0]
+    for path, match in zip(paths, split, strict=True):
+        camera = match[1].rstrip(_BETWEEN).removesuffix(words)
+        yield camera, path.stem[len(camera) :].lstrip(_BETWEEN), path
 
 
 def _by_pattern(

@@ -67,6 +67,15 @@ def test_known_names_may_stand_behind_the_moment_s_and_hold_each_other(make):
     }
 
 
+def test_words_after_every_camera_s_name_are_the_moment_s(make):
+    folder = make(*(f"{name}_pose_{k:02d}.tif" for name in ("left", "right_up") for k in (1, 2)))
+    found = {camera: list(frames) for camera, frames in find_images(folder).items()}
+    assert found == {"left": ["pose_01", "pose_02"], "right_up": ["pose_01", "pose_02"]}
+    assert found == {c: list(f) for c, f in find_images(folder, ("left", "right_up")).items()}
+    make("right_up_other_03.tif")  # not all are alike: the names before the numbers
+    assert set(find_images(folder)) == {"left_pose", "right_up_pose", "right_up_other"}
+
+
 def test_a_name_that_only_begins_like_a_camera_s_is_not_its(make):
     folder = make("cam0_1.tif", "cam00_1.tif", "camera_1.tif")
     assert names(folder, ("cam0", "cam")) == {"cam0": {"1": "cam0_1.tif"}}
