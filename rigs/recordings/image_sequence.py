@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -40,10 +41,14 @@ class ImageSequence:
         self.image_size = image_size(paths[0])
         full = read_still(paths[0]).full_scale
         self.bit_depth = None if full is None else full.bit_length()
-        self.notes = tuple(image_notes({folder.name: paths}))
 
     def __repr__(self) -> str:
         return f"ImageSequence({[str(path) for path in self.paths]!r}, {str(self.folder)!r})"
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What the files say and reading does not heed: every file's header is read."""
+        return tuple(image_notes({self.folder.name: self.paths}))
 
     def read(self, index: int) -> NDArray:
         """Return a frame, see `Recording.read`; colours must be equal."""

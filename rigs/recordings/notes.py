@@ -82,8 +82,9 @@ def _said_by(path: str | os.PathLike) -> list[str]:
         if orientation in _VIEWS:
             said.append(
                 f"an orientation tag ({orientation}) asks for images to be viewed "
-                f"{_VIEWS[orientation]}; they are used as stored, row 0 first: the rig must come "
-                "from images used alike, by calibrate-rig for one (OpenCV's imread turns them)"
+                f"{_VIEWS[orientation]}; they are used as stored, row 0 first. A rig calibrated "
+                "from turned images, as OpenCV's imread returns them, does not fit: calibrate with "
+                "calibrate-rig"
             )
         if kind in _LOSSY:
             said.append(

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,7 +44,7 @@ class Video:
     def __init__(self, path: str | os.PathLike) -> None:
         self.path = Path(path)
         self._lock = threading.Lock()
-        with _silent():
+        with _SILENT:
             video = _opened(self.path)
             import cv2
 
@@ -66,7 +64,7 @@ class Video:
     def n_frames(self) -> int:
         """The number of pictures: decoded once, because the one in the header is often wrong."""
         if self._count is None:
-            with _silent():
+            with _SILENT:
                 self._count = _decodable(self.path)
         return self._count
 
@@ -74,7 +72,7 @@ class Video:
         """Return the luminance of a picture, see `Recording.read`."""
         if index < 0 or self._count is not None:
             check_index(self.path, index, self.n_frames)
-        with self._lock, _silent():
+        with self._lock, _SILENT:
             if self._video is None or index < self._next:
                 self.close()
                 self._video, self._next = _opened(self.path), 0
@@ -130,15 +128,34 @@ def _decodable(path: Path) -> int:
     return count
 
 
-@contextmanager
-def _silent() -> Iterator[None]:
-    """Keep OpenCV's and FFmpeg's own lines off the terminal: what matters is raised."""
-    import cv2
+class _Silent:
+    """Keeps OpenCV's and FFmpeg's own lines off the terminal: what matters is raised.
 
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # read when the first video is opened
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        cv2.utils.logging.setLogLevel(level)
+    The level is the process's: the first thread that enters lowers it, the last one restores it.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._inside = 0
+        self._level = 0
+
+    def __enter__(self) -> None:
+        from cv2.utils import logging
+
+        with self._lock:
+            if not self._inside:
+                # read when the first video is opened
+                os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+                self._level = logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+            self._inside += 1
+
+    def __exit__(self, *_: object) -> None:
+        from cv2.utils import logging
+
+        with self._lock:
+            self._inside -= 1
+            if not self._inside:
+                logging.setLogLevel(self._level)
+
+
+_SILENT = _Silent()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,9 @@ from tomo.scan.write import SCAN_FILE, check_cameras
 
 if TYPE_CHECKING:
     from os import PathLike
+
+_MOST_LISTED = 10_000
+"""Files looked at for a message: more take seconds where a whole disk is given."""
 
 _COLOURS = ("corrections.bayer", "corrections.channel")
 
@@ -189,7 +193,8 @@ def _no_images(
             f"{folder / camera}: camera {camera}: found no image, expected files that end in "
             f"{', '.join(IMAGE_SUFFIXES)}"
         )
-    inside = sorted(path for path in folder.rglob("*") if path.suffix.lower() in IMAGE_SUFFIXES)
+    some = islice(folder.rglob("*"), _MOST_LISTED)
+    inside = sorted(path for path in some if path.suffix.lower() in IMAGE_SUFFIXES)
     others = ", ".join(sorted(path.name for path in folder.iterdir() if path.is_dir()))
     return FileNotFoundError(
         f"{folder}: camera {camera}: found no folder {camera} in it and no image of that name; it "

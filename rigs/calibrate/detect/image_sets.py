@@ -20,7 +20,7 @@ from rigs.recordings import (
     read_still,
     without_pattern,
 )
-from rigs.recordings.layout import Images, how_to_name, images_in, natural
+from rigs.recordings.layout import ONLY, Images, how_to_name, images_in, natural
 from rigs.recordings.notes import grouped_notes
 from rigs.recordings.tiff_stack import is_stack
 
@@ -107,6 +107,9 @@ def image_set(
             raise ValueError(
                 f"{folder}: pattern: found no image whose name fits {pattern!r}, expected some"
             )
+        films = {camera: each[ONLY] for camera, each in found.items() if ONLY in each}
+        if len(films) == len(found) and all(_is_film(path) for path in films.values()):
+            return _pictures_of(films, every, are_mosaics)
         return _sources(found, are_mosaics)
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
     inside.sort(key=lambda path: natural(path.name))
@@ -115,16 +118,24 @@ def image_set(
     loose = [path for path in files if path.suffix.lower() in IMAGE_SUFFIXES]
     films = [path for path in files if path.suffix.lower() in FILM_SUFFIXES]
     if not films and not folders:
-        films = [path for path in loose if is_stack(path)]
+        films = [path for path in loose if _is_film(path)]
+        still = next((path for path in loose if path not in films), None)
+        if films and still:
+            raise ValueError(
+                f"{folder}: found {films[0].name} of many pages and {still.name} of one image, "
+                "expected one film or one folder of images per camera"
+            )
     if folders and films:
         raise ValueError(
             f"{folder}: found the folder {folders[0].name} and the video {films[0].name}, "
             "expected one folder per camera or one video per camera"
         )
-    if films and are_mosaics:
-        raise ValueError(f"{films[0]}: bayer: found a film, expected image files with --bayer")
     if films:
-        return _pictures_of(films, folder, every)
+        named = {path.stem: path for path in films}
+        if len(named) < len(films):
+            twice = next(path for path in films if named[path.stem] != path)
+            raise ValueError(f"{folder}: camera {twice.stem}: found two videos, expected one")
+        return _pictures_of(named, every, are_mosaics)
     for path in folders:
         _check_holds_images(path)
     found = find_images(folder)
@@ -205,17 +216,24 @@ def read_pictures(path: Path, indices: Iterable[int]) -> Iterator[tuple[int, NDA
         yield index, _grey(film.read(index), f"{path}: picture {index}")
 
 
-def _pictures_of(films: list[Path], folder: Path, every: int) -> dict[str, dict[str, Source]]:
-    """Return every n-th picture of films that are named as their cameras."""
-    images: dict[str, dict[str, Source]] = {}
-    for path in films:
-        if path.stem in images:
-            raise ValueError(f"{folder}: camera {path.stem}: found two videos, expected one")
-        images[path.stem] = {
+def _is_film(path: Path) -> bool:
+    return path.suffix.lower() in FILM_SUFFIXES or is_stack(path)
+
+
+def _pictures_of(
+    films: Mapping[str, Path], every: int, are_mosaics: bool
+) -> dict[str, dict[str, Source]]:
+    """Return every n-th picture of each camera's film."""
+    if are_mosaics:
+        path = next(iter(films.values()))
+        raise ValueError(f"{path}: bayer: found a film, expected image files with --bayer")
+    return {
+        camera: {
             f"{index:06d}": VideoFrame(path, index)
             for index in range(0, open_recording(path).n_frames, every)
         }
-    return images
+        for camera, path in films.items()
+    }
 
 
 def _check_holds_images(folder: Path) -> None:

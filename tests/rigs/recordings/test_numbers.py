@@ -1,7 +1,5 @@
 """Numbers of any kind and packing, over the full scale that was recorded."""
 
-import sys
-
 import cv2
 import numpy as np
 import pytest
@@ -125,9 +123,7 @@ def test_a_pgm_that_is_none_is_refused(refused, content, words):
     assert words in refused(read_image, "a.pgm", content)
 
 
-def test_no_reader_needs_a_display_of_its_own_log(tmp_path, capfd):
-    """Nor does a missing optional module of a library show on the terminal."""
+def test_reading_writes_nothing_on_the_terminal(tmp_path, capfd):
     tifffile.imwrite(tmp_path / "a.tif", np.zeros((4, 5), np.uint16), compression="zstd")
     read_image(tmp_path / "a.tif")
     assert capfd.readouterr() == ("", "")
-    assert "tifffile" in sys.modules

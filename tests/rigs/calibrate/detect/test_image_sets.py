@@ -208,6 +208,21 @@ def test_pages_of_tiffs_are_moments(tmp_path):
     assert observe(images, TARGET).counts().tolist() == [[20, 20], [20, 20]]
 
 
+def test_films_are_found_by_a_pattern_and_not_mixed_with_images(videos):
+    for name in ("left", "right"):
+        (videos / f"{name}.avi").rename(videos / f"run3 {name}.avi")
+    images = image_set(videos, 4, "run3 {camera}.avi")
+    assert images["left"] == {f"{k:06d}": VideoFrame(videos / "run3 left.avi", k) for k in (0, 4)}
+    with pytest.raises(ValueError, match="bayer: found a film, expected image files"):
+        image_set(videos, are_mosaics=True)
+    for path in videos.iterdir():
+        path.unlink()
+    tifffile.imwrite(videos / "a.tif", np.stack([board()] * 2), photometric="minisblack")
+    tifffile.imwrite(videos / "b.tif", board())
+    with pytest.raises(ValueError, match=r"found a\.tif of many pages and b\.tif of one image"):
+        image_set(videos)
+
+
 def test_a_folder_of_other_files_is_named_with_what_is_in_it(folder):
     (folder / "notes").mkdir()
     for name in ("b.txt", "a.txt"):
