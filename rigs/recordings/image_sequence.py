@@ -47,7 +47,7 @@ class ImageSequence:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """What the files say and reading does not heed: every file's header is read."""
+        """Lines on what files say and reading does not heed: every file's header is read."""
         return tuple(image_notes({self.folder.name: self.paths}))
 
     def read(self, index: int) -> NDArray:

@@ -42,7 +42,7 @@ def find_images(
         Where the camera's and the frame's name stand in a path inside the folder, like
         ``{camera}_{frame}.tif``; ``*`` is any text without a slash.
     suffixes : iterable of str
-        What files of images end in.
+        The endings of images' names.
 
     Returns
     -------

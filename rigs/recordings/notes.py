@@ -30,8 +30,8 @@ def image_notes(images: Mapping[str, Iterable[str | os.PathLike]]) -> list[str]:
     Parameters
     ----------
     images : mapping
-        Camera to its image files; only their headers are read. What cannot be read is left to
-        the reader of the pixels.
+        Camera to its image files; only their headers are read. Files that cannot be read
+        are left to the reader of pixels.
     """
     return grouped_notes(
         (camera, _said_by(path)) for camera, paths in images.items() for path in paths
@@ -83,8 +83,8 @@ def _said_by(path: str | os.PathLike) -> list[str]:
             said.append(
                 f"an orientation tag ({orientation}) asks for images to be viewed "
                 f"{_VIEWS[orientation]}; they are used as stored, row 0 first. A rig calibrated "
-                "from turned images, as OpenCV's imread returns them, does not fit: calibrate with "
-                "calibrate-rig"
+                "from turned images, as OpenCV's imread returns them, does not fit: calibrate "
+                "with calibrate-rig"
             )
         if kind in _LOSSY:
             said.append(

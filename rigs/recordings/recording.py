@@ -26,7 +26,7 @@ class Recording(Protocol):
     timestamps : (n_frames,) float64 or None
         Seconds from the first frame, where the file says.
     notes : tuple of str
-        What a user should know of the numbers, such as that they are not linear in light.
+        Lines that a user should know of the numbers, such as that they are not linear in light.
     """
 
     n_frames: int

@@ -115,7 +115,7 @@ class Corrections:
         Returns
         -------
         image : (height, width) float32
-            Zero where it is not usable. Of a mosaic, the colour's smaller image.
+            Zero where it is not usable; a mosaic's is that of the colour alone.
         usable : (height, width) bool
         full : (height, width) bool
             True where an integer pixel is at full scale: its light is not known.
