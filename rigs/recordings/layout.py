@@ -140,7 +140,7 @@ def _by_names(
     loose = [path for path in inside if _is_image(path, suffixes)]
     taken = {path.name for path in folders}
     if cameras is None:
-        if not folders:
+        if not any(images_in(path, suffixes) for path in folders):
             yield from _numbered(loose)
         return
     for path in loose:

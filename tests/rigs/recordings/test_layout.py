@@ -76,6 +76,13 @@ def test_words_after_every_camera_s_name_are_the_moment_s(make):
     assert set(find_images(folder)) == {"left_pose", "right_up_pose", "right_up_other"}
 
 
+def test_folders_without_images_are_no_cameras(make):
+    assert set(find_images(make("cam00_1.tif", "cam01_1.tif", "notes/a.txt"))) == {
+        "cam00",
+        "cam01",
+    }
+
+
 def test_a_name_that_only_begins_like_a_camera_s_is_not_its(make):
     folder = make("cam0_1.tif", "cam00_1.tif", "camera_1.tif")
     assert names(folder, ("cam0", "cam")) == {"cam0": {"1": "cam0_1.tif"}}
