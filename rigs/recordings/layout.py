@@ -146,8 +146,9 @@ def _by_names(
     for path in loose:
         for camera in sorted(cameras, key=len, reverse=True):
             frame = _frame_of(path.stem, camera)
-            if frame is not None and camera not in taken:
-                yield camera, frame, path
+            if frame is not None:
+                if camera not in taken:
+                    yield camera, frame, path
                 break
 
 
