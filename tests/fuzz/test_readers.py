@@ -21,7 +21,16 @@ NAMES = (
     *("OpenCV stereo", "MyPTV", "format unknown .json", "format unknown .toml"),
     *("format unknown .yaml", "format unknown .txt", "scan.yaml", "scan of transforms.json"),
     *("volume .npz", "volume .vti", "volume .nrrd", "image .tif", "image .png", "image .jpg"),
-    *("calibration image", "detection cache", "encoder", "checkpoint"),
+    *(
+        "image .pgm",
+        "film .tif",
+        "film .avi",
+        "notes on images",
+        "calibration image",
+        "detection cache",
+        "encoder",
+        "checkpoint",
+    ),
 )
 
 

@@ -15,6 +15,7 @@ from tomo.cli.calibration_inputs import (
     IntrinsicsOption,
     LensImagesOption,
     SquareOption,
+    are_mosaics,
     cameras_images,
     check_lens_options,
     frame_names,
@@ -54,8 +55,8 @@ Images = Annotated[
     Path,
     typer.Argument(
         metavar="IMAGES",
-        help="A folder with one folder of images, or one video, for each camera. Images of "
-        "the same name were taken at the same time.",
+        help="A folder with one folder of images, or one video, for each camera, or with images "
+        "CAMERA_NUMBER.*. Images of the same name were taken at the same time.",
     ),
 ]
 TargetOption = Annotated[
@@ -121,6 +122,21 @@ def calibrate_rig(
     spacing: SpacingOption = None,
     center: CenterOption = None,
     report: ReportOption = None,
+    pattern: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATTERN",
+            help="How the images are named otherwise, like '{frame}/{camera}.png'.",
+        ),
+    ] = None,
+    bayer: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ORDER",
+            help="Images are mosaics of colour filters in this order, like RGGB: the target is "
+            "searched in their brightness.",
+        ),
+    ] = None,
     every: Annotated[
         int, typer.Option(help="Use one picture of a video in this many.", min=1)
     ] = 1,
@@ -149,7 +165,8 @@ def calibrate_rig(
         notes: list[str] = []
         target_seen, volume = parse_target(target), given_volume(grid, spacing, center)
         axes = given_world(world)
-        found = cameras_images(images, every, notes)
+        naming = {"pattern": pattern, "are_mosaics": are_mosaics(bayer)}
+        found = cameras_images(images, every, notes, **naming)
         how = {
             "intrinsics": given_lenses(intrinsics or [], found),
             "world": axes,
@@ -168,7 +185,7 @@ def calibrate_rig(
         check_lens_options(found, intrinsics, intrinsics_images, lenses)
         times = frame_times(frames)
         if intrinsics_images is not None:
-            own = cameras_images(intrinsics_images, every, notes)
+            own = cameras_images(intrinsics_images, every, notes, **naming)
             found = with_lens_images(found, own, intrinsics_images)
         with progress_bar("detect") as progress:
             seen = detections(found, how["target"], cache=cache, progress=progress)
@@ -214,7 +231,9 @@ def _check_outputs(out: Path, report: Path | None, cache: Path | None) -> None:
 
 
 def _notes(found: ImageSet, seen: Detections) -> list[str]:
-    """Return lines on images that are blurred, and on cameras whose images lack the target."""
+    """Return lines on files, blurred images, and cameras whose images lack the target."""
+    from rigs.calibrate.detect.image_sets import notes_of
+
     notes = [
         f"camera {camera}: {found[camera][frame]}: edges are blurred over {blur:.2g} px, twice as "
         "much as is usual or more"
@@ -228,7 +247,7 @@ def _notes(found: ImageSet, seen: Detections) -> list[str]:
                 f"camera {camera}: target not found in {len(without)} of {len(frames)} images: "
                 f"{named}"
             )
-    return notes
+    return notes + notes_of(found)
 
 
 def _write_page(

@@ -173,11 +173,21 @@ def given_volume(grid: str | None, spacing: str | None, center: str | None) -> V
     return Volume(voxels.shape, voxels.spacing, voxels.center)
 
 
-def cameras_images(folder: Path, every: int, notes: list[str]) -> ImageSet:
-    """Return the images in a folder, and add lines on folders that are no cameras."""
+def cameras_images(folder: Path, every: int, notes: list[str], **naming: Any) -> ImageSet:
+    """Return the images in a folder, and add lines on folders that are no cameras.
+
+    ``naming`` is what `rigs.calibrate.image_set` takes besides.
+    """
     from rigs.calibrate.detect import image_set
 
-    return image_set(folder, every, notes.append)
+    return image_set(folder, every, notes.append, **naming)
+
+
+def are_mosaics(bayer: str | None) -> bool:
+    """Return whether images are mosaics; an order of colours that is none is refused."""
+    from rigs.recordings import Mosaic
+
+    return bayer is not None and bool(Mosaic(bayer.upper(), "g"))
 
 
 def frame_names(found: ImageSet) -> list[str]:

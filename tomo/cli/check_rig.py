@@ -16,6 +16,7 @@ from tomo.cli.inputs import (
     CenterOption,
     GridOption,
     LowerOption,
+    PatternOption,
     RigArgument,
     SpacingOption,
     UpperOption,
@@ -64,6 +65,7 @@ def check_rig(
         Path | None,
         typer.Option(metavar="FOLDER", help="A scan or a folder of images to show in the page."),
     ] = None,
+    pattern: PatternOption = None,
     json: JsonFlag = False,
 ) -> None:
     """Check whether a rig is good enough for a volume.
@@ -78,6 +80,8 @@ def check_rig(
             raise ValueError(
                 f"--images: found {images} without a page, expected an .html among --out"
             )
+        if pattern is not None and images is None:
+            raise ValueError("--pattern: expected --images with it")
         if not (math.isfinite(pixel_accuracy) and pixel_accuracy > 0):
             raise ValueError(
                 f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
@@ -99,7 +103,7 @@ def check_rig(
         need, effort, why = _effort(loaded, voxels, time)
         heading = Path(rig).stem
         for path in out:
-            _write_maps(path, loaded, voxels, check, coarse, images, heading)
+            _write_maps(path, loaded, voxels, check, coarse, images, pattern, heading)
     if not json:
         from rich.console import Console
 
@@ -135,6 +139,7 @@ def _write_maps(
     check: RigCheck,
     coarse: object,
     images: Path | None,
+    pattern: str | None,
     heading: str,
 ) -> None:
     from tomo.draw.rig import rig_scene
@@ -163,7 +168,7 @@ def _write_maps(
     if images is not None:
         from tomo.draw.rig.thumbnails import image_scene, load_thumbnails
 
-        pictures = load_thumbnails(rig, images)
+        pictures = load_thumbnails(rig, images, pattern=pattern, note=say)
         scene += image_scene(rig, Target.of(rig, voxels), pictures)
     write_html(
         path,

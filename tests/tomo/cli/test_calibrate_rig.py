@@ -416,3 +416,38 @@ def test_what_is_said_of_lenses_must_agree(refused, taken, tmp_path, monkeypatch
     save_rig(Rig(tuple(cameras)), tmp_path / "lab.yaml")
     options, words = LENSES[fault]
     assert words in refused(taken[1], *options)
+
+
+def test_images_named_otherwise_give_the_same_rig(run_tool, few, tmp_path):
+    """Side by side, and by a pattern: the figures are those of one folder a camera."""
+    flat, moments = tmp_path / "flat", tmp_path / "moments"
+    flat.mkdir()
+    for path in sorted(few.rglob("*.*")):
+        camera, frame = path.parent.name, path.stem
+        (moments / f"run_{frame}").mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, flat / f"{camera}_{frame}{path.suffix}")
+        shutil.copy(path, moments / f"run_{frame}" / f"{camera}{path.suffix}")
+    suffix = path.suffix
+    rigs = []
+    for folder, more in (
+        (few, ()),
+        (flat, ()),
+        (moments, ("--pattern", f"run_{{frame}}/{{camera}}{suffix}")),
+    ):
+        options = ("--target", TARGET, "--model", "none", "-o", tmp_path / "out" / "rig.yaml")
+        done = run_tool("calibrate_rig", folder, *options, *more)
+        assert done.exit_code == 0, (done.stderr, done.exception)
+        rigs.append(load_rig(tmp_path / "out" / "rig.yaml"))
+    for rig in rigs[1:]:
+        assert rig.names == rigs[0].names
+        for one, other in zip(rig, rigs[0], strict=True):
+            np.testing.assert_array_equal(one.camera_matrix, other.camera_matrix)
+            np.testing.assert_array_equal(one.t, other.t)
+
+
+def test_an_unknown_order_of_colours_is_refused(run_tool, few, tmp_path):
+    done = run_tool(
+        "calibrate_rig", few, "--target", TARGET, "--bayer", "XYZ", "-o", tmp_path / "rig.yaml"
+    )
+    assert done.exit_code == 2
+    assert "bayer: found 'XYZ', expected one of RGGB" in done.stderr
