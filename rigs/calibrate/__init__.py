@@ -5,12 +5,14 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "adjust.film": ["frame_times"],
         "calibration": ["calibrate"],
         "detect.detect": ["Detections", "detections", "find_target", "observe"],
         "detect.image_sets": ["VideoFrame", "image_set"],
         "observations": ["Observations"],
         "quality.quality": ["Quality"],
         "result": ["Calibration"],
+        "synchrony": ["Synchrony"],
         "targets.boards": ["CharucoBoard", "Chessboard"],
         "targets.circle_grid": ["CircleGrid"],
         "targets.target_text": ["parse_target"],

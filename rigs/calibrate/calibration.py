@@ -2,34 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rigs.calibrate.adjust.culling import Culled, adjust_and_cull
 from rigs.calibrate.adjust.duplicates import without_repeats
-from rigs.calibrate.adjust.initial import (
-    SingleCamera,
-    check_target_poses,
-    lens_alone,
-    single_camera,
-)
-from rigs.calibrate.adjust.joint_terms import richer_terms
-from rigs.calibrate.adjust.lens_choice import Terms
+from rigs.calibrate.adjust.lens_choice import LensRules
 from rigs.calibrate.adjust.observation_arrays import (
-    Freedom,
     ObservationArrays,
     Scene,
-    ordered,
     predicted,
 )
-from rigs.calibrate.adjust.projection import Lens
-from rigs.calibrate.adjust.shared_views import rig_poses
 from rigs.calibrate.adjust.world import in_world
+from rigs.calibrate.joint_adjustment import adjust_together
 from rigs.calibrate.observations import Observations
-from rigs.calibrate.options import check_options
+from rigs.calibrate.options import check_options, check_rules, common_lenses
 from rigs.calibrate.quality.assessment import assessment, findings
 from rigs.calibrate.quality.covariance import labels, refuse_unknown_lenses
 from rigs.calibrate.quality.quality import measure
@@ -37,8 +26,6 @@ from rigs.calibrate.quality.summary import summary
 from rigs.calibrate.result import Calibration
 from rigs.camera import Camera
 from rigs.rig import Rig, Volume
-
-_GIVEN = Terms("given", "none", ())
 
 
 def calibrate(
@@ -52,6 +39,10 @@ def calibrate(
     target: object | None = None,
     volume: Volume | None = None,
     cull: bool = True,
+    square_pixels: bool = False,
+    fixed_center: bool = False,
+    common_lens: Iterable[Collection[str]] = (),
+    times: Mapping[str, float] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Calibration:
     """Return the rig that explains the observations best, and how far it can be trusted.
@@ -85,6 +76,15 @@ def calibrate(
         kept in the rig.
     cull : bool
         Leave out outliers; False keeps every observation.
+    square_pixels : bool
+        Hold fx equal to fy.
+    fixed_center : bool
+        Hold the principal point in the middle of the image.
+    common_lens : iterable of collections of str
+        Sets of cameras; those of one set share camera matrix and distortion.
+    times : mapping of str to float, optional
+        Moments of frames of films, counted in frames (`frame_times`). Where the target moves
+        smoothly, cameras that are out of step are found and their offsets allowed for.
     progress : callable, optional
         Called with a line of text at each step.
 
@@ -106,42 +106,48 @@ def calibrate(
         distortion=distortion,
         target=target,
     )
+    rules = LensRules(
+        square_pixels, fixed_center, common_lenses(observations.cameras, common_lens)
+    )
+    check_rules(rules, observations.image_sizes, observations.cameras, intrinsics)
     names, points = observations.cameras, observations.target_points
     keep, frozen, repeats = without_repeats(observations)
-    order = ordered(observations)
-    order = order[keep[order]]
     scale = float(np.linalg.norm(np.ptp(points, axis=0)))  # adjusted in units of the target's size
-    arrays = ObservationArrays(
-        observations.camera[order],
-        observations.frame[order],
-        points[observations.point[order]] / scale,
-        observations.uv[order],
+    adjusted = adjust_together(
+        observations,
+        np.flatnonzero(keep),
+        scale,
+        intrinsics=intrinsics,
+        distortion=distortion,
+        rules=rules,
+        cull=cull,
+        times=times,
+        report=report,
     )
-    views = _single_cameras(observations, arrays, intrinsics, distortion, report)
-    report("poses along shared views")
-    scene, root = rig_poses(names, views, arrays, len(observations.frames))
-    report("joint adjustment")
-    kept, freedom, terms = _adjusted(scene, arrays, views, root, distortion, cull)
     scene, world_frame, size, poorly_met = in_world(
-        _scaled(kept.solution.scene, scale), names, observations.frames, world, rescale
+        _scaled(adjusted.scene, scale), names, observations.frames, world, rescale
     )
     if size != 1:
         observations = replace(observations, target_points=points * size)
-    arrays = replace(arrays, points=arrays.points * (scale * size))
+    arrays, used = adjusted.arrays.scaled(scale * size), np.zeros(len(observations), bool)
     rig = Rig(_cameras(observations, scene, intrinsics), length_unit, world_frame, volume)
     report("quality")
     quality, noise, covariance = measure(
-        rig, scene, arrays, kept.used, freedom, volume, intrinsics is not None
+        rig, scene, arrays, adjusted.used, adjusted.freedom, volume
     )
+    quality = adjusted.by_number(quality)
     refuse_unknown_lenses(quality.focal_error, names)
     residuals = np.full((len(observations), 2), np.nan)
-    residuals[order] = arrays.uv - predicted(scene, arrays)
-    used = np.zeros(len(observations), bool)
-    used[order] = kept.used
+    residuals[adjusted.rows] = arrays.uv - predicted(scene, arrays)
+    used[adjusted.rows] = adjusted.used
     voxel = None if volume is None else float(np.prod(volume.spacing)) ** (1 / 3)
-    warnings, notes = findings(quality, observations, used, noise, voxel)
+    synchrony = adjusted.synchrony
+    offsets = None if synchrony is None else synchrony.in_words()
+    held = rules.in_words()
+    warnings, notes = findings(quality, observations, used, noise, voxel, offsets, held)
     warnings = (*frozen, *poorly_met, *warnings)
-    notes = (*repeats, *_unposed(scene, arrays, observations.frames), *notes)
+    unposed = _unposed(scene, arrays, observations.frames)
+    notes = (*adjusted.out_of_step(observations), *repeats, *unposed, *notes)
     calibration = Calibration(
         rig,
         observations,
@@ -149,64 +155,17 @@ def calibrate(
         used,
         scene.target_R,
         scene.target_t,
-        tuple(one.name for one in terms),
+        tuple(one.name for one in adjusted.terms),
         noise,
-        labels(names, freedom),
+        labels(names, adjusted.freedom),
         covariance,
-        names[root],
+        names[adjusted.root],
         quality,
         warnings + notes,
         assessment(quality, warnings, notes, length_unit, voxel),
+        synchrony,
     )
     return replace(calibration, rig=replace(rig, calibration=summary(calibration)))
-
-
-def _single_cameras(
-    observations: Observations,
-    arrays: ObservationArrays,
-    intrinsics: Rig | None,
-    distortion: str,
-    report: Callable[[str], None],
-) -> list[SingleCamera]:
-    """Return each camera's lens, found from its own images or given, and its target poses."""
-    frames = len(observations.frames)
-    views = []
-    for camera, name in enumerate(observations.cameras):
-        report(f"lens of camera {name}")
-        own = arrays.where(arrays.camera == camera)
-        own = replace(own, camera=np.zeros(len(own), np.int64))
-        lens, terms = (
-            lens_alone(name, own, frames, observations.image_sizes[camera], distortion)
-            if intrinsics is None
-            else _given(intrinsics[name])
-        )
-        views.append(single_camera(lens, terms, own, frames))
-        check_target_poses(name, views[-1])
-    return views
-
-
-def _adjusted(
-    scene: Scene,
-    arrays: ObservationArrays,
-    views: list[SingleCamera],
-    root: int,
-    distortion: str,
-    cull: bool,
-) -> tuple[Culled, Freedom, list[Terms]]:
-    """Return the joint adjustment, what was free in it, and each camera's lens terms.
-
-    The pose of camera ``root`` is held. Terms that pay only jointly are freed for ``auto``.
-    """
-    held = np.arange(len(views)) == root
-    freedom = Freedom(tuple(_lens_freedom(view) for view in views), ~held)
-    terms = [view.terms for view in views]
-    kept = adjust_and_cull(scene, arrays, freedom, cull)
-    if distortion == "auto":
-        richer = richer_terms(kept.solution.scene, arrays.where(kept.used), freedom, terms)
-        if richer is not None:
-            scene, freedom, terms = richer
-            kept = adjust_and_cull(scene, arrays, freedom, cull)
-    return kept, freedom, terms
 
 
 def _unposed(scene: Scene, arrays: ObservationArrays, frames: tuple[str, ...]) -> tuple[str, ...]:
@@ -254,17 +213,6 @@ def _check(observations: Observations, intrinsics: Rig | None) -> None:
                 f"intrinsics: camera {name}: image_size: found {intrinsics[name].image_size}, "
                 f"expected {size} as its images"
             )
-
-
-def _given(camera: Camera) -> tuple[Lens, Terms]:
-    """Return the lens of a camera whose intrinsics are kept."""
-    lens = camera.distortion
-    return Lens(camera.camera_matrix, lens.model, np.array(lens.coefficients)), _GIVEN
-
-
-def _lens_freedom(view: SingleCamera) -> NDArray[np.bool_]:
-    """Return which numbers of a camera's lens are adjusted."""
-    return np.zeros(view.lens.size, bool) if view.terms is _GIVEN else view.terms.freedom()
 
 
 def _scaled(scene: Scene, scale: float) -> Scene:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 from numpy.typing import ArrayLike
 
-from rigs.calibrate.adjust.lens_choice import TERMS
+from rigs.calibrate.adjust.lens_choice import TERMS, LensRules
 from rigs.rig import Rig
 
 
@@ -57,3 +57,61 @@ def check_options(
         raise ValueError(
             f"world: found {len(world)} positions, expected at least 3 that are not on a line"
         )
+
+
+def common_lenses(
+    cameras: Collection[str], sets: Iterable[Collection[str]]
+) -> tuple[int, ...] | None:
+    """Return for each camera the first one of its set; None without sets.
+
+    Raises
+    ------
+    ValueError
+        If a name is not a camera's or is in two sets, or a set has one camera only.
+    """
+    names, first = list(cameras), list(range(len(cameras)))
+    taken: set[str] = set()
+    for one in sets:
+        for name in one:
+            if name not in names:
+                raise ValueError(
+                    f"common_lens: found {name!r}, expected names of cameras: {', '.join(names)}"
+                )
+            if name in taken:
+                raise ValueError(f"common_lens: found camera {name} twice, expected once")
+            taken.add(name)
+        if len(one) < 2:
+            raise ValueError(
+                f"common_lens: found {', '.join(one) or 'no camera'} alone, expected two or more "
+                "cameras that share a lens"
+            )
+        places = [names.index(name) for name in one]
+        for place in places:
+            first[place] = min(places)
+    return tuple(first) if taken else None
+
+
+def check_rules(
+    rules: LensRules,
+    image_sizes: tuple[tuple[int, int], ...],
+    cameras: tuple[str, ...],
+    intrinsics: Rig | None,
+) -> None:
+    """Raise where what is known of lenses cannot be, or lenses are given anyway.
+
+    Raises
+    ------
+    ValueError
+    """
+    if intrinsics is not None and rules != LensRules():
+        raise ValueError(
+            "intrinsics: found lenses that are kept as they are, expected neither square_pixels, "
+            "fixed_center nor common_lens with them"
+        )
+    for camera, first in enumerate(rules.common or ()):
+        if image_sizes[camera] != image_sizes[first]:
+            sizes = ["{}x{}".format(*image_sizes[k]) for k in (camera, first)]
+            raise ValueError(
+                f"common_lens: camera {cameras[camera]}: found images of {sizes[0]} pixels, "
+                f"expected {sizes[1]} as camera {cameras[first]} has"
+            )

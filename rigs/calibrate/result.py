@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality.quality import Quality
+from rigs.calibrate.synchrony import Synchrony
 from rigs.rig import Rig
 
 
@@ -45,6 +46,8 @@ class Calibration:
         Warnings and then notes on what was left out, a line each: cameras and frames by name.
     assessment : str
         The predicted ray-miss, its meaning, then the findings.
+    synchrony : Synchrony, optional
+        The cameras' offsets in time; None where no film shows a target that moves.
     """
 
     rig: Rig
@@ -61,6 +64,7 @@ class Calibration:
     quality: Quality
     findings: tuple[str, ...]
     assessment: str
+    synchrony: Synchrony | None = None
 
     def __repr__(self) -> str:
         rms = np.sqrt((self.residuals[self.used] ** 2).sum(axis=1).mean())

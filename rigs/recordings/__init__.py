@@ -1,17 +1,18 @@
-"""The images that cameras wrote, read as stored: linear, row 0 first."""
+"""The images that cameras wrote, stills and films, read as stored: linear, row 0 first."""
 
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "images": [
-            "SCAN_SUFFIXES",
-            "intensities",
-            "is_integer_image",
-            "read_image",
-            "write_image",
-        ],
-        "pixels": ["IMAGE_SUFFIXES", "image_size", "luminance", "read_pixels"],
+        "films": ["FILM_SUFFIXES", "open_recording"],
+        "images": ["MOST_BITS", "intensities", "is_integer_image", "read_image"],
+        "layout": ["find_images"],
+        "mosaic": ["Mosaic", "without_pattern"],
+        "notes": ["image_notes"],
+        "recording": ["Recording"],
+        "still": ["Still"],
+        "stills": ["IMAGE_SUFFIXES", "image_size", "luminance", "read_still"],
+        "write": ["write_image"],
     },
 )

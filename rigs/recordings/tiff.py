@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.size_guard import check_claim, errors_of_libraries
+from rigs.files.size_guard import check_claim
+from rigs.recordings.still import Still
 
 if TYPE_CHECKING:
     import tifffile
@@ -24,55 +25,81 @@ TIFF_MARKS = (b"II", b"MM")  # the first bytes of a file: its byte order
 _NO_INTENSITIES = {
     "MINISWHITE": "white stored as zero, expected black as zero",
     "PALETTE": "numbers of a palette's colours, expected grey values",
-    "CFA": "a mosaic of colour filters, expected grey values",
     "LOGL": "logarithms, expected values linear in intensity",
+    "LOGLUV": "logarithms, expected values linear in intensity",
+    "SEPARATED": "colours of printing inks, expected grey values",
+    "CIELAB": "CIE Lab colours, expected grey values",
+    "ICCLAB": "CIE Lab colours, expected grey values",
+    "ITULAB": "CIE Lab colours, expected grey values",
 }
 """Photometric interpretations whose stored numbers are no intensities, with a message each."""
+
+_TO_RGB = ("JPEG", "OJPEG", "JPEG_2000_LOSSY", "WEBP")
+"""Compressions whose decoder turns brightness and colour differences into red, green and blue."""
+
+_MOST_PAGES = 4
+"""Pages of a file with one image: the image, a thumbnail, a mask. Following a long chain of pages
+takes long."""
+
+_REDUCED, _MASK = 1, 4  # bits of a page's NewSubfileType
 
 
 @contextmanager
 def tiff_page(source: bytes | str | os.PathLike | BinaryIO) -> Iterator[tifffile.TiffPage]:
-    """Yield the only page of a TIFF file, of which only the header has been read.
+    """Yield the page of a TIFF file that is the image; only headers have been read.
+
+    Thumbnails and masks are other pages. They are known by their tag, and thumbnails without one
+    by their sides, at most half as long as the image's.
 
     Raises
     ------
     ValueError
-        If the file has no page or several. tifffile raises other exceptions too.
+        If the file has no image or several. tifffile raises other exceptions too.
     """
-    import tifffile
-
-    file = io.BytesIO(source) if isinstance(source, bytes) else source
-    with _without_log("tifffile"), tifffile.TiffFile(file) as opened:
-        if not opened.pages:
-            raise ValueError("found no page, expected one")
-        page = opened.pages[0]
-        if opened.pages.get(1, default=page) is not page:  # counting a long chain takes long
-            raise ValueError("found more than one page, expected one")
-        yield page
-
-
-def read_tiff(content: bytes) -> NDArray:
-    """Return the image ``(rows, columns)`` or ``(rows, columns, channels)`` that a file holds.
-
-    Raises
-    ------
-    ValueError
-        If the file has not exactly one page of intensities, is damaged, or claims far more than
-        it holds. tifffile and imagecodecs raise other exceptions too.
-    """
-    with tiff_page(content) as page:
-        _check_intensities(page)
-        _check_segments(page, len(content))
-        with errors_of_libraries("damaged or truncated"):
-            pixels = page.asarray()
-        is_planar = page.planarconfig == 2 and page.samplesperpixel > 1
-    if pixels.dtype == np.bool_:  # one bit a sample: black and white, as in other formats
-        pixels = pixels * np.uint8(255)
-    return np.moveaxis(pixels, 0, -1) if is_planar else pixels
+    with opened_tiff(source) as file:
+        yield image_page(file)
 
 
 @contextmanager
-def _without_log(name: str) -> Iterator[None]:
+def opened_tiff(source: bytes | str | os.PathLike | BinaryIO) -> Iterator[tifffile.TiffFile]:
+    """Yield a TIFF file whose library says nothing on the terminal."""
+    import tifffile
+
+    file = io.BytesIO(source) if isinstance(source, bytes) else source
+    with silent_log("tifffile"), tifffile.TiffFile(file) as opened:
+        yield opened
+
+
+def read_tiff(content: bytes) -> Still:
+    """Return the image that a file holds.
+
+    Raises
+    ------
+    ValueError
+        If the file has not exactly one image of intensities, is damaged, or claims far more than
+        it holds. tifffile and imagecodecs raise other exceptions too.
+    """
+    with tiff_page(content) as page:
+        return decoded(page, len(content))
+
+
+def decoded(page: tifffile.TiffPage, size: int) -> Still:
+    """Return the image of a page in a file of ``size`` bytes; see `read_tiff`."""
+    _check_intensities(page)
+    _check_segments(page, size)
+    pixels = _pixels(page)
+    if page.planarconfig == 2 and page.samplesperpixel > 1:
+        pixels = np.moveaxis(pixels, 0, -1)
+    return Still.of(pixels, bits_of(page), getattr(page.photometric, "name", "") == "CFA")
+
+
+def bits_of(page: tifffile.TiffPage) -> int | None:
+    """Return how many bits were recorded of a pixel; None for floating-point numbers."""
+    return page.bitspersample if page.dtype is not None and page.dtype.kind in "biu" else None
+
+
+@contextmanager
+def silent_log(name: str) -> Iterator[None]:
     """Keep a library's log off the terminal: what matters is raised."""
     handler, logger = logging.NullHandler(), logging.getLogger(name)
     logger.addHandler(handler)
@@ -80,6 +107,50 @@ def _without_log(name: str) -> Iterator[None]:
         yield
     finally:
         logger.removeHandler(handler)
+
+
+def _pixels(page: tifffile.TiffPage) -> NDArray:
+    """Return a page's numbers; a library that is not installed is no damage."""
+    try:
+        return page.asarray()
+    except Exception as error:
+        if isinstance(error, ImportError) or "'imagecodecs'" in str(error):
+            packing = getattr(page.compression, "name", page.compression)
+            raise ValueError(
+                f"found {page.bitspersample} bits a sample, compression {packing}, which the "
+                "package imagecodecs decodes, and it is not installed: pip install imagecodecs"
+            ) from None
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"damaged or truncated: {reason}") from None
+
+
+def image_page(file: tifffile.TiffFile) -> tifffile.TiffPage:
+    """Return the one page that is no thumbnail and no mask, see `tiff_page`."""
+    if not file.pages:
+        raise ValueError("found no page, expected one")
+    pages = [file.pages[0]]
+    while len(pages) <= _MOST_PAGES:
+        page = file.pages.get(len(pages), default=pages[0])
+        if page is pages[0]:
+            break
+        pages.append(page)
+    whole = [page for page in pages if not page.subfiletype & (_REDUCED | _MASK)]
+    if not whole:  # raw files of cameras: the thumbnail comes first and holds the image
+        inner = [one for page in pages for one in page.pages or ()]
+        whole = [page for page in inner if not page.subfiletype & (_REDUCED | _MASK)]
+    if not whole:
+        raise ValueError("found only thumbnails, expected an image")
+    largest = max(whole, key=lambda page: page.imagewidth * page.imagelength)
+    others = (page for page in whole if page is not largest)
+    if len(pages) > _MOST_PAGES or not all(_is_thumbnail(page, largest) for page in others):
+        raise ValueError(
+            "found more than one page, expected one: store the frames as one file each"
+        )
+    return largest
+
+
+def _is_thumbnail(page: tifffile.TiffPage, image: tifffile.TiffPage) -> bool:
+    return 2 * page.imagewidth <= image.imagewidth and 2 * page.imagelength <= image.imagelength
 
 
 def _check_intensities(page: tifffile.TiffPage) -> None:
@@ -91,11 +162,13 @@ def _check_intensities(page: tifffile.TiffPage) -> None:
         raise ValueError(
             f"found {page.imagewidth} x {page.imagelength} pixels, expected at least one"
         )
-    if page.dtype is None or page.bitspersample not in (1, 8 * page.dtype.itemsize):
+    if page.dtype is None or not isinstance(page.bitspersample, int):
         raise ValueError(
             f"found {page.bitspersample} bits a sample of kind {page.sampleformat}, expected "
-            "8 or 16, or floating point"
+            "1 to 32, or floating point"
         )
+    if kind == "YCBCR" and getattr(page.compression, "name", "") not in _TO_RGB:
+        raise ValueError("found brightness and colour differences, expected grey values")
 
 
 def _check_segments(page: tifffile.TiffPage, size: int) -> None:

@@ -6,6 +6,7 @@ import functools
 import gzip
 import io
 import json
+import os
 import struct
 import zlib
 from collections.abc import Callable, Mapping
@@ -25,7 +26,13 @@ from rigs.calibrate.detect.image_sets import read_source
 from rigs.files import load_rig, save_rig
 from rigs.files.world_file import load_world
 from rigs.ray_table.ray_file import load_ray_table, save_ray_table
-from rigs.recordings import is_integer_image, read_image
+from rigs.recordings import (
+    image_notes,
+    is_integer_image,
+    open_recording,
+    read_image,
+    read_still,
+)
 from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume, write_volume
 from tomo.selection import Choice
@@ -246,10 +253,23 @@ def _images(folder):
         read_image(path, 12)
         is_integer_image(path)
 
+    def noted(path):
+        image_notes({"cam": [path]})
+        read_still(path)
+
+    def film(path):
+        recording = open_recording(path)
+        for index in range(min(recording.n_frames, 3)):
+            recording.read(index)
+
     return {
         "image .tif": Reader("a.tif", image, _tiffs(), BINARY),
         "image .png": Reader("a.png", read_image, _pngs(), PNG),
         "image .jpg": Reader("a.jpg", read_image, (_jpeg(),), BINARY),
+        "image .pgm": Reader("a.pgm", read_image, _pnms(), (*TEXT, *BINARY)),
+        "film .tif": Reader("a.tif", film, _stacks(), BINARY),
+        "film .avi": Reader("a.avi", film, _videos(folder), BINARY),
+        "notes on images": Reader("a.tif", noted, every, PNG),
         "calibration image": Reader("a.tif", read_source, every, PNG),
         "detection cache": Reader("found.npz", _detection_cache.read,
                                   ((folder / "cache").read_bytes(),), ARCHIVE),
@@ -305,6 +325,8 @@ corrections:
   flat: {cam0: a.tif}
   gain: {cam0: 1.02}
   mask: {cam0: a.tif}
+  bayer: {cam0: RGGB}
+  channel: {cam0: g}
   saturation: 0.98
   bit_depth: 12
 truth: truth.npz
@@ -503,7 +525,45 @@ def _tiffs():
         tiff(whole.astype(np.uint8), compression="jpeg"),
         tiff(small, compression="lzw", predictor=3),
         tiff(np.stack([whole, whole])),
+        tiff(whole, bitspersample=12),
+        tiff(whole.astype(np.int32), compression="packbits"),
+        tiff(small.astype(np.float16), compression="lzw"),
+        tiff(np.dstack([whole, whole]), planarconfig="contig", extrasamples=["unassalpha"]),
+        tiff(whole, photometric="cfa", extratags=[(274, "H", 1, 6, True)]),
         *by_opencv,
+    )
+
+
+def _stacks():
+    made = []
+    for settings in ({}, {"compression": "zlib", "bigtiff": True}, {"tile": (16, 16)}):
+        file = io.BytesIO()
+        stack = np.arange(189, dtype=np.uint16).reshape(3, 7, 9)
+        tifffile.imwrite(file, stack, photometric="minisblack", **settings)
+        made.append(file.getvalue())
+    return tuple(made)
+
+
+def _videos(folder):
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # as `Video` does, but before writing
+    made = []
+    for code in ("MJPG", "FFV1"):
+        path = str(folder / "written.avi")
+        writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*code), 10, (32, 24))
+        for level in (60, 90, 200):
+            writer.write(np.full((24, 32, 3), level, np.uint8))
+        writer.release()
+        made.append((folder / "written.avi").read_bytes())
+    return tuple(made)
+
+
+def _pnms():
+    wide = np.arange(6, dtype=">u2").tobytes()
+    return (
+        b"P2\n3 2\n9\n1 2 3 4 5 6\n",
+        b"P3\n1 2\n# a comment\n255\n1 2 3 4 5 6\n",
+        b"P5 3 2 4095\n" + wide,
+        b"P6 1 2 255\n" + bytes(6),
     )
 
 
@@ -522,4 +582,4 @@ def _jpeg():
 
 def _others():
     made = (cv2.imencode(end, _grey())[1].tobytes() for end in (".bmp", ".pgm", ".webp"))
-    return (_jpeg(), *made, b"P2\n3 2\n9\n1 2 3 4 5 6\n")
+    return (_jpeg(), *made, *_pnms())

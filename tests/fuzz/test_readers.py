@@ -24,7 +24,8 @@ NAMES = (
     *("projection", "DLT", "DLT bottom", "pyptv", "scan.yaml", "scan of transforms.json"),
     *("world file", "volume .npz", "volume .vti", "volume .nrrd", "volume .npy", "volume .mha"),
     *("volume .nii", "volume .nii.gz", "image .tif", "image .png", "image .jpg"),
-    *("calibration image", "detection cache", "encoder", "checkpoint"),
+    *("calibration image", "detection cache", "encoder", "checkpoint", "image .pgm"),
+    *("film .tif", "film .avi", "notes on images"),
 )
 
 

@@ -9,15 +9,30 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tomo.cli.calibration_inputs import (
+    CommonLensOption,
+    FixedCenterOption,
+    IntrinsicsOption,
+    LensImagesOption,
+    SquareOption,
+    are_mosaics,
+    cameras_images,
+    check_lens_options,
+    frame_names,
+    given_lenses,
+    given_volume,
+    given_world,
+    lens_sets,
+    with_lens_images,
+)
 from tomo.cli.console import JsonFlag, console, print_json, progress_bar, say
 from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import CenterOption, SpacingOption, load_rig_or_preset, parse_grid
+from tomo.cli.inputs import CenterOption, SpacingOption
 from tomo.cli.outputs import check_output_file, check_output_folder
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from rigs import Volume
     from rigs.calibrate import Calibration
     from rigs.calibrate.detect import Detections
     from rigs.calibrate.detect.detect import ImageSet
@@ -29,6 +44,8 @@ _NAMED = 6
 EXAMPLES = """
 flametomo calibrate-rig images --target chessboard:9x6:25
     -o rig.yaml
+flametomo calibrate-rig poses --intrinsics-images lenses -o rig.yaml
+    --target chessboard:9x6:25 --square-pixels --common-lens all
 flametomo calibrate-rig images -o rig.yaml --grid 30x140x30
     --spacing 0.5 --target charuco:5x4:54:40.5:DICT_4X4_1000
 """
@@ -38,8 +55,8 @@ Images = Annotated[
     Path,
     typer.Argument(
         metavar="IMAGES",
-        help="A folder with one folder of images, or one video, for each camera. Images of "
-        "the same name were taken at the same time.",
+        help="A folder with one folder of images, or one video, for each camera, or with images "
+        "CAMERA_NUMBER.*. Images of the same name were taken at the same time.",
     ),
 ]
 TargetOption = Annotated[
@@ -91,11 +108,12 @@ def calibrate_rig(
     length_unit: Annotated[
         str, typer.Option(metavar="UNIT", help="Unit of the target's lengths and of the rig.")
     ] = "mm",
-    intrinsics: Annotated[
-        str | None,
-        typer.Option(metavar="RIG", help="A rig whose lenses and camera matrices are kept."),
-    ] = None,
+    intrinsics: IntrinsicsOption = None,
+    intrinsics_images: LensImagesOption = None,
     model: ModelOption = "auto",
+    square_pixels: SquareOption = False,
+    fixed_center: FixedCenterOption = False,
+    common_lens: CommonLensOption = None,
     world: WorldOption = None,
     rescale: Annotated[
         bool, typer.Option("--rescale", help="Take the scale from the positions in --world.")
@@ -104,6 +122,21 @@ def calibrate_rig(
     spacing: SpacingOption = None,
     center: CenterOption = None,
     report: ReportOption = None,
+    pattern: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATTERN",
+            help="How the images are named otherwise, like '{frame}/{camera}.png'.",
+        ),
+    ] = None,
+    bayer: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ORDER",
+            help="Images are mosaics of colour filters in this order, like RGGB: the target is "
+            "searched in their brightness.",
+        ),
+    ] = None,
     every: Annotated[
         int, typer.Option(help="Use one picture of a video in this many.", min=1)
     ] = 1,
@@ -123,31 +156,49 @@ def calibrate_rig(
     with bad_input_in_one_line():
         _check_outputs(out, report, cache)
         from rigs import save_rig
-        from rigs.calibrate import calibrate
-        from rigs.calibrate.detect import detections, image_set
+        from rigs.calibrate import calibrate, frame_times
+        from rigs.calibrate.detect import detections
         from rigs.calibrate.options import check_options
         from rigs.calibrate.targets import parse_target
         from rigs.files.json_file import write_json
 
+        notes: list[str] = []
+        target_seen, volume = parse_target(target), given_volume(grid, spacing, center)
+        axes = given_world(world)
+        naming = {"pattern": pattern, "are_mosaics": are_mosaics(bayer)}
+        found = cameras_images(images, every, notes, **naming)
         how = {
-            "intrinsics": load_rig_or_preset(intrinsics) if intrinsics else None,
-            "world": _world(world),
+            "intrinsics": given_lenses(intrinsics or [], found),
+            "world": axes,
             "rescale": rescale,
             "length_unit": length_unit,
             "distortion": model,
-            "target": parse_target(target),
+            "target": target_seen,
         }
-        volume = _volume(grid, spacing, center)
-        found = image_set(images, every)
-        frames = {frame for of_camera in found.values() for frame in of_camera}
+        frames = frame_names(found)
         check_options(found, frames, **how)
+        lenses = {
+            "square_pixels": square_pixels,
+            "fixed_center": fixed_center,
+            "common_lens": lens_sets(common_lens or [], found),
+        }
+        check_lens_options(found, intrinsics, intrinsics_images, lenses)
+        times = frame_times(frames)
+        if intrinsics_images is not None:
+            own = cameras_images(intrinsics_images, every, notes, **naming)
+            found = with_lens_images(found, own, intrinsics_images)
         with progress_bar("detect") as progress:
             seen = detections(found, how["target"], cache=cache, progress=progress)
         with console.status("calibrate") as status:
             calibration = calibrate(
-                seen.observations, **how, volume=volume, progress=status.update
+                seen.observations,
+                **how,
+                **lenses,
+                times=times,
+                volume=volume,
+                progress=status.update,
             )
-        notes = _notes(found, seen)
+        notes += _notes(found, seen)
         folder = out.parent if report is None else report
         seconds = time.perf_counter() - started
         details = {"images": images, "target": how["target"], "time": f"{seconds:.0f} s"}
@@ -179,29 +230,10 @@ def _check_outputs(out: Path, report: Path | None, cache: Path | None) -> None:
         check_output_folder(report)
 
 
-def _volume(grid: str | None, spacing: str | None, center: str | None) -> Volume | None:
-    """Return the voxels that options describe; None where there are none."""
-    if grid is None and spacing is None and center is None:
-        return None
-    from rigs import Volume
-
-    voxels = parse_grid(grid, spacing, center)
-    return Volume(voxels.shape, voxels.spacing, voxels.center)
-
-
-def _world(text: str | None) -> Any:
-    """Return a name as it is, and the positions in a file."""
-    if text is None or Path(text).suffix.lower() not in (".yaml", ".yml"):
-        return text
-    from rigs.files.text import read_yaml_mapping
-    from rigs.geometry.rotation import numbers
-
-    positions = read_yaml_mapping(text)
-    return {name: numbers(point, (3,), f"{text}: {name}") for name, point in positions.items()}
-
-
 def _notes(found: ImageSet, seen: Detections) -> list[str]:
-    """Return lines on images that are blurred, and on cameras whose images lack the target."""
+    """Return lines on files, blurred images, and cameras whose images lack the target."""
+    from rigs.calibrate.detect.image_sets import notes_of
+
     notes = [
         f"camera {camera}: {found[camera][frame]}: edges are blurred over {blur:.2g} px, twice as "
         "much as is usual or more"
@@ -215,7 +247,7 @@ def _notes(found: ImageSet, seen: Detections) -> list[str]:
                 f"camera {camera}: target not found in {len(without)} of {len(frames)} images: "
                 f"{named}"
             )
-    return notes
+    return notes + notes_of(found)
 
 
 def _write_page(

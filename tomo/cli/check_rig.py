@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tomo.cli.center_offer import offered_center, with_offered_center
 from tomo.cli.console import JsonFlag, finite_or_none, print_json, say
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
     CenterOption,
     GridOption,
     LowerOption,
+    PatternOption,
     RigArgument,
     SpacingOption,
     UpperOption,
@@ -63,6 +65,7 @@ def check_rig(
         Path | None,
         typer.Option(metavar="FOLDER", help="A scan or a folder of images to show in the page."),
     ] = None,
+    pattern: PatternOption = None,
     json: JsonFlag = False,
 ) -> None:
     """Check whether a rig is good enough for a volume.
@@ -77,6 +80,8 @@ def check_rig(
             raise ValueError(
                 f"--images: found {images} without a page, expected an .html among --out"
             )
+        if pattern is not None and images is None:
+            raise ValueError("--pattern: expected --images with it")
         if not (math.isfinite(pixel_accuracy) and pixel_accuracy > 0):
             raise ValueError(
                 f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
@@ -86,12 +91,19 @@ def check_rig(
         loaded, default = load_rig_and_grid(rig)
         if not len(loaded):
             raise ValueError(f"{rig}: cameras: found none, expected at least one")
-        voxels = parse_grid(grid, spacing, center, lower, upper, default=default)
+        is_free = default is None and center is None and lower is None and upper is None
+        try:
+            voxels = parse_grid(grid, spacing, center, lower, upper, default=default)
+        except ValueError as error:
+            is_asked = is_free and (grid is None or spacing is None)
+            raise ValueError(f"{error}{offered_center(loaded) if is_asked else ''}") from None
         check, coarse = check_on_grid(loaded, voxels, pixel_accuracy=pixel_accuracy)
+        if is_free:
+            check = with_offered_center(check, loaded, voxels)
         need, effort, why = _effort(loaded, voxels, time)
         heading = Path(rig).stem
         for path in out:
-            _write_maps(path, loaded, voxels, check, coarse, images, heading)
+            _write_maps(path, loaded, voxels, check, coarse, images, pattern, heading)
     if not json:
         from rich.console import Console
 
@@ -127,6 +139,7 @@ def _write_maps(
     check: RigCheck,
     coarse: object,
     images: Path | None,
+    pattern: str | None,
     heading: str,
 ) -> None:
     from tomo.draw.rig import rig_scene
@@ -155,7 +168,7 @@ def _write_maps(
     if images is not None:
         from tomo.draw.rig.thumbnails import image_scene, load_thumbnails
 
-        pictures = load_thumbnails(rig, images)
+        pictures = load_thumbnails(rig, images, pattern=pattern, note=say)
         scene += image_scene(rig, Target.of(rig, voxels), pictures)
     write_html(
         path,

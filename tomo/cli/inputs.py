@@ -42,6 +42,15 @@ UpperOption = Annotated[
     str | None, typer.Option(metavar="X,Y,Z", help="Upper corner, with --lower.", **_PANEL)
 ]
 
+PatternOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PATTERN",
+        help="How the files of --images are named, where not as CAMERA/FRAME.tif, "
+        "CAMERA_FRAME.tif or CAMERA.tif: '{frame}/{camera}.png', say.",
+    ),
+]
+
 
 VOLUME_HELP = (
     "A volume file: .npz, .vti, .nrrd, .mha, .npy with --spacing, or .nii and .nii.gz where "

@@ -14,6 +14,7 @@ from tomo.cli.inputs import (
     CenterOption,
     GridOption,
     LowerOption,
+    PatternOption,
     SpacingOption,
     UpperOption,
     parse_grid,
@@ -32,6 +33,7 @@ flametomo reconstruct scan -o out --hold-out cam02
 flametomo reconstruct scan -o out --method sirt --iterations 100
 flametomo reconstruct --rig rig.yaml --images images
     --grid 30x140x30 --spacing 0.5 -o out
+flametomo reconstruct scan -o out --bayer RGGB --channel g
 """
 
 
@@ -50,7 +52,9 @@ def reconstruct(
     ] = None,
     images: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Images CAMERA/FRAME.tif, with --rig."),
+        typer.Option(
+            metavar="FOLDER", help="Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, with --rig."
+        ),
     ] = None,
     *,
     grid: GridOption = None,
@@ -58,6 +62,19 @@ def reconstruct(
     center: CenterOption = None,
     lower: LowerOption = None,
     upper: UpperOption = None,
+    pattern: PatternOption = None,
+    bayer: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ORDER",
+            help="Images are mosaics of colour filters in this order, like RGGB: the pixels of "
+            "--channel are used, with rays of their own.",
+        ),
+    ] = None,
+    channel: Annotated[
+        str | None,
+        typer.Option(metavar="r|g|b", help="The colour to reconstruct of images in colour."),
+    ] = None,
     scale: Annotated[int, typer.Option(help="Shrink the images by area means.", min=1)] = 1,
     pictures: Annotated[
         bool, typer.Option("--pictures/--no-pictures", help="Draw the report's pictures.")
@@ -74,7 +91,10 @@ def reconstruct(
         from tomo.report.outcome_files import write_outcome
 
         options = declared_from(Options, _with_checkpoint(values, out))
-        loaded = _load(scan, rig, images).scaled(scale)
+        loaded = _load(scan, rig, images, pattern)
+        if bayer is not None or channel is not None:
+            loaded = loaded.of_channel(channel and channel.lower(), bayer and bayer.upper())
+        loaded = loaded.scaled(scale)
         check_output_volume(out, loaded.rig, loaded.source)
         given = (grid, spacing, center, lower, upper)
         voxels = None
@@ -98,13 +118,15 @@ def _with_checkpoint(values: dict[str, Any], out: Path) -> dict[str, Any]:
     return values
 
 
-def _load(scan: Path | None, rig: Path | None, images: Path | None) -> Scan:
+def _load(scan: Path | None, rig: Path | None, images: Path | None, pattern: str | None) -> Scan:
     from tomo import load_scan, scan_of_images
 
+    if pattern is not None and rig is None:
+        raise ValueError(f"--pattern: found {pattern!r}, expected --rig and --images with it")
     if scan is not None and rig is None and images is None:
         return load_scan(scan)
     if scan is None and rig is not None and images is not None:
-        return scan_of_images(rig, images)
+        return scan_of_images(rig, images, pattern)
     raise ValueError("SCAN: expected either a scan, or --rig and --images together")
 
 

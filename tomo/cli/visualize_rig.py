@@ -14,6 +14,7 @@ from tomo.cli.inputs import (
     VOLUME_HELP,
     CenterOption,
     GridOption,
+    PatternOption,
     RigArgument,
     SpacingOption,
     load_rig_and_grid,
@@ -60,6 +61,7 @@ def visualize_rig(
     frame: Annotated[
         str | None, typer.Option(metavar="NAME", help="Frame of the images; the first if absent.")
     ] = None,
+    pattern: PatternOption = None,
     compare: Annotated[
         str | None,
         typer.Option(metavar="RIG", help="Another rig of the same cameras, to compare with."),
@@ -87,7 +89,7 @@ def visualize_rig(
         heading = title if title is not None else Path(rig).stem
         difference = _difference(loaded, compare, voxels, align)
         overlays = _overlays(loaded, voxels, difference)
-        pictures = _pictures(loaded, images, frame)
+        pictures = _pictures(loaded, images, frame, pattern)
         for path in out:
             suffix = path.suffix.lower()
             if suffix == ".png":
@@ -182,15 +184,16 @@ def _overlays(rig: Rig, voxels: VoxelGrid | None, difference: RigDifference | No
     return scene if difference is None else scene + other_rig_scene(rig, difference, voxels)
 
 
-def _pictures(rig: Rig, images: Path | None, frame: str | None) -> dict:
+def _pictures(rig: Rig, images: Path | None, frame: str | None, pattern: str | None) -> dict:
     """Return thumbnails by camera; none without images."""
     if images is None:
-        if frame is not None:
-            raise ValueError("--frame: expected --images with it")
+        for option, given in (("--frame", frame), ("--pattern", pattern)):
+            if given is not None:
+                raise ValueError(f"{option}: expected --images with it")
         return {}
     from tomo.draw.rig.thumbnails import load_thumbnails
 
-    return load_thumbnails(rig, images, frame)
+    return load_thumbnails(rig, images, frame, pattern, note=say)
 
 
 def _scene(rig: Rig, voxels: VoxelGrid | None, data: object, pictures: dict) -> Scene:

@@ -103,6 +103,7 @@ def assemble(
         scan={
             "frame": stages.load.frame,
             "scale": scan.shrink,
+            **scan.corrections.colours,
             "value_unit": scan.value_unit(stages.load.frame),
             "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},
         },

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
+from rigs.recordings import image_notes
 from tomo.pipeline.stage import Record, timed
 from tomo.scan import Scan
 from tomo.scan.corrections import correction_line
@@ -44,6 +46,13 @@ def load(scan: Scan, frame: str | None) -> LoadedScan:
         name = scan.frame(frame).name
         images, masks, saturated = scan.read_with_saturation(name)
         stage.warnings += _of_saturation(saturated)
+        stage.warnings += image_notes(
+            {
+                camera: [image]
+                for camera, image in scan.frame(name).images.items()
+                if camera in scan.rig.names and isinstance(image, Path)
+            }
+        )
     return LoadedScan(scan, name, images, masks, stage.record)
 
 

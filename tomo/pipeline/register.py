@@ -68,10 +68,7 @@ class Registered:
         cameras = []
         for camera in scan.rig:
             own = self.rig[camera.name] if camera.name in self.rig.names else camera
-            if scan.shrink > 1:
-                size = scan.recorded_sizes[camera.name]
-                own = replace(own.scaled(scan.shrink), image_size=size)
-            cameras.append(own)
+            cameras.append(scan.recorded_camera(own))
         known = {**(scan.rig.calibration or {}), **found}
         return replace(scan.rig, cameras=tuple(cameras), calibration=known)
 

@@ -12,6 +12,8 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Val
 from rigs.files.messages import dotted, first_problem
 from rigs.files.schema import Number, Text, VolumeEntry, Whole
 from rigs.files.text import read_yaml_mapping, shortened
+from rigs.recordings import MOST_BITS
+from rigs.recordings.mosaic import COLOURS, PATTERNS
 
 
 def _named(name: str) -> str:
@@ -74,7 +76,7 @@ def _is_positive(value: Any) -> bool:
 
 
 def _is_bit_depth(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= 16
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_BITS
 
 
 _Number = _one_or_each("a number or an image's path", lambda v: _is_number(v) or _is_path(v))
@@ -83,7 +85,9 @@ _Flat = _one_or_each(
     "a positive number or an image's path", lambda v: _is_positive(v) or _is_path(v)
 )
 _Mask = _one_or_each("an image's path", _is_path)
-_BitDepth = _one_or_each("a whole number from 1 to 16", _is_bit_depth)
+_BitDepth = _one_or_each(f"a whole number from 1 to {MOST_BITS}", _is_bit_depth)
+_Bayer = _one_or_each(f"one of {', '.join(PATTERNS)}", lambda v: v in PATTERNS)
+_Channel = _one_or_each(f"one of {', '.join(COLOURS)}", lambda v: v in COLOURS)
 
 
 class _Corrections(_Strict):
@@ -93,6 +97,8 @@ class _Corrections(_Strict):
     mask: _Mask = None
     saturation: _Positive = None
     bit_depth: _BitDepth = None
+    bayer: _Bayer = None
+    channel: _Channel = None
 
 
 class _Effects(_Strict):

@@ -11,6 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.recordings.mosaic import COLOURS, Mosaic
+from rigs.recordings.still import CHANNELS
+
 
 @dataclass(frozen=True)
 class Corrections:
@@ -39,6 +42,12 @@ class Corrections:
         given for images of integers.
     bit_depth : int, or a mapping to int
         Bits that the camera really uses of an integer image: 12 of 16, say.
+    bayer : str, or a mapping to str
+        The order of the colours on a sensor with colour filters, see `rigs.recordings.Mosaic`:
+        the pixels of ``channel`` become an image with rays of its own.
+    channel : str, or a mapping to str
+        ``r``, ``g`` or ``b``: the colour of an image in colour or of a mosaic, which has ``g2``
+        too.
     """
 
     dark: float | Path | Mapping[str, float | Path] | None = None
@@ -47,11 +56,46 @@ class Corrections:
     mask: Path | Mapping[str, Path] | None = None
     saturation: float | Mapping[str, float] | None = None
     bit_depth: int | Mapping[str, int] | None = None
+    bayer: str | Mapping[str, str] | None = None
+    channel: str | Mapping[str, str] | None = None
 
     def of(self, correction: str, camera: str) -> float | Path | None:
         """Return the value of one correction for one camera; None where there is none."""
         value = getattr(self, correction)
         return value.get(camera) if isinstance(value, Mapping) else value
+
+    @property
+    def colours(self) -> dict[str, str | Mapping[str, str]]:
+        """``bayer`` and ``channel``, where they are given."""
+        given = {"bayer": self.bayer, "channel": self.channel}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def mosaic(self, camera: str) -> Mosaic | None:
+        """Return which pixels of a camera's sensor are used; None where all are.
+
+        Raises
+        ------
+        ValueError
+            If the order of the colours or the channel is unknown, or no channel is chosen.
+        """
+        bayer, channel = self.of("bayer", camera), self.of("channel", camera)
+        if bayer is None:
+            if channel is not None and channel not in CHANNELS:
+                expected = f"one of {', '.join(CHANNELS)}"
+                raise ValueError(
+                    f"camera {camera}: channel: found {channel!r}, expected {expected}"
+                )
+            return None
+        try:
+            mosaic = Mosaic(bayer, COLOURS[0] if channel is None else channel)
+        except ValueError as error:
+            raise ValueError(f"camera {camera}: {error}") from None
+        if channel is None:
+            raise ValueError(
+                f"camera {camera}: channel: found none, expected one of {', '.join(COLOURS)} with "
+                f"bayer {bayer}: --channel g, or corrections: {{channel: g}} in scan.yaml"
+            )
+        return mosaic
 
     def corrected(
         self, image: Path | NDArray, camera: str, size: tuple[int, int], source: Path | None = None
@@ -71,7 +115,7 @@ class Corrections:
         Returns
         -------
         image : (height, width) float32
-            Zero where it is not usable.
+            Zero where it is not usable; a mosaic's is that of the colour alone.
         usable : (height, width) bool
         full : (height, width) bool
             True where an integer pixel is at full scale: its light is not known.
@@ -89,7 +133,13 @@ class Corrections:
             self._value(name, camera, size) for name in ("mask", "dark", "flat", "gain")
         )
         usable = np.ones(size[::-1], bool) if mask is None else mask != 0
-        raw = _read(image, camera, size, self.of("bit_depth", camera), usable)
+        raw = self._read(image, camera, size, self.of("bit_depth", camera), usable, False)
+        mosaic = self.mosaic(camera)
+        if mosaic is not None:
+            dark, flat, gain, raw, usable = (
+                mosaic.pixels(one) if np.ndim(one) else one
+                for one in (dark, flat, gain, raw, usable)
+            )
         full = _plateau(raw >= 1) if holds_integers(image) else np.zeros(raw.shape, bool)
         usable = usable & ~full
         saturation = self.of("saturation", camera)
@@ -125,7 +175,37 @@ class Corrections:
             return None if value is None else np.float32(value)
         # a mask's numbers are no intensities: they have a depth of their own
         bits = None if name == "mask" else self.of("bit_depth", camera)
-        return _read(value, camera, size, bits)
+        return self._read(value, camera, size, bits)
+
+    def _read(
+        self,
+        image: Path | NDArray,
+        camera: str,
+        size: tuple[int, int],
+        bit_depth: int | None,
+        usable: NDArray[np.bool_] | None = None,
+        is_correction: bool = True,
+    ) -> NDArray[np.float32]:
+        """Return a camera's image, of its own size."""
+        from rigs.recordings import intensities, read_image
+
+        place = f"{image}: " if isinstance(image, Path) else ""
+        colours = {name: self.of(name, camera) for name in ("channel", "bayer")}
+        try:
+            if isinstance(image, Path):
+                colours["must_have_channel"] = not is_correction
+                values = read_image(image, bit_depth, usable, **colours)
+            else:
+                values = intensities(image, "image in memory", bit_depth, usable)
+        except (ValueError, FileNotFoundError) as error:
+            raise type(error)(f"camera {camera}: {error}") from error
+        if values.shape[::-1] != tuple(size):
+            raise ValueError(
+                f"{place}camera {camera}: found an image of {values.shape[1]} x "
+                f"{values.shape[0]} pixels, expected {size[0]} x {size[1]}, the camera's "
+                "image_size"
+            )
+        return values
 
 
 def _plateau(full: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -162,29 +242,3 @@ def holds_integers(image: Path | NDArray) -> bool:
     from rigs.recordings import is_integer_image
 
     return is_integer_image(image) if isinstance(image, Path) else image.dtype.kind in "biu"
-
-
-def _read(
-    image: Path | NDArray,
-    camera: str,
-    size: tuple[int, int],
-    bit_depth: int | None,
-    usable: NDArray[np.bool_] | None = None,
-) -> NDArray[np.float32]:
-    """Return a camera's image, of its own size."""
-    from rigs.recordings import intensities, read_image
-
-    try:
-        if isinstance(image, Path):
-            place, values = f"{image}: ", read_image(image, bit_depth, usable)
-        else:
-            stored = image.astype(np.uint8) if image.dtype == bool else image
-            place, values = "", intensities(stored, "image in memory", bit_depth, usable)
-    except (ValueError, FileNotFoundError) as error:
-        raise type(error)(f"camera {camera}: {error}") from error
-    if values.shape[::-1] != tuple(size):
-        raise ValueError(
-            f"{place}camera {camera}: found an image of {values.shape[1]} x {values.shape[0]} "
-            f"pixels, expected {size[0]} x {size[1]}, the camera's image_size"
-        )
-    return values

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import reprlib
+from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
 from rigs import Rig, formats, load_rig
 from rigs.files.text import breaks_a_line
-from rigs.recordings import SCAN_SUFFIXES
+from rigs.recordings import IMAGE_SUFFIXES, find_images
+from rigs.recordings.layout import how_to_name, natural
 from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.scan._schema import parse_scan_file
 from tomo.scan.corrections import Corrections
@@ -18,6 +21,11 @@ from tomo.scan.write import SCAN_FILE, check_cameras
 
 if TYPE_CHECKING:
     from os import PathLike
+
+_MOST_LISTED = 10_000
+"""Files looked at for a message: more take seconds where a whole disk is given."""
+
+_COLOURS = ("corrections.bayer", "corrections.channel")
 
 
 def load_scan(path: str | PathLike) -> Scan:
@@ -83,11 +91,11 @@ def _load_scan_file(path: Path) -> Scan:
         if isinstance(value, dict):
             check_cameras(path, f"corrections.{name}", value, rig)
             corrections[name] = {
-                camera: _path_or_number(path, one, f"corrections.{name}: camera {camera}")
+                camera: _plain(path, one, f"corrections.{name}: camera {camera}")
                 for camera, one in value.items()
             }
         else:
-            corrections[name] = _path_or_number(path, value, f"corrections.{name}")
+            corrections[name] = _plain(path, value, f"corrections.{name}")
     grid = grid_of_rig(rig)
     if content.grid is not None:
         try:
@@ -123,47 +131,73 @@ def _inside(scan_file: Path, text: str, field: str) -> Path:
     return folder / text
 
 
-def _path_or_number(scan_file: Path, value: Any, field: str) -> Any:
-    return _inside(scan_file, value, field) if isinstance(value, str) else value
+def _plain(scan_file: Path, value: Any, field: str) -> Any:
+    """Return a correction's value: the name of colours, a number, or the path of an image."""
+    is_path = isinstance(value, str) and field.split(":")[0] not in _COLOURS
+    return _inside(scan_file, value, field) if is_path else value
 
 
-def scan_of_images(rig: Rig | str | PathLike, images: str | PathLike, **settings: Any) -> Scan:
-    """Return the scan of a rig (or a rig file) and a folder ``images/<camera>/<frame>.*``.
+def scan_of_images(
+    rig: Rig | str | PathLike,
+    images: str | PathLike,
+    pattern: str | None = None,
+    **settings: Any,
+) -> Scan:
+    """Return the scan of a rig (or a rig file) and a folder of its cameras' images.
 
-    ``settings`` are further fields of Scan: ``corrections``, ``grid``.
+    Parameters
+    ----------
+    rig : Rig or path-like
+    images : path-like
+        A folder of ``cam00/0001.tif``, ``cam00_0001.tif`` or ``cam00.tif``; see
+        `rigs.recordings.find_images`.
+    pattern : str, optional
+        How files are named otherwise, like ``{frame}/{camera}.tif``.
+    **settings
+        Further fields of Scan: ``corrections``, ``grid``.
 
     Raises
     ------
     ValueError
-        If a camera has no folder, or two images of a camera share one frame name.
+        If two images of a camera are of one frame, a camera's folder is empty, or names do not
+        fit the pattern.
+    FileNotFoundError
+        If there is no such folder, or nothing in it is named as a camera.
     """
     rig = rig if isinstance(rig, Rig) else formats.load(rig)
     folder = Path(images)
-    if not folder.is_dir():
-        raise FileNotFoundError(f"{folder}: no such folder of images")
+    found = find_images(folder, rig.names, pattern)
+    for camera in rig.names:
+        if camera not in found:
+            raise _no_images(folder, camera, rig.names, pattern)
     frames: dict[str, dict[str, Path]] = {}
     for camera in rig.names:
-        if not (folder / camera).is_dir():
-            others = ", ".join(sorted(path.name for path in folder.iterdir() if path.is_dir()))
-            raise FileNotFoundError(
-                f"{folder}: camera {camera}: found no folder {camera} in it, expected one for "
-                f"every camera of the rig; it has {others or 'no folders'}"
-            )
-        for image in sorted((folder / camera).iterdir()):
-            if image.suffix.lower() not in SCAN_SUFFIXES or image.name.startswith("."):
-                continue
-            of_frame = frames.setdefault(image.stem, {})
-            if camera in of_frame:
-                raise ValueError(
-                    f"{image}: camera {camera}: found frame {image.stem!r} twice, expected once: "
-                    f"the other is {of_frame[camera].name}"
-                )
-            of_frame[camera] = image
-        if not any(camera in of_frame for of_frame in frames.values()):
-            raise ValueError(
-                f"{folder / camera}: camera {camera}: found no image, expected files that end in "
-                f"{', '.join(SCAN_SUFFIXES)}"
-            )
+        for frame, path in found[camera].items():
+            frames.setdefault(frame, {})[camera] = path
     settings.setdefault("grid", grid_of_rig(rig))
-    ordered = tuple(Frame(name, frames[name]) for name in sorted(frames))
+    ordered = tuple(Frame(name, frames[name]) for name in sorted(frames, key=natural))
     return Scan(rig, ordered, source=folder, **settings)
+
+
+def _no_images(
+    folder: Path, camera: str, cameras: Sequence[str], pattern: str | None
+) -> ValueError | FileNotFoundError:
+    """Return the error about a camera whose images are not found."""
+    if pattern is not None:
+        return ValueError(
+            f"{folder}: camera {camera}: pattern: found no image whose name fits {pattern!r}, "
+            "expected one for every camera of the rig"
+        )
+    if (folder / camera).is_dir():
+        return ValueError(
+            f"{folder / camera}: camera {camera}: found no image, expected files that end in "
+            f"{', '.join(IMAGE_SUFFIXES)}"
+        )
+    some = islice(folder.rglob("*"), _MOST_LISTED)
+    inside = sorted(path for path in some if path.suffix.lower() in IMAGE_SUFFIXES)
+    others = ", ".join(sorted(path.name for path in folder.iterdir() if path.is_dir()))
+    return FileNotFoundError(
+        f"{folder}: camera {camera}: found no folder {camera} in it and no image of that name; it "
+        f"has {others or 'no folders'} and {len(inside)} images in all, expected "
+        f"{how_to_name(inside, folder, cameras)}"
+    )

@@ -21,7 +21,7 @@ from tomo.scan.write import save_scan
 if TYPE_CHECKING:
     from os import PathLike
 
-    from rigs import Rig
+    from rigs import CameraLike, Rig
 
 Images = list[NDArray[np.float32]]
 Masks = list[NDArray[np.bool_]]
@@ -34,7 +34,9 @@ class Scan:
     Parameters
     ----------
     rig : Rig
-        The cameras of the images that this scan gives back, shrunk where those are shrunk.
+        The cameras of the images that this scan gives back, shrunk where those are shrunk. Where
+        corrections take one colour of mosaics, those of the sensors are given, without
+        ``recorded_sizes``, and become those of the colour.
     frames : tuple of Frame
     corrections : Corrections
     grid : VoxelGrid, optional
@@ -46,7 +48,7 @@ class Scan:
     shrink : int
         By how much the images are shrunk when read.
     recorded_sizes : mapping, optional
-        Camera to ``(width, height)`` of the files; that of the rig when None.
+        Camera to ``(width, height)`` of the files; that of the rig as given when None.
     effects : mapping, optional
         The effects that the images were simulated with: the fields of
         `tomo.simulation.effects.Effects`, and ``gains``, camera to gain. Only compared with, as
@@ -68,6 +70,7 @@ class Scan:
         if self.recorded_sizes is None:
             sizes = {camera.name: tuple(camera.image_size) for camera in self.rig}
             object.__setattr__(self, "recorded_sizes", sizes)
+            object.__setattr__(self, "rig", self._rig_of_colours())
         if not len(self.rig):
             raise ValueError(f"{self._where}cameras: found none, expected at least one")
         if not self.frames:
@@ -129,6 +132,9 @@ class Scan:
             Frame(f"frame_{number:03d}", {name: stack[number] for name, stack in stacks.items()})
             for number in range(len(next(iter(stacks.values()), ())))
         )
+        for name in rig.names:
+            if corrections.of("channel", name) and not corrections.of("bayer", name):
+                raise ValueError(f"camera {name}: channel: found grey arrays, expected bayer too")
         return cls(rig, frames, corrections, grid, truth, effects=effects)
 
     def save(self, folder: str | PathLike) -> Path:
@@ -139,13 +145,16 @@ class Scan:
         ValueError
             If an image or the truth is a file, or images are shrunk.
         """
+        is_divided = any(self.corrections.mosaic(name) for name in self.rig.names)
         files = [
             image
             for image in (*(i for f in self.frames for i in f.images.values()), self.truth)
             if isinstance(image, Path)
         ]
-        if files or self.shrink != 1:
-            found = f"the file {files[0]}" if files else f"images shrunk {self.shrink}-fold"
+        if files or self.shrink != 1 or is_divided:
+            found = f"images shrunk {self.shrink}-fold"
+            if files or is_divided:
+                found = f"the file {files[0]}" if files else "one colour of a mosaic"
             raise ValueError(f"{folder}: scan: found {found}, expected a scan in memory as it is")
         return save_scan(
             folder,
@@ -244,6 +253,56 @@ class Scan:
             cameras.append(camera.shrunk(factor))
         rig = replace(self.rig, cameras=tuple(cameras))
         return replace(self, rig=rig, shrink=self.shrink * factor)
+
+    def of_channel(self, channel: str | None, bayer: str | None = None) -> Scan:
+        """Return the scan of one colour of images in colour, or of sensors with colour filters.
+
+        Parameters
+        ----------
+        channel : {"r", "g", "b"}
+            A mosaic without one is refused.
+        bayer : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
+            The order of the colours on the sensors, see `rigs.recordings.Mosaic`: cameras and
+            images are then those of the colour's pixels alone.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown, or the scan's corrections name colours already.
+        """
+        for name in ("channel", "bayer"):
+            known = getattr(self.corrections, name)
+            if known is not None:
+                raise ValueError(
+                    f"{self._where}corrections.{name}: found {known}, expected none with --{name}"
+                )
+        if self.shrink != 1:
+            raise ValueError(
+                f"{self._where}scale: found {self.shrink}, expected 1 before a colour"
+            )
+        corrections = replace(self.corrections, channel=channel, bayer=bayer)
+        return replace(self, corrections=corrections, recorded_sizes=None)
+
+    def recorded_camera(self, camera: CameraLike) -> CameraLike:
+        """Return the camera of images as recorded, from one of this scan's images."""
+        mosaic = self.corrections.mosaic(camera.name)
+        if self.shrink == 1 and mosaic is None:
+            return camera
+        camera = camera.scaled(self.shrink)
+        whole = camera if mosaic is None else mosaic.sensor(camera)
+        return replace(whole, image_size=self.recorded_sizes[camera.name])
+
+    def _rig_of_colours(self) -> Rig:
+        """Return the rig, its cameras those of one colour where they record mosaics."""
+        try:
+            mosaics = {name: self.corrections.mosaic(name) for name in self.rig.names}
+            cameras = tuple(
+                camera if mosaics[camera.name] is None else mosaics[camera.name].camera(camera)
+                for camera in self.rig
+            )
+        except ValueError as error:
+            raise ValueError(f"{self._where}{error}") from None
+        return replace(self.rig, cameras=cameras)
 
     def images(self, frame: str | None = None) -> Images:
         """Return the corrected images of a frame: float32 ``(h, w)``, in the rig's order.

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import (
-    Freedom,
     ObservationArrays,
     Scene,
     camera_rows,
@@ -149,8 +149,7 @@ def _normal_equations(
     scene: Scene, observations: ObservationArrays, freedom: Freedom, huber: NDArray | None
 ) -> _Normal:
     """Return the normal equations of Gauss and Newton, weighted for Huber's loss."""
-    slices = freedom.slices
-    size = slices[-1].stop
+    size = freedom.size
     frames = np.unique(observations.frame)
     cameras, camera_gradient = np.zeros((size, size)), np.zeros(size)
     targets, target_gradient = np.zeros((len(frames), 6, 6)), np.zeros((len(frames), 6))
@@ -163,8 +162,7 @@ def _normal_equations(
             root = np.sqrt(np.minimum(1.0, huber[rows] / np.maximum(length, 1e-300)))
             residual = residual * root[:, None]
             by_camera, by_target = by_camera * root[:, None, None], by_target * root[:, None, None]
-        by_camera = by_camera[:, :, freedom.columns(camera)]
-        own = slices[camera]
+        own, by_camera = freedom.gathered(camera, by_camera)
         for frame, part in runs(observations.frame[rows]):
             index = int(np.searchsorted(frames, frame))
             r = residual[part].reshape(-1)
@@ -172,10 +170,10 @@ def _normal_equations(
             B = by_target[part].reshape(len(r), 6)
             targets[index] += B.T @ B
             target_gradient[index] += B.T @ r
-            mixed[index, own] = A.T @ B
+            mixed[index, own] += A.T @ B
         flat = by_camera.reshape(2 * len(uv), by_camera.shape[2])
-        cameras[own, own] = flat.T @ flat
-        camera_gradient[own] = flat.T @ residual.reshape(-1)
+        cameras[np.ix_(own, own)] += flat.T @ flat
+        camera_gradient[own] += flat.T @ residual.reshape(-1)
     return _Normal(cameras, targets, mixed, camera_gradient, target_gradient, frames)
 
 
@@ -230,12 +228,9 @@ def _moved(
     target_step: NDArray[np.float64],
 ) -> Scene:
     """Return the scene after a step of the free parameters."""
-    lenses, full = [], np.zeros((len(scene.lenses), 6))
-    for camera, (lens, own) in enumerate(zip(scene.lenses, freedom.slices, strict=True)):
-        step = np.zeros(6 + lens.size)
-        step[freedom.columns(camera)] = camera_step[own]
-        full[camera] = step[:6]
-        lenses.append(lens.moved(step[6:]))
+    steps = [freedom.step(camera, camera_step) for camera in range(len(scene.lenses))]
+    lenses = (lens.moved(step[6:-1]) for lens, step in zip(scene.lenses, steps, strict=True))
+    full, later = np.array([step[:6] for step in steps]), np.array([step[-1] for step in steps])
     target_R, target_t = scene.target_R.copy(), scene.target_t.copy()
     target_R[frames] = matrix_of_vector(target_step[:, :3]) @ target_R[frames]
     target_t[frames] += target_step[:, 3:]
@@ -246,4 +241,5 @@ def _moved(
         camera_t=scene.camera_t + full[:, 3:],
         target_R=target_R,
         target_t=target_t,
+        offset=later if scene.offset is None else scene.offset + later,
     )

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import Solution, adjust
+from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import (
-    Freedom,
     ObservationArrays,
     Scene,
     image_rows,

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.adjust.lens_choice import Terms, choose
-from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene
+from rigs.calibrate.adjust.lens_choice import LensRules, Terms, choose
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene
 from rigs.calibrate.adjust.projection import Lens
 from rigs.calibrate.adjust.robust import adjust_robustly
 from rigs.calibrate.adjust.target_pose import camera_poses, fixes_pose, flat_poses
@@ -45,7 +45,8 @@ def lens_alone(
     observations: ObservationArrays,
     frames: int,
     image_size: tuple[int, int],
-    distortion: str = "auto",
+    distortion: str,
+    rules: LensRules,
 ) -> tuple[Lens, Terms]:
     """Return one camera's lens from its own observations.
 
@@ -63,6 +64,8 @@ def lens_alone(
     image_size : (int, int)
     distortion : str
         "auto" or a name of ``TERMS``.
+    rules : LensRules
+        What is known of the lens.
 
     Raises
     ------
@@ -91,11 +94,9 @@ def lens_alone(
         scene = Scene((lens,), np.eye(3)[None], np.zeros((1, 3)), R[:, 0], t[:, 0])
         free = np.zeros(lens.size, bool)
         free[:2] = True
-        solution = adjust_robustly(
-            scene, observations, Freedom((free,), np.zeros(1, bool)), tolerance=1e-3
-        )
+        solution = adjust_robustly(scene, observations, rules.one_lens(free), tolerance=1e-3)
         lens = solution.scene.lenses[0]
-    terms, solution = choose(solution.scene, observations, image_size, distortion)
+    terms, solution = choose(solution.scene, observations, image_size, distortion, rules)
     return solution.scene.lenses[0], terms
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import information
-from rigs.calibrate.adjust.lens_choice import TERMS, Terms
-from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
+from rigs.calibrate.adjust.freedom import Freedom
+from rigs.calibrate.adjust.lens_choice import TERMS, LensRules, Terms
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 
 _LADDER = ("none", "radial", "brown4", "brown5")
 
@@ -37,6 +38,7 @@ def richer_terms(
     observations: ObservationArrays,
     freedom: Freedom,
     terms: list[Terms],
+    rules: LensRules,
 ) -> tuple[Scene, Freedom, list[Terms]] | None:
     """Return the scene with more terms free where the joint adjustment supports them, else None.
 
@@ -54,6 +56,7 @@ def richer_terms(
     freedom : Freedom
     terms : list of Terms
         Each camera's.
+    rules : LensRules
     """
     may_grow = [one.name in _LADDER[:-1] for one in terms]
     if not any(may_grow):
@@ -65,45 +68,39 @@ def richer_terms(
             for lens, grows in zip(scene.lenses, may_grow, strict=True)
         ),
     )
-    every = Freedom(
-        tuple(np.ones(lens.size, bool) for lens in wide.lenses),
-        freedom.pose,
-    )
-    matrix, gradient = information(wide, observations, every)
-    now = [
-        np.r_[own, np.zeros(9 - len(own), bool)] if grows else own
-        for own, grows in zip(freedom.lens, may_grow, strict=True)
+    full = [
+        TERMS["brown5"].freedom(rules) if grows else np.ones(lens.size, bool)
+        for lens, grows in zip(wide.lenses, may_grow, strict=True)
     ]
-    slices = every.slices
-    columns = Freedom(tuple(now), freedom.pose)
-    free = np.concatenate(
-        [columns.columns(camera)[every.columns(camera)] for camera in range(len(terms))]
-    )
+    every = replace(freedom, lens=tuple(full))
+    matrix, gradient = information(wide, observations, every)
+    free = every.freed_in(freedom)
     residuals = observations.uv - predicted(scene, observations)
     unknowns = int(free.sum()) + 6 * len(np.unique(observations.frame))
     variance = float((residuals**2).sum()) / max(residuals.size - unknowns, 1)
     base = fall_of_squares(matrix, gradient, free)
     chosen = list(terms)
-    for camera in np.flatnonzero(may_grow):
+    first = range(len(terms)) if rules.common is None else rules.common
+    for camera in (camera for camera in np.flatnonzero(may_grow) if first[camera] == camera):
         best = 0.0
         for name in _LADDER[_LADDER.index(terms[camera].name) + 1 :]:
-            freed = np.zeros(len(free), bool)
-            lens = np.zeros(9, bool)
-            lens[: 4 + len(TERMS[name].free)] = TERMS[name].freedom()
-            freed[slices[camera]][-9:] = lens
+            lens = TERMS[name].freedom(rules)
+            lenses = (lens if first[k] == camera else own for k, own in enumerate(freedom.lens))
+            freed = free | every.freed_in(replace(freedom, lens=tuple(lenses)))
             count = int((freed & ~free).sum())
-            gain = fall_of_squares(matrix, gradient, free | freed) - base - 2 * count * variance
+            gain = fall_of_squares(matrix, gradient, freed) - base - 2 * count * variance
             if gain > best:
                 best, chosen[camera] = gain, TERMS[name]
+    chosen = [chosen[camera] for camera in first]
     if chosen == terms:
         return None
     lenses, lens_freedom = list(scene.lenses), list(freedom.lens)
     for camera, (one, before) in enumerate(zip(chosen, terms, strict=True)):
         if one != before:
             lenses[camera] = lenses[camera].with_model(one.model, len(one.free))
-            lens_freedom[camera] = one.freedom()
+            lens_freedom[camera] = one.freedom(rules)
     return (
         replace(scene, lenses=tuple(lenses)),
-        Freedom(tuple(lens_freedom), freedom.pose),
+        replace(freedom, lens=tuple(lens_freedom)),
         chosen,
     )

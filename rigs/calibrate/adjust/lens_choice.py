@@ -8,13 +8,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import Solution
-from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, jacobian
+from rigs.calibrate.adjust.freedom import Freedom
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, jacobian
 from rigs.calibrate.adjust.projection import Lens
 from rigs.calibrate.adjust.robust import adjust_robustly, noise
 
 # Standard errors by which the gain must exceed zero. A needless term of the polynomials costs
 # less than a missing one; the rational model's poles make it demand more.
 _STANDARD_ERRORS = {"none": 0.0, "radial": 0.0, "brown4": 0.0, "brown5": 0.0, "rational": 2.0}
+
+
+@dataclass(frozen=True)
+class LensRules:
+    """What is known of lenses beforehand.
+
+    Parameters
+    ----------
+    square_pixels : bool
+        fx and fy are equal.
+    fixed_center : bool
+        The principal point is in the middle of the image.
+    common : tuple of int, optional
+        For each camera the first one that has the same lens; each has its own where absent.
+    """
+
+    square_pixels: bool = False
+    fixed_center: bool = False
+    common: tuple[int, ...] | None = None
+
+    def in_words(self) -> str:
+        """Return the lens that is held, in words; a given one where nothing else is known."""
+        known = {
+            "square pixels": self.square_pixels,
+            "a fixed centre": self.fixed_center,
+            "a common lens": self.common is not None,
+        }
+        words = " and ".join(word for word, is_so in known.items() if is_so)
+        return f"lens with {words}" if words else "given lens"
+
+    def one_lens(self, free: NDArray[np.bool_]) -> Freedom:
+        """Return the freedom of one camera at rest whose lens has these free numbers."""
+        return Freedom((free,), np.zeros(1, bool), square=self.square_pixels)
 
 
 @dataclass(frozen=True)
@@ -34,9 +68,10 @@ class Terms:
     model: str
     free: tuple[bool, ...]
 
-    def freedom(self) -> NDArray[np.bool_]:
+    def freedom(self, rules: LensRules) -> NDArray[np.bool_]:
         """Return which of fx, fy, cx, cy and the coefficients are free, ``(4 + n,)``."""
-        return np.r_[np.ones(4, bool), np.array(self.free, bool)]
+        centre = not rules.fixed_center
+        return np.r_[True, True, centre, centre, np.array(self.free, bool)]
 
 
 #: The models of `calibrate`; each contains those before it, except the fisheye.
@@ -57,7 +92,11 @@ _DETERMINED = 1e-8  # relative least eigenvalue of a lens's normal equations; be
 
 
 def choose(
-    start: Scene, observations: ObservationArrays, image_size: tuple[int, int], requested: str
+    start: Scene,
+    observations: ObservationArrays,
+    image_size: tuple[int, int],
+    requested: str,
+    rules: LensRules,
 ) -> tuple[Terms, Solution]:
     """Return the terms of one camera's lens that lower the error of held-out frames.
 
@@ -73,18 +112,21 @@ def choose(
     image_size : (int, int)
     requested : str
         "auto", or the name of the terms to take.
+    rules : LensRules
     """
     if requested != "auto":
-        return TERMS[requested], _fit(start, observations, TERMS[requested])
+        freedom = rules.one_lens(TERMS[requested].freedom(rules))
+        return TERMS[requested], _fit(start, observations, TERMS[requested], freedom)
     best, best_score = None, None
     for name, standard_errors in _STANDARD_ERRORS.items():
         terms = TERMS[name]
         if name == "rational" and best[0].name != "brown5":
             break
-        if 2 * len(observations) <= 6 * len(np.unique(observations.frame)) + len(terms.freedom()):
+        freedom = rules.one_lens(terms.freedom(rules))
+        if 2 * len(observations) <= 6 * len(np.unique(observations.frame)) + freedom.size:
             break
-        solution = _fit(start if best is None else best[1].scene, observations, terms)
-        score = held_out_costs(solution, observations, terms)
+        solution = _fit(start if best is None else best[1].scene, observations, terms, freedom)
+        score = held_out_costs(solution, observations, freedom)
         if best is None:
             best, best_score = (terms, solution), score
             continue
@@ -114,7 +156,7 @@ def covers_image(lens: Lens, image_size: tuple[int, int]) -> bool:
 
 
 def held_out_costs(
-    solution: Solution, observations: ObservationArrays, terms: Terms
+    solution: Solution, observations: ObservationArrays, freedom: Freedom
 ) -> NDArray[np.float64]:
     """Return each frame's cost with the lens adjusted to all other frames, ``(frames,)``.
 
@@ -123,10 +165,10 @@ def held_out_costs(
     all is zero; its cost then is ``cost_f - g_f d + d S_f d / 2``. Infinite where the terms are
     not determined, or the adjustment has not converged.
     """
-    free = np.r_[np.zeros(6, bool), terms.freedom()]
     uv, by_camera, by_target = jacobian(
         solution.scene, observations, 0, slice(0, len(observations))
     )
+    _, by_camera = freedom.gathered(0, by_camera)
     residual = observations.uv - uv
     huber = 3 * noise(residual, observations.camera, 1)[0]
     length = np.maximum(np.linalg.norm(residual, axis=1), 1e-300)
@@ -134,7 +176,7 @@ def held_out_costs(
     costs, matrices, gradients = [], [], []
     for frame in np.unique(observations.frame):
         own = observations.frame == frame
-        A = (by_camera[own][:, :, free] * weight[own, :, None]).reshape(-1, int(free.sum()))
+        A = (by_camera[own] * weight[own, :, None]).reshape(-1, freedom.size)
         B = (by_target[own] * weight[own, :, None]).reshape(-1, 6)
         r = (residual[own] * weight[own]).reshape(-1)
         pose, *_ = np.linalg.lstsq(B, np.c_[A, r], rcond=None)
@@ -164,8 +206,10 @@ def held_out_costs(
     )
 
 
-def _fit(start: Scene, observations: ObservationArrays, terms: Terms) -> Solution:
+def _fit(
+    start: Scene, observations: ObservationArrays, terms: Terms, freedom: Freedom
+) -> Solution:
     """Return the one-camera scene adjusted with ``terms`` free."""
     lens = start.lenses[0].with_model(terms.model, len(terms.free))
     scene = Scene((lens,), start.camera_R, start.camera_t, start.target_R, start.target_t)
-    return adjust_robustly(scene, observations, Freedom((terms.freedom(),), np.zeros(1, bool)))
+    return adjust_robustly(scene, observations, freedom)

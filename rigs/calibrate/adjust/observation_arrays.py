@@ -6,7 +6,7 @@ camera c and frame f. Rotations change by rotation vectors multiplied from the l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -26,12 +26,16 @@ class ObservationArrays:
     points : (N, 3) float64
         Each observation's point in the target's axes.
     uv : (N, 2) float64
+    velocity : (N, 3) float64, optional
+        How fast the point moves in the axes of its frame's target pose, where images of one frame
+        were taken at different moments.
     """
 
     camera: NDArray[np.int64]
     frame: NDArray[np.int64]
     points: NDArray[np.float64]
     uv: NDArray[np.float64]
+    velocity: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.uv)
@@ -39,8 +43,17 @@ class ObservationArrays:
     def where(self, keep: NDArray) -> ObservationArrays:
         """Return the observations where ``keep`` holds, or in the order it gives."""
         return ObservationArrays(
-            self.camera[keep], self.frame[keep], self.points[keep], self.uv[keep]
+            self.camera[keep],
+            self.frame[keep],
+            self.points[keep],
+            self.uv[keep],
+            None if self.velocity is None else self.velocity[keep],
         )
+
+    def scaled(self, factor: float) -> ObservationArrays:
+        """Return the observations with all lengths multiplied by ``factor``."""
+        velocity = None if self.velocity is None else self.velocity * factor
+        return replace(self, points=self.points * factor, velocity=velocity)
 
 
 @dataclass(frozen=True)
@@ -54,6 +67,9 @@ class Scene:
         ``x_camera = R x_world + t``.
     target_R, target_t : (frames, 3, 3), (frames, 3)
         ``x_world = R x_target + t``; NaN where a frame has no pose.
+    offset : (cameras,) float64, optional
+        How long after their frame's moment a camera's images were taken, in the unit of the
+        observations' velocities; the points move so far.
     """
 
     lenses: tuple[Lens, ...]
@@ -61,32 +77,7 @@ class Scene:
     camera_t: NDArray[np.float64]
     target_R: NDArray[np.float64]  # noqa: N815
     target_t: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Freedom:
-    """Which unknowns are free; the target poses always are.
-
-    Parameters
-    ----------
-    lens : tuple of (4 + n,) bool
-        For each camera: fx, fy, cx, cy and coefficients.
-    pose : (cameras,) bool
-    """
-
-    lens: tuple[NDArray[np.bool_], ...]
-    pose: NDArray[np.bool_]
-
-    def columns(self, camera: int) -> NDArray[np.bool_]:
-        """Return which of rotation, translation, fx, fy, cx, cy, coefficients are free."""
-        return np.r_[np.repeat(self.pose[camera], 6), self.lens[camera]]
-
-    @property
-    def slices(self) -> list[slice]:
-        """Slices of each camera's free parameters among those of all cameras."""
-        counts = [int(self.columns(camera).sum()) for camera in range(len(self.lens))]
-        ends = np.cumsum([0, *counts])
-        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+    offset: NDArray[np.float64] | None = None
 
 
 def predicted(scene: Scene, observations: ObservationArrays) -> NDArray[np.float64]:
@@ -107,7 +98,8 @@ def jacobian(
     -------
     uv : (n, 2) float64
     by_camera : (n, 2, 10 + coefficients) float64
-        With respect to the camera's rotation, translation, fx, fy, cx, cy, coefficients.
+        With respect to the camera's rotation, translation, fx, fy, cx, cy, coefficients; last,
+        where the observations have velocities, to the moment of its images.
     by_target : (n, 2, 6) float64
         With respect to the target's rotation and translation.
     """
@@ -117,6 +109,10 @@ def jacobian(
     by_camera = np.concatenate([_cross(turned, by_point), by_point, by_lens], axis=2)
     by_world = by_point @ scene.camera_R[camera]  # (n, 2, 3)
     by_target = np.concatenate([_cross(on_target, by_world), by_world], axis=2)
+    if observations.velocity is not None:
+        turn = scene.target_R[observations.frame[rows]]
+        by_time = by_world @ (turn @ observations.velocity[rows][:, :, None])
+        by_camera = np.concatenate([by_camera, by_time], axis=2)
     return uv, by_camera, by_target
 
 
@@ -149,8 +145,10 @@ def _in_camera(
     scene: Scene, observations: ObservationArrays, camera: int, rows: slice
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the points in the camera's axes, turned into them, and turned on the target."""
-    frames = observations.frame[rows]
-    on_target = np.einsum("nij,nj->ni", scene.target_R[frames], observations.points[rows])
+    frames, points = observations.frame[rows], observations.points[rows]
+    if scene.offset is not None and observations.velocity is not None:
+        points = points + scene.offset[camera] * observations.velocity[rows]
+    on_target = np.einsum("nij,nj->ni", scene.target_R[frames], points)
     turned = (on_target + scene.target_t[frames]) @ scene.camera_R[camera].T
     return turned + scene.camera_t[camera], turned, on_target
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import Solution, adjust
-from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
+from rigs.calibrate.adjust.freedom import Freedom
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 
 _RAYLEIGH_MEDIAN = 1.1774  # median length of a 2-D normal residual, in standard deviations
 _HUBER = 3.0  # standard deviations, beyond which the loss is linear

@@ -7,11 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.calibrate.adjust.film import Film
 from rigs.calibrate.adjust.initial import SingleCamera
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, image_rows
 
 _TRIED_FRAMES = 12  # shared by two cameras, whose poses are compared
 _BEHIND = 1e6  # pixels: residual of a point behind the camera, larger than any other
+_NOT_IN_STEP = 2.0  # pixels of median residual, above which other delays are tried in a film
+_IN_STEP = 0.5  # of that residual must be left at most, or the delay is not believed
+_LONGEST_DELAY = 250  # pictures
+_LEAST_SHARED = 8  # frames that overlap at a delay; fewer agree by chance
 _FAR_OFF = 40.0  # pixels of median residual; beyond it two cameras did not see one scene
 
 
@@ -25,14 +30,20 @@ class _Image:
 
 
 def rig_poses(
-    names: tuple[str, ...], views: list[SingleCamera], observations: ObservationArrays, frames: int
-) -> tuple[Scene, int]:
-    """Return the poses of cameras and targets, and which camera holds the axes.
+    names: tuple[str, ...],
+    views: list[SingleCamera],
+    observations: ObservationArrays,
+    frames: int,
+    film: Film | None = None,
+) -> tuple[Scene, int, NDArray[np.float64]]:
+    """Return the poses of cameras and targets, which camera holds the axes, and offsets in time.
 
     The axes are those of the camera with most shared views. Each pair of cameras that saw the
     target in one frame gets its relative pose from the shared frame that explains the others
     best; both answers of the flat target are tried. Poses follow the maximum spanning tree of the
-    pairs, weighted by the points that agree.
+    pairs, weighted by the points that agree. In a film a camera that does not agree is tried some
+    pictures earlier and later; the offsets ``(cameras,)``, whole pictures, say how much later its
+    images were taken.
 
     Parameters
     ----------
@@ -42,6 +53,8 @@ def rig_poses(
     observations : ObservationArrays
         In order of camera, then frame.
     frames : int
+    film : Film, optional
+        The moments of the frames.
 
     Raises
     ------
@@ -64,6 +77,7 @@ def rig_poses(
     camera_R[root], camera_t[root] = np.eye(3), 0.0
     joined = np.zeros(count, bool)
     joined[root] = True
+    offset = np.zeros(count)
     while not joined.all():
         border = np.where(joined[:, None] & ~joined[None, :], weight, 0.0)
         a, b = np.unravel_index(np.argmax(border), border.shape)
@@ -74,6 +88,12 @@ def rig_poses(
                 f"cameras {apart}: found no frame in which they see the target together with "
                 f"{rest}, expected shared views that join all cameras"
             )
+        if film is not None and residual[a, b] > _NOT_IN_STEP:
+            delay, found = _delayed(views, int(a), int(b), images, film)
+            if found[3] < _IN_STEP * residual[a, b]:
+                relative[int(a), int(b)], residual[a, b] = found[:2], found[3]
+                offset[b] = delay
+        offset[b] += offset[a]
         if residual[a, b] > _FAR_OFF:
             raise ValueError(
                 f"camera {names[b]}: sees the target {residual[a, b]:.0f} px from where camera "
@@ -87,7 +107,41 @@ def rig_poses(
     empty = Scene(
         lenses, camera_R, camera_t, np.full((frames, 3, 3), np.nan), np.full((frames, 3), np.nan)
     )
-    return _with_targets(empty, views, images), root
+    if film is not None and offset.any():
+        views, images = _in_step(views, images, film, offset)
+    return _with_targets(empty, views, images), root, offset
+
+
+def _delayed(
+    views: list[SingleCamera], a: int, b: int, images: dict, film: Film
+) -> tuple[float, tuple]:
+    """Return by how much camera b's images are late where they agree best, and the pose then."""
+    known = film.times[np.isfinite(film.times)]
+    most = int(min(np.ptp(known) / film.spacing / 2, _LONGEST_DELAY))
+    best = 0.0, (np.eye(3), np.zeros(3), 0.0, np.inf)
+    for step in sorted(range(-most, most + 1), key=abs):
+        delay = step * film.spacing
+        found = _relative_pose(
+            views[a], views[b], a, b, images, film.partners(delay), _LEAST_SHARED
+        )
+        if found is not None and found[3] < best[1][3]:
+            best = delay, found
+    return best
+
+
+def _in_step(
+    views: list[SingleCamera], images: dict, film: Film, offset: NDArray
+) -> tuple[list[SingleCamera], dict[tuple[int, int], _Image]]:
+    """Return views and images filed under the frames whose moments they show."""
+    shifted, filed = [], {}
+    for camera, view in enumerate(views):
+        partner = film.partners(float(offset[camera]))
+        rms = np.where((partner >= 0)[:, None], view.rms[partner], np.inf)
+        shifted.append(replace(view, R=view.R[partner], t=view.t[partner], rms=rms))
+        for frame in np.flatnonzero(partner >= 0):
+            if (camera, int(partner[frame])) in images:
+                filed[camera, int(frame)] = images[camera, int(partner[frame])]
+    return shifted, filed
 
 
 def _images(
@@ -106,30 +160,43 @@ def _images(
 
 
 def _relative_pose(
-    one: SingleCamera, other: SingleCamera, a: int, b: int, images: dict[tuple[int, int], _Image]
+    one: SingleCamera,
+    other: SingleCamera,
+    a: int,
+    b: int,
+    images: dict[tuple[int, int], _Image],
+    partner: NDArray[np.int64] | None = None,
+    least: int = 1,
 ) -> tuple[NDArray, NDArray, float, float] | None:
     """Return R, t from the axes of camera a to those of b, the points that agree, and a residual.
 
-    The residual, in pixels, is the median over the frames that both see.
+    The residual, in pixels, is the median over the frames that both see. Where ``partner`` gives
+    for each frame of camera a the frame of b, -1 without, these are compared.
     """
-    shared = np.flatnonzero(np.isfinite(one.rms[:, 0]) & np.isfinite(other.rms[:, 0]))
-    if not len(shared):
+    partner = np.arange(len(one.rms)) if partner is None else partner
+    both = (partner >= 0) & np.isfinite(one.rms[:, 0]) & np.isfinite(other.rms[partner, 0])
+    shared = np.flatnonzero(both)
+    if len(shared) < least:
         return None
     some = shared[np.linspace(0, len(shared) - 1, min(len(shared), _TRIED_FRAMES)).astype(int)]
     candidates = []
     for frame in some:
         for i in range(2):
             for j in range(2):
-                if np.isfinite(one.rms[frame, i]) and np.isfinite(other.rms[frame, j]):
-                    R = other.R[frame, j] @ one.R[frame, i].T
-                    candidates.append((R, other.t[frame, j] - R @ one.t[frame, i]))
+                late = partner[frame]
+                if np.isfinite(one.rms[frame, i]) and np.isfinite(other.rms[late, j]):
+                    R = other.R[late, j] @ one.R[frame, i].T
+                    candidates.append((R, other.t[late, j] - R @ one.t[frame, i]))
     R = np.array([R for R, _ in candidates])  # (n, 3, 3)
     t = np.array([t for _, t in candidates])
-    errors = np.stack([_errors(one, frame, R, t, images[b, frame]) for frame in some])
+    matched = [images[b, int(partner[frame])] for frame in some]
+    errors = np.stack(
+        [_errors(one, frame, R, t, image) for frame, image in zip(some, matched, strict=True)]
+    )
     best = int(np.argmin(np.log1p(errors).sum(axis=0)))
     weight = sum(
-        min(len(images[a, frame].points), len(images[b, frame].points)) / (1 + (error / 2) ** 2)
-        for frame, error in zip(some, errors[:, best], strict=True)
+        min(len(images[a, frame].points), len(image.points)) / (1 + (error / 2) ** 2)
+        for frame, image, error in zip(some, matched, errors[:, best], strict=True)
     )
     return (
         R[best],

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import adjust
-from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
+from rigs.calibrate.adjust.freedom import Freedom
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 from rigs.calibrate.adjust.projection import Lens
 
 LEAST_POINTS = 6  # of an image; fewer leave the pose to the noise

@@ -62,6 +62,35 @@ def other_dictionary(search: Search, target: CharucoBoard) -> str | None:
     return best if counts[best] >= 4 else None
 
 
+def other_counts(search: Search, target: CharucoBoard) -> tuple[int, int] | None:
+    """Return the columns and rows of squares that the markers in the image fit, if others.
+
+    Columns and rows exchanged come first; then up to four more or fewer of each.
+    """
+    number, uv = _read(search, target.dictionary)
+    if not len(number):
+        number, uv = _read(search.negative(), target.dictionary)
+    if len(number) < _NEIGHBOURS:
+        return None
+    own = target.columns, target.rows
+    near = [(own[0] + a, own[1] + b) for a in range(-4, 5) for b in range(-4, 5)]
+    near.sort(key=lambda size: abs(size[0] - own[0]) + abs(size[1] - own[1]))
+    best, most = None, 0.9 * len(number)
+    for columns, rows in dict.fromkeys([own[::-1], *near]):
+        white = columns * rows // 2
+        if min(columns, rows) < 2 or (columns, rows) == own or white <= number.max():
+            continue
+        try:
+            board = replace(target, columns=columns, rows=rows)
+        except ValueError:  # more markers than the dictionary has
+            continue
+        fitting = max(len(_on_board(number, uv, board, first).number) for first in (0, 1))
+        # Boards of more rows have the same markers in the same places: the fewest rows say most
+        if fitting > most:
+            best, most = (columns, rows), fitting
+    return best
+
+
 def _read(search: Search, dictionary: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return numbers ``(markers,)`` and corners ``(markers, 4, 2)`` in the whole image."""
     parameters = cv2.aruco.DetectorParameters()

@@ -43,11 +43,25 @@ def find_chessboard(search: Search, target: Chessboard) -> Found:
     return Found(np.flatnonzero(good), saddles.uv[good], blur)
 
 
-def larger_chessboard(search: Search) -> tuple[int, int] | None:
-    """Return the columns and rows of inner corners of the chessboard in the image, if any."""
+def counted_chessboard(search: Search) -> tuple[tuple[int, int], bool] | None:
+    """Return the columns and rows of inner corners of the chessboard in the image, if any.
+
+    The count of a board seen aslant may be off by one, so its neighbours are looked for as whole
+    boards; the second value says whether one was found.
+    """
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
     found, _, squares = cv2.findChessboardCornersSBWithMeta(search.small, (3, 3), flags)
-    return tuple(sorted(squares.shape, reverse=True)) if found else None
+    if not found:
+        return None
+    rough = tuple(sorted(squares.shape, reverse=True))
+    steps = [(0, 0), (-1, 0), (0, -1), (1, 0), (0, 1), (-1, -1), (1, 1)]
+    sizes = dict.fromkeys(
+        tuple(sorted((rough[0] + across, rough[1] + down), reverse=True)) for across, down in steps
+    )
+    for size in sizes:
+        if min(size) >= 3 and len(find_chessboard(search, Chessboard(*size, 1.0)).point):
+            return size, True
+    return rough, False
 
 
 def _rough(search: Search, target: Chessboard) -> NDArray[np.float64] | None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.detect.found import Found
-from rigs.calibrate.detect.image_sets import Source, VideoFrame
+from rigs.calibrate.detect.image_sets import MosaicImage, Source, VideoFrame
 from rigs.files import atomic_path
 from rigs.files.archives import read_arrays
 from rigs.files.size_guard import errors_of_libraries
@@ -29,7 +29,7 @@ def key(target: str, camera: str, frame: str, source: Source) -> str:
         digest = hashlib.sha256(content.tobytes()).hexdigest()
         identity = f"{content.dtype} {content.shape} {digest}"
     else:
-        path = Path(source.path if isinstance(source, VideoFrame) else source)
+        path = Path(source.path if isinstance(source, VideoFrame | MosaicImage) else source)
         try:
             state = path.stat()
         except OSError as error:
@@ -39,6 +39,8 @@ def key(target: str, camera: str, frame: str, source: Source) -> str:
         identity = f"{path.absolute()} {state.st_size} {state.st_mtime_ns}"
         if isinstance(source, VideoFrame):
             identity += f" {source.index}"
+        elif isinstance(source, MosaicImage):
+            identity += " mosaic"
     return "\n".join((target, camera, frame, identity))
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.detect import _detection_cache
-from rigs.calibrate.detect._charuco import other_dictionary
-from rigs.calibrate.detect._chessboard import larger_chessboard
+from rigs.calibrate.detect._charuco import other_counts, other_dictionary
+from rigs.calibrate.detect._chessboard import counted_chessboard
 from rigs.calibrate.detect._detection_cache import Entry
 from rigs.calibrate.detect._detection_run import Job, find, search_images
 from rigs.calibrate.detect.found import Found, Search
@@ -22,6 +22,7 @@ from rigs.calibrate.observations import Observations
 from rigs.calibrate.targets import CharucoBoard, Chessboard
 from rigs.calibrate.targets.boards import Target
 
+_EXAMPLES = 8  # images that are searched for another target; more take seconds
 ImageSet = Mapping[str, Mapping[str, Source]]
 """Images by camera and by frame, as `rigs.calibrate.detect.image_set` gives them."""
 
@@ -201,27 +202,51 @@ def _check_seen(jobs: list[Job], entries: list[Entry], target: Target) -> None:
             continue
         reasons = Counter(entries[k][0].reason for k in own)
         usual = max(reasons, key=lambda reason: reasons[reason])
-        example = next(k for k in own if entries[k][0].reason == usual)
-        _, frame, source = jobs[example]
-        instead = _instead(read_source(source), target)
+        typical = [k for k in own if entries[k][0].reason == usual]
+        _, frame, source = jobs[typical[0]]
+        spread = np.linspace(0, len(typical) - 1, min(len(typical), _EXAMPLES)).astype(int)
+        instead = _instead([read_source(jobs[typical[k]][2]) for k in spread], target)
         raise ValueError(
             f"camera {camera}: {_name(source, frame)}: found {instead or usual}, expected "
             f"{target}, which none of its {len(own)} images shows"
         )
 
 
-def _instead(image: NDArray, target: Target) -> str | None:
-    """Return a similar target that an image shows instead, or None."""
-    search = Search.of(image)
+def _instead(images: list[NDArray], target: Target) -> str | None:
+    """Return a similar target that most images show instead, or None."""
     if isinstance(target, Chessboard):
-        size = larger_chessboard(search)
-        return size and f"a chessboard of {size[0]}x{size[1]} inner corners"
+        return _other_chessboard(images, target)
+    search = Search.of(images[0])
     if len(find(search.mirrored(), target).point):
         return "the target mirrored"
-    if isinstance(target, CharucoBoard):
-        name = other_dictionary(search, target)
-        return name and f"markers of {name}"
-    return None
+    if not isinstance(target, CharucoBoard):
+        return None
+    sizes = Counter(other_counts(Search.of(image), target) for image in images)
+    sizes.pop(None, None)
+    if sizes:
+        columns, rows = max(sizes, key=lambda size: sizes[size])
+        other = replace(target, columns=columns, rows=rows)
+        own = f"{target.columns}x{target.rows}"
+        return f"markers of a board of {columns}x{rows} squares, not {own} (say {other})"
+    name = other_dictionary(search, target)
+    return name and f"markers of {name}"
+
+
+def _other_chessboard(images: list[NDArray], target: Chessboard) -> str | None:
+    """Return the commonest size of the boards in some images in words; whole boards go first."""
+    counted = [counted_chessboard(Search.of(image)) for image in images]
+    counted = [each for each in counted if each is not None]
+    whole = [size for size, is_whole in counted if is_whole]
+    sizes = Counter(whole or [size for size, _ in counted])
+    if not sizes:
+        return None
+    columns, rows = max(sizes, key=lambda size: sizes[size])
+    other = replace(target, columns=columns, rows=rows)
+    if other == target:
+        return None
+    certain = f"in {sizes[columns, rows]} of {len(images)} images looked at"
+    found = f"a chessboard of {columns}x{rows} inner corners {certain}"
+    return f"{found} (say {other})" if whole and not other.ambiguity else found
 
 
 def _name(source: Source, frame: str) -> str:

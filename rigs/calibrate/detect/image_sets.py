@@ -1,20 +1,33 @@
-"""Images of a target in folders or videos, by camera and frame, and their reading."""
+"""Images of a target in folders or films, by camera and frame, and their reading."""
 
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.recordings import IMAGE_SUFFIXES, luminance, read_pixels
+from rigs.recordings import (
+    FILM_SUFFIXES,
+    IMAGE_SUFFIXES,
+    find_images,
+    image_notes,
+    luminance,
+    open_recording,
+    read_still,
+    without_pattern,
+)
+from rigs.recordings.layout import ONLY, Images, how_to_name, images_in, natural
+from rigs.recordings.notes import grouped_notes
+from rigs.recordings.tiff_stack import is_stack
 
-VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
+_NEVER_IMAGES = (
+    ".csv", ".html", ".ini", ".json", ".log", ".m", ".mat", ".md", ".npz", ".odt", ".ods", ".pdf",
+    ".py", ".pyc", ".toml", ".txt", ".xls", ".xlsx", ".xml", ".yaml", ".yml", ".zip",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -36,21 +49,51 @@ class VideoFrame:
         return f"{self.path}: frame {self.index}"
 
 
-Source = str | os.PathLike | VideoFrame | np.ndarray
+@dataclass(frozen=True)
+class MosaicImage:
+    """An image file of a sensor with colour filters, even where the file does not say so.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    """
+
+    path: Path
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+
+Source = str | os.PathLike | VideoFrame | MosaicImage | np.ndarray
 """Where an image comes from: a file, a picture of a video, or the image itself."""
 
 
-def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, Source]]:
-    """Return the images in ``folder``: one folder per camera, or one video per camera.
+def image_set(
+    folder: str | os.PathLike,
+    every: int = 1,
+    note: Callable[[str], None] | None = None,
+    *,
+    pattern: str | None = None,
+    are_mosaics: bool = False,
+) -> dict[str, dict[str, Source]]:
+    """Return the images in ``folder``, by camera and frame.
 
     Parameters
     ----------
     folder : path-like
-        Either folders named as the cameras, in which equal file names without suffix are one
-        frame; or videos named as the cameras, in which equal picture numbers are one frame.
-        Names that begin with a dot and files of other kinds are ignored.
+        Folders named as the cameras, in which equal file names without suffix are one frame;
+        images ``CAMERA_NUMBER.*`` beside each other; or films (videos, TIFFs of many pages)
+        named as the cameras, in which equal picture numbers are one frame. Names that begin with
+        a dot and files of other kinds are ignored.
     every : int
-        Use every n-th picture of a video.
+        Use every n-th picture of a film.
+    note : callable, optional
+        Called with a line on each folder that holds only files that are never images, like
+        texts; it is not taken as a camera.
+    pattern : str, optional
+        How files are named otherwise, see `rigs.recordings.find_images`.
+    are_mosaics : bool
+        Whether images are mosaics of colour filters: the pattern is smoothed away.
 
     Returns
     -------
@@ -60,38 +103,90 @@ def image_set(folder: str | os.PathLike, every: int = 1) -> dict[str, dict[str, 
     Raises
     ------
     ValueError
-        If there is nothing to read, folders and videos are mixed, a camera's folder is empty or
-        has one frame twice, or a video cannot be decoded.
+        If there is nothing to read, folders and films are mixed, a camera's folder is empty or
+        has one frame twice, or a film cannot be decoded.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise ValueError(f"{folder}: found no folder, expected one folder or one video per camera")
     if every < 1:
         raise ValueError(f"every: found {every}, expected at least 1")
+    if pattern is not None:
+        found = find_images(folder, None, pattern)
+        if not found:
+            raise ValueError(
+                f"{folder}: pattern: found no image whose name fits {pattern!r}, expected some"
+            )
+        films = {camera: each[ONLY] for camera, each in found.items() if ONLY in each}
+        if len(films) == len(found) and all(_is_film(path) for path in films.values()):
+            return _pictures_of(films, every, are_mosaics)
+        return _sources(found, are_mosaics)
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
-    inside.sort(key=lambda path: _natural(path.name))
+    inside.sort(key=lambda path: natural(path.name))
     folders = [path for path in inside if path.is_dir()]
-    videos = [path for path in inside if path.suffix.lower() in VIDEO_SUFFIXES and path.is_file()]
-    if folders and videos:
+    files = [path for path in inside if path.is_file()]
+    loose = [path for path in files if path.suffix.lower() in IMAGE_SUFFIXES]
+    films = [path for path in files if path.suffix.lower() in FILM_SUFFIXES]
+    if not films and not folders:
+        films = [path for path in loose if _is_film(path)]
+        still = next((path for path in loose if path not in films), None)
+        if films and still:
+            raise ValueError(
+                f"{folder}: found {films[0].name} of many pages and {still.name} of one image, "
+                "expected one film or one folder of images per camera"
+            )
+    if folders and films:
         raise ValueError(
-            f"{folder}: found the folder {folders[0].name} and the video {videos[0].name}, "
+            f"{folder}: found the folder {folders[0].name} and the video {films[0].name}, "
             "expected one folder per camera or one video per camera"
         )
-    if not folders and not videos:
-        loose = sum(path.suffix.lower() in IMAGE_SUFFIXES for path in inside)
-        there = f"{loose} images outside camera folders" if loose else "neither"
-        raise ValueError(f"{folder}: found {there}, expected one folder or one video per camera")
-    if folders:
-        return {path.name: _images_in(path) for path in folders}
-    images: dict[str, dict[str, Source]] = {}
-    for path in videos:
-        if path.stem in images:
-            raise ValueError(f"{folder}: camera {path.stem}: found two videos, expected one")
-        images[path.stem] = {
-            f"{index:06d}": VideoFrame(path, index)
-            for index in range(0, _count_pictures(path), every)
-        }
-    return images
+    if films:
+        named = {path.stem: path for path in films}
+        if len(named) < len(films):
+            twice = next(path for path in films if named[path.stem] != path)
+            raise ValueError(f"{folder}: camera {twice.stem}: found two videos, expected one")
+        return _pictures_of(named, every, are_mosaics)
+    for path in folders:
+        if not _is_stray(path):
+            _check_holds_images(path)
+        elif note is not None:
+            note(f"{path}: holds no image, only files of other kinds: not taken as a camera")
+    found = find_images(folder)
+    if not found:
+        there = f"{len(loose)} images outside camera folders" if loose else "neither"
+        raise ValueError(
+            f"{folder}: found {there}, expected one folder or one video per camera, or "
+            f"{how_to_name(loose, folder, None)}"
+        )
+    return _sources(found, are_mosaics)
+
+
+def _sources(found: Images, are_mosaics: bool) -> dict[str, dict[str, Source]]:
+    """Return the sources of image files."""
+    return {
+        camera: {frame: MosaicImage(path) if are_mosaics else path for frame, path in each.items()}
+        for camera, each in found.items()
+    }
+
+
+def notes_of(images: Mapping[str, Mapping[str, Source]]) -> list[str]:
+    """Return lines on what files say and reading does not heed, see `image_notes`."""
+    stills = {
+        camera: [
+            Path(str(one))
+            for one in frames.values()
+            if isinstance(one, str | os.PathLike | MosaicImage)
+        ]
+        for camera, frames in images.items()
+    }
+    films = {
+        (camera, source.path)
+        for camera, frames in images.items()
+        for source in frames.values()
+        if isinstance(source, VideoFrame)
+    }
+    of_films = ((camera, open_recording(path).notes) for camera, path in sorted(films))
+    return [*image_notes(stills), *grouped_notes(of_films)]
 
 
 def read_source(source: Source) -> NDArray:
@@ -110,90 +205,75 @@ def read_source(source: Source) -> NDArray:
         return next(iter(read_pictures(source.path, [source.index])))[1]
     if isinstance(source, np.ndarray):
         return _grey(source, "image", blue_first=True)
-    path = Path(source)
+    path = source.path if isinstance(source, MosaicImage) else Path(source)
     try:
-        image = read_pixels(path)
+        still = read_still(path)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
+    image = still.pixels
+    if still.is_grey and (still.is_mosaic or isinstance(source, MosaicImage)):
+        image = without_pattern(image)
     return _grey(image, str(path))
 
 
 def read_pictures(path: Path, indices: Iterable[int]) -> Iterator[tuple[int, NDArray]]:
-    """Yield number and grey image of a video's pictures, in order.
-
-    A video is decoded from its beginning, because seeking is inexact in many formats.
+    """Yield number and grey image of a film's pictures, in order.
 
     Raises
     ------
     ValueError
-        If the video cannot be opened or ends before the last picture asked for.
+        If the film cannot be opened or ends before the last picture asked for.
     """
-    wanted = sorted(set(indices))
-    video = _open_video(path)
-    try:
-        at = 0
-        for index in wanted:
-            while at <= index:
-                if not video.grab():
-                    raise ValueError(
-                        f"{path}: decoding stops at picture {at}, expected {wanted[-1] + 1}"
-                    )
-                at += 1
-            decoded, image = video.retrieve()
-            if not decoded:
-                raise ValueError(f"{path}: picture {index} cannot be decoded")
-            yield index, _grey(image, f"{path}: picture {index}", blue_first=True)
-    finally:
-        video.release()
+    film = open_recording(path)
+    for index in sorted(set(indices)):
+        yield index, _grey(film.read(index), f"{path}: picture {index}")
 
 
-def _images_in(folder: Path) -> dict[str, Source]:
-    paths = [
-        path
-        for path in folder.iterdir()
-        if path.is_file()
-        and path.suffix.lower() in IMAGE_SUFFIXES
-        and not path.name.startswith(".")
-    ]
-    if not paths:
+def _is_film(path: Path) -> bool:
+    return path.suffix.lower() in FILM_SUFFIXES or is_stack(path)
+
+
+def _pictures_of(
+    films: Mapping[str, Path], every: int, are_mosaics: bool
+) -> dict[str, dict[str, Source]]:
+    """Return every n-th picture of each camera's film."""
+    if are_mosaics:
+        path = next(iter(films.values()))
+        raise ValueError(f"{path}: bayer: found a film, expected image files with --bayer")
+    return {
+        camera: {
+            f"{index:06d}": VideoFrame(path, index)
+            for index in range(0, open_recording(path).n_frames, every)
+        }
+        for camera, path in films.items()
+    }
+
+
+def _check_holds_images(folder: Path) -> None:
+    """Raise unless a folder, which names a camera, holds images."""
+    if not images_in(folder):
         raise ValueError(
-            f"{folder}: camera {folder.name}: found no images, expected some of "
-            f"{', '.join(IMAGE_SUFFIXES)}"
+            f"{folder}: camera {folder.name}: found no images ({_contents(folder)}), expected "
+            f"some of {', '.join(IMAGE_SUFFIXES)}; move the folder away if it is no camera, or "
+            "say where images are, like --pattern '{camera}/{frame}.tif'"
         )
-    images: dict[str, Source] = {}
-    for path in sorted(paths, key=lambda path: _natural(path.name)):
-        if path.stem in images:
-            raise ValueError(
-                f"{path}: camera {folder.name}: found the frame {path.stem} twice, "
-                f"{Path(images[path.stem]).name} is another, expected one image"
-            )
-        images[path.stem] = path
-    return images
 
 
-def _open_video(path: Path) -> cv2.VideoCapture:
-    if not path.is_file():
-        raise ValueError(f"{path}: found no such video")
-    video = cv2.VideoCapture(str(path))
-    if not video.isOpened():
-        raise ValueError(f"{path}: not a readable video: damaged, or no decoder for it")
-    return video
+def _is_stray(folder: Path) -> bool:
+    """Return whether a folder has files, all of kinds that are never images."""
+    inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    return bool(inside) and all(
+        path.is_file() and path.suffix.lower() in _NEVER_IMAGES for path in inside
+    )
 
 
-def _count_pictures(path: Path) -> int:
-    """Count by decoding, because the count in the header is often wrong."""
-    video = _open_video(path)
-    stated = int(max(video.get(cv2.CAP_PROP_FRAME_COUNT), 0))
-    count = 0
-    while video.grab():
-        count += 1
-    video.release()
-    if count == 0 or count < 0.9 * stated:
-        raise ValueError(
-            f"{path}: camera {path.stem}: decoding stops at picture {count}, expected {stated}: "
-            "damaged or truncated"
-        )
-    return count
+def _contents(folder: Path) -> str:
+    """Return what a folder without images holds, in words."""
+    inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    kinds = {path.suffix.lower() or path.name for path in inside if path.is_file()}
+    kinds |= {f"folder {path.name}" for path in inside if path.is_dir()}
+    named = sorted(kinds)
+    return ", ".join(named[:4]) + (", ..." if len(named) > 4 else "") if named else "it is empty"
 
 
 def _grey(image: NDArray, name: str, blue_first: bool = False) -> NDArray:
@@ -213,9 +293,3 @@ def _grey(image: NDArray, name: str, blue_first: bool = False) -> NDArray:
     if image.dtype.kind == "f" and not np.isfinite(image).all():
         raise ValueError(f"{name}: found NaN or infinite pixels, expected finite ones")
     return image
-
-
-def _natural(name: str) -> list[tuple[int, int | str]]:
-    """Return a key that sorts numbers inside names by value."""
-    parts = re.split(r"(\d+)", name)
-    return [(0, int(part)) if part.isdecimal() else (1, part) for part in parts if part]

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.observations import Observations
+from rigs.calibrate.quality.left_out import causes_besides_lens, left_out
 from rigs.calibrate.quality.quality import Quality
 
 # Limits above which a figure becomes a finding; lower ones would warn of sound calibrations
-_MANY_IMAGES = 0.2  # fraction of a camera's images left out: the camera is responsible
-_MANY_POINTS = 0.1  # fraction of a camera's points left out
 _CAMERA_CONTRADICTS = 2.0  # standard deviations, a camera's contradiction
 _MORE_THAN_OTHERS = 1.4  # ratio to the other cameras' contradiction, to name one alone
 _FRAME_CONTRADICTS = 2.5  # standard deviations, a frame's contradiction
@@ -32,18 +29,37 @@ def findings(
     used: NDArray[np.bool_],
     noise: float,
     voxel: float | None = None,
+    offsets: tuple[str, ...] | None = None,
+    held: str = "given lens",
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return warnings about the rig, the gravest first, and notes on what was left out.
 
+    Parameters
+    ----------
+    quality : Quality
+    observations : Observations
+    used : (observations,) bool
+    noise : float
+        Pixels.
+    voxel : float, optional
+        Edge length of a voxel.
+    offsets : tuple of str, optional
+        Each camera's offset in time in words, where a film shows it: it is then no cause.
+    held : str
+        The lens that the adjustment held, in words.
+
+    Notes
+    -----
     Where the rays meet within a tenth of ``voxel``, only errors that displace them by more are
     reported, and points left out are a note; where it is None a voxel is as large as a pixel.
     """
     least = _least_displacement(quality, voxel)
-    warnings, notes = _left_out(quality, observations, used, harmless=bool(least.all()))
-    contradictions, frame_notes = _contradictions(quality, observations, used, least)
+    causes = causes_besides_lens(offsets, len(observations.cameras))
+    warnings, notes = left_out(quality, observations, used, causes, harmless=bool(least.all()))
+    contradictions, frame_notes = _contradictions(quality, observations, used, least, offsets)
     warnings += contradictions
     notes += frame_notes
-    warnings += _bad_images(quality, observations, used, noise, least)
+    warnings += _bad_images(quality, observations, used, noise, least, offsets, held)
     if noise > _HIGH_NOISE:
         warnings.append(
             f"residuals of {noise:.2g} px per coordinate, far above the error of detection: check "
@@ -85,81 +101,12 @@ def assessment(
     return "\n".join([*lines, *warnings, *notes])
 
 
-def _left_out(
-    quality: Quality, observations: Observations, used: NDArray[np.bool_], *, harmless: bool
-) -> tuple[list[str], list[str]]:
-    """Return warnings and notes on what was left out: whole images, and single observations.
-
-    Single observations are a note where the rays of those that remain meet: ``harmless``.
-    """
-    shape = observations.counts().shape
-    seen, kept = observations.counts(), np.zeros(shape, int)
-    np.add.at(kept, (observations.camera[used], observations.frame[used]), 1)
-    # Images without residuals never had a pose
-    out = (seen > 0) & (kept == 0) & np.isfinite(quality.image_rms)
-    frames = observations.frames
-    warnings, notes = [], []
-    for camera, name, images, words in _many(observations, out):
-        warnings.append(
-            f"camera {name}: {words}, disagree with the other cameras and were left out: it moved "
-            "or is not synchronised"
-        )
-        out[camera, images] = False
-    # When two disagree either may be left out, so the one that remains is as suspect
-    alone = (kept > 0) & ((kept > 0).sum(axis=0) == 1) & out.any(axis=0)
-    for _, name, images, words in _many(observations, alone):
-        warnings.append(
-            f"camera {name}: in {words}, no other camera agrees with it: it moved or is not "
-            "synchronised, or all others did"
-        )
-        out[:, images] = False
-    for frame in np.flatnonzero((out.sum(axis=0) >= 2) & (kept.sum(axis=0) == 0)):
-        cameras = [observations.cameras[camera] for camera in np.flatnonzero(out[:, frame])]
-        notes.append(
-            f"frame {frames[frame]}: cameras {', '.join(cameras)} disagree by "
-            f"{np.nanmax(quality.image_rms[:, frame]):.2g} px, left out: the target moved, or an "
-            "image is not synchronised"
-        )
-        out[:, frame] = False
-    for camera, frame in np.argwhere(out):
-        notes.append(
-            f"camera {observations.cameras[camera]}, frame {frames[frame]}: disagrees with the "
-            f"other cameras by {quality.image_rms[camera, frame]:.2g} px, left out: the camera "
-            "moved or is not synchronised there, or the target was detected in a wrong order"
-        )
-    for camera, name in enumerate(observations.cameras):
-        own = observations.camera == camera
-        single = own & ~used & (kept[camera, observations.frame] > 0)
-        if single.any():
-            where = [frames[frame] for frame in np.unique(observations.frame[single])]
-            line = (
-                f"camera {name}: {int(single.sum())} of {int(own.sum())} points left out, "
-                f"detected in the wrong place in frames {', '.join(where[:5])}"
-                + (f" and {len(where) - 5} more" if len(where) > 5 else "")
-            )
-            many = single.sum() > _MANY_POINTS * own.sum()
-            (warnings if many and not harmless else notes).append(line)
-    return warnings, notes
-
-
-def _many(
-    observations: Observations, which: NDArray[np.bool_]
-) -> Iterator[tuple[int, str, NDArray[np.int64], str]]:
-    """Yield cameras with many of ``which`` images ``(cameras, frames)``, with these in words."""
-    counts = (observations.counts() > 0).sum(axis=1)
-    for camera, (name, of) in enumerate(zip(observations.cameras, counts, strict=True)):
-        images = np.flatnonzero(which[camera])
-        if len(images) >= 3 and len(images) > _MANY_IMAGES * of:
-            first, last = (observations.frames[frame] for frame in images[[0, -1]])
-            words = f"{len(images)} of its {of} images, from frame {first} to {last}"
-            yield camera, name, images, words
-
-
 def _contradictions(
     quality: Quality,
     observations: Observations,
     used: NDArray[np.bool_],
     least: NDArray[np.float64],
+    offsets: tuple[str, ...] | None,
 ) -> tuple[list[str], list[str]]:
     """Return warnings on cameras and notes on frames that were used but contradict the others."""
     kept = np.zeros(quality.contradiction.shape, bool)
@@ -168,6 +115,7 @@ def _contradictions(
     cameras, frames = (np.sqrt(_mean(contradiction**2, axis)) for axis in (1, 0))
     if len(cameras) < 2:
         return [], []
+    together = "one moved or is not synchronised" if offsets is None else "one moved"
     excess = np.where(kept, quality.image_rms**2 - quality.alone_rms**2, np.nan)
     moved, moved_frames = (np.sqrt(np.maximum(_mean(excess, axis), 0.0)) for axis in (1, 0))
     lines, notes = [], []
@@ -177,17 +125,17 @@ def _contradictions(
     if cameras[worst] > _CAMERA_CONTRADICTS and (moved >= least).any():
         alone = _rms(np.where(kept, quality.alone_rms, np.nan)[worst])
         rms = f"residuals {quality.camera_rms[worst]:.2g} px, {alone:.2g}"
+        cause = causes_besides_lens(offsets, len(cameras))[worst]
         if cameras[worst] > _MORE_THAN_OTHERS * others and len(cameras) > 2:
             lines.append(
                 f"camera {name}: contradicts the others ({rms} by itself, {cameras[worst]:.2g} "
-                f"standard deviations where {others:.2g} is usual): it moved, is not "
-                "synchronised, or its lens is wrong"
+                f"standard deviations where {others:.2g} is usual): {cause}, "
+                "or its lens is wrong"
             )
         else:
             lines.append(
                 f"cameras contradict each other, {name} most ({rms} by itself, "
-                f"{cameras[worst]:.2g} standard deviations): one moved or is not synchronised, or "
-                "the target is bent"
+                f"{cameras[worst]:.2g} standard deviations): {together}, or the target is bent"
             )
     usual = float(np.nanmedian(frames))
     stands_out = frames > np.fmax(_FRAME_CONTRADICTS, 3 * usual)
@@ -207,6 +155,8 @@ def _bad_images(
     used: NDArray[np.bool_],
     noise: float,
     least: NDArray[np.float64],
+    offsets: tuple[str, ...] | None,
+    held: str,
 ) -> list[str]:
     """Return lines on cameras and frames that are noisy or bent even by themselves."""
     lines = []
@@ -224,9 +174,10 @@ def _bad_images(
             )
         misfit = quality.lens_misfit[camera]
         if misfit > _LENS_MISFIT and misfit * noise >= least[camera]:
+            also = "" if offsets is None else f"; it is {offsets[camera]}"
             lines.append(
-                f"camera {name}: its given lens does not fit what it saw "
-                f"({misfit:.2g} standard deviations)"
+                f"camera {name}: its {held} does not fit what it saw "
+                f"({misfit:.2g} standard deviations){also}"
             )
     usual = float(np.nanmedian(quality.frame_rms))
     for frame in np.flatnonzero(quality.frame_rms > _HIGH_FRAME * usual):

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import information
+from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.joint_terms import fall_of_squares
-from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 from rigs.rig import Rig
 
 _UNKNOWN_FOCAL_LENGTH = 0.2  # relative standard deviation; above it the focal length is a guess
@@ -49,24 +50,24 @@ def covariance_of(
 
 
 def labels(names: tuple[str, ...], freedom: Freedom) -> tuple[tuple[str, str], ...]:
-    """Return camera and name of each free parameter."""
-    found = []
+    """Return camera and name of each free parameter; a shared one has those that come first."""
+    found: list[tuple[str, str]] = [("", "")] * freedom.size
     for camera, name in enumerate(names):
-        own = ["wx", "wy", "wz", "tx", "ty", "tz", "fx", "fy", "cx", "cy"]
-        own += [f"c{i}" for i in range(len(freedom.lens[camera]) - 4)]
-        free = freedom.columns(camera)
-        found += [(name, label) for label, is_free in zip(own, free, strict=True) if is_free]
+        coefficients = [f"c{i}" for i in range(len(freedom.lens[camera]) - 4)]
+        own = ["wx", "wy", "wz", "tx", "ty", "tz", "fx", "fy", "cx", "cy", *coefficients, "time"]
+        for place, label in zip(freedom.places[camera], own, strict=True):
+            if place >= 0 and not found[place][0]:
+                found[place] = name, label
     return tuple(found)
 
 
 def focal_errors(scene: Scene, freedom: Freedom, covariance: NDArray) -> NDArray[np.float64]:
     """Return the larger relative standard deviation of each camera's two focal lengths."""
     errors = np.zeros(len(scene.lenses))
-    for camera, own in enumerate(freedom.slices):
-        free = freedom.columns(camera)
+    for camera, places in enumerate(freedom.places):
         for column in (6, 7):  # fx, fy
-            if free[column]:
-                at = own.start + int(free[:column].sum())
+            at = places[column]
+            if at >= 0:
                 focal = scene.lenses[camera].matrix[column - 6, column - 6]
                 errors[camera] = max(errors[camera], np.sqrt(covariance[at, at]) / focal)
     return errors
@@ -86,22 +87,30 @@ def refuse_unknown_lenses(focal_error: NDArray[np.float64], names: tuple[str, ..
 def lens_misfit(
     scene: Scene, observations: ObservationArrays, freedom: Freedom, noise: float
 ) -> NDArray[np.float64]:
-    """Return by how many standard deviations the lenses held fixed do not fit, ``(cameras,)``.
+    """Return by how many standard deviations what is held of lenses does not fit, ``(cameras,)``.
 
     The figure is ``sqrt(fall / n) / noise``, where ``fall`` is the predicted fall of the sum of
-    squares if the n held numbers of the camera's lens were free (Rao's score test). It is about 1
-    when the lens is right, 0 where it is free already.
+    squares if the camera had n more free numbers (Rao's score test): those of a given lens, a
+    second focal length, the centre, or a lens of its own. It is about 1 when the lens is right, 0
+    where nothing is held.
     """
     misfit = np.zeros(len(scene.lenses))
-    every = Freedom(tuple(np.ones(lens.size, bool) for lens in scene.lenses), freedom.pose)
+    lenses = tuple(own | (np.arange(len(own)) < 4) if own.any() else ~own for own in freedom.lens)
+    every = Freedom(lenses, freedom.pose, freedom.time)
+    shared = list(freedom.common or range(len(misfit)))
+    more = []
+    for lens, place, own, first in zip(lenses, freedom.places, freedom.lens, shared, strict=True):
+        free = len(np.unique(place[6:-1][own])) if shared.count(first) == 1 else 0
+        more.append(int(lens.sum()) - free)
+    if not any(more):
+        return misfit
     matrix, gradient = information(scene, observations, every)
-    free = np.concatenate(
-        [freedom.columns(camera)[every.columns(camera)] for camera in range(len(misfit))]
-    )
-    for camera, own in enumerate(every.slices):
-        freed = np.zeros(len(free), bool)
-        freed[own] = ~free[own]
-        if freed.any():
-            gain = fall_of_squares(matrix, gradient, free | freed)
-            misfit[camera] = np.sqrt(gain / int(freed.sum())) / max(noise, 1e-9)
+    held = tuple(np.zeros(len(own), bool) for own in lenses)
+    poses = every.freed_in(Freedom(held, freedom.pose, freedom.time))
+    for camera, (places, count) in enumerate(zip(every.places, more, strict=True)):
+        if count:
+            freed = poses.copy()
+            freed[places[places >= 0]] = True
+            gain = fall_of_squares(matrix, gradient, freed)
+            misfit[camera] = np.sqrt(gain / count) / max(noise, 1e-9)
     return misfit

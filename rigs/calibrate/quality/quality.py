@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import adjust
-from rigs.calibrate.adjust.observation_arrays import Freedom, ObservationArrays, Scene, predicted
+from rigs.calibrate.adjust.freedom import Freedom
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 from rigs.calibrate.quality.covariance import covariance_of, focal_errors, lens_misfit
 from rigs.calibrate.quality.ray_miss import predicted_squares, views
 from rigs.calibrate.quality.region import evaluation_points
@@ -65,8 +66,8 @@ class Quality:
     focal_error : (cameras,) float64
         Standard deviation of the focal length relative to it; 0 where it was given.
     lens_misfit : (cameras,) float64
-        By how many standard deviations a given lens does not fit; about 1 when it does, 0 where
-        the lens was not given.
+        By how many standard deviations what is held of a lens does not fit; about 1 when it does,
+        0 where nothing is held.
     """
 
     points: NDArray[np.float64]
@@ -95,7 +96,6 @@ def measure(
     used: NDArray[np.bool_],
     freedom: Freedom,
     volume: Volume | None,
-    given_lenses: bool,
 ) -> tuple[Quality, float, NDArray[np.float64]]:
     """Return the figures of an adjusted scene, the pixel noise and the covariance.
 
@@ -110,8 +110,6 @@ def measure(
     freedom : Freedom
     volume : Volume, optional
         Where ray-miss is evaluated; by default where the target was.
-    given_lenses : bool
-        Whether the lenses were given and held.
 
     Raises
     ------
@@ -119,7 +117,7 @@ def measure(
         Naming camera and parameter, if the observations do not determine the cameras.
     """
     noise, covariance = covariance_of(rig, scene, observations.where(used), freedom)
-    image_rms, alone_rms, contradiction, excess = _images(scene, observations, used, freedom)
+    image_rms, alone_rms, contradiction, excess = image_figures(scene, observations, used, freedom)
     covariance = covariance * excess
     points, seen = evaluation_points(rig, scene, observations.where(used), volume)
     squares = np.zeros(seen.shape)
@@ -158,9 +156,7 @@ def measure(
         *coverage,
         depths,
         focal_errors(scene, freedom, covariance / excess),
-        lens_misfit(scene, observations.where(used), freedom, noise)
-        if given_lenses
-        else np.zeros(cameras),
+        lens_misfit(scene, observations.where(used), freedom, noise),
     )
     return quality, noise, covariance
 
@@ -208,7 +204,7 @@ def with_scene(rig: Rig, scene: Scene) -> Rig:
     return replace(rig, cameras=tuple(cameras))
 
 
-def _images(
+def image_figures(
     scene: Scene, observations: ObservationArrays, used: NDArray[np.bool_], freedom: Freedom
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
     """Return each image's RMS, that alone, and its contradiction, all ``(cameras, frames)``.

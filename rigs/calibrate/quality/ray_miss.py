@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.adjust.observation_arrays import Freedom, Scene, rays_by_camera
+from rigs.calibrate.adjust.freedom import Freedom
+from rigs.calibrate.adjust.observation_arrays import Scene, rays_by_camera
 from rigs.rig import Rig
 
 _BLOCK = 64  # points at a time; more need more memory
@@ -64,11 +65,12 @@ def _block_squares(
     """Return `predicted_squares` of some points; ``root`` ``(P, P)`` is the covariance's root."""
     shifts = np.zeros((len(scene.lenses), len(points), 3, len(root)))
     across = np.zeros((len(scene.lenses), len(points), 3, 3))
-    for camera, own in enumerate(freedom.slices):
+    for camera in range(len(scene.lenses)):
         rows = seen[camera]
         by_point, by_camera = rays_by_camera(scene, camera, points[rows])
+        own, by_camera = freedom.gathered(camera, by_camera)
         back = np.linalg.pinv(by_point)  # (n, 3, 2)
-        shifts[camera, rows] = -back @ (by_camera[:, :, freedom.columns(camera)] @ root[own])
+        shifts[camera, rows] = -back @ (by_camera @ root[own])
         across[camera, rows] = back @ by_point
     nearest = _inverse(across.sum(axis=0)) @ shifts.sum(axis=0)  # (points, 3, P)
     miss = across @ nearest - shifts

@@ -44,6 +44,11 @@ def _swept(scene: Scene, observations: ObservationArrays) -> NDArray[np.float64]
     from scipy.spatial import Delaunay, QhullError
 
     frames = observations.frame
+    of_frame = np.zeros((len(scene.target_t), len(scene.lenses)), bool)
+    of_frame[frames, observations.camera] = True
+    shared = (of_frame.sum(axis=1) > 1)[frames]
+    if shared.any():  # images of one camera alone, close to it, say nothing of the volume
+        observations, frames = observations.where(shared), frames[shared]
     positions = np.einsum("nij,nj->ni", scene.target_R[frames], observations.points)
     positions += scene.target_t[frames]
     grid = box_points(positions.min(axis=0), positions.max(axis=0), _GRID)

@@ -32,6 +32,11 @@ def summary(calibration: Calibration) -> dict[str, Any]:
             "focal_length_error": plain(quality.focal_error[index], _DIGITS),
             "ray_miss": plain(quality.camera_ray_miss[index], _DIGITS),
         }
+    step = calibration.synchrony
+    for index, figures in enumerate(cameras.values() if step is not None else ()):
+        figures["time_offset_frames"] = plain(step.offset[index], _DIGITS)
+        figures["time_offset_error_frames"] = plain(step.error[index], _DIGITS)
+        figures["out_of_step"] = bool(step.is_out[index])
     return {
         "method": "target images, joint adjustment of lenses, camera poses and target poses",
         "rms_px": plain(np.sqrt((calibration.residuals[used] ** 2).sum(axis=1).mean()), _DIGITS),

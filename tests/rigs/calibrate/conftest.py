@@ -120,3 +120,50 @@ def one_camera():
         )
 
     return own
+
+
+def film(offsets, frames=30, seed=0, noise=0.1, noise_seed=0, step=1):
+    """Return a rig and what its cameras saw of a board moved by hand, 30 pictures a second.
+
+    Camera k took its picture f at the moment ``f + offsets[k]``, counted in pictures. The board
+    moves along sines of 0.15 to 1 Hz, some 8 pixels a picture, and every ``step``-th is kept.
+    """
+    still = simulate(cameras=len(offsets), frames=1, seed=seed, points=board(5, 4, 24.0))
+    rig = still.rig
+    rng = np.random.default_rng([seed, 9])
+    rate, phase = rng.uniform(0.15, 1.0, (6, 4)), rng.uniform(0, 2 * np.pi, (6, 4))
+    size = rng.standard_normal((6, 4)) * np.array([30, 22, 30, 20, 20, 20])[:, None] / 2
+
+    def poses(times):
+        waves = np.sin(2 * np.pi * rate * times[:, None, None] / 30 + phase)  # (times, 6, 4)
+        value = (size * waves).sum(axis=2)
+        facing = Rotation.from_euler("x", 180, degrees=True)
+        R = (Rotation.from_euler("YXZ", value[:, :3], degrees=True) * facing).as_matrix()
+        t = value[:, 3:] - R @ still.points.mean(axis=0)
+        first = arc(len(offsets), 100, 800, image_size=(640, 480), footprint=0.32)[0]
+        return first.R @ R, t @ first.R.T + first.t
+
+    times = np.arange(0, frames * step, step, dtype=float)
+    seen = []
+    for camera, offset in enumerate(offsets):
+        R, t = poses(times + offset)
+        own = replace(still, target_R=R, target_t=t, rig=Rig(rig.cameras[camera : camera + 1]))
+        one = own.observe(noise, [seed, camera, noise_seed], facing=0.3, partial=False)
+        seen.append((one, np.full(len(one), camera)))
+    observations = Observations(
+        still.points,
+        rig.names,
+        tuple(camera.image_size for camera in rig),
+        tuple(f"{int(time):06d}" for time in times),
+        np.concatenate([camera for _, camera in seen]),
+        np.concatenate([one.frame for one, _ in seen]),
+        np.concatenate([one.point for one, _ in seen]),
+        np.concatenate([one.uv for one, _ in seen]),
+    )
+    return rig, observations
+
+
+@pytest.fixture(scope="session")
+def moving_target():
+    """Return `film`."""
+    return film

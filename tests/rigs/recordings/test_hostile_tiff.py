@@ -60,9 +60,9 @@ PIXELS = [
     ({"SAMPLES": (3, 60000)}, "read 3840000 bytes, got 64"),
     ({"BITS": (3, 0)}, "found 0 bits a sample of kind 1"),
     ({"BITS": (3, 65535)}, "found 65535 bits a sample"),
-    ({"SAMPLE_FORMAT": (3, 9)}, "found 8 bits a sample of kind 9, expected 8 or 16"),
+    ({"SAMPLE_FORMAT": (3, 9)}, "found 8 bits a sample of kind 9, expected 1 to 32"),
     ({"SAMPLE_FORMAT": (3, 6), "BITS": (3, 64), "data": bytes(512)}, "found complex64 pixels"),
-    ({"SAMPLE_FORMAT": (3, 2), "BITS": (3, 32), "data": bytes(256)}, "found int32 pixels"),
+    ({"SAMPLE_FORMAT": (3, 2), "BITS": (3, 64), "data": bytes(512)}, "found int64 pixels"),
 ]
 STRIPS = [
     ({"OFFSETS": (4, 10**9)}, "expected 1000000064: truncated"),

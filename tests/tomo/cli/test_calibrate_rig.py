@@ -223,7 +223,7 @@ def test_a_target_that_is_mirrored(refused, few):
 def test_a_wrong_count_of_squares(refused, few):
     line = refused(few, target="charuco:6x5:24:18:DICT_4X4_50")
     assert "camera cam00" in line
-    assert "not arranged as on a board of 6x5 squares" in line
+    assert "found markers of a board of 7x5 squares, not 6x5 (say charuco:7x5:24.0:18.0:" in line
     assert "pose_000.png" in line
 
 
@@ -299,3 +299,155 @@ def test_intrinsics_of_other_cameras(refused, taken, tmp_path, calibrated):
 
 def test_no_such_folder(refused, tmp_path):
     assert "nowhere" in refused(tmp_path / "nowhere")
+
+
+def test_swapped_counts_of_a_charuco_board_are_named(refused, few):
+    line = refused(few, target="charuco:5x7:24:18:DICT_4X4_50")
+    assert "found markers of a board of 7x5 squares, not 5x7" in line
+    assert "(say charuco:7x5:24.0:18.0:DICT_4X4_50), expected charuco:5x7:24.0:18.0" in line
+
+
+def test_a_folder_of_texts_among_the_cameras_is_no_camera(run_tool, images, tmp_path, calibrated):
+    (images / "notes").mkdir()
+    (images / "notes" / "read me.txt").write_text("exposure 4 ms", "utf-8")
+    done = run_tool(
+        "calibrate_rig", images, "--target", TARGET, "-o", tmp_path / "rig.yaml", "--json"
+    )
+    assert done.exit_code == 0, (done.stderr, done.exception)
+    report = json.loads(done.stdout)
+    assert list(report["cameras"]) == list(CAMERAS)
+    assert any("notes: holds no image" in note for note in report["notes"])
+    assert report["rms_px"] == calibrated[0]["rms_px"]
+
+
+@pytest.mark.parametrize(("name", "words"), [("empty", "it is empty"), ("raw", ".cine")])
+def test_a_folder_without_images_says_what_it_holds(refused, few, name, words):
+    (few / name).mkdir()
+    if name == "raw":
+        (few / name / "shot.cine").write_bytes(b"\0")
+    line = refused(few)
+    assert f"camera {name}: found no images ({words})" in line
+
+
+def test_lens_images_are_kept_apart_from_pose_images(run_tool, taken, few, tmp_path):
+    """Three images of all cameras at once say little of their lenses; others need not be."""
+    from studies.calibration.truth import true_ray_miss
+
+    lenses = tmp_path / "lenses"
+    for number, camera in enumerate(CAMERAS):
+        (lenses / camera).mkdir(parents=True)
+        for k, path in enumerate(sorted((taken[1] / camera).iterdir())[3:]):
+            shutil.copy(path, lenses / camera / f"{k + number}.png")  # other moments by name
+    miss = {}
+    for name, options in (("without", ()), ("with", ("--intrinsics-images", lenses))):
+        out = tmp_path / name / "rig.yaml"
+        done = run_tool("calibrate_rig", few, "--target", TARGET, "-o", out, *options)
+        assert done.exit_code == 0, (done.stderr, done.exception)
+        miss[name] = true_ray_miss(taken[0], load_rig(out), taken[0].volume)
+    assert miss["with"] < 0.06
+    assert miss["with"] < miss["without"]
+
+
+def test_lens_images_of_no_camera(refused, few, tmp_path):
+    shutil.copytree(few / "cam00", tmp_path / "lenses" / "left")
+    line = refused(few, "--intrinsics-images", tmp_path / "lenses")
+    assert "found left, expected names of cameras as in IMAGES: cam00, cam01, cam02" in line
+
+
+def test_lenses_known_beforehand(run_tool, taken, calibrated, tmp_path):
+    done = run_tool(
+        "calibrate_rig", taken[1], "--target", TARGET, "-o", tmp_path / "rig.yaml",
+        "--square-pixels", "--fixed-center", "--common-lens", "cam00,cam02",
+        "--cache", calibrated[1] / "cache",
+    )  # fmt: skip
+    assert done.exit_code == 0, (done.stderr, done.exception)
+    rig = load_rig(tmp_path / "rig.yaml")
+    for camera in rig:
+        K = camera.camera_matrix
+        assert K[0, 0] == K[1, 1]
+        np.testing.assert_array_equal(K[:2, 2], (np.array(camera.image_size) - 1) / 2)
+    np.testing.assert_array_equal(rig[0].camera_matrix, rig[2].camera_matrix)
+    assert rig[0].distortion == rig[2].distortion
+    assert rig[0].camera_matrix[0, 0] != rig[1].camera_matrix[0, 0]
+
+
+def test_lenses_of_cameras_with_other_names(run_tool, taken, calibrated, tmp_path):
+    cameras = (replace(c, name=n) for c, n in zip(taken[0], ("a", "b", "cam02"), strict=True))
+    save_rig(Rig(tuple(cameras)), tmp_path / "lab.yaml")
+    done = run_tool(
+        "calibrate_rig", taken[1], "--target", TARGET, "-o", tmp_path / "rig.yaml",
+        "--intrinsics", tmp_path / "lab.yaml", "--intrinsics", "cam00=a",
+        "--intrinsics", "cam01=b", "--cache", calibrated[1] / "cache",
+    )  # fmt: skip
+    assert done.exit_code == 0, (done.stderr, done.exception)
+    for camera, known in zip(load_rig(tmp_path / "rig.yaml"), taken[0], strict=True):
+        np.testing.assert_array_equal(camera.camera_matrix, known.camera_matrix)
+
+
+LENSES = {
+    "no rig": (("--intrinsics", "cam00=a"), "--intrinsics: found 0 rigs"),
+    "not mapped": (("--intrinsics", "lab.yaml"), "add --intrinsics cam00=a"),
+    "no such camera": (
+        ("--intrinsics", "lab.yaml", "--intrinsics", "left=a"),
+        "left=a: found 'left', expected a camera of the images once: cam00, cam01, cam02",
+    ),
+    "no such lens": (
+        ("--intrinsics", "lab.yaml", "--intrinsics", "cam00=c"),
+        "cam00=c: found 'c', expected a camera of",
+    ),
+    "both": (
+        ("--intrinsics", "lab.yaml", "--intrinsics", "cam00=a", "--intrinsics", "cam01=b",
+         "--square-pixels"),
+        "--intrinsics: found --square-pixels too",
+    ),
+    "unknown": (("--common-lens", "cam00,left"), "common_lens: found 'left', expected names"),
+    "alone": (("--common-lens", "cam00"), "common_lens: found cam00 alone"),
+    "twice": (
+        ("--common-lens", "cam00,cam01", "--common-lens", "cam01,cam02"),
+        "common_lens: found camera cam01 twice",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", LENSES)
+def test_what_is_said_of_lenses_must_agree(refused, taken, tmp_path, monkeypatch, fault):
+    monkeypatch.chdir(tmp_path)
+    cameras = (replace(c, name=n) for c, n in zip(taken[0], ("a", "b", "cam02"), strict=True))
+    save_rig(Rig(tuple(cameras)), tmp_path / "lab.yaml")
+    options, words = LENSES[fault]
+    assert words in refused(taken[1], *options)
+
+
+def test_images_named_otherwise_give_the_same_rig(run_tool, few, tmp_path):
+    """Side by side, and by a pattern: the figures are those of one folder a camera."""
+    flat, moments = tmp_path / "flat", tmp_path / "moments"
+    flat.mkdir()
+    for path in sorted(few.rglob("*.*")):
+        camera, frame = path.parent.name, path.stem
+        (moments / f"run_{frame}").mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, flat / f"{camera}_{frame}{path.suffix}")
+        shutil.copy(path, moments / f"run_{frame}" / f"{camera}{path.suffix}")
+    suffix = path.suffix
+    rigs = []
+    for folder, more in (
+        (few, ()),
+        (flat, ()),
+        (moments, ("--pattern", f"run_{{frame}}/{{camera}}{suffix}")),
+    ):
+        options = ("--target", TARGET, "--model", "none", "-o", tmp_path / "out" / "rig.yaml")
+        done = run_tool("calibrate_rig", folder, *options, *more)
+        assert done.exit_code == 0, (done.stderr, done.exception)
+        rigs.append(load_rig(tmp_path / "out" / "rig.yaml"))
+    for rig in rigs[1:]:
+        assert rig.names == rigs[0].names
+        for one, other in zip(rig, rigs[0], strict=True):
+            np.testing.assert_array_equal(one.camera_matrix, other.camera_matrix)
+            np.testing.assert_array_equal(one.t, other.t)
+
+
+def test_an_unknown_order_of_colours_is_refused(run_tool, few, tmp_path):
+    done = run_tool(
+        "calibrate_rig", few, "--target", TARGET, "--bayer", "XYZ", "-o", tmp_path / "rig.yaml"
+    )
+    assert done.exit_code == 2
+    assert "bayer: found 'XYZ', expected one of RGGB" in done.stderr

@@ -140,6 +140,21 @@ def test_a_rig_without_a_volume_needs_a_grid(run_tool, tmp_path):
     done = run_tool("check_rig", tmp_path / "bare.yaml", "--no-time")
     assert done.exit_code == 2
     assert "--grid and --spacing" in done.stderr
+    assert "the cameras' axes meet at --center 0,0,0" in done.stderr
+
+
+def test_the_point_where_axes_meet_is_offered_as_the_centre(run_tool, tmp_path):
+    rig = ring(3, distance=900.0, image_size=(40, 60), footprint=1.0)
+    save_rig(rig.transformed(np.eye(3), np.array([500.0, 20, -300])), tmp_path / "far.yaml")
+    grid = ("--grid", "10x10x10", "--spacing", "2", "--no-time", "--json")
+    done = run_tool("check_rig", tmp_path / "far.yaml", *grid)
+    assert done.exit_code == 0, (done.stderr, done.exception)
+    first = json.loads(done.stdout)["findings"][0]
+    assert first["level"] == "warning"
+    assert first["text"].endswith("meet at 500,20,-300: try --center 500,20,-300")
+    for center in ("500,20,-300", "0,0,0"):  # one given is taken as it is
+        done = run_tool("check_rig", tmp_path / "far.yaml", *grid, "--center", center)
+        assert "try --center" not in done.stdout + done.stderr
 
 
 @pytest.mark.parametrize("name", ["scan", "scan/scan.yaml"])

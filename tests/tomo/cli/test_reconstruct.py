@@ -1,5 +1,6 @@
 import json
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import tifffile
 
 from phantoms import create
 from rigs import ring
@@ -292,3 +294,97 @@ def test_a_truth_that_cannot_be_read_is_refused_before_the_work(run_tool, scan, 
     done = run_tool("reconstruct", folder, "-o", tmp_path / "out")
     assert done.exit_code == 2
     assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture(scope="module")
+def quick(run_tool):
+    """Return a function that runs a short reconstruction and returns its report."""
+
+    def run(out, *arguments):
+        options = ("--method", "sirt", "--iterations", "8", "--no-pictures", "--uncertainty", "0")
+        result = run_tool("reconstruct", *arguments, *options, "--json", "-o", out)
+        assert result.exit_code == 0, (result.stderr, result.exception)
+        return json.loads(result.stdout)
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("layout", "pattern"),
+    [
+        ("{camera}/{camera}_{frame}.tif", ()),
+        ("{camera}_{frame}.tif", ()),
+        ("{camera}.tif", ()),
+        ("shot{frame}/{camera}-a.tif", ("--pattern", "shot{frame}/{camera}-*.tif")),
+    ],
+)
+def test_images_are_found_in_any_layout_or_by_a_pattern(scan, quick, tmp_path, layout, pattern):
+    for camera in load_scan(scan).rig.names:
+        path = tmp_path / "images" / layout.format(camera=camera, frame="0001")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes((scan / "images" / camera / "frame_000.tif").read_bytes())
+    box = ("--grid", "8x14x8", "--spacing", "1,1,1.2", "--center", "10,0,-3")
+    given = ("--rig", scan / "rig.yaml", "--images", tmp_path / "images")
+    quick(tmp_path / "a", *given, *box, *pattern)
+    quick(tmp_path / "b", scan)
+    one, other = (read_volume(tmp_path / name / "volume.npz")[0] for name in "ab")
+    np.testing.assert_array_equal(one, other)
+
+
+def test_names_that_fit_no_layout_are_refused_with_the_pattern_to_write(scan, run_tool, tmp_path):
+    for camera in load_scan(scan).rig.names:
+        path = tmp_path / "images" / f"run3{camera}x_0001_raw.tif"
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes((scan / "images" / camera / "frame_000.tif").read_bytes())
+    given = ("--rig", scan / "rig.yaml", "--images", tmp_path / "images", "-o", tmp_path / "out")
+    result = run_tool("reconstruct", *given)
+    assert result.exit_code == 2
+    (line,) = result.stderr.splitlines()
+    pattern = re.search(r"--pattern '([^']*)'", line)[1]
+    assert pattern == "run3{camera}x_{frame}_raw.tif"
+    box = ("--grid", "8x14x8", "--spacing", "1", "--method", "sirt", "--iterations", "1")
+    assert run_tool("reconstruct", *given, *box, "--pattern", pattern).exit_code == 0
+    result = run_tool("reconstruct", *given, *box, "--pattern", "{camera}.tif")
+    assert result.exit_code == 2
+    assert "camera cam00: pattern: found no image whose name fits '{camera}.tif'" in result.stderr
+
+
+def test_one_colour_of_a_mosaic(quick, tmp_path):
+    """Colours of other gains spoil nothing, and the pixels' own rays are those traced."""
+    rig = ring(5, distance=150.0, image_size=(48, 64), footprint=0.35, center=GRID.center)
+    field = create("jet", 2, GRID.extent, GRID.center)
+    whole = simulate_images(rig, field, GRID, supersample=1, refine=2)
+    whole.save(tmp_path / "whole")
+    colour = ("--bayer", "RGGB", "--channel", "g")
+    whole_sensor, grey_light = (
+        quick(tmp_path / "out", tmp_path / "whole", *options)["quality"]["nrmse"]
+        for options in ((), colour)
+    )
+    factors = np.tile([[0.5, 1.0], [1.0, 0.25]], (32, 24)).astype(np.float32)  # RGGB
+    for camera in rig.names:
+        path = tmp_path / "whole" / "images" / camera / "frame_000.tif"
+        tifffile.imwrite(path, tifffile.imread(path) * factors)
+    errors = {}
+    for channel, pattern in (("g", "RGGB"), ("g2", "RGGB"), ("g", "BGGR"), ("r", "BGGR")):
+        options = ("--bayer", pattern.lower(), "--channel", channel)
+        report = quick(tmp_path / "out", tmp_path / "whole", *options)
+        errors[channel, pattern] = report["quality"]["nrmse"]
+    assert errors["g", "RGGB"] == grey_light < 1.25 * whole_sensor
+    assert errors["g2", "RGGB"] < 1.25 * whole_sensor
+    assert errors["g", "BGGR"] == errors["g", "RGGB"]  # both have green at the same places
+    assert errors["r", "BGGR"] > 2 * grey_light  # a quarter of the light: not the red pixels
+
+
+def test_orientation_tags_are_noted(scan, quick, tmp_path):
+    shutil.copytree(scan, tmp_path / "scan")
+    for camera in ("cam00", "cam03"):
+        path = tmp_path / "scan" / "images" / camera / "frame_000.tif"
+        image = tifffile.imread(path)
+        tifffile.imwrite(path, image, photometric="minisblack", extratags=[(274, "H", 1, 4, True)])
+    report = quick(tmp_path / "out", tmp_path / "scan")
+    (note,) = [line for line in report["warnings"] if "orientation" in line]
+    assert note.startswith("cameras cam00, cam03: an orientation tag (4)")
+    plain = quick(tmp_path / "plain", scan)
+    assert not [line for line in plain["warnings"] if "orientation" in line]
+    one, other = (read_volume(tmp_path / n / "volume.npz")[0] for n in ("out", "plain"))
+    np.testing.assert_array_equal(one, other)

@@ -72,7 +72,7 @@ def test_help_is_still_help(run_tool):
                     "world: found 'c', expected the name of a camera",
                 ),
                 (("--rescale",), "rescale: found True, expected world to give positions"),
-                (("--intrinsics", "paper11_11deg"), "intrinsics: camera a: not in the rig"),
+                (("--intrinsics", "paper11_11deg"), "--intrinsics: camera a: not in"),
                 (("--cache", "{}/folder"), "folder: is a folder, expected a file to write"),
             )
         ),

@@ -47,6 +47,19 @@ def test_pixels_that_are_no_number_are_dark_and_leave_the_others_their_scale(tmp
     assert (found[1:] == 255).all()
 
 
+def test_files_in_other_orders_and_what_they_say(tmp_path):
+    image = np.full((60, 80), 9, np.uint8)
+    for camera in ("cam00", "cam02"):
+        write(tmp_path / f"{camera}_0001.jpg", image)
+        write(tmp_path / f"{camera}_0002.jpg", image)
+    write(tmp_path / "raw" / "x-cam01.png", image)
+    notes = []
+    assert sorted(load_thumbnails(RIG, tmp_path, "0002", note=notes.append)) == ["cam00", "cam02"]
+    (line,) = notes
+    assert line.startswith("cameras cam00, cam02: JPEG has 8 bits")
+    assert list(load_thumbnails(RIG, tmp_path, None, "raw/*-{camera}.png")) == ["cam01"]
+
+
 def test_a_source_without_usable_images_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="nowhere: no such folder"):
         load_thumbnails(RIG, tmp_path / "nowhere")

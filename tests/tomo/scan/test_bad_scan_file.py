@@ -48,7 +48,7 @@ from tomo import load_scan
         (lambda c: c.update(corrections={"gain": {"cam9": 1}}), ["corrections.gain", "'cam9'"]),
         (lambda c: c.update(corrections={"gain": {"a\nb": "x"}}), ["corrections.gain", "a\\nb"]),
         (lambda c: c["frames"][0]["images"].update({"a\nb": "../x"}), ["frame 'first'", "a\\nb"]),
-        (lambda c: c.update(corrections={"bit_depth": 17}), ["corrections.bit_depth", "17"]),
+        (lambda c: c.update(corrections={"bit_depth": 33}), ["corrections.bit_depth", "33"]),
         (lambda c: c.update(corrections={"mask": True}), ["corrections.mask", "True"]),
         (lambda c: c.update(truth="a\0b"), ["truth"]),
         (

@@ -190,12 +190,21 @@ def _camera_rows(calibration: Calibration) -> list[dict[str, Any]]:
                 "cx": f"{cx:.2f}",
                 "cy": f"{cy:.2f}",
                 "focal_error": f"{100 * quality.focal_error[index]:.2g} %",
+                "offset": _offset(calibration, index),
                 "terms": calibration.terms[index],
                 "distortion": f"{camera.distortion.model} "
                 + ", ".join(f"{value:.4g}" for value in terms),
             }
         )
     return rows
+
+
+def _offset(calibration: Calibration, camera: int) -> str:
+    """Return when a camera took its images, in frames; a dash where no film shows it."""
+    step = calibration.synchrony
+    if step is None or not math.isfinite(step.error[camera]):
+        return "–"
+    return f"{step.offset[camera]:+.3f} ± {step.error[camera]:.1g}"
 
 
 def _frame_rows(calibration: Calibration) -> list[dict[str, Any]]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig
-from rigs.recordings import IMAGE_SUFFIXES, luminance, read_pixels
+from rigs.recordings import find_images, image_notes, luminance, read_still, without_pattern
+from rigs.recordings.layout import ONLY, how_to_name
 from tomo.draw.rig.rig_scene import Target, on_symbol, symbol_length
 from tomo.draw.scene import ColourScale, Mesh, Scene
 from tomo.draw.volume.maps import lattice_triangles
@@ -19,7 +21,11 @@ _LONGEST_IN_SPACE = 48  # and of the one that hangs in the camera's symbol
 
 
 def load_thumbnails(
-    rig: Rig, source: str | os.PathLike, frame: str | None = None
+    rig: Rig,
+    source: str | os.PathLike,
+    frame: str | None = None,
+    pattern: str | None = None,
+    note: Callable[[str], None] | None = None,
 ) -> dict[str, NDArray[np.uint8]]:
     """Return each camera's picture, shrunk by area means; cameras without one are left out.
 
@@ -27,10 +33,14 @@ def load_thumbnails(
     ----------
     rig : Rig
     source : path-like
-        A scan (a folder with a scan.yaml, or a transforms.json), or a folder that holds
-        ``<camera>/<frame>.*`` or ``<camera>.*``. A scan's are corrected as it says.
+        A scan (a folder with a scan.yaml, or a transforms.json), or a folder of images, see
+        `rigs.recordings.find_images`. A scan's are corrected as it says.
     frame : str, optional
         The moment; the first when None.
+    pattern : str, optional
+        How the files of a folder are named that is no scan.
+    note : callable, optional
+        Called with a line on what files say and reading does not heed, see `image_notes`.
 
     Returns
     -------
@@ -47,18 +57,23 @@ def load_thumbnails(
     source = Path(source)
     if not source.exists():
         raise FileNotFoundError(f"{source}: no such folder of images")
-    if source.suffix == ".json" or any(
+    is_scan = source.suffix == ".json" or any(
         (source / name).exists() for name in ("scan.yaml", "transforms.json")
-    ):
-        images = _of_scan(rig, source, frame)
+    )
+    if is_scan and pattern is None:
+        files, images = _of_scan(rig, source, frame)
     else:
-        found = {camera.name: _file_of(source, camera.name, frame) for camera in rig}
-        images = {name: _read(path, rig[name]) for name, path in found.items() if path is not None}
+        found = find_images(source, rig.names, pattern)
+        chosen = {name: _of_frame(each, frame) for name, each in found.items()}
+        files = {name: path for name, path in chosen.items() if path is not None}
+        images = {name: _read(path, rig[name]) for name, path in files.items()}
+    for line in image_notes({name: [path] for name, path in files.items()}) if note else ():
+        note(line)
     if not images:
-        moment = "<frame>" if frame is None else frame
+        moment = "" if frame is None else f" of frame {frame}"
         raise ValueError(
-            f"{source}: found no image of any camera, expected <camera>/{moment}.* with a camera "
-            f"of the rig: {', '.join(rig.names)}"
+            f"{source}: found no image{moment} of any camera, expected some of the rig's "
+            f"{', '.join(rig.names)}: {how_to_name((), source, rig.names)}"
         )
     small = {name: _shrunk(image, _LONGEST) for name, image in images.items()}
     bright = np.quantile(np.concatenate([image.ravel() for image in small.values()]), 0.999)
@@ -95,36 +110,35 @@ def image_scene(rig: Rig, target: Target, images: dict[str, NDArray]) -> Scene:
     return Scene(tuple(meshes), length_unit=rig.length_unit)
 
 
-def _of_scan(rig: Rig, source: Path, frame: str | None) -> dict[str, NDArray[np.float32]]:
-    """Return the images of a scan's cameras that the rig has too."""
+def _of_scan(
+    rig: Rig, source: Path, frame: str | None
+) -> tuple[dict[str, Path], dict[str, NDArray[np.float32]]]:
+    """Return the files and the images of a scan's cameras that the rig has too."""
     from tomo import load_scan
 
     scan = load_scan(source)
     common = [name for name in scan.rig.names if name in rig.names]
     if not common:
-        return {}
+        return {}, {}
     scan = scan.only(*common)
     for camera in scan.rig:
-        _check_size(source, camera.image_size, rig[camera.name])
-    return dict(zip(scan.rig.names, scan.images(frame), strict=True))
+        size = scan.recorded_sizes[camera.name]
+        if rig[camera.name].image_size != camera.image_size:  # all of a mosaic's colours
+            _check_size(source, size, rig[camera.name])
+    images = dict(zip(scan.rig.names, scan.images(frame), strict=True))
+    return {name: scan.frame(frame).images[name] for name in images}, images
 
 
-def _file_of(folder: Path, camera: str, frame: str | None) -> Path | None:
-    """Return a camera's image in a folder; None where there is none."""
-    places = (folder / camera, folder)
-    for place, stem in zip(places, (frame, camera), strict=True):
-        if not place.is_dir():
-            continue
-        for path in sorted(place.iterdir()):
-            if path.suffix.lower() in IMAGE_SUFFIXES and stem in (None, path.stem):
-                return path
-    return None
+def _of_frame(files: Mapping[str, Path], frame: str | None) -> Path | None:
+    """Return a camera's file of a frame, its first, or its only one; None where there is none."""
+    return next(iter(files.values())) if frame is None else files.get(frame, files.get(ONLY))
 
 
 def _read(path: Path, camera: CameraLike) -> NDArray[np.float32]:
     """Return a photograph as grey levels."""
     try:
-        image = luminance(read_pixels(path))
+        still = read_still(path)
+        image = luminance(without_pattern(still.pixels) if still.is_mosaic else still.pixels)
     except (OSError, ValueError) as error:
         raise ValueError(f"camera {camera.name}: {error}") from None
     _check_size(path, image.shape[::-1], camera)

@@ -5,10 +5,11 @@ import os
 import cv2
 import numpy as np
 import pytest
+import tifffile
 
 from rigs.calibrate.detect import VideoFrame, detections, image_set, observe
 from rigs.calibrate.detect._detection_cache import read
-from rigs.calibrate.detect.image_sets import read_source
+from rigs.calibrate.detect.image_sets import notes_of, read_source
 from rigs.calibrate.targets import parse_target
 
 TARGET = parse_target("chessboard:5x4:1.0")
@@ -166,15 +167,97 @@ def test_folders_that_hold_no_image_set_are_named(tmp_path):
     with pytest.raises(ValueError, match="found 1 images outside camera folders"):
         image_set(tmp_path)
     (tmp_path / "left").mkdir()
-    with pytest.raises(ValueError, match=r"camera left: found no images, expected some of .png"):
+    with pytest.raises(
+        ValueError, match=r"camera left: found no images \(it is empty\), expected some of .tif"
+    ):
         image_set(tmp_path)
     cv2.imwrite(str(tmp_path / "left" / "a.png"), board())
     cv2.imwrite(str(tmp_path / "left" / "a.tif"), board())
-    with pytest.raises(ValueError, match="camera left: found the frame a twice"):
+    with pytest.raises(ValueError, match="camera left: found the frame 'a' twice"):
         image_set(tmp_path)
     (tmp_path / "right.avi").write_bytes(b"")
     with pytest.raises(ValueError, match=r"found the folder left and the video right.avi"):
         image_set(tmp_path)
+
+
+def test_images_beside_each_other_are_cameras_by_their_names(folder, tmp_path_factory):
+    flat = tmp_path_factory.mktemp("flat")
+    for camera in ("cam2", "cam10"):
+        for path in (folder / camera).iterdir():
+            (flat / f"{camera}_{path.name}").write_bytes(path.read_bytes())
+    assert {name: list(frames) for name, frames in image_set(flat).items()} == {
+        "cam2": ["0", "1", "2"],
+        "cam10": ["0", "1"],
+    }
+    found = image_set(folder, pattern="{camera}/{frame}.png")
+    assert {name: list(frames) for name, frames in found.items()} == {
+        "cam2": ["0", "1", "2"],
+        "cam10": ["0", "1"],
+    }
+    with pytest.raises(
+        ValueError, match=r"pattern: found no image whose name fits '\{camera\}\.x"
+    ):
+        image_set(folder, pattern="{camera}.x")
+
+
+def test_pages_of_tiffs_are_moments(tmp_path):
+    for camera, shift in (("left", 0), ("right", 4)):
+        pages = np.stack([board(shift + 2 * k) for k in range(4)])
+        tifffile.imwrite(tmp_path / f"{camera}.tif", pages, photometric="minisblack")
+    images = image_set(tmp_path, every=2)
+    assert images["left"] == {f"{k:06d}": VideoFrame(tmp_path / "left.tif", k) for k in (0, 2)}
+    np.testing.assert_array_equal(read_source(images["right"]["000002"]), board(8))
+    assert observe(images, TARGET).counts().tolist() == [[20, 20], [20, 20]]
+
+
+def test_films_are_found_by_a_pattern_and_not_mixed_with_images(videos):
+    for name in ("left", "right"):
+        (videos / f"{name}.avi").rename(videos / f"run3 {name}.avi")
+    images = image_set(videos, 4, pattern="run3 {camera}.avi")
+    assert images["left"] == {f"{k:06d}": VideoFrame(videos / "run3 left.avi", k) for k in (0, 4)}
+    with pytest.raises(ValueError, match="bayer: found a film, expected image files"):
+        image_set(videos, are_mosaics=True)
+    for path in videos.iterdir():
+        path.unlink()
+    tifffile.imwrite(videos / "a.tif", np.stack([board()] * 2), photometric="minisblack")
+    tifffile.imwrite(videos / "b.tif", board())
+    with pytest.raises(ValueError, match=r"found a\.tif of many pages and b\.tif of one image"):
+        image_set(videos)
+
+
+def test_a_folder_of_other_files_is_no_camera_and_said_to_be_none(folder):
+    (folder / "notes").mkdir()
+    (folder / "notes" / "a.txt").touch()
+    notes = []
+    assert list(image_set(folder, note=notes.append)) == ["cam2", "cam10"]
+    (line,) = notes
+    assert "notes: holds no image" in line
+    (folder / "notes" / "a.cine").touch()
+    with pytest.raises(ValueError, match=r"camera notes: found no images \(\.cine, \.txt\)"):
+        image_set(folder)
+
+
+def test_what_files_say_is_noted_once_for_all_cameras(videos):
+    (note,) = notes_of(image_set(videos))
+    assert note.startswith("cameras left, right: a video has 8 bits")
+
+
+def test_a_mosaic_is_searched_without_its_pattern(tmp_path):
+    """Colours of unequal gain would be edges: the points are those of the grey image."""
+    image = board().astype(np.float32)
+    factors = np.tile([[0.5, 1.0], [1.0, 0.3]], (80, 100))
+    expected = observe({"cam": {"a": board()}}, TARGET)
+    (tmp_path / "cam").mkdir()
+    path = tmp_path / "cam" / "a.tif"
+    for kind in ("cfa", "minisblack"):  # the file says so, or the user
+        tifffile.imwrite(path, np.uint16(image * factors * 200), photometric=kind)
+        images = image_set(tmp_path, are_mosaics=kind != "cfa")
+        plain = read_source(images["cam"]["a"])
+        assert np.abs(np.diff(plain[:8, :8])).max() < 1e-3 * plain.max()  # the even background
+        seen = observe(images, TARGET, cache=tmp_path / "cache")
+        np.testing.assert_allclose(seen.uv, expected.uv, atol=0.02)
+    with pytest.raises(ValueError, match="which none of its 1 images shows"):
+        observe(image_set(tmp_path), TARGET, cache=tmp_path / "cache")  # as a grey image
 
 
 @pytest.mark.parametrize("kind", ["uint8", "uint16", "int16", "int32", "float32", "float64"])

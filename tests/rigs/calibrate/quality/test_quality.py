@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from rigs import Rig, Volume, nearest_point, ray_miss
 from rigs.calibrate import calibrate
 from rigs.calibrate.adjust.bundle import adjust
+from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import (
-    Freedom,
     ObservationArrays,
     Scene,
     ordered,
@@ -138,7 +138,7 @@ def test_predicted_ray_miss_is_the_true_one_on_average(case, judged_volume):
     )
     assert noise == pytest.approx(0.05, rel=0.05)
     assert np.sqrt(np.mean(np.square(misses))) == pytest.approx(expected, rel=0.2)
-    deviation = np.sqrt(np.diag(covariance))[free.slices[2].start + 6]
+    deviation = np.sqrt(np.diag(covariance))[free.places[2][6]]
     assert np.std(steps) == pytest.approx(deviation, rel=0.5)
     # The whole way, lens terms chosen, other points: within the factor promised
     miss = ray_miss(truth.rig, found.rig, judged_volume(truth))

@@ -68,7 +68,7 @@ IMAGE_FAULTS = {
         "found an image of 13 x 18 pixels, expected 12 x 18",
     ),
     "colour": (
-        _replace_image(np.zeros((18, 12, 3), np.uint8), photometric="rgb"),
+        _replace_image(np.indices((18, 12, 3))[2].astype(np.uint8), photometric="rgb"),
         "found a colour image",
     ),
     "NaN": (_overwrite(np.nan), "found 1 NaN or infinite pixels, the first at row 3, column 4"),

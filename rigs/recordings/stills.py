@@ -1,6 +1,7 @@
-"""Still images as stored: their pixels and their size, decoded by libraries behind one guard.
+"""The one reader of still images: pixels and sizes, decoded by libraries behind one guard.
 
-TIFF is read by tifffile, PNG by imagecodecs, all other formats and their headers by Pillow.
+TIFF is read by tifffile, PNG by imagecodecs, PGM and PPM here, all other formats and their headers
+by Pillow.
 """
 
 from __future__ import annotations
@@ -9,38 +10,40 @@ import io
 import os
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
+from rigs.recordings.netpbm import is_netpbm, netpbm_size, read_netpbm
+from rigs.recordings.still import Still
 from rigs.recordings.tiff import TIFF_MARKS, read_tiff, tiff_page
 
 if TYPE_CHECKING:
     from PIL import Image
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp")
-"""Usual suffixes of the formats that `read_pixels` reads."""
+IMAGE_SUFFIXES = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".webp")
+"""Usual suffixes of the formats that `read_still` reads."""
 
 _FORMATS = ("PNG", "JPEG", "BMP", "PPM", "WEBP")
 _MODES = {"1": "L", "L": "L", "I": "I", "F": "F", "RGBA": "RGBA"}
 """Pillow's modes of images that are not PNG, to those that are decoded; all others become RGB."""
 
 
-def read_pixels(path: str | os.PathLike) -> NDArray:
-    """Return the pixels of an image file as stored.
+def read_still(path: str | os.PathLike) -> Still:
+    """Return an image file's pixels as stored.
 
     Parameters
     ----------
     path : path-like
-        A TIFF, PNG, JPEG, BMP, PGM or WebP file; its content tells which.
+        A TIFF, PNG, JPEG, BMP, PGM, PPM or WebP file; its content tells which.
 
     Returns
     -------
-    pixels : (rows, columns) or (rows, columns, channels) array
-        Row 0 first, whatever the file says about the way it is viewed. Channels are grey and
-        alpha, or red, green, blue and alpha; a palette is replaced by its colours.
+    still : Still
+        Row 0 first, whatever the file says about the way it is viewed; `image_notes` tells. A
+        palette is replaced by its colours.
 
     Raises
     ------
@@ -58,7 +61,9 @@ def read_pixels(path: str | os.PathLike) -> NDArray:
     path = Path(path)
     content = path.read_bytes()
     with errors_of_libraries(f"{path}: not a readable image"):
-        return read_tiff(content) if content.startswith(TIFF_MARKS) else _decode(content)
+        if content.startswith(TIFF_MARKS):
+            return read_tiff(content)
+        return read_netpbm(content) if is_netpbm(content) else Still.of(_decode(content))
 
 
 def image_size(path: str | os.PathLike) -> tuple[int, int]:
@@ -74,14 +79,16 @@ def image_size(path: str | os.PathLike) -> tuple[int, int]:
     path = Path(path)
     content = path.read_bytes()
     with errors_of_libraries(f"{path}: not a readable image"):
+        if is_netpbm(content):
+            return netpbm_size(content)
         if not content.startswith(TIFF_MARKS):
-            return _header(content).size
+            return header_of(content).size
         with tiff_page(content) as page:
             return page.imagewidth, page.imagelength
 
 
 def luminance(pixels: NDArray) -> NDArray:
-    """Return the grey image ``(rows, columns)`` of pixels as `read_pixels` returns them.
+    """Return the grey image ``(rows, columns)`` of the pixels of a `Still`.
 
     Notes
     -----
@@ -96,15 +103,16 @@ def luminance(pixels: NDArray) -> NDArray:
     return cv2.cvtColor(np.ascontiguousarray(pixels[:, :, :3]), cv2.COLOR_RGB2GRAY)
 
 
-def _header(content: bytes) -> Image.Image:
-    """Return an image of which only the header has been read."""
+def header_of(source: bytes | BinaryIO) -> Image.Image:
+    """Return an image of a format that Pillow reads, of which only the header has been read."""
     from PIL import Image, UnidentifiedImageError
 
-    if not content:
+    if source == b"":
         raise ValueError("the file is empty")
+    file = io.BytesIO(source) if isinstance(source, bytes) else source
     try:
         with warnings.catch_warnings(action="ignore"):  # of large images: `check_claim` decides
-            return Image.open(io.BytesIO(content), formats=_FORMATS)
+            return Image.open(file, formats=_FORMATS)
     except UnidentifiedImageError:
         raise ValueError(
             "damaged or of another format, expected PNG, JPEG, TIFF, BMP, PGM or WebP"
@@ -112,7 +120,7 @@ def _header(content: bytes) -> Image.Image:
 
 
 def _decode(content: bytes) -> NDArray:
-    image = _header(content)
+    image = header_of(content)
     # no sample of these formats has more than two bytes
     check_claim(2 * image.width * image.height * len(image.getbands()), len(content))
     mode = _MODES.get(image.mode, "RGB")

@@ -10,12 +10,16 @@ import numpy as np
 import pytest
 import tifffile
 
-from rigs.recordings import image_size, luminance, read_image, read_pixels
+from rigs.recordings import image_size, luminance, read_image, read_still
 
 RANDOM = np.random.default_rng(0)
 GREY = RANDOM.integers(0, 255, (7, 9), dtype=np.uint8)
 COLOUR = RANDOM.integers(0, 255, (7, 9, 3), dtype=np.uint8)
 SUFFIXES = (".png", ".jpg", ".bmp", ".pgm", ".webp", ".tif")
+
+
+def read_pixels(path):
+    return read_still(path).pixels
 
 
 def file(suffix, image=GREY, *settings):

@@ -1,0 +1,110 @@
+"""Which unknowns of the cameras are adjusted, and which of them are one number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+_FX, _FY = 6, 7  # places among a camera's numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Freedom:
+    """Which unknowns are free, and which are shared; the target poses always are free.
+
+    A camera's numbers are its rotation (3), translation (3), fx, fy, cx, cy, the coefficients of
+    its distortion, and last the moment of its images.
+
+    Parameters
+    ----------
+    lens : tuple of (4 + n,) bool
+        For each camera: fx, fy, cx, cy and coefficients.
+    pose : (cameras,) bool
+    time : (cameras,) bool, optional
+        Whether the moment of a camera's images is free; held where absent.
+    square : bool
+        fx and fy change by one number, so that square pixels stay square.
+    common : tuple of int, optional
+        For each camera the first one that has the same lens; each has its own where absent.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> Freedom((np.arange(4) < 2,) * 2, np.array([False, True]), square=True, common=(0, 0)).size
+    7
+    """
+
+    lens: tuple[NDArray[np.bool_], ...]
+    pose: NDArray[np.bool_]
+    time: NDArray[np.bool_] | None = None
+    square: bool = False
+    common: tuple[int, ...] | None = None
+
+    @cached_property
+    def places(self) -> tuple[NDArray[np.int64], ...]:
+        """For each camera the place of its numbers among all free parameters; -1 where held."""
+        found: list[NDArray[np.int64]] = []
+        count = 0
+        for camera, lens in enumerate(self.lens):
+            is_timed = self.time is not None and self.time[camera]
+            free = np.r_[np.repeat(self.pose[camera], 6), lens, is_timed]
+            place = np.full(len(free), -1)
+            first = camera if self.common is None else self.common[camera]
+            if first != camera:
+                place[6:-1] = found[first][6:-1]
+                free[6:-1] = False
+            elif self.square and free[_FX] and free[_FY]:
+                free[_FY] = False
+            place[free] = count + np.arange(int(free.sum()))
+            count += int(free.sum())
+            if first == camera and self.square and lens[_FY - 6]:
+                place[_FY] = place[_FX]
+            found.append(place)
+        return tuple(found)
+
+    @cached_property
+    def size(self) -> int:
+        """Number of free parameters of all cameras."""
+        return max((int(place.max(initial=-1)) for place in self.places), default=-1) + 1
+
+    def gathered(
+        self, camera: int, by_camera: NDArray[np.float64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return the parameters that move a camera, and derivatives with respect to them.
+
+        Parameters
+        ----------
+        camera : int
+        by_camera : (..., m) float64
+            Derivatives by the camera's numbers; those beyond the first m are zero.
+
+        Returns
+        -------
+        own : (k,) int64
+            Places among all parameters, each once.
+        by_parameter : (..., k) float64
+        """
+        place = self.places[camera]
+        free = np.flatnonzero(place >= 0)
+        own, column = np.unique(place[free], return_inverse=True)
+        into = np.zeros((by_camera.shape[-1], len(own)))
+        within = free < by_camera.shape[-1]
+        into[free[within], column[within]] = 1
+        return own, by_camera @ into
+
+    def step(self, camera: int, change: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a camera's numbers' changes where the parameters change by ``change``."""
+        place = self.places[camera]
+        return np.where(place >= 0, np.r_[change, 0.0][place], 0.0)
+
+    def freed_in(self, other: Freedom) -> NDArray[np.bool_]:
+        """Return which parameters are free in ``other`` too, whose lenses may be shorter."""
+        free = np.zeros(self.size, bool)
+        for place, inner in zip(self.places, other.places, strict=True):
+            wide = np.zeros(len(place), bool)
+            wide[: len(inner) - 1], wide[-1] = inner[:-1] >= 0, inner[-1] >= 0
+            free[place[wide & (place >= 0)]] = True
+        return free

@@ -1,0 +1,73 @@
+"""TIFF files of many pages as a recording: one page a frame."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.files.size_guard import errors_of_libraries
+from rigs.recordings.recording import check_index, check_size
+from rigs.recordings.tiff import bits_of, decoded, opened_tiff, silent_log
+
+
+class TiffStack:
+    """The pages of a TIFF or BigTIFF file, each a grey frame; see `Recording`.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Raises
+    ------
+    ValueError
+        If the file is no TIFF or has no page.
+    """
+
+    frame_rate: float | None = None
+    timestamps: NDArray[np.float64] | None = None
+    notes: tuple[str, ...] = ()
+
+    def __init__(self, path: str | os.PathLike) -> None:
+        import tifffile
+
+        self.path = Path(path)
+        self._lock = threading.Lock()  # the pages share the file's position
+        self._bytes = self.path.stat().st_size
+        with errors_of_libraries(f"{self.path}: not a readable TIFF"), silent_log("tifffile"):
+            self._file = tifffile.TiffFile(self.path)
+            self.n_frames = len(self._file.pages)
+            if not self.n_frames:
+                raise ValueError("found no page, expected frames")
+            first = self._file.pages[0]
+            self.image_size = (first.imagewidth, first.imagelength)
+            self.bit_depth = bits_of(first)
+
+    def __repr__(self) -> str:
+        return f"TiffStack({str(self.path)!r})"
+
+    def read(self, index: int) -> NDArray:
+        """Return a frame, see `Recording.read`."""
+        check_index(self.path, index, self.n_frames)
+        where = f"{self.path}: frame {index}"
+        with errors_of_libraries(where), self._lock, silent_log("tifffile"):
+            page = self._file.pages.get(index, aspage=True)
+            image = decoded(page, self._bytes).grey()
+        check_size(self.path, index, image, self.image_size)
+        return image
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def is_stack(path: Path) -> bool:
+    """Return whether a file is a TIFF whose first two pages are of one size."""
+    with contextlib.suppress(Exception), opened_tiff(path) as file:
+        first = file.pages[0]
+        return file.pages.get(1).shape == first.shape
+    return False

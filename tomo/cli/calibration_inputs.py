@@ -1,0 +1,195 @@
+"""Inputs of ``flametomo calibrate-rig``: images, world, volume, and what is known of lenses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tomo.cli.inputs import load_rig_or_preset, parse_grid
+
+if TYPE_CHECKING:
+    from rigs import Rig, Volume
+    from rigs.calibrate.detect.detect import ImageSet
+
+_LENSES = {"rich_help_panel": "Lenses"}
+IntrinsicsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="RIG|A=B",
+        help="A rig whose lenses and camera matrices are kept; then, repeated, A=B where camera "
+        "A is called B in it.",
+        **_LENSES,
+    ),
+]
+LensImagesOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FOLDER",
+        help="More images of the target, of each camera by itself, for its lens alone: a folder "
+        "or video per camera as in IMAGES. Names of equal files mean nothing here.",
+        **_LENSES,
+    ),
+]
+SquareOption = Annotated[
+    bool, typer.Option("--square-pixels", help="Pixels are square: fx = fy.", **_LENSES)
+]
+FixedCenterOption = Annotated[
+    bool,
+    typer.Option(
+        "--fixed-center", help="The principal point is in the middle of the image.", **_LENSES
+    ),
+]
+CommonLensOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="A,B",
+        help="Cameras that share camera matrix and distortion, or all; repeatable.",
+        **_LENSES,
+    ),
+]
+
+
+def given_lenses(texts: Iterable[str], cameras: Iterable[str]) -> Rig | None:
+    """Return a rig that has a lens for each of ``cameras``, None where no rig is named.
+
+    Parameters
+    ----------
+    texts : iterable of str
+        A rig, and pairs ``A=B``: camera A has the lens of the rig's camera B.
+    cameras : iterable of str
+
+    Raises
+    ------
+    ValueError
+        Naming the camera that has none, and those of the rig.
+    """
+    from rigs import Rig
+
+    texts, cameras = list(texts), list(cameras)
+    pairs = [text for text in texts if "=" in text and not Path(text).exists()]
+    files = [text for text in texts if text not in pairs]
+    if not texts:
+        return None
+    if len(files) != 1:
+        raise ValueError(
+            f"--intrinsics: found {len(files)} rigs ({', '.join(files) or 'none'}), expected one, "
+            "and pairs A=B: camera A has the lens of the rig's camera B"
+        )
+    rig, source = load_rig_or_preset(files[0]), dict(zip(cameras, cameras, strict=True))
+    names, given = ", ".join(rig.names), set()
+    for pair in pairs:
+        own, _, other = pair.partition("=")
+        if own not in source or own in given:
+            raise ValueError(
+                f"--intrinsics: {pair}: found {own!r}{' twice' if own in given else ''}, expected "
+                f"a camera of the images once: {', '.join(cameras)}"
+            )
+        if other not in rig:
+            raise ValueError(
+                f"--intrinsics: {pair}: found {other!r}, expected a camera of {files[0]}: {names}"
+            )
+        given.add(own)
+        source[own] = other
+    for own, other in source.items():
+        if other not in rig:
+            raise ValueError(
+                f"--intrinsics: camera {own}: not in {files[0]}, which has {names}; expected "
+                f"its lens: add --intrinsics {own}={rig.names[0]}, or whichever camera it is"
+            )
+    return Rig(tuple(replace(rig[other], name=own) for own, other in source.items()))
+
+
+def lens_sets(texts: Iterable[str], cameras: Iterable[str]) -> list[list[str]]:
+    """Return the sets of cameras that ``--common-lens`` names; ``all`` is every camera."""
+    cameras = list(cameras)
+    return [
+        cameras if text.strip() == "all" else [name.strip() for name in text.split(",")]
+        for text in texts
+    ]
+
+
+def with_lens_images(found: ImageSet, lenses: ImageSet, folder: Path) -> ImageSet:
+    """Return the images of cameras with those of their lenses, in frames of their own.
+
+    Raises
+    ------
+    ValueError
+        If there are images of the lens of a camera that has no others.
+    """
+    for camera in lenses:
+        if camera not in found:
+            raise ValueError(
+                f"--intrinsics-images: {folder}: found {camera}, expected names of cameras as in "
+                f"IMAGES: {', '.join(found)}"
+            )
+    return {
+        camera: {
+            **frames,
+            **{f"lens {camera} {name}": source for name, source in lenses.get(camera, {}).items()},
+        }
+        for camera, frames in found.items()
+    }
+
+
+def check_lens_options(
+    cameras: Iterable[str], given: list[str] | None, images: Path | None, lenses: dict
+) -> None:
+    """Raise where options about lenses contradict each other, before any image is read."""
+    from rigs.calibrate.options import common_lenses
+
+    used = {"--intrinsics-images": images is not None}
+    used |= {"--" + name.replace("_", "-"): bool(value) for name, value in lenses.items()}
+    also = [option for option, is_used in used.items() if is_used]
+    if given and also:
+        raise ValueError(
+            f"--intrinsics: found {', '.join(also)} too, expected none of them with lenses that "
+            "are kept as they are"
+        )
+    common_lenses(list(cameras), lenses["common_lens"])
+
+
+def given_world(text: str | None) -> Any:
+    """Return a name as it is, and the positions in a file."""
+    if text is None or Path(text).suffix.lower() not in (".yaml", ".yml"):
+        return text
+    from rigs.files.text import read_yaml_mapping
+    from rigs.geometry.rotation import numbers
+
+    positions = read_yaml_mapping(text)
+    return {name: numbers(point, (3,), f"{text}: {name}") for name, point in positions.items()}
+
+
+def given_volume(grid: str | None, spacing: str | None, center: str | None) -> Volume | None:
+    """Return the voxels that options describe; None where there are none."""
+    if grid is None and spacing is None and center is None:
+        return None
+    from rigs import Volume
+
+    voxels = parse_grid(grid, spacing, center)
+    return Volume(voxels.shape, voxels.spacing, voxels.center)
+
+
+def cameras_images(folder: Path, every: int, notes: list[str], **naming: Any) -> ImageSet:
+    """Return the images in a folder, and add lines on folders that are no cameras.
+
+    ``naming`` is what `rigs.calibrate.image_set` takes besides.
+    """
+    from rigs.calibrate.detect import image_set
+
+    return image_set(folder, every, notes.append, **naming)
+
+
+def are_mosaics(bayer: str | None) -> bool:
+    """Return whether images are mosaics; an order of colours that is none is refused."""
+    from rigs.recordings import Mosaic
+
+    return bayer is not None and bool(Mosaic(bayer.upper(), "g"))
+
+
+def frame_names(found: ImageSet) -> list[str]:
+    """Return the names of all frames, each once."""
+    return list(dict.fromkeys(frame for of_camera in found.values() for frame in of_camera))
