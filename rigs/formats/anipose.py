@@ -1,8 +1,10 @@
-"""The TOML of anipose (aniposelib) and of caliscope: OpenCV's cameras, one table each.
+"""The TOML of anipose, Pose2Sim, FreeMoCap and caliscope: OpenCV's cameras, one table each.
 
-Read only. anipose: tables ``[cam_0], [cam_1] ...`` of ``name, size, matrix, distortions, rotation,
-translation, fisheye``; caliscope's ``camera_array.toml``: the same in ``[cameras.0] ...``, named
-by their numbers, some of them with ``ignore = true``. ``x_cam = R(rotation) @ x_world +
+Read only. A camera is a table, of any name, of ``name, size, matrix, distortions, rotation,
+translation, fisheye``; caliscope's ``camera_array.toml`` has them in ``[cameras.0] ...``, named by
+their numbers, some of them with ``ignore = true``. A table with some of ``matrix, distortions,
+rotation, translation`` that lacks another is an error; tables with none of them, like
+``[metadata]``, are no cameras. ``x_cam = R(rotation) @ x_world +
 translation``, rotation as OpenCV's rvec or a 3 x 3 matrix; pixel centres at integers; lengths in
 the unit of the board, which the files do not name.
 Source: ``aniposelib/cameras.py`` at https://github.com/lambdaloop/aniposelib and
@@ -34,13 +36,14 @@ from rigs.formats._values import (
 from rigs.geometry.rotation import matrix_of_vector
 from rigs.rig import Rig
 
+_OF_CAMERAS = {"matrix", "distortions", "rotation", "translation"}
 _DEEP_KEY = r"(?<![^\s.,=\[\]{}])(?:[^\s.,=\[\]{}]++[ \t]*+\.[ \t]*+){32}"
 
 
 def looks_like(path: Path, head: str) -> bool:
-    """Return whether a file is TOML of cameras with ``distortions``."""
+    """Return whether a file is TOML of cameras with ``matrix`` or ``distortions``."""
     return path.suffix == ".toml" and bool(
-        re.search(r"^[ \t]*+distortions\s*=", head, re.MULTILINE)
+        re.search(r"^[ \t]*+(?:distortions|matrix)\s*=", head, re.MULTILINE)
     )
 
 
@@ -62,18 +65,34 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             raise ValueError("broken TOML: nested too deeply") from None
         except ValueError as error:
             raise ValueError(f"broken TOML: {error}") from None
-        tables = data.get("cameras")
-        if not isinstance(tables, dict):
-            tables = {k: v for k, v in data.items() if re.fullmatch(r"cam(era)?_?\d+", k)}
-        entries = {
-            key: as_mapping(table, f"camera {key}")
-            for key, table in tables.items()
-            if not (isinstance(table, dict) and table.get("ignore") is True)
-        }
+        entries = _tables(data)
         if not entries:
-            raise ValueError("cameras: found none, expected tables like [cam_0] or [cameras.0]")
+            raise ValueError(
+                f"cameras: found none in {', '.join(map(str, data)) or 'no tables'}, expected "
+                "tables like [cam_0] or [cameras.0] of matrix, distortions, rotation, translation"
+            )
         cameras = [_camera(key, entry) for key, entry in entries.items()]
         return Rig(tuple(cameras), UNKNOWN, f"as in {path.name}")
+
+
+def _tables(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the cameras' tables by their names: those of ``cameras`` and others like them."""
+    inner = data.get("cameras")
+    if isinstance(inner, dict) and not inner.keys() & _OF_CAMERAS:
+        listed = {key: as_mapping(table, f"camera {key}") for key, table in inner.items()}
+    else:
+        listed = {}
+    others = {
+        key: table
+        for key, table in data.items()
+        if isinstance(table, dict)
+        and (table.keys() & _OF_CAMERAS or re.fullmatch(r"cam(era)?_?\d+", key))
+    }
+    return {
+        key: table
+        for key, table in {**listed, **others}.items()
+        if table.get("ignore") is not True
+    }
 
 
 def _camera(key: str, entry: Mapping[str, Any]) -> Camera:

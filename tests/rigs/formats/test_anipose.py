@@ -47,7 +47,7 @@ def test_anipose_and_caliscope(make_rig, assert_same_views, tmp_path, style):
         ("matrix = [[", "matrix = [[1], [", "camera cam0: matrix: found"),
         ("[cam_0]", "[cam_0", "broken TOML: "),
         ("fisheye = false", "fisheye = true", "camera cam0: distortions: found 5 coefficients"),
-        ("cam_", "kamera_", "cameras: found none, expected tables"),
+        ("distortions = ", "lens = ", "camera cam0: distortions: missing"),
     ],
 )
 def test_what_is_wrong_in_toml_is_named(make_rig, tmp_path, old, new, message):
@@ -55,6 +55,32 @@ def test_what_is_wrong_in_toml_is_named(make_rig, tmp_path, old, new, message):
     file.write_text(toml_of(make_rig("brown", "none"), "anipose").replace(old, new))
     with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")):
         anipose.load(file)
+
+
+def test_every_table_of_a_camera_is_one_whatever_its_name(make_rig, assert_same_views, tmp_path):
+    rig = make_rig("brown", "none", "fisheye")
+    text = toml_of(rig, "anipose").replace("[cam_1]", "[top]").replace("[cam_2]", "[cam_20_M11]")
+    path = tmp_path / "Calib.toml"
+    path.write_text(text)
+    assert_same_views(formats.load(path), rig)
+    path.write_text(text.replace("fisheye = false", "fisheye = false\nignore = true", 1))
+    assert formats.load(path).names == ("cam1", "cam2")  # caliscope's word for "leave it out"
+
+
+@pytest.mark.parametrize("field", ["matrix", "distortions", "rotation", "translation", "size"])
+def test_a_table_that_lacks_something_is_not_dropped(make_rig, tmp_path, field):
+    path = tmp_path / "Calib.toml"
+    first, second = toml_of(make_rig("brown", "none"), "anipose").split("[cam_1]")
+    path.write_text(f"{first}[top]" + second.replace(f"{field} = ", f"other_{field} = "))
+    with pytest.raises(ValueError, match=f"camera cam1: {field}: missing"):
+        formats.load(path)
+
+
+def test_toml_without_cameras_names_its_tables(tmp_path):
+    path = tmp_path / "Calib.toml"
+    path.write_text("[metadata]\nadjusted = false\n[project]\nx = 1\n")
+    with pytest.raises(ValueError, match="cameras: found none in metadata, project, expected"):
+        anipose.load(path)
 
 
 @given(data=st.data())
