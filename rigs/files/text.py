@@ -155,19 +155,24 @@ def yaml_mapping(text: str, path: str | os.PathLike) -> dict[str, Any]:
     return _plain(data)
 
 
-def read_json_mapping(path: str | os.PathLike) -> dict[str, Any]:
-    """Return the data of a JSON file whose top level is an object."""
+def read_json(path: str | os.PathLike) -> Any:
+    """Return the data of a JSON file."""
     text = read_text(path)
     if not text.strip():
         raise ValueError(f"{path}: found an empty file, expected JSON")
     try:
-        data = json.loads(text)
+        return json.loads(text)
     except json.JSONDecodeError as error:
         raise ValueError(f"{path}: broken JSON at line {error.lineno}: {error.msg}") from None
     except RecursionError:
         raise ValueError(f"{path}: broken JSON: nested too deeply") from None
     except ValueError as error:
         raise ValueError(f"{path}: broken JSON: {error}") from None
+
+
+def read_json_mapping(path: str | os.PathLike) -> dict[str, Any]:
+    """Return the data of a JSON file whose top level is an object."""
+    data = read_json(path)
     if not isinstance(data, dict):
         raise ValueError(f"{path}: found {_kind(data)}, expected a JSON object")
     return data

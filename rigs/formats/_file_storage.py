@@ -6,11 +6,20 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 from numpy.typing import NDArray
 
 from rigs.files.text import read_json_mapping, read_text, shortened, yaml_mapping
-from rigs.formats._values import as_array, as_count, as_rotation, as_size, flat
+from rigs.files.xml_file import read_xml
+from rigs.formats._values import (
+    as_array,
+    as_count,
+    as_rotation,
+    as_size,
+    errors_of_file,
+    flat,
+)
 from rigs.geometry.rotation import matrix_of_vector
 
 MATRIX = ("camera_matrix", "cameraMatrix", "intrinsic_matrix", "K", "M")
@@ -27,14 +36,59 @@ _LENS_NAMES = {
 }
 
 
+def is_storage(head: str) -> bool:
+    """Return whether a file is of ``cv2.FileStorage``, whatever its keys."""
+    return bool(re.search(r"\A\s*%YAML:1|!!opencv-|<opencv_storage", head))
+
+
 def read_storage(path: Path) -> dict[str, Any]:
     """Return the plain data of a file, its matrices as mappings of rows, cols and data."""
     if path.suffix == ".json":
         return read_json_mapping(path)
+    if path.suffix == ".xml":
+        root = read_xml(path)
+        if root.tag != "opencv_storage":
+            raise ValueError(f"{path}: found XML of <{root.tag}>, expected <opencv_storage>")
+        with errors_of_file(path):
+            return _mapping(root)
     text = read_text(path)
     # OpenCV's directive has a colon too many for YAML, and its tags repeat what the keys say.
-    text = re.sub(r"\A%YAML:?\s*\d+\.\d+[^\n]*", "", text)
+    text = re.sub(r"\A\s*%YAML:?\s*\d+\.\d+[^\n]*", "", text)
     return yaml_mapping(re.sub(r"(:\s|-\s|^)\s*!!opencv-[a-z-]+", r"\1", text), path)
+
+
+def _mapping(element: Element) -> dict[str, Any]:
+    """Return the data of an element's children by their names."""
+    found: dict[str, Any] = {}
+    for child in element:
+        if child.tag in found:
+            raise ValueError(f"{shortened(child.tag)}: found twice in one mapping")
+        found[child.tag] = _data_of(child)
+    return found
+
+
+def _data_of(element: Element) -> Any:
+    """Return the data of an element: a matrix or mapping, a list of ``_``, or its text's values.
+
+    Numbers are plain words, text with blanks or of digits stands in quotes.
+    """
+    if len(element):
+        return [_data_of(c) for c in element] if element[0].tag == "_" else _mapping(element)
+    words = re.findall(r'"[^"]*"|\S+', element.text or "")
+    values = [word[1:-1] if word[0] == '"' else _number_or_text(word) for word in words]
+    if element.tag == "data":
+        return values
+    return None if not values else values[0] if len(values) == 1 else values
+
+
+def _number_or_text(word: str) -> float | int | str:
+    """Return a word's number, else the word."""
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            continue
+    return word
 
 
 def first(entry: Mapping[str, Any], keys: tuple[str, ...]) -> str | None:
@@ -89,7 +143,7 @@ def size_of(entry: Mapping[str, Any]) -> tuple[int, int] | None:
             return width, height
     for key in ("image_size", "imageSize"):
         if entry.get(key) is not None:
-            return as_size(entry[key], key)
+            return as_size(flat(_plain(entry[key], key), key), key)
     return None
 
 
@@ -104,3 +158,33 @@ def is_fisheye(entry: Mapping[str, Any]) -> bool:
             )
         return _LENS_NAMES[model]
     return bool(entry.get("fisheye_model", False))
+
+
+def by_suffix(data: Mapping[str, Any], stems: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """Return the entries of cameras whose fields are keys like ``K_left`` at the top level.
+
+    Parameters
+    ----------
+    data : mapping
+    stems : mapping of str
+        From the key's part before the first ``_<camera>`` to the field's name in an entry.
+
+    Returns
+    -------
+    dict of dict
+        By the cameras' names, in order of appearance.
+    """
+    entries: dict[str, dict[str, Any]] = {}
+    for key, value in data.items():
+        for stem, field in stems.items():
+            if key.startswith(f"{stem}_") and len(key) > len(stem) + 1 and value is not None:
+                entries.setdefault(key[len(stem) + 1 :], {})[field] = value
+                break
+    return entries
+
+
+def keys_found(data: Mapping[str, Any], count: int = 6) -> str:
+    """Return the first keys of a mapping in words, for a message."""
+    names = [" ".join(key.split())[:30] for key in list(data)[:count]]
+    more = f" and {len(data) - count} more" if len(data) > count else ""
+    return ", ".join(names) + more if names else "no keys"

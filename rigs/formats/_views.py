@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -25,16 +26,29 @@ def named(
     An image's camera is the one given, else its folder, else the image itself, named by its
     stem; the frame is the image's stem. A folder of *all* images names no camera if their
     cameras differ: each image is then a camera, and all belong to one frame, ``file_stem``.
+    Images of equal pose and lens among those are moments of one camera: see `_moments`.
+
+    Raises
+    ------
+    ValueError
+        If images that name no camera are of one camera, and their names do not say which moment.
     """
     unnamed = [i for i, name in enumerate(given) if name is None]
     folders = {images[i].parent for i in unnamed}
     alone = len(folders) == 1 and any(difference(cameras[i], cameras[unnamed[0]]) for i in unnamed)
+    flat = [i for i in unnamed if alone or not images[i].parent.name]
+    moments = dict(
+        zip(flat, _moments([images[i] for i in flat], [cameras[i] for i in flat]), strict=False)
+    )
     alike = Counter(folder.name for folder in folders)
     names, frame_names = [], []
-    for image, name in zip(images, given, strict=True):
+    for index, (image, name) in enumerate(zip(images, given, strict=True)):
         if name is not None:
             names.append(name)
             frame_names.append(image.stem)
+        elif index in moments:
+            names.append(moments[index][0])
+            frame_names.append(moments[index][1])
         elif alone or not image.parent.name:
             names.append(image.stem)
             frame_names.append(file_stem)
@@ -43,6 +57,51 @@ def named(
             names.append(folder.name if alike[folder.name] == 1 else "_".join(folder.parts))
             frame_names.append(image.stem)
     return names, frame_names
+
+
+def _moments(images: Sequence[PurePosixPath], cameras: Sequence[Camera]) -> list[tuple[str, str]]:
+    """Return each image's camera and moment where several are of one camera, else nothing.
+
+    The moment is the number at the end of the image's stem, the camera what stands before it.
+    """
+    kinds = _kinds(cameras)
+    first = {kind: index for index, kind in reversed(list(enumerate(kinds)))}
+    repeated = next((i for i, kind in enumerate(kinds) if first[kind] != i), None)
+    if repeated is None:
+        return []
+    words = [re.fullmatch(r"(.*?)[_\-. ]*(\d+)", image.stem) for image in images]
+    found = [(w[1] or "camera", w[2]) if w else ("", "") for w in words]
+    by_name = {name: kind for (name, _), kind in zip(found, kinds, strict=True)}
+    if (
+        all(words)
+        and len(set(found)) == len(found)
+        and len(by_name) == len(first)
+        and all(by_name[name] == kind for (name, _), kind in zip(found, kinds, strict=True))
+    ):
+        return found
+    raise ValueError(
+        f"images {images[first[kinds[repeated]]]} and {images[repeated]} have the same pose and "
+        "lens: are they moments of one camera? Expected names that end in the moment's number "
+        "alone, like left_0001.png, or a folder (or an entry's camera) that names each camera"
+    )
+
+
+def _kinds(cameras: Sequence[Camera]) -> list[int]:
+    """Return a number for each camera, the same for those without a `difference`.
+
+    Cameras are compared along one sorted line of a weighted sum of their parameters.
+    """
+    sums = []
+    for camera in cameras:
+        values = [camera.camera_matrix.ravel(), camera.R.ravel(), camera.t, camera.image_size]
+        values = np.concatenate([*values, camera.distortion.coefficients])
+        sums.append(float(values @ np.sqrt(np.arange(2.0, 2 + len(values)))))
+    kinds, last = [0] * len(cameras), None
+    for index in np.argsort(sums, kind="stable").tolist():
+        if last is None or difference(cameras[index], cameras[last]):
+            last = index
+        kinds[index] = last
+    return kinds
 
 
 def grouped(

@@ -1,4 +1,4 @@
-"""OpenCV's ``cv2.FileStorage`` files, YAML and JSON, as its calibration programs write them.
+"""OpenCV's ``cv2.FileStorage`` files, YAML, XML and JSON, as its calibration programs write them.
 
 Conventions are this package's: ``x_cam = R @ x_world + T``, pixel centres at integers. Known are
 
@@ -7,6 +7,10 @@ Conventions are this package's: ``x_cam = R @ x_world + T``, pixel centres at in
   its pose ``R, T`` (ROS writes the same keys, without poses);
 - several in one: a list ``cameras`` of such entries with a ``name`` each, or a mapping of names;
 - a folder of one-camera files, named by the files;
+- lists of one length in one file, ``camera_matrix: [...], distortion_coefficients: [...], R, T``,
+  under these names or their plurals (``cameraMatrices, distCoeffs, rvecs, tvecs``);
+- numbered keys in one file, ``camera_matrix_0, camera_distortion_0, camera_pose_0`` (world to
+  camera, 4 x 4), as ``ccalib``'s ``MultiCameraCalibration`` writes them without an image size;
 - ``intrinsics.yml`` (``M1, D1, M2, D2``) and ``extrinsics.yml`` (``R, T``: second camera from
   first) of ``samples/cpp/stereo_calib``, either of them, or both in one; the cameras are
   ``left`` and ``right`` and the world is the left one's axes. They hold no image size.
@@ -35,8 +39,11 @@ from rigs.formats._file_storage import (
     MATRIX,
     SHIFT,
     TURN,
+    by_suffix,
     first,
     is_fisheye,
+    is_storage,
+    keys_found,
     matrix,
     read_storage,
     size_of,
@@ -45,12 +52,28 @@ from rigs.formats._file_storage import (
 )
 from rigs.formats._image_size import required_size
 from rigs.formats._lens import from_vector, refuse_skew, refuse_tables
-from rigs.formats._values import as_mapping, errors_of, errors_of_file, read_head
+from rigs.formats._values import (
+    as_mapping,
+    errors_of,
+    errors_of_file,
+    read_head,
+    rotation_of_motion,
+)
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
 
-_SUFFIXES = (".yml", ".yaml", ".json")
+_SUFFIXES = (".yml", ".yaml", ".json", ".xml")
+_NUMBERED = {"camera_matrix": "K", "camera_distortion": "D", "camera_pose": "pose", "xi": "xi"}
+_POSES = (*TURN, "pose")
+_PLURALS = {
+    MATRIX: ("camera_matrices", "cameraMatrices", "intrinsic_matrices", "Ks"),
+    LENS: ("dist_coeffs_list", "distCoeffsList", "Ds"),
+    TURN: ("rvecs", "Rs"),
+    SHIFT: ("tvecs", "Ts"),
+}
+#: Fields that one value of a file gives for all cameras of its lists.
+_SHARED = ("image_width", "image_height", "image_size", "imageSize", "fisheye_model")
 _STEREO = (("M1", "M2"), ("K1", "K2"), ("cameraMatrix1", "cameraMatrix2"))
 _STEREO_LENS = (("D1", "D2"), ("distCoeffs1", "distCoeffs2"))
 
@@ -59,13 +82,15 @@ def looks_like(path: Path, head: str) -> bool:
     """Return whether a file, or one in a folder, holds the keys of OpenCV's programs."""
     if path.is_dir():
         return any(looks_like(file, read_head(file)) for file in _files_of(path))
-    keys = "|".join(key for keys in (*_STEREO, MATRIX[:2]) for key in keys)
-    has_camera = re.search(rf'["\s{{,](?:{keys})"?\s*:', head)
-    is_opencv = head.startswith("%YAML") or "opencv-matrix" in head
+    keys = "|".join(key for keys in (*_STEREO, MATRIX[:2], ("camera_matrix_0",)) for key in keys)
+    has_camera = re.search(rf'["\s{{,<](?:{keys})(?:"?\s*:|[\s>])', head)
+    is_opencv = is_storage(head) or head.startswith("%YAML")
     return bool(
         path.suffix in _SUFFIXES
+        and (path.suffix != ".xml" or is_opencv)
         and not re.search(r"^format\s*:\s*emission", head, re.MULTILINE)
-        and (has_camera or (is_opencv and re.search(r'["\s]R"?\s*:', head)))
+        and "camera_pose_matrix" not in head  # MC-Calib's
+        and (has_camera or (is_opencv and re.search(r'["\s<]R(?:"?\s*:|[\s>])', head)))
     )
 
 
@@ -84,9 +109,13 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             data = read_storage(file)
             if any(pair[0] in data for pair in _STEREO):
                 return load(file, image_size)
-            if first(data, MATRIX) is not None:
-                entries[file.stem] = data
-                unit = data.get("length_unit", unit)
+            if not _has_cameras(data):
+                continue
+            with errors_of_file(file):
+                for name, entry in _entries(data, file.stem).items():
+                    if entries.setdefault(name, entry) is not entry:
+                        raise ValueError(f"camera {name}: found in another file too, expected one")
+            unit = data.get("length_unit", unit)
         if not entries:
             raise ValueError(f"{path}: found no camera_matrix in its files, expected OpenCV's")
     else:
@@ -100,7 +129,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     with errors_of_file(path):
         if not isinstance(unit, str):
             raise ValueError(f"length_unit: found {shortened(unit)}, expected text")
-        posed = {name for name, entry in entries.items() if first(entry, TURN) is not None}
+        posed = {name for name, entry in entries.items() if first(entry, _POSES) is not None}
         if posed and len(posed) < len(entries):
             lost = next(name for name in entries if name not in posed)
             raise ValueError(f"camera {lost}: R: missing, expected it as other cameras have one")
@@ -112,7 +141,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
 
 
 def save(rig: Rig, path: Path) -> None:
-    """Write a rig as ``cv2.FileStorage`` does: JSON or YAML, by the ending of ``path``.
+    """Write a rig as ``cv2.FileStorage`` does: JSON, XML or YAML, by the ending of ``path``.
 
     A path with another ending is a folder, of one YAML file per camera.
 
@@ -136,7 +165,8 @@ def _text(rig: Rig, path: Path) -> str:
     """Return what ``cv2.FileStorage`` writes into a file of that name."""
     import cv2
 
-    kind = cv2.FILE_STORAGE_FORMAT_JSON if path.suffix == ".json" else cv2.FILE_STORAGE_FORMAT_YAML
+    kinds = {".json": cv2.FILE_STORAGE_FORMAT_JSON, ".xml": cv2.FILE_STORAGE_FORMAT_XML}
+    kind = kinds.get(path.suffix, cv2.FILE_STORAGE_FORMAT_YAML)
     storage = cv2.FileStorage(path.name, cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | kind)
     try:
         storage.write("length_unit", rig.length_unit)
@@ -159,8 +189,18 @@ def _files_of(folder: Path) -> list[Path]:
     return sorted(p for p in folder.iterdir() if p.suffix in _SUFFIXES and p.is_file())
 
 
+def _has_cameras(data: Mapping[str, Any]) -> bool:
+    """Return whether the data of a file in a folder are, or hold, cameras."""
+    keys = (*MATRIX, *_PLURALS[MATRIX], "camera_matrix_0", "cameras")
+    inner = (value for value in data.values() if isinstance(value, dict))
+    return first(data, keys) is not None or any(first(value, MATRIX) for value in inner)
+
+
 def _entries(data: dict[str, Any], stem: str) -> dict[str, dict[str, Any]]:
     """Return the entries of the cameras in a file by name."""
+    lists = _of_lists(data)
+    if lists:
+        return lists
     if first(data, MATRIX) is not None:
         name = data.get("name", data.get("camera_name", stem))
         return {name if isinstance(name, str) else str(name): data}
@@ -173,6 +213,8 @@ def _entries(data: dict[str, Any], stem: str) -> dict[str, dict[str, Any]]:
             if name in entries:
                 raise ValueError(f"camera {name}: name: found twice, expected once in a rig")
             entries[name] = entry
+    elif found is data and "camera_matrix_0" in data:
+        entries = {f"camera_{k}": v for k, v in by_suffix(data, _NUMBERED).items() if "K" in v}
     elif found is data:
         entries = {k: v for k, v in data.items() if isinstance(v, dict) and first(v, MATRIX)}
     else:
@@ -180,7 +222,39 @@ def _entries(data: dict[str, Any], stem: str) -> dict[str, dict[str, Any]]:
             k: as_mapping(v, f"camera {k}") for k, v in as_mapping(found, "cameras").items()
         }
     if not entries:
-        raise ValueError("camera_matrix: missing, expected a camera or a list of cameras")
+        raise ValueError(
+            f"camera_matrix: missing, found {keys_found(data)}, expected camera_matrix (or "
+            "cameraMatrix, intrinsic_matrix, K, M) and distortion_coefficients, a list cameras of "
+            "them, or EasyMocap's K_<camera>, R_<camera>, T_<camera>"
+        )
+    return entries
+
+
+def _is_nested(found: list) -> bool:
+    """Return whether a list is one of lists."""
+    return bool(found) and isinstance(found[0], list)
+
+
+def _of_lists(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the entries of cameras whose fields are lists of one length, or nothing."""
+    entries: dict[str, dict[str, Any]] = {}
+    for keys in (MATRIX, LENS, TURN, SHIFT):
+        key = first(data, (*keys, *_PLURALS[keys]))
+        if key is None or (keys is not MATRIX and not entries):
+            continue
+        found = data[key]
+        is_list = isinstance(found, list) and found and isinstance(found[0], (dict, list))
+        if keys is MATRIX:
+            if not is_list or (isinstance(found[0], list) and not _is_nested(found[0])):
+                return {}  # one matrix
+            entries = {f"camera{i}": {} for i in range(len(found))}
+        elif not is_list or len(found) != len(entries):
+            raise ValueError(
+                f"{key}: found {shortened(found)}, expected a list of {len(entries)}, one a camera"
+            )
+        shared = {k: data[k] for k in _SHARED if k in data}
+        for entry, value in zip(entries.values(), found, strict=True):
+            entry.update({**shared, keys[0]: value})
     return entries
 
 
@@ -190,11 +264,17 @@ def _camera(name: str, entry: Mapping[str, Any], image_size: tuple[int, int] | N
         K = matrix(entry, MATRIX, (3, 3))
         distortion = from_vector(vector(entry, LENS), is_fisheye(entry), LENS[0])
         size = size_of(entry) or required_size(image_size, "these OpenCV")
-        if first(entry, TURN) is None:
-            R, t = np.eye(3), np.zeros(3)
-        else:
+        if "xi" in entry:
+            raise ValueError(
+                "xi: found it, as of an omnidirectional camera, expected a pinhole with a lens"
+            )
+        R, t = np.eye(3), np.zeros(3)
+        if first(entry, TURN) is not None:
             R, t = turn(entry), vector(entry, SHIFT, 3)
-        status = "calibrated" if first(entry, TURN) is not None else "nominal"
+        elif "pose" in entry:
+            motion = matrix(entry, ("pose",), (4, 4))
+            R, t = rotation_of_motion(motion, "camera_pose"), motion[:3, 3]
+        status = "calibrated" if first(entry, _POSES) is not None else "nominal"
     return Camera(name, size, K, distortion, R, t, status=status)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 from rigs.files.units import in_unit
+from rigs.formats._file_storage import is_storage
 from rigs.formats._values import errors_of_file, read_head
 from rigs.rig import Rig
 
@@ -51,9 +52,17 @@ FORMATS: dict[str, Format] = {
         Format("transforms", "NeRF-style transforms.json", ("transforms.json",), writes=True),
         Format("multical", "multical's calibration.json"),
         Format("kalibr", "Kalibr's camchain.yaml"),
-        Format("anipose", "TOML of anipose and caliscope"),
+        Format("anipose", "TOML of anipose, Pose2Sim, FreeMoCap, caliscope"),
         Format("openptv", "OpenPTV .ori and .addpar, of a folder or one"),
-        Format("opencv", "cv2.FileStorage YAML and JSON", (".yml", ".json"), writes=True),
+        Format("easymocap", "EasyMocap's intri.yml and extri.yml"),
+        Format("mccalib", "MC-Calib's calibrated_cameras_data.yml"),
+        Format("mrcal", "mrcal's .cameramodel with OpenCV's lenses"),
+        Format("metashape", "Agisoft Metashape's cameras.xml"),
+        Format("gaussian_splatting", "3-D Gaussian splatting's cameras.json"),
+        Format("bop", "BOP's scene_camera.json"),
+        Format("openmvg", "openMVG's sfm_data.json"),
+        Format("blender", "lists of Blender's cameras as JSON"),
+        Format("opencv", "cv2.FileStorage YAML, XML, JSON", (".yml", ".json"), writes=True),
         Format("myptv", "MyPTV's camera files"),
         Format("bundler", "Bundler's bundle.out with its list.txt"),
         Format("nvm", "VisualSFM's .nvm"),
@@ -94,6 +103,8 @@ def sniff(path: str | os.PathLike) -> str:
     for name in names():
         if FORMATS[name].module.looks_like(path, head):
             return name
+    if is_storage(head):
+        return "opencv"  # its error names the keys found
     if path.suffix in _OURS:
         return "emission_rig"  # its error names what a rig.yaml lacks
     raise ValueError(f"{path}: found none of the rig formats, expected {', '.join(names())}")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from rigs.camera import Camera
-from rigs.files.text import breaks_a_line, read_json_mapping, shortened, write_text
+from rigs.files.text import breaks_a_line, read_json, shortened, write_text
 from rigs.files.units import UNKNOWN
 from rigs.formats._entry import camera_entry, entry_camera
 from rigs.formats._lens import refuse_tables
@@ -54,7 +54,9 @@ def load_transforms(
         Cameras in order of appearance, ``calibrated``. The file names no unit, so
         ``length_unit`` is ``unit``, unless it holds one.
     frames : list of (str, {camera name: Path})
-        In order of appearance; images are not opened, nor need they exist.
+        In order of appearance; images are not opened, nor need they exist. A path that is
+        absolute, of Windows, or leads out of the file's folder is kept as it is: who opens an
+        image checks it.
 
     Raises
     ------
@@ -68,10 +70,15 @@ def load_transforms(
     An entry's camera is its ``camera``, else its image's folder, else the entry itself, named
     by its image's stem; the frame is the image's stem. A folder of *all* images names no
     camera if their cameras differ: each entry is then a camera, and all belong to one frame,
-    which is named like the file.
+    which is named like the file. Entries of equal pose and lens among those are moments of one
+    camera, if the numbers at the end of their names say so, and refused if they do not.
     """
     path = Path(path)
-    data = read_json_mapping(path)
+    data = read_json(path)
+    if isinstance(data, list):
+        data = {"frames": data}
+    if not isinstance(data, dict):
+        raise ValueError(f"{path}: found {shortened(data)}, expected a JSON object")
     if image_size is not None:
         data = {"w": image_size[0], "h": image_size[1], **data}
     entries = data.get("frames")
@@ -86,7 +93,7 @@ def load_transforms(
         try:
             if not isinstance(entry, dict):
                 raise ValueError(f"found {shortened(entry)}, expected a mapping")
-            image = _image_path(entry, path.parent)
+            image = _image_path(entry)
             cameras.append(entry_camera(entry, data))
         except ValueError as error:
             name = entry.get("file_path") if isinstance(entry, dict) else None
@@ -95,7 +102,8 @@ def load_transforms(
         images.append(image)
     with errors_of_file(path):
         given = [_camera_name(index, entry) for index, entry in enumerate(entries)]
-        names, frame_names = named(images, cameras, given, path.stem)
+        inner = [_without_root(image) for image in images]
+        names, frame_names = named(inner, cameras, given, path.stem)
         found, frames = grouped(path.parent, images, cameras, names, frame_names, _FIELDS)
         unit = data.get("length_unit", UNKNOWN)
         if not isinstance(unit, str):
@@ -150,7 +158,9 @@ def save_transforms(rig: Rig, path: str | os.PathLike, frames: Frames | None = N
 
 def looks_like(path: Path, head: str) -> bool:
     """Return whether a file holds frames with camera-to-world matrices."""
-    keys = '"frames"' in head and '"transform_matrix"' in head
+    keys = '"transform_matrix"' in head and (
+        '"frames"' in head or (head.lstrip().startswith("[") and '"file_path"' in head)
+    )
     return path.name == "transforms.json" or (path.suffix == ".json" and keys)
 
 
@@ -180,20 +190,21 @@ def _relative(image: Path, folder: Path) -> PurePosixPath:
         raise ValueError(f"file_path: found {image}, expected a path inside {folder}") from None
 
 
-def _image_path(entry: Mapping[str, Any], folder: Path) -> PurePosixPath:
-    """Return an entry's image relative to ``folder``, or raise if it leaves it."""
+def _image_path(entry: Mapping[str, Any]) -> PurePosixPath:
+    """Return an entry's image as the file names it, from its folder; it may lead out of it."""
     found = entry.get("file_path")
     if not isinstance(found, str) or not found.strip() or "\0" in found or breaks_a_line(found):
         raise ValueError(f"file_path: found {shortened(found)}, expected an image's path")
-    relative = os.path.normpath(found.replace("\\", "/"))
-    is_inside = not os.path.isabs(relative) and relative.split("/")[0] not in ("..", ".")
-    try:
-        is_inside = is_inside and (folder / relative).resolve().is_relative_to(folder.resolve())
-    except (OSError, RuntimeError):
-        is_inside = False
-    if not is_inside:
-        raise ValueError(f"file_path: found {shortened(found)}, expected a path inside the folder")
-    return PurePosixPath(relative)
+    path = os.path.normpath(found.replace("\\", "/"))
+    if path == ".":
+        raise ValueError(f"file_path: found {shortened(found)}, expected an image's path")
+    return PurePosixPath(path)
+
+
+def _without_root(image: PurePosixPath) -> PurePosixPath:
+    """Return the part of a path that names folders and the image."""
+    parts = image.parts[:-1]
+    return PurePosixPath(*(p for p in parts if p not in ("/", "..") and ":" not in p), image.name)
 
 
 def _is_neutral(value: object) -> bool:

@@ -53,7 +53,9 @@ def reconstruct(
     images: Annotated[
         Path | None,
         typer.Option(
-            metavar="FOLDER", help="Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, with --rig."
+            metavar="FOLDER",
+            help="Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, with --rig; or where those of a "
+            "transforms.json are.",
         ),
     ] = None,
     *,
@@ -123,8 +125,8 @@ def _load(scan: Path | None, rig: Path | None, images: Path | None, pattern: str
 
     if pattern is not None and rig is None:
         raise ValueError(f"--pattern: found {pattern!r}, expected --rig and --images with it")
-    if scan is not None and rig is None and images is None:
-        return load_scan(scan)
+    if scan is not None and rig is None:
+        return load_scan(scan, images)
     if scan is None and rig is not None and images is not None:
         return scan_of_images(rig, images, pattern)
     raise ValueError("SCAN: expected either a scan, or --rig and --images together")

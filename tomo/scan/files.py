@@ -28,8 +28,15 @@ _MOST_LISTED = 10_000
 _COLOURS = ("corrections.bayer", "corrections.channel")
 
 
-def load_scan(path: str | PathLike) -> Scan:
+def load_scan(path: str | PathLike, images: str | PathLike | None = None) -> Scan:
     """Load a scan folder, its ``scan.yaml``, or a NeRF-style ``transforms.json``.
+
+    Parameters
+    ----------
+    path : path-like
+    images : path-like, optional
+        The folder of the images of a ``transforms.json``, in place of the paths in it: an image
+        is found there by the end of its path, as much of it as is there.
 
     Raises
     ------
@@ -47,7 +54,11 @@ def load_scan(path: str | PathLike) -> Scan:
     elif not path.is_file():
         raise FileNotFoundError(f"{path}: no such scan")
     if path.suffix.lower() == ".json":
-        return _load_transforms(path)
+        return _load_transforms(path, None if images is None else Path(images))
+    if images is not None:
+        raise ValueError(
+            f"{path}: images: found {images}, expected none, as a scan.yaml names its images"
+        )
     if path.suffix.lower() in (".yaml", ".yml"):
         return _load_scan_file(path)
     raise ValueError(
@@ -55,19 +66,44 @@ def load_scan(path: str | PathLike) -> Scan:
     )
 
 
-def _load_transforms(path: Path) -> Scan:
+def _load_transforms(path: Path, folder: Path | None) -> Scan:
     from rigs.formats.transforms import load_transforms
 
-    rig, frames = load_transforms(path)
-    for name, images in frames:
+    if folder is not None and not folder.is_dir():
+        raise FileNotFoundError(f"{folder}: no such folder of images")
+    rig, listed = load_transforms(path)
+    frames = []
+    for name, images in listed:
+        found = {}
         for camera, image in images.items():
-            if not Path(image).resolve().is_relative_to(path.parent.resolve()):
-                raise ValueError(
-                    f"{path}: frame {name!r}: camera {camera}: found the path {image}, "
-                    "expected one inside the folder of the file"
-                )
-    return Scan(
-        rig, tuple(Frame(n, dict(i)) for n, i in frames), grid=grid_of_rig(rig), source=path
+            field = f"frame {name!r}: camera {camera}: file_path"
+            text = image.relative_to(path.parent) if image.is_relative_to(path.parent) else image
+            if folder is None:
+                found[camera] = _image_inside(path, str(text), field)
+            else:
+                found[camera] = _image_in(folder, PurePosixPath(text), field)
+        frames.append(Frame(name, found))
+    return Scan(rig, tuple(frames), grid=grid_of_rig(rig), source=path)
+
+
+def _image_inside(path: Path, text: str, field: str) -> Path:
+    """Return the image that a ``transforms.json`` names in its folder."""
+    try:
+        return _inside(path, text, field)
+    except ValueError as error:
+        raise ValueError(f"{error}; --images FOLDER says where the images are") from None
+
+
+def _image_in(folder: Path, image: PurePosixPath, field: str) -> Path:
+    """Return the file in ``folder`` that ends like the path of an image."""
+    parts = [part for part in image.parts if part not in ("/", "..")]
+    for start in range(len(parts)):
+        file = folder.joinpath(*parts[start:])
+        if file.is_file() and file.resolve().is_relative_to(folder.resolve()):
+            return file
+    raise FileNotFoundError(
+        f"{folder}: {field}: found no file {parts[-1]}, expected it there or in a folder of it as "
+        f"in {image}"
     )
 
 

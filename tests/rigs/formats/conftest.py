@@ -59,6 +59,25 @@ def assert_same_views():
 
 
 @pytest.fixture(scope="session")
+def assert_projects():
+    """Return a function: 200 points in a camera's view are projected as ``formula(points)`` does.
+
+    The formula is the format's own, on points ``(N, 3)`` in the world of the file.
+    """
+
+    def check(camera, formula):
+        size = np.array(camera.image_size)
+        rng = np.random.default_rng(7)
+        origins, directions = camera.rays(rng.uniform(0.02, 0.98, (200, 2)) * (size - 1))
+        points = origins + directions * rng.uniform(50, 800, (200, 1))
+        uv, _, valid = camera.project(points)
+        assert valid.all()
+        np.testing.assert_allclose(uv, formula(points), rtol=0, atol=1e-6)
+
+    return check
+
+
+@pytest.fixture(scope="session")
 def read_or_refused():
     """Return a function: what ``load(path)`` returns, or None where it refuses in one line."""
 

@@ -172,7 +172,7 @@ def test_what_is_wrong_is_named(tmp_path, file, cameras, images, message):
 
 def test_images_without_lines_of_points_are_not_lost(tmp_path):
     folder = write_model(tmp_path / "model", [CAMERA], [])
-    images = [IMAGE.replace("a.png", f"{name}.png") for name in "abcd"]
+    images = [IMAGE.replace("5 1 a.png", f"{i + 5} 1 {'abcd'[i]}.png") for i in range(4)]
     (folder / "images.txt").write_text("\n".join(images) + "\n")
     with pytest.raises(ValueError, match=r"images.txt: found .*b.png.*, expected POINTS2D"):
         formats.load(folder)

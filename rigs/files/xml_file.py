@@ -1,0 +1,56 @@
+"""Reading XML files into elements; entities and deep nesting are refused."""
+
+from __future__ import annotations
+
+import os
+import re
+from xml.etree import ElementTree
+
+from rigs.files.text import read_text
+
+#: Levels of nesting; FileStorage and Metashape need below ten, and deeper trees cost a stack.
+_MAX_DEPTH = 32
+
+
+class _Guarded(ElementTree.TreeBuilder):
+    """A builder of trees that are not deep."""
+
+    depth = 0
+
+    def start(self, tag: str, attributes: dict[str, str]) -> ElementTree.Element:
+        """Open an element, or refuse it."""
+        self.depth += 1
+        if self.depth > _MAX_DEPTH:
+            raise ValueError("broken XML: nested too deeply")
+        return super().start(tag, attributes)
+
+    def end(self, tag: str) -> ElementTree.Element:
+        """Close an element."""
+        self.depth -= 1
+        return super().end(tag)
+
+
+def read_xml(path: str | os.PathLike) -> ElementTree.Element:
+    """Return the root element of the XML file at ``path``.
+
+    A document that declares entities is refused: a few lines of them may expand to any amount of
+    text or name other files. External document types are not fetched.
+
+    Raises
+    ------
+    ValueError
+        In one line that names the file: entities, deep nesting or broken XML.
+    """
+    text = read_text(path)
+    if not text.strip():
+        raise ValueError(f"{path}: found an empty file, expected XML")
+    if re.search(r"<!ENTITY", text):
+        raise ValueError(f"{path}: found an XML entity declaration, expected plain elements")
+    parser = ElementTree.XMLParser(target=_Guarded())
+    try:
+        parser.feed(text)
+        return parser.close()
+    except ElementTree.ParseError as error:
+        raise ValueError(f"{path}: broken XML: {error}") from None
+    except (ValueError, UnicodeError, LookupError) as error:
+        raise ValueError(f"{path}: {error}") from None

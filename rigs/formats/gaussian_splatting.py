@@ -1,0 +1,96 @@
+"""3-D Gaussian splatting's ``cameras.json``: pinholes with the principal point in the middle.
+
+Read only. A list of ``{id, img_name, width, height, position, rotation, fx, fy}``: ``rotation``
+is *camera to world*, its columns OpenCV's axes (x right, y down, z forward), ``position`` the
+camera's centre. The renderer knows neither a lens nor a principal point: the axis meets the image
+in its middle, at pixel ``(width - 1) / 2``, ``(height - 1) / 2`` with pixel centres at integers.
+Lens values (``cx``, ``k1``), which some forks write without saying in which convention, are
+refused. Lengths have no unit. The images are those without distortion that the splats were trained
+on, at the scale of ``width`` and ``height``.
+Source: ``camera_to_JSON`` in ``utils/camera_utils.py`` and ``ndc2Pix`` of the rasteriser at
+https://github.com/graphdeco-inria/gaussian-splatting.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path, PurePosixPath
+
+from rigs.camera import Camera
+from rigs.files.text import read_json, shortened
+from rigs.files.units import UNKNOWN
+from rigs.formats._values import (
+    as_array,
+    as_count,
+    as_mapping,
+    as_number,
+    as_rotation,
+    errors_of,
+    errors_of_file,
+    required,
+)
+from rigs.formats._views import grouped, named
+from rigs.rig import Rig
+
+_FOREIGN = re.compile(r"c[xy]|[kp]\d|skew|.*(?:dist|principal|model).*", re.IGNORECASE)
+_FIELDS = {
+    "image_size": "width, height",
+    "distortion": "fx, fy",
+    "camera_matrix": "fx, fy",
+    "R": "rotation",
+    "t": "position",
+}
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Return whether a file is a list of entries with ``img_name`` and ``rotation``."""
+    return (
+        path.suffix == ".json"
+        and head.lstrip().startswith("[")
+        and all(f'"{key}"' in head for key in ("img_name", "rotation", "position"))
+    )
+
+
+def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
+    """Return the rig of a ``cameras.json``.
+
+    Raises
+    ------
+    ValueError
+        In one line: the file, the camera, the field, what was found, what was expected.
+    """
+    path = Path(path)
+    data = read_json(path)
+    with errors_of_file(path):
+        if not isinstance(data, list) or not data:
+            raise ValueError(f"found {shortened(data)}, expected a list of cameras")
+        views = [_view(index, entry) for index, entry in enumerate(data)]
+        images = [image for image, _ in views]
+        cameras = [camera for _, camera in views]
+        names, frames = named(images, cameras, [None] * len(images), path.stem)
+        found, _ = grouped(path.parent, images, cameras, names, frames, _FIELDS)
+        return Rig(tuple(found), UNKNOWN, f"as in {path.name}")
+
+
+def _view(index: int, entry: object) -> tuple[PurePosixPath, Camera]:
+    """Return an entry's image, with an ending, and its camera under a placeholder name."""
+    with errors_of(f"[{index}]"):
+        entry = as_mapping(entry, "entry")
+        name = entry.get("img_name")
+        if not isinstance(name, str) or not name.strip():
+            raise ValueError(f"img_name: found {shortened(name)}, expected an image's name")
+    with errors_of(f"camera {name}"):
+        for key in filter(_FOREIGN.fullmatch, entry):
+            raise ValueError(
+                f"{key}: found {shortened(entry[key])}, expected none, as the format has no lens "
+                "and its axis is the middle: convert the COLMAP model or transforms.json that "
+                "the splats were trained on"
+            )
+        fx, fy = (as_number(required(entry, key), key) for key in ("fx", "fy"))
+        width, height = (as_count(required(entry, key), key) for key in ("width", "height"))
+        R = as_rotation(required(entry, "rotation"), "rotation").T
+        position = as_array(required(entry, "position"), (3,), "position")
+        K = [[fx, 0.0, (width - 1) / 2], [0.0, fy, (height - 1) / 2], [0.0, 0.0, 1.0]]
+        camera = Camera("camera", (width, height), K, R=R, t=-R @ position, status="calibrated")
+    image = PurePosixPath(name.strip().replace("\\", "/"))
+    return image if image.suffix else image.with_name(f"{image.name}.png"), camera

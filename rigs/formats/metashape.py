@@ -1,0 +1,226 @@
+"""Agisoft Metashape's ``cameras.xml``: sensors, and cameras with their poses in a chunk.
+
+Read only. A camera's ``transform`` is 4 x 4, camera to chunk, OpenCV's axes. The chunk's, or its
+component's, ``transform`` (rotation, translation, scale) then leads to the world and is applied:
+lengths are metres where ``reference`` names a system in metres, else without a unit. The lens is::
+
+    x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 x^2) + 2 p2 x y
+    y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p2 (r^2 + 2 y^2) + 2 p1 x y
+    u = width / 2 + cx + x' (f + b1) + y' b2,   v = height / 2 + cy + y' f
+
+with (0.5, 0.5) the centre of the top-left pixel: OpenCV's with p1 and p2 exchanged and ``b2`` as
+skew. Sensors of type ``fisheye`` are equidistant, k1 to k4 as OpenCV's, and without p1, p2.
+Refused by name are other types, and k4 of a frame camera, p3 and p4, which OpenCV's lenses lack.
+Cameras are named by their labels' folders, else by their labels, as images of ``transforms.json``;
+those without a transform, which Metashape did not align, and disabled ones are left out with a
+warning. Sources: appendix "Camera models" of the Metashape user manual; the XML as exported since 1.5.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from pathlib import Path, PurePosixPath
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.camera import Camera
+from rigs.files.text import shortened
+from rigs.files.units import UNKNOWN
+from rigs.files.xml_file import read_xml
+from rigs.formats._values import (
+    as_array,
+    as_count,
+    as_number,
+    as_rotation,
+    errors_of,
+    errors_of_file,
+    rotation_of_motion,
+)
+from rigs.formats._views import grouped, named
+from rigs.lens import Distortion
+from rigs.recordings import IMAGE_SUFFIXES
+from rigs.rig import Rig
+
+logger = logging.getLogger(__name__)
+
+_LENS = ("k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4")
+#: Our model of each type of sensor, and the coefficients of it in our order.
+_TYPES = {
+    "frame": ("brown", ("k1", "k2", "p2", "p1", "k3")),
+    "fisheye": ("fisheye", ("k1", "k2", "k3", "k4")),
+}
+_FIELDS = {
+    "image_size": "sensor_id",
+    "distortion": "sensor_id",
+    "camera_matrix": "sensor_id",
+    "R": "transform",
+    "t": "transform",
+}
+#: A local system in metres, or a geographic one, for which chunks lead to geocentric metres.
+_METRES = re.compile(
+    r'^\s*(?:GEOGCS|PROJCS|GEOCCS|COMPD_CS|LOCAL_CS.*UNIT\["metre",1[,.\]])', re.S
+)
+_RAW = (".dng", ".cr2", ".cr3", ".nef", ".arw", ".raw")
+Similarity = tuple[float, NDArray[np.float64], NDArray[np.float64]]
+
+
+def looks_like(path: Path, head: str) -> bool:
+    """Return whether a file is a Metashape document with sensors."""
+    return path.suffix.lower() == ".xml" and "<document" in head and "<sensor" in head
+
+
+def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
+    """Return the rig of a ``cameras.xml``.
+
+    Raises
+    ------
+    ValueError
+        In one line: the file, the camera, the field, what was found, what was expected.
+    """
+    path = Path(path)
+    root = read_xml(path)
+    with errors_of_file(path):
+        chunks = [c for c in root.iter("chunk") if c.find("sensors") is not None]
+        if len(chunks) != 1:
+            raise ValueError(f"chunk: found {len(chunks)}, expected one: export the active chunk")
+        chunk = chunks[0]
+        sensors = {e.get("id"): e for e in chunk.iterfind("sensors/sensor")}
+        worlds = {e.get("id"): e.find("transform") for e in chunk.iterfind("components/component")}
+        images, cameras, lost, scaled = [], [], [], set()
+        for element in chunk.iterfind("cameras//camera"):
+            label = element.get("label") or f"camera{element.get('id')}"
+            if element.find("transform") is None or element.get("enabled") in ("0", "false"):
+                lost.append(label)
+                continue
+            with errors_of(f"camera {label}"):
+                world = worlds.get(element.get("component_id"))
+                world = chunk.find("transform") if world is None else world
+                scaled.add(world is not None)
+                cameras.append(_camera(element, sensors, _similarity(world)))
+                images.append(_image(label))
+                _report_orientation(path, label, element.findtext("orientation"))
+        _check(path, images, lost, scaled)
+        names, frames = named(images, cameras, [None] * len(images), path.stem)
+        found, _ = grouped(path.parent, images, cameras, names, frames, _FIELDS)
+        world = "as in Metashape's chunk" + (", its transform applied" if True in scaled else "")
+        is_metric = True in scaled and _METRES.search(chunk.findtext("reference") or "")
+        return Rig(tuple(found), "m" if is_metric else UNKNOWN, world)
+
+
+def _check(path: Path, images: list, lost: list[str], scaled: set[bool]) -> None:
+    """Refuse a chunk without poses or with some in the world and some not; name what is lost."""
+    if not images:
+        raise ValueError(
+            f"cameras: found none with a transform among {len(lost)}, expected aligned cameras: "
+            "align them in Metashape and export again"
+        )
+    if len(scaled) > 1:
+        raise ValueError(
+            "component: found some with a transform to the world and some without, expected all "
+            "in one system: export one component"
+        )
+    if lost:
+        logger.warning("%s: left out %d cameras that are disabled or not aligned: %s", path,
+                       len(lost), shortened(", ".join(lost)))  # fmt: skip
+
+
+def _report_orientation(path: Path, label: str, found: str | None) -> None:
+    """Report a turned image; its array is read as stored, as Metashape's sensors are."""
+    if (found or "1").strip() != "1":
+        logger.warning("%s: camera %s: orientation: found %s: pixels are taken as stored", path,
+                       label, found)  # fmt: skip
+
+
+def _image(label: str) -> PurePosixPath:
+    """Return the image that a label names, with an ending."""
+    image = PurePosixPath(label.strip().replace("\\", "/").lstrip("/") or "camera")
+    known = image.suffix.lower() in (*IMAGE_SUFFIXES, *_RAW)
+    return image if known else image.with_name(f"{image.name}.png")
+
+
+def _camera(element: Element, sensors: dict, world: Similarity) -> Camera:
+    """Return the camera of an element in the world, under a placeholder name."""
+    if element.get("sensor_id") not in sensors:
+        raise ValueError(f"sensor_id: found {element.get('sensor_id')}, expected one of <sensors>")
+    sensor = sensors[element.get("sensor_id")]
+    with errors_of(f"sensor {sensor.get('id')}"):
+        size, K, distortion = _sensor(sensor)
+    motion = _numbers(element, "transform", 16).reshape(4, 4)
+    to_chunk = rotation_of_motion(motion, "transform")
+    scale, turn, shift = world
+    R = (turn @ to_chunk).T
+    position = scale * turn @ motion[:3, 3] + shift
+    return Camera("camera", size, K, distortion, R, -R @ position, status="calibrated")
+
+
+def _sensor(sensor: Element) -> tuple[tuple[int, int], list[list[float]], Distortion]:
+    """Return image size, camera matrix and lens of a sensor, from its adjusted calibration."""
+    kind = sensor.get("type")
+    if kind not in _TYPES:
+        raise ValueError(f"type: found {kind!r}, expected {' or '.join(_TYPES)}")
+    found = sensor.findall("calibration")
+    adjusted = [c for c in found if c.get("class") == "adjusted"]
+    calibration = next(iter(adjusted or found), None)
+    if calibration is None:
+        raise ValueError(
+            "calibration: missing, expected f and the lens: optimise the cameras in Metashape "
+            "and export again"
+        )
+    if calibration.get("type", kind) != kind:
+        raise ValueError(f"calibration type: found {calibration.get('type')!r}, expected {kind}")
+    resolution = calibration.find("resolution")
+    resolution = sensor.find("resolution") if resolution is None else resolution
+    if resolution is None:
+        raise ValueError("resolution: missing, expected width and height")
+    size = tuple(as_count(resolution.get(key), key) for key in ("width", "height"))
+    f = _number(calibration, "f", None)
+    cx, cy, b1, b2 = (_number(calibration, key, 0.0) for key in ("cx", "cy", "b1", "b2"))
+    lens = {key: _number(calibration, key, 0.0) for key in _LENS}
+    model, order = _TYPES[kind]
+    for key, value in lens.items():
+        if value and key not in order:
+            raise ValueError(
+                f"{key}: found {value}, expected 0 for type {kind}: optimise the cameras in "
+                f"Metashape without {key}"
+            )
+    K = [[f + b1, b2, size[0] / 2 + cx - 0.5], [0.0, f, size[1] / 2 + cy - 0.5], [0.0, 0.0, 1.0]]
+    if model == "brown" and not any(lens.values()):
+        return size, K, Distortion()
+    return size, K, Distortion(model, tuple(lens[key] for key in order))
+
+
+def _similarity(element: Element | None) -> Similarity:
+    """Return scale, rotation and translation from the chunk to the world."""
+    if element is None:
+        return 1.0, np.eye(3), np.zeros(3)
+    with errors_of("chunk's transform"):
+        if element.find("rotation") is None:  # older files: one matrix of all three
+            motion = as_array((element.text or "").split(), (16,), "matrix").reshape(4, 4)
+            scale = float(np.cbrt(max(np.linalg.det(motion[:3, :3]), 0.0)))
+            turn, shift = motion[:3, :3] / (scale or 1.0), motion[:3, 3]
+        else:
+            scale = _number(element, "scale", 1.0)
+            turn = _numbers(element, "rotation", 9).reshape(3, 3)
+            shift = _numbers(element, "translation", 3)
+        if not scale > 0:
+            raise ValueError(f"scale: found {scale}, expected a positive number")
+        return scale, as_rotation(turn, "rotation"), shift
+
+
+def _number(element: Element, key: str, default: float | None) -> float:
+    """Return the number that a child holds."""
+    text = element.findtext(key)
+    if text is None and default is None:
+        raise ValueError(f"{key}: missing, expected a number")
+    return as_number(default if text is None else text.strip(), key)
+
+
+def _numbers(element: Element, key: str, count: int) -> NDArray[np.float64]:
+    """Return the numbers that a child holds."""
+    text = element.findtext(key)
+    if text is None:
+        raise ValueError(f"{key}: missing, expected {count} numbers")
+    return as_array(text.split(), (count,), key)
