@@ -38,7 +38,7 @@ _LENS_NAMES = {
 
 def is_storage(head: str) -> bool:
     """Return whether a file is of ``cv2.FileStorage``, whatever its keys."""
-    return bool(re.search(r"\A\s*%YAML:1|!!opencv-|<opencv_storage", head))
+    return bool(re.search(r"\A\s*%YAML:1|\bopencv-matrix\b|<opencv_storage", head))
 
 
 def read_storage(path: Path) -> dict[str, Any]:

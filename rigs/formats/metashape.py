@@ -13,7 +13,7 @@ skew. Sensors of type ``fisheye`` are equidistant, k1 to k4 as OpenCV's, and wit
 Refused by name are other types, and k4 of a frame camera, p3 and p4, which OpenCV's lenses lack.
 Cameras are named by their labels' folders, else by their labels, as images of ``transforms.json``;
 those without a transform, which Metashape did not align, and disabled ones are left out with a
-warning. Sources: appendix "Camera models" of the Metashape user manual; the XML as exported since 1.5.
+warning. Sources: appendix "Camera models" of the Metashape user manual; exports of 1.5 and later.
 """
 
 from __future__ import annotations

@@ -82,7 +82,8 @@ def looks_like(path: Path, head: str) -> bool:
     """Return whether a file, or one in a folder, holds the keys of OpenCV's programs."""
     if path.is_dir():
         return any(looks_like(file, read_head(file)) for file in _files_of(path))
-    keys = "|".join(key for keys in (*_STEREO, MATRIX[:2], ("camera_matrix_0",)) for key in keys)
+    known = (*_STEREO, MATRIX[:2], _PLURALS[MATRIX], ("camera_matrix_0",))
+    keys = "|".join(key for keys in known for key in keys)
     has_camera = re.search(rf'["\s{{,<](?:{keys})(?:"?\s*:|[\s>])', head)
     is_opencv = is_storage(head) or head.startswith("%YAML")
     return bool(

@@ -36,11 +36,11 @@ avg_reprojection_error: 3.9e-01
 """
 
 
-@pytest.mark.parametrize("suffix", [".yml", ".json"])
+@pytest.mark.parametrize("suffix", [".yml", ".json", ".xml"])
 def test_rigs_come_back(make_rig, assert_same_views, tmp_path, suffix):
     rig = make_rig(*ALL)
     path = tmp_path / f"rig{suffix}"
-    formats.save(rig, path)
+    formats.save(rig, path, "opencv")
     assert formats.sniff(path) == "opencv"
     assert_same_views(formats.load(path), rig)
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
@@ -56,11 +56,11 @@ def test_a_folder_of_a_file_a_camera(make_rig, assert_same_views, tmp_path):
     assert_same_views(formats.load(tmp_path / "rig"), rig)
 
 
-@pytest.mark.parametrize("suffix", [".yml", ".json"])
+@pytest.mark.parametrize("suffix", [".yml", ".json", ".xml"])
 @pytest.mark.parametrize("model", ALL)
 def test_opencv_itself_reads_and_projects_what_is_written(make_rig, tmp_path, suffix, model):
     rig = make_rig(model)
-    formats.save(rig, tmp_path / f"one{suffix}")
+    formats.save(rig, tmp_path / f"one{suffix}", "opencv")
     file = cv2.FileStorage(str(tmp_path / f"one{suffix}"), cv2.FILE_STORAGE_READ)
     K, D, R, T = (
         file.getNode(key).mat() for key in ("camera_matrix", "distortion_coefficients", "R", "T")
@@ -123,6 +123,124 @@ def test_the_stereo_samples_files(make_rig, assert_same_views, tmp_path, given):
     assert_same_views(rig, expected, ("left", "right"))
     with pytest.raises(ValueError, match=r"image_size: missing.*--image-size"):
         formats.load(tmp_path / given)
+
+
+def storage_of(path, fields):
+    """Write fields as ``cv2.FileStorage`` does: matrices, numbers, text, and lists of them."""
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for key, value in fields.items():
+        if isinstance(value, list):
+            storage.startWriteStruct(key, cv2.FILE_NODE_SEQ)
+            for item in value:
+                storage.write("", item)
+            storage.endWriteStruct()
+        else:
+            storage.write(key, value)
+    storage.release()
+    return path
+
+
+SUFFIXES = pytest.mark.parametrize("suffix", [".yml", ".json", ".xml"])
+
+
+@SUFFIXES
+@pytest.mark.parametrize("plural", [False, True])
+def test_lists_of_one_length_are_cameras(make_rig, assert_same_views, tmp_path, suffix, plural):
+    rig = make_rig("brown", "rational", "none")
+    keys = ("cameraMatrices", "distCoeffsList", "rvecs", "tvecs")
+    K, D, R, T = keys if plural else ("camera_matrix", "distortion_coefficients", "R", "T")
+    fields = {
+        "image_width": 640,
+        "image_height": 480,
+        K: [np.array(c.camera_matrix) for c in rig],
+        D: [np.array([c.distortion.coefficients or (0.0,) * 5]) for c in rig],
+        R: [cv2.Rodrigues(np.array(c.R))[0] if plural else np.array(c.R) for c in rig],
+        T: [np.array(c.t).reshape(3, 1) for c in rig],
+    }
+    path = storage_of(tmp_path / f"rig{suffix}", fields)
+    assert_same_views(formats.load(path), rig, ("camera0", "camera1", "camera2"))
+    path = storage_of(tmp_path / f"short{suffix}", {**fields, R: fields[R][:2]})
+    with pytest.raises(ValueError, match=rf"{R}: found .*, expected a list of 3, one a camera"):
+        formats.load(path)
+
+
+@SUFFIXES
+def test_multicalibs_numbered_keys(make_rig, assert_same_views, tmp_path, suffix):
+    rig = make_rig("brown", "none")
+    fields = {"nCameras": 2}
+    for index, camera in enumerate(rig):
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = camera.R, camera.t
+        fields[f"camera_matrix_{index}"] = np.array(camera.camera_matrix)
+        lens = np.array([camera.distortion.coefficients or (0.0,) * 5])
+        fields[f"camera_distortion_{index}"] = lens
+        fields[f"camera_pose_{index}"] = pose
+    path = storage_of(tmp_path / f"multi{suffix}", {**fields, "meanReprojectError": 0.3})
+    assert formats.sniff(path) == "opencv"
+    with pytest.raises(ValueError, match=r"camera camera_0: image_size: missing.*--image-size"):
+        formats.load(path)
+    found = formats.load(path, image_size=(640, 480))
+    assert_same_views(found, rig, ("camera_0", "camera_1"))
+    storage_of(path, {**fields, "xi_1": 0.9})
+    with pytest.raises(ValueError, match="camera camera_1: xi: found it, as of an omnidirect"):
+        formats.load(path, image_size=(640, 480))
+
+
+@SUFFIXES
+@pytest.mark.parametrize(
+    "size", [np.array([[640, 480]]), np.array([[640.0], [480.0]]), [640, 480]]
+)
+def test_an_image_size_of_any_form(tmp_path, suffix, size):
+    fields = {"camera_matrix": np.diag([800.0, 800, 1]), "dist_coeffs": np.zeros((1, 5))}
+    path = storage_of(tmp_path / f"a{suffix}", {"image_size": size, **fields})
+    assert formats.load(path)[0].image_size == (640, 480)
+
+
+def test_a_folder_of_files_of_several_cameras(make_rig, assert_same_views, tmp_path):
+    rig = make_rig("brown", "none", "fisheye")
+    formats.save(rig[:2], tmp_path / "left.yml")
+    formats.save(rig[2:], tmp_path / "top.xml", "opencv")
+    storage_of(tmp_path / "board.yml", {"board_width": 9, "square_size": 25.0})
+    found = formats.load(tmp_path)
+    assert_same_views(found[:2], rig[:2])
+    assert_same_views(found[2:], rig[2:], ("cam2",))
+    formats.save(rig[1:2], tmp_path / "top.xml", "opencv")
+    with pytest.raises(ValueError, match=r"top.xml: camera cam1: found in another file too"):
+        formats.load(tmp_path)
+
+
+ORB_SLAM = """%YAML:1.0
+# Camera calibration and distortion parameters (OpenCV)
+Camera.type: "PinHole"
+Camera.fx: 458.654
+Camera.fy: 457.296
+Camera.cx: 367.215
+Camera.cy: 248.375
+Camera.k1: -0.28340811
+Camera.width: 752
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("EuRoC.yaml", ORB_SLAM),
+        ("settings.xml", "<?xml version='1.0'?><opencv_storage><Camera.type>a</Camera.type>"
+         "<Camera.fx>1.</Camera.fx></opencv_storage>"),
+    ],
+)  # fmt: skip
+def test_unknown_keys_are_named(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"camera_matrix: missing, found Camera.type, Camera.fx"):
+        formats.load(path)
+
+
+def test_a_storage_may_not_expand(tmp_path):
+    path = tmp_path / "a.xml"
+    path.write_text("<!DOCTYPE a [<!ENTITY b 'b'>]><opencv_storage><K>&b;</K></opencv_storage>")
+    with pytest.raises(ValueError, match="found an XML entity declaration"):
+        formats.load(path)
 
 
 def test_half_a_stereo_pair_is_refused(tmp_path):
