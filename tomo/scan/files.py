@@ -72,7 +72,7 @@ def _load_transforms(path: Path, folder: Path | None) -> Scan:
     if folder is not None and not folder.is_dir():
         raise FileNotFoundError(f"{folder}: no such folder of images")
     rig, listed = load_transforms(path)
-    frames = []
+    frames, used = [], {}
     for name, images in listed:
         found = {}
         for camera, image in images.items():
@@ -81,7 +81,11 @@ def _load_transforms(path: Path, folder: Path | None) -> Scan:
             if folder is None:
                 found[camera] = _image_inside(path, str(text), field)
             else:
-                found[camera] = _image_in(folder, PurePosixPath(text), field)
+                file = found[camera] = _image_in(folder, PurePosixPath(text), field)
+                if file in used:
+                    raise ValueError(f"{folder}: {field}: found {file} for {used[file]} too, "
+                                     f"expected one file an image, as in {text}")  # fmt: skip
+                used[file] = f"camera {camera} of frame {name!r}"
         frames.append(Frame(name, found))
     return Scan(rig, tuple(frames), grid=grid_of_rig(rig), source=path)
 
