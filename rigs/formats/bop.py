@@ -17,7 +17,7 @@ from typing import Any
 
 from rigs.camera import Camera
 from rigs.files.text import read_json_mapping, shortened
-from rigs.formats._image_size import required_size
+from rigs.formats._image_size import image_beside, required_size
 from rigs.formats._values import (
     as_array,
     as_mapping,
@@ -28,7 +28,7 @@ from rigs.formats._values import (
 )
 from rigs.rig import Rig
 
-_FOLDERS, _SUFFIXES = ("rgb", "gray"), (".png", ".jpg", ".tif")
+_FOLDERS = ("rgb", "gray")
 _POSE = "the camera's pose in the scene, which BOP's files of moving cameras may lack"
 
 
@@ -64,8 +64,8 @@ def _camera(folder: Path, key: str, found: object, image_size: tuple[int, int] |
         K = _rows(entry, "cam_K", "9 numbers").reshape(3, 3)
         R = as_rotation(_rows(entry, "cam_R_w2c", _POSE).reshape(3, 3), "cam_R_w2c")
         t = as_array(required(entry, "cam_t_w2c", _POSE), (3,), "cam_t_w2c")
-        files = [folder / sub / f"{name}{end}" for sub in _FOLDERS for end in _SUFFIXES]
-        image = next((file for file in files if file.is_file()), files[0])
+        folders = [folder / sub for sub in _FOLDERS]
+        image = image_beside(folders, name) or folders[0] / f"{name}.png"
         size = required_size(image_size, "BOP's scene_camera", image)
     return Camera(name, size, K, R=R, t=t, status="calibrated")
 

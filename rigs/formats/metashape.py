@@ -9,17 +9,19 @@ lengths are metres where ``reference`` names a system in metres, else without a 
     u = width / 2 + cx + x' (f + b1) + y' b2,   v = height / 2 + cy + y' f
 
 with (0.5, 0.5) the centre of the top-left pixel: OpenCV's with p1 and p2 exchanged and ``b2`` as
-skew. Sensors of type ``fisheye`` are equidistant, k1 to k4 as OpenCV's, and without p1, p2.
-Refused by name are other types, and k4 of a frame camera, p3 and p4, which OpenCV's lenses lack.
-Cameras are named by their labels' folders, else by their labels, as images of ``transforms.json``;
-those without a transform, which Metashape did not align, and disabled ones are left out with a
-warning. Sources: appendix "Camera models" of the Metashape user manual; exports of 1.5 and later.
+skew. Sensors of type ``fisheye`` are equidistant, k1 to k4 as OpenCV's. With k4 of a frame camera,
+p1, p2 of a fisheye, or p3, p4 of older versions no lens here equals it, and the camera becomes a
+table of rays. Other types of sensor are refused by name. Cameras are named by their labels'
+folders, else by their labels, as images of ``transforms.json``. Those without a transform, which
+Metashape did not align, and disabled ones are left out with a warning. Sources: appendix "Camera
+models" of the Metashape user manual; exports of 1.5 and later.
 """
 
 from __future__ import annotations
 
 import logging
 import re
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from xml.etree.ElementTree import Element
 
@@ -27,9 +29,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera import Camera
+from rigs.camera_protocol import CameraLike
 from rigs.files.text import shortened
 from rigs.files.units import UNKNOWN
 from rigs.files.xml_file import read_xml
+from rigs.formats._metashape_lens import table_of
 from rigs.formats._values import (
     as_array,
     as_count,
@@ -67,6 +71,23 @@ _RAW = (".dng", ".cr2", ".cr3", ".nef", ".arw", ".raw")
 Similarity = tuple[float, NDArray[np.float64], NDArray[np.float64]]
 
 
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor: its type, image size, camera matrix, lens (None: a table of rays), coefficients.
+
+    Examples
+    --------
+    >>> Sensor("frame", (9, 7), ((80, 0, 4), (0, 80, 3), (0, 0, 1)), None, (("k4", 0.1),)).kind
+    'frame'
+    """
+
+    kind: str
+    size: tuple[int, int]
+    matrix: tuple[tuple[float, float, float], ...]
+    distortion: Distortion | None
+    lens: tuple[tuple[str, float], ...]
+
+
 def looks_like(path: Path, head: str) -> bool:
     """Return whether a file is a Metashape document with sensors."""
     return path.suffix.lower() == ".xml" and "<document" in head and "<sensor" in head
@@ -89,6 +110,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         chunk = chunks[0]
         sensors = {e.get("id"): e for e in chunk.iterfind("sensors/sensor")}
         worlds = {e.get("id"): e.find("transform") for e in chunk.iterfind("components/component")}
+        lenses = {}
         images, cameras, lost, scaled = [], [], [], set()
         for element in chunk.iterfind("cameras//camera"):
             label = element.get("label") or f"camera{element.get('id')}"
@@ -99,15 +121,18 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
                 world = worlds.get(element.get("component_id"))
                 world = chunk.find("transform") if world is None else world
                 scaled.add(world is not None)
-                cameras.append(_camera(element, sensors, _similarity(world)))
+                camera, lens = _camera(element, sensors, _similarity(world))
+                cameras.append(camera)
                 images.append(_image(label))
+                lenses[len(images) - 1] = lens
                 _report_orientation(path, label, element.findtext("orientation"))
         _check(path, images, lost, scaled)
         names, frames = named(images, cameras, [None] * len(images), path.stem)
         found, _ = grouped(path.parent, images, cameras, names, frames, _FIELDS)
         world = "as in Metashape's chunk" + (", its transform applied" if True in scaled else "")
+        rays = [_with_rays(camera, lenses[names.index(camera.name)]) for camera in found]
         is_metric = True in scaled and _METRES.search(chunk.findtext("reference") or "")
-        return Rig(tuple(found), "m" if is_metric else UNKNOWN, world)
+        return Rig(tuple(rays), "m" if is_metric else UNKNOWN, world)
 
 
 def _check(path: Path, images: list, lost: list[str], scaled: set[bool]) -> None:
@@ -141,23 +166,34 @@ def _image(label: str) -> PurePosixPath:
     return image if known else image.with_name(f"{image.name}.png")
 
 
-def _camera(element: Element, sensors: dict, world: Similarity) -> Camera:
-    """Return the camera of an element in the world, under a placeholder name."""
+def _with_rays(camera: Camera, sensor: Sensor) -> CameraLike:
+    """Return a camera as it is, or as a table of rays where it has no lens for its sensor's."""
+    if sensor.distortion is not None:
+        return camera
+    with errors_of(f"camera {camera.name}"):
+        return table_of(camera, dict(sensor.lens), sensor.kind == "fisheye")
+
+
+def _camera(element: Element, sensors: dict, world: Similarity) -> tuple[Camera, Sensor]:
+    """Return the camera of an element in the world, under a placeholder name, and its sensor."""
     if element.get("sensor_id") not in sensors:
         raise ValueError(f"sensor_id: found {element.get('sensor_id')}, expected one of <sensors>")
     sensor = sensors[element.get("sensor_id")]
     with errors_of(f"sensor {sensor.get('id')}"):
-        size, K, distortion = _sensor(sensor)
+        sensor = _sensor(sensor)
     motion = _numbers(element, "transform", 16).reshape(4, 4)
     to_chunk = rotation_of_motion(motion, "transform")
     scale, turn, shift = world
     R = (turn @ to_chunk).T
     position = scale * turn @ motion[:3, 3] + shift
-    return Camera("camera", size, K, distortion, R, -R @ position, status="calibrated")
+    distortion = sensor.distortion or Distortion()
+    camera = Camera("camera", sensor.size, sensor.matrix, distortion, R, -R @ position,
+                    status="calibrated")  # fmt: skip
+    return camera, sensor
 
 
-def _sensor(sensor: Element) -> tuple[tuple[int, int], list[list[float]], Distortion]:
-    """Return image size, camera matrix and lens of a sensor, from its adjusted calibration."""
+def _sensor(sensor: Element) -> Sensor:
+    """Return a sensor by its adjusted calibration."""
     kind = sensor.get("type")
     if kind not in _TYPES:
         raise ValueError(f"type: found {kind!r}, expected {' or '.join(_TYPES)}")
@@ -180,16 +216,13 @@ def _sensor(sensor: Element) -> tuple[tuple[int, int], list[list[float]], Distor
     cx, cy, b1, b2 = (_number(calibration, key, 0.0) for key in ("cx", "cy", "b1", "b2"))
     lens = {key: _number(calibration, key, 0.0) for key in _LENS}
     model, order = _TYPES[kind]
-    for key, value in lens.items():
-        if value and key not in order:
-            raise ValueError(
-                f"{key}: found {value}, expected 0 for type {kind}: optimise the cameras in "
-                f"Metashape without {key}"
-            )
-    K = [[f + b1, b2, size[0] / 2 + cx - 0.5], [0.0, f, size[1] / 2 + cy - 0.5], [0.0, 0.0, 1.0]]
-    if model == "brown" and not any(lens.values()):
-        return size, K, Distortion()
-    return size, K, Distortion(model, tuple(lens[key] for key in order))
+    K = ((f + b1, b2, size[0] / 2 + cx - 0.5), (0.0, f, size[1] / 2 + cy - 0.5), (0.0, 0.0, 1.0))
+    distortion = Distortion(model, tuple(lens[key] for key in order))
+    if any(value for key, value in lens.items() if key not in order):
+        distortion = None
+    elif model == "brown" and not any(lens.values()):
+        distortion = Distortion()
+    return Sensor(kind, size, K, distortion, tuple(lens.items()))
 
 
 def _similarity(element: Element | None) -> Similarity:

@@ -39,11 +39,9 @@ from rigs.formats._file_storage import (
     MATRIX,
     SHIFT,
     TURN,
-    by_suffix,
     first,
     is_fisheye,
     is_storage,
-    keys_found,
     matrix,
     read_storage,
     size_of,
@@ -52,8 +50,8 @@ from rigs.formats._file_storage import (
 )
 from rigs.formats._image_size import required_size
 from rigs.formats._lens import from_vector, refuse_skew, refuse_tables
+from rigs.formats._opencv_entries import PLURALS, entries_of, has_cameras
 from rigs.formats._values import (
-    as_mapping,
     errors_of,
     errors_of_file,
     read_head,
@@ -64,16 +62,7 @@ from rigs.rig import Rig
 logger = logging.getLogger(__name__)
 
 _SUFFIXES = (".yml", ".yaml", ".json", ".xml")
-_NUMBERED = {"camera_matrix": "K", "camera_distortion": "D", "camera_pose": "pose", "xi": "xi"}
 _POSES = (*TURN, "pose")
-_PLURALS = {
-    MATRIX: ("camera_matrices", "cameraMatrices", "intrinsic_matrices", "Ks"),
-    LENS: ("dist_coeffs_list", "distCoeffsList", "Ds"),
-    TURN: ("rvecs", "Rs"),
-    SHIFT: ("tvecs", "Ts"),
-}
-#: Fields that one value of a file gives for all cameras of its lists.
-_SHARED = ("image_width", "image_height", "image_size", "imageSize", "fisheye_model")
 _STEREO = (("M1", "M2"), ("K1", "K2"), ("cameraMatrix1", "cameraMatrix2"))
 _STEREO_LENS = (("D1", "D2"), ("distCoeffs1", "distCoeffs2"))
 
@@ -82,7 +71,7 @@ def looks_like(path: Path, head: str) -> bool:
     """Return whether a file, or one in a folder, holds the keys of OpenCV's programs."""
     if path.is_dir():
         return any(looks_like(file, read_head(file)) for file in _files_of(path))
-    known = (*_STEREO, MATRIX[:2], _PLURALS[MATRIX], ("camera_matrix_0",))
+    known = (*_STEREO, MATRIX[:2], PLURALS[MATRIX], ("camera_matrix_0",))
     keys = "|".join(key for keys in known for key in keys)
     has_camera = re.search(rf'["\s{{,<](?:{keys})(?:"?\s*:|[\s>])', head)
     is_opencv = is_storage(head) or head.startswith("%YAML")
@@ -110,10 +99,10 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             data = read_storage(file)
             if any(pair[0] in data for pair in _STEREO):
                 return load(file, image_size)
-            if not _has_cameras(data):
+            if not has_cameras(data):
                 continue
             with errors_of_file(file):
-                for name, entry in _entries(data, file.stem).items():
+                for name, entry in entries_of(data, file.stem).items():
                     if entries.setdefault(name, entry) is not entry:
                         raise ValueError(f"camera {name}: found in another file too, expected one")
             unit = data.get("length_unit", unit)
@@ -126,7 +115,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             is_pair = any(key in data for key in (*(pair[0] for pair in _STEREO), "R1", "P1"))
             if is_pair and "cameras" not in data and first(data, MATRIX) is None:
                 return _stereo(path, data, image_size)
-            entries = _entries(data, path.stem)
+            entries = entries_of(data, path.stem)
     with errors_of_file(path):
         if not isinstance(unit, str):
             raise ValueError(f"length_unit: found {shortened(unit)}, expected text")
@@ -188,75 +177,6 @@ def _text(rig: Rig, path: Path) -> str:
 def _files_of(folder: Path) -> list[Path]:
     """Return the files of a folder that can hold cameras."""
     return sorted(p for p in folder.iterdir() if p.suffix in _SUFFIXES and p.is_file())
-
-
-def _has_cameras(data: Mapping[str, Any]) -> bool:
-    """Return whether the data of a file in a folder are, or hold, cameras."""
-    keys = (*MATRIX, *_PLURALS[MATRIX], "camera_matrix_0", "cameras")
-    inner = (value for value in data.values() if isinstance(value, dict))
-    return first(data, keys) is not None or any(first(value, MATRIX) for value in inner)
-
-
-def _entries(data: dict[str, Any], stem: str) -> dict[str, dict[str, Any]]:
-    """Return the entries of the cameras in a file by name."""
-    lists = _of_lists(data)
-    if lists:
-        return lists
-    if first(data, MATRIX) is not None:
-        name = data.get("name", data.get("camera_name", stem))
-        return {name if isinstance(name, str) else str(name): data}
-    found = data.get("cameras", data)
-    if isinstance(found, list):
-        entries = {}
-        for index, item in enumerate(found):
-            entry = as_mapping(item, f"cameras[{index}]")
-            name = str(entry.get("name", f"camera{index}"))
-            if name in entries:
-                raise ValueError(f"camera {name}: name: found twice, expected once in a rig")
-            entries[name] = entry
-    elif found is data and "camera_matrix_0" in data:
-        entries = {f"camera_{k}": v for k, v in by_suffix(data, _NUMBERED).items() if "K" in v}
-    elif found is data:
-        entries = {k: v for k, v in data.items() if isinstance(v, dict) and first(v, MATRIX)}
-    else:
-        entries = {
-            k: as_mapping(v, f"camera {k}") for k, v in as_mapping(found, "cameras").items()
-        }
-    if not entries:
-        raise ValueError(
-            f"camera_matrix: missing, found {keys_found(data)}, expected camera_matrix (or "
-            "cameraMatrix, intrinsic_matrix, K, M) and distortion_coefficients, a list cameras of "
-            "them, or EasyMocap's K_<camera>, R_<camera>, T_<camera>"
-        )
-    return entries
-
-
-def _is_nested(found: list) -> bool:
-    """Return whether a list is one of lists."""
-    return bool(found) and isinstance(found[0], list)
-
-
-def _of_lists(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return the entries of cameras whose fields are lists of one length, or nothing."""
-    entries: dict[str, dict[str, Any]] = {}
-    for keys in (MATRIX, LENS, TURN, SHIFT):
-        key = first(data, (*keys, *_PLURALS[keys]))
-        if key is None or (keys is not MATRIX and not entries):
-            continue
-        found = data[key]
-        is_list = isinstance(found, list) and found and isinstance(found[0], (dict, list))
-        if keys is MATRIX:
-            if not is_list or (isinstance(found[0], list) and not _is_nested(found[0])):
-                return {}  # one matrix
-            entries = {f"camera{i}": {} for i in range(len(found))}
-        elif not is_list or len(found) != len(entries):
-            raise ValueError(
-                f"{key}: found {shortened(found)}, expected a list of {len(entries)}, one a camera"
-            )
-        shared = {k: data[k] for k in _SHARED if k in data}
-        for entry, value in zip(entries.values(), found, strict=True):
-            entry.update({**shared, keys[0]: value})
-    return entries
 
 
 def _camera(name: str, entry: Mapping[str, Any], image_size: tuple[int, int] | None) -> Camera:

@@ -63,7 +63,7 @@ class Reader:
 
 def readers(folder):
     """Return every reader by name; ``folder`` is for what the writers write."""
-    rigs = _rigs(folder) | _models()
+    rigs = _rigs(folder) | _models() | _tools(folder)
     return rigs | _scans(folder) | _volumes(folder) | _images(folder) | _learned(folder)
 
 
@@ -160,6 +160,38 @@ def _models():
         "DLT bottom": Reader("a.csv", of_format("dlt_bottom"), (table.encode(),), TEXT),
         "pyptv": Reader("parameters_Run1.yaml", of_format("openptv"), pyptv, TREE,
                         {name: text for name, text in _openptv().items() if "cal/" in name}),
+    }  # fmt: skip
+
+
+def _tools(folder):
+    """Rigs as other programs of the trade write them: YAML, XML, Python literals and JSON."""
+
+    def of_format(name, size=None):
+        return lambda path: formats.load(path, name, image_size=size)
+
+    intri, extri = _easymocap()
+    formats.save(small_rig("brown", "none"), folder / "storage.xml", "opencv")
+    storage = (folder / "storage.xml").read_bytes()
+    lists = _storage_of_lists()
+    beside = {"extri.yml": extri}
+    json_kinds = {
+        "Gaussian splatting": ("cameras.json", "gaussian_splatting", _splats()),
+        "BOP": ("scene_camera.json", "bop", _bop()),
+        "openMVG": ("sfm_data.json", "openmvg", _openmvg()),
+        "Blender": ("views.json", "blender", _blender()),
+    }
+    every = (*(sample for *_, sample in json_kinds.values()), lists[2])
+    return {
+        "EasyMocap": Reader("intri.yml", of_format("easymocap", (9, 7)), (intri,), TREE, beside),
+        "MC-Calib": Reader("a.yml", of_format("mccalib"), (_mccalib(),), TREE),
+        "OpenCV XML": Reader("a.xml", of_format("opencv", (9, 7)), (storage, lists[1]), TEXT),
+        "OpenCV lists": Reader("b.yml", of_format("opencv", (9, 7)), (lists[0],), TREE),
+        "mrcal": Reader("a.cameramodel", of_format("mrcal"), (_mrcal(),), TEXT),
+        "Metashape": Reader("cameras.xml", of_format("metashape"), (_metashape(),), TEXT),
+        **{name: Reader(file, of_format(module, (9, 7)), (sample,), TREE)
+           for name, (file, module, sample) in json_kinds.items()},
+        "format unknown .xml": Reader("rig.xml", formats.load, (storage, _metashape()), TEXT),
+        "format unknown of tools": Reader("list.json", formats.load, every, TREE),
     }  # fmt: skip
 
 
@@ -436,6 +468,126 @@ def _pyptv(glass=1.0):
     values = {"imx": 9, "imy": 7, "pix_x": 0.012, "pix_y": 0.0125, "chfield": 0}
     values |= {"mmp_n1": 1.0, "mmp_n2": glass, "mmp_n3": 1.0, "mmp_d": 6.0, "splitter": False}
     return yaml.safe_dump({"num_cams": 1, "ptv": values | {"img_cal": ["cal/cam1.tif"]}}).encode()
+
+
+def _storage(ending, fields):
+    kinds = {".yml": cv2.FILE_STORAGE_FORMAT_YAML, ".xml": cv2.FILE_STORAGE_FORMAT_XML,
+             ".json": cv2.FILE_STORAGE_FORMAT_JSON}  # fmt: skip
+    flags = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | kinds[ending]
+    storage = cv2.FileStorage(f"a{ending}", flags)
+    for name, value in fields.items():
+        is_list = isinstance(value, (list, dict))
+        if is_list:
+            kind = cv2.FILE_NODE_SEQ if isinstance(value, list) else cv2.FILE_NODE_MAP
+            storage.startWriteStruct(name, kind)
+        items = value.items() if isinstance(value, dict) else [("", v) for v in value or []] \
+            if is_list else [(name, value)]  # fmt: skip
+        for key, item in items:
+            storage.write(key, item)
+        if is_list:
+            storage.endWriteStruct()
+    return storage.releaseAndGetString().encode()
+
+
+def _easymocap():
+    intri, extri = {"names": ["1", "2"]}, {}
+    for name in ("1", "2"):
+        intri |= {f"K_{name}": np.array(K), f"dist_{name}": np.full((1, 5), 0.01)}
+        intri |= {f"H_{name}": 7, f"W_{name}": 9} if name == "1" else {}
+        extri |= {f"R_{name}": np.zeros((3, 1)), f"Rot_{name}": np.eye(3)}
+        extri[f"T_{name}"] = np.full((3, 1), 9.0)
+    return _storage(".yml", intri), _storage(".yml", extri)
+
+
+def _mccalib():
+    camera = {"camera_matrix": np.array(K), "distortion_vector": np.zeros((1, 5)),
+              "distortion_type": 0, "camera_group": 0, "img_width": 9, "img_height": 7,
+              "camera_pose_matrix": np.eye(4)}  # fmt: skip
+    other = camera | {"distortion_type": 1, "distortion_vector": np.full((1, 4), 0.01)}
+    return _storage(".yml", {"nb_camera": 2, "camera_0": camera, "camera_1": other})
+
+
+def _storage_of_lists():
+    fields = {"image_size": [9, 7], "camera_matrix": [np.array(K)] * 2,
+              "distortion_coefficients": [np.zeros((1, 5))] * 2, "rvecs": [np.zeros((3, 1))] * 2,
+              "tvecs": [np.ones((3, 1))] * 2}  # fmt: skip
+    numbered = {"nCameras": 1, "camera_matrix_0": np.array(K),
+                "camera_distortion_0": np.zeros((1, 5)), "camera_pose_0": np.eye(4)}  # fmt: skip
+    return _storage(".yml", fields), _storage(".xml", fields), _storage(".json", numbered)
+
+
+def _mrcal():
+    return (
+        b"# made by hand\n{\n    'lensmodel': 'LENSMODEL_OPENCV4',\n    'intrinsics': "
+        b"[80., 80., 4., 3., 0.1, 0.01, 1e-3, -1e-3,],\n    'valid_intrinsics_region': [\n"
+        b"    [1, 1],\n    ],\n    'extrinsics': [0.1, 0, 0, 1, 2, 300],\n"
+        b"    'imagersize': [ 9,7 ],\n    'optimization_inputs': b'P)h>@6',\n}\n"
+    )
+
+
+def _metashape():
+    sensors = "".join(
+        f'<sensor id="{i}" label="s" type="{kind}"><resolution width="9" height="7"/>'
+        f'<calibration type="{kind}" class="adjusted"><resolution width="9" height="7"/>'
+        f"<f>80.5</f><cx>-0.5</cx><cy>0.25</cy><k1>0.01</k1>{more}</calibration></sensor>"
+        for i, (kind, more) in enumerate(
+            (("frame", "<k4>0.1</k4><p1>0.001</p1><b1>0.5</b1>"), ("fisheye", "<k4>0.01</k4>"))
+        )
+    )
+    cameras = "".join(
+        f'<camera id="{i}" sensor_id="{i % 2}" component_id="0" label="c{i}.jpg"><transform>1 0 0 '
+        f"{i} 0 1 0 0 0 0 1 -9 0 0 0 1</transform><orientation>1</orientation></camera>"
+        for i in range(3)
+    )
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<document version="2.0.0">\n'
+        f'<chunk label="Chunk 1" enabled="true"><sensors next_id="2">{sensors}</sensors>\n'
+        '<components><component id="0"><transform><rotation>1 0 0 0 1 0 0 0 1</rotation>'
+        "<translation>1 2 3</translation><scale>2.5</scale></transform></component></components>"
+        f'\n<cameras next_id="3">{cameras}</cameras>\n'
+        '<reference>LOCAL_CS["Local (m)",UNIT["metre",1]]</reference></chunk></document>\n'
+    ).encode()
+
+
+def _splats():
+    camera = {"width": 9, "height": 7, "position": [0, 0, -9], "rotation": EYE, "fx": 80.0,
+              "fy": 81.0}  # fmt: skip
+    return json.dumps(
+        [{"id": i, "img_name": f"{n}_{i}", **camera} for i in (1, 2) for n in "a"]
+    ).encode()
+
+
+def _bop():
+    entry = {"cam_K": np.ravel(K).tolist(), "depth_scale": 0.1, "cam_t_w2c": [0, 0, 9],
+             "cam_R_w2c": np.ravel(EYE).tolist()}  # fmt: skip
+    return json.dumps({"0": entry, "17": entry}).encode()
+
+
+def _openmvg():
+    lenses = {"pinhole_brown_t2": {"disto_t2": [0.1, 0, 0, 0.01, 0]},
+              "fisheye": {"fisheye": [0.1, 0, 0, 0]}}  # fmt: skip
+    views, intrinsics, extrinsics = [], [], []
+    for i, (name, lens) in enumerate(lenses.items()):
+        view = {"local_path": "", "filename": f"{i}.jpg", "id_intrinsic": i, "id_pose": i}
+        data = {"width": 9, "height": 7, "focal_length": 80.5, "principal_point": [4, 3], **lens}
+        kind = {"polymorphic_id": 2**31 + i + 1, "polymorphic_name": name}
+        views.append({"key": i, "value": {"ptr_wrapper": {"id": i, "data": view}}})
+        intrinsics.append({"key": i, "value": {**kind, "ptr_wrapper": {"id": i, "data": data}}})
+        extrinsics.append({"key": i, "value": {"rotation": EYE, "center": [i, 0, -9]}})
+    return json.dumps({"sfm_data_version": "0.3", "views": views, "intrinsics": intrinsics,
+                       "extrinsics": extrinsics}).encode()  # fmt: skip
+
+
+def _blender():
+    pose = np.diag([1.0, 1, 1, 1]).tolist()
+    return json.dumps(
+        {"resolution_x": 9, "resolution_y": 7, "cameras": [
+            {"name": "a", "matrix_world": pose, "lens": 35.0, "sensor_width": 36.0,
+             "shift_x": 0.1, "sensor_fit": "AUTO"},
+            {"filename": "b.png", "location": [1, 2, 3], "rotation_euler": [0.1, 0.2, 0.3],
+             "rotation_mode": "ZYX", "angle_x": 0.8, "pixel_aspect_x": 1.5},
+        ]}
+    ).encode()  # fmt: skip
 
 
 def _openptv():

@@ -1,0 +1,110 @@
+"""Metashape's lens, undone where no lens of `rigs.lens` equals it.
+
+With ``q = x^2 + y^2``, ``(x, y)`` the tangents, or behind a fisheye the angle times its direction
+across, the image point in focal lengths is ::
+
+    x' = x (1 + k1 q + k2 q^2 + k3 q^3 + k4 q^4) + (p1 (q + 2 x^2) + 2 p2 x y) (1 + p3 q + p4 q^2)
+    y' = y (1 + k1 q + k2 q^2 + k3 q^3 + k4 q^4) + (p2 (q + 2 y^2) + 2 p1 x y) (1 + p3 q + p4 q^2)
+
+``p3, p4`` are of versions before 1.5. Source: appendix "Camera models" of the Metashape manual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.camera import Camera
+from rigs.formats._image_size import check_table_size
+from rigs.geometry.image_checks import pixel_centres
+from rigs.ray_table import RayTable
+
+_STEPS = 30  # Newton's; a lens that bends by a tenth needs five
+_SAME = 1e-12  # focal lengths between an image point and its ray's: 1e-9 px of any camera
+
+
+def table_of(camera: Camera, lens: Mapping[str, float], is_fisheye: bool) -> RayTable:
+    """Return a camera with such a lens as a table of rays; NaN beyond the lens's first fold.
+
+    Parameters
+    ----------
+    camera : Camera
+        Its name, image size, camera matrix and pose; its lens is not used.
+    lens : mapping
+        ``k1`` to ``k4``, ``p1`` to ``p4``.
+    is_fisheye : bool
+    """
+    check_table_size(camera.image_size)
+    uv = np.c_[pixel_centres(camera.image_size), np.ones(np.prod(camera.image_size))]
+    plane = (uv @ np.linalg.inv(camera.camera_matrix).T)[:, :2]
+    point = _undistorted(plane, lens)
+    if is_fisheye:
+        angle = np.linalg.norm(point, axis=1, keepdims=True)
+        angle = np.where(angle < np.pi, angle, np.nan)
+        seen = np.hstack([point * np.sinc(angle / np.pi), np.cos(angle)])
+    else:
+        seen = np.hstack([point, np.ones((len(point), 1))])
+        seen /= np.linalg.norm(seen, axis=1, keepdims=True)
+    rows = (seen @ camera.R).reshape(*camera.image_size[::-1], 3)
+    return RayTable(camera.name, camera.position, rows, status=camera.status)
+
+
+def _undistorted(plane: NDArray[np.float64], lens: Mapping[str, float]) -> NDArray[np.float64]:
+    """Return the points ``(N, 2)`` that the lens maps to ``plane`` ``(N, 2)``, by Newton's steps.
+
+    A point is NaN where there is none on the axis's side of the fold, where the Jacobian's
+    determinant or the factor of the radius stops being positive.
+    """
+    point = np.array(plane)
+    for _ in range(_STEPS):
+        image, (a, b, c, d) = _distorted(point, lens)
+        with np.errstate(all="ignore"):
+            short, scale = plane - image, 1 / (a * d - b * c)
+            step = np.stack([d * short[:, 0] - b * short[:, 1],
+                             a * short[:, 1] - c * short[:, 0]], axis=1)  # fmt: skip
+            step *= scale[:, None]
+            longest = np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-300)
+            point = point + step * np.minimum(1.0, 0.5 / longest)  # half a focal length at a time
+    image, (a, b, c, d) = _distorted(point, lens)
+    with np.errstate(all="ignore"):
+        found = (np.abs(image - plane).max(axis=1) < _SAME) & (a * d - b * c > 0) & (a + d > 0)
+    found &= _before_fold(point, lens)
+    return np.where(found[:, None], point, np.nan)
+
+
+def _before_fold(point: NDArray[np.float64], lens: Mapping[str, float]) -> NDArray[np.bool_]:
+    """Return whether the radius grows with the image's all the way from the axis to a point."""
+    k = [lens[f"k{n}"] for n in (4, 3, 2, 1)]
+    slope = np.array(
+        [9 * k[0], 7 * k[1], 5 * k[2], 3 * k[3], 1.0]
+    )  # d(r gain)/dr in q, high first
+    roots = np.roots(np.trim_zeros(slope, "f"))
+    real = roots[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0)].real
+    with np.errstate(all="ignore"):
+        return (point**2).sum(axis=1) < (real.min() if len(real) else np.inf)
+
+
+def _distorted(
+    point: NDArray[np.float64], lens: Mapping[str, float]
+) -> tuple[NDArray[np.float64], tuple[NDArray, NDArray, NDArray, NDArray]]:
+    """Return the image of points ``(N, 2)`` and the Jacobian's rows a, b and c, d."""
+    k1, k2, k3, k4, p1, p2, p3, p4 = (
+        lens[f"{letter}{n}"] for letter in "kp" for n in (1, 2, 3, 4)
+    )
+    x, y = point.T
+    with np.errstate(all="ignore"):
+        q = x * x + y * y
+        gain = 1 + q * (k1 + q * (k2 + q * (k3 + q * k4)))
+        d_gain = k1 + q * (2 * k2 + q * (3 * k3 + q * 4 * k4))
+        more, d_more = 1 + q * (p3 + q * p4), p3 + 2 * q * p4
+        tx, ty = p1 * (q + 2 * x * x) + 2 * p2 * x * y, p2 * (q + 2 * y * y) + 2 * p1 * x * y
+        image = np.stack([x * gain + tx * more, y * gain + ty * more], axis=1)
+        across = 2 * p1 * y + 2 * p2 * x  # of tx by y and of ty by x alike
+        return image, (
+            gain + 2 * x * x * d_gain + (6 * p1 * x + 2 * p2 * y) * more + 2 * x * tx * d_more,
+            2 * x * y * d_gain + across * more + 2 * y * tx * d_more,
+            2 * x * y * d_gain + across * more + 2 * x * ty * d_more,
+            gain + 2 * y * y * d_gain + (6 * p2 * y + 2 * p1 * x) * more + 2 * y * ty * d_more,
+        )
