@@ -3,9 +3,9 @@
 Read only. ``{"<image>": {cam_K, cam_R_w2c, cam_t_w2c, depth_scale}}``, matrices row by row,
 ``x_cam = R @ x_world + t`` in mm, OpenCV's axes, pixel centres at integers (the toolkit's own
 conversion of depth images takes column and row as they are). Cameras are named like BOP's images,
-``000000``. The files hold no image size: it is that of ``rgb/000000.png`` or ``gray/000000.png``
-beside the file, or has to be given. Images without distortion are supposed. The pose in the world
-is optional in BOP, and a file without is refused.
+``000000``. The format has no image size: it is that of ``rgb/000000.png`` or ``gray/000000.png``
+beside the file, or has to be given, unless an entry has ``width`` and ``height``. Images are
+without distortion. The pose in the world is optional in BOP, and a file without is refused.
 https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
 """
 
@@ -20,6 +20,7 @@ from rigs.files.text import read_json_mapping, shortened
 from rigs.formats._image_size import image_beside, required_size
 from rigs.formats._values import (
     as_array,
+    as_count,
     as_mapping,
     as_rotation,
     errors_of,
@@ -66,7 +67,10 @@ def _camera(folder: Path, key: str, found: object, image_size: tuple[int, int] |
         t = as_array(required(entry, "cam_t_w2c", _POSE), (3,), "cam_t_w2c")
         folders = [folder / sub for sub in _FOLDERS]
         image = image_beside(folders, name) or folders[0] / f"{name}.png"
-        size = required_size(image_size, "BOP's scene_camera", image)
+        if "width" in entry:  # of some writers
+            size = tuple(as_count(entry.get(key), key) for key in ("width", "height"))
+        else:
+            size = required_size(image_size, "BOP's scene_camera", image)
     return Camera(name, size, K, R=R, t=t, status="calibrated")
 
 

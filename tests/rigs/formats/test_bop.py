@@ -60,6 +60,12 @@ def test_the_image_size_is_that_of_the_images_or_asked_for(make_rig, tmp_path):
     assert [camera.image_size for camera in formats.load(path)] == [(640, 480)] * 2
 
 
+def test_a_size_that_a_writer_adds_is_read(make_rig, tmp_path):
+    data = scene(make_rig("none"))
+    data["0"] |= {"width": 640, "height": 480}
+    assert formats.load(write(tmp_path, data))[0].image_size == (640, 480)
+
+
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
