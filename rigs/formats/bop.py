@@ -30,7 +30,7 @@ from rigs.formats._values import (
 from rigs.rig import Rig
 
 _FOLDERS = ("rgb", "gray")
-_POSE = "the camera's pose in the scene, which BOP's files of moving cameras may lack"
+_POSE = "the image's pose in the scene: without poses the file holds no rig"
 
 
 def looks_like(path: Path, head: str) -> bool:

@@ -65,7 +65,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         names = [str(name) for name in data.get("names") or ()] or [
             name for name, entry in entries.items() if "K" in entry
         ]
-        if not names:
+        if not any("K" in entry for entry in entries.values()):
             raise ValueError(
                 f"K_<camera>: missing, found {keys_found(data)}, expected K_<camera> here or in "
                 "intri.yml beside it"

@@ -196,7 +196,10 @@ def _sensor(sensor: Element) -> Sensor:
     """Return a sensor by its adjusted calibration."""
     kind = sensor.get("type")
     if kind not in _TYPES:
-        raise ValueError(f"type: found {kind!r}, expected {' or '.join(_TYPES)}")
+        raise ValueError(
+            f"type: found {kind!r}, expected frame or fisheye (equidistant): choose one in "
+            "Metashape's camera calibration, align and export again"
+        )
     found = sensor.findall("calibration")
     adjusted = [c for c in found if c.get("class") == "adjusted"]
     calibration = next(iter(adjusted or found), None)

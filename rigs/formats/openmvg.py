@@ -93,7 +93,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
                 images.append(image)
         if not images:
             raise ValueError(
-                f"extrinsics: found no pose of any of {len(lost)} views, expected those of a "
+                f"extrinsics: found a pose of none of {len(lost)} views, expected those of a "
                 "reconstruction: openMVG_main_SfM writes them"
             )
         if lost:

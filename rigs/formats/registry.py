@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -77,6 +78,7 @@ FORMATS: dict[str, Format] = {
 }
 
 _OURS = (".yaml", ".yml")
+_OUR_KEYS = {"format", "version", "cameras", "length_unit", "convention", "world_frame", "volume"}
 
 
 def names(writable: bool = False) -> tuple[str, ...]:
@@ -105,9 +107,25 @@ def sniff(path: str | os.PathLike) -> str:
             return name
     if is_storage(head):
         return "opencv"  # its error names the keys found
-    if path.suffix in _OURS:
+    found = _keys_of(path, head)
+    if path.suffix in _OURS and (not found or _OUR_KEYS.intersection(found)):
         return "emission_rig"  # its error names what a rig.yaml lacks
-    raise ValueError(f"{path}: found none of the rig formats, expected {', '.join(names())}")
+    keys = f"; found in it: {', '.join(found[:8])}" if found else ""
+    raise ValueError(f"{path}: found none of the rig formats, expected {', '.join(names())}{keys}")
+
+
+def _keys_of(path: Path, head: str) -> list[str]:
+    """Return the keys that stand first in a file of JSON, YAML or TOML, or XML's elements."""
+    patterns = {
+        ".json": r'"([^"\\\n]{1,40})"\s*:',
+        ".yaml": r"^([\w.-]{1,40})\s*:",
+        ".yml": r"^([\w.-]{1,40})\s*:",
+        ".toml": r"^\[([\w.-]{1,40})\]",
+        ".xml": r"<([A-Za-z][\w.:-]{0,40})",
+    }
+    if path.suffix not in patterns:
+        return []
+    return list(dict.fromkeys(re.findall(patterns[path.suffix], head, re.MULTILINE)))
 
 
 def load(

@@ -72,7 +72,7 @@ def test_a_size_that_a_writer_adds_is_read(make_rig, tmp_path):
         (
             ("0", "cam_R_w2c"),
             None,
-            "camera 000000: cam_R_w2c: missing, expected the camera's pose",
+            "camera 000000: cam_R_w2c: missing, expected the image's pose",
         ),
         (("0", "cam_t_w2c"), None, "camera 000000: cam_t_w2c: missing"),
         (("0", "cam_K"), [[1, 0, 0]] * 3, "camera 000000: cam_K: found"),

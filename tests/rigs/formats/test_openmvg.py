@@ -101,7 +101,7 @@ def test_views_without_a_pose_are_named(tmp_path, caplog):
     assert formats.load(write(tmp_path, data)).names == ("cam0", "cam2", "cam3", "cam4")
     assert "left out 1 views without a pose: 'cam1.jpg'" in caplog.text
     data["extrinsics"] = []
-    with pytest.raises(ValueError, match="extrinsics: found no pose of any of 5 views, expected"):
+    with pytest.raises(ValueError, match="extrinsics: found a pose of none of 5 views, expected"):
         formats.load(write(tmp_path, data))
 
 
