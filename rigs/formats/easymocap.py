@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera import Camera
+from rigs.files.text import shortened
 from rigs.files.units import UNKNOWN
 from rigs.formats._file_storage import by_suffix, keys_found, matrix, read_storage, turn, vector
 from rigs.formats._image_size import required_size
@@ -62,9 +63,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             data.setdefault(key, value)
     with errors_of_file(path):
         entries = by_suffix(data, _STEMS)
-        names = [str(name) for name in data.get("names") or ()] or [
-            name for name, entry in entries.items() if "K" in entry
-        ]
+        names = _names(data.get("names"), entries)
         if not any("K" in entry for entry in entries.values()):
             raise ValueError(
                 f"K_<camera>: missing, found {keys_found(data)}, expected K_<camera> here or in "
@@ -77,6 +76,14 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
                            "it: all cameras stand at the origin", path)  # fmt: skip
     world = f"as in {path.name}" if has_poses else "none: every camera stands at the origin"
     return Rig(tuple(cameras), UNKNOWN, world)
+
+
+def _names(found: object, entries: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return the names that the file lists, else those of the intrinsics."""
+    if found is not None and not isinstance(found, list):
+        raise ValueError(f"names: found {shortened(found)}, expected a list of the cameras")
+    listed = [str(name) for name in found or ()]
+    return listed or [name for name, entry in entries.items() if "K" in entry]
 
 
 def _files_of(folder: Path) -> list[Path]:

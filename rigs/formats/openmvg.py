@@ -82,7 +82,8 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             view = _data(value, "views")
             name = f"{view.get('local_path') or ''}/{view.get('filename')}"
             image = PurePosixPath(name.replace("\\", "/").lstrip("/"))
-            pose, lens = view.get("id_pose"), view.get("id_intrinsic")
+            with errors_of(f"view {image}"):
+                pose, lens = (_identity(view, key) for key in ("id_pose", "id_intrinsic"))
             if pose not in poses or lens == _NO_ID:
                 lost.append(str(image))
                 continue
@@ -104,7 +105,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         return Rig(tuple(found), UNKNOWN, f"as in {path.name}")
 
 
-def _items(data: Mapping[str, Any], key: str) -> list[tuple[Any, Any]]:
+def _items(data: Mapping[str, Any], key: str) -> list[tuple[int, Any]]:
     """Return cereal's list of keys and values."""
     found = required(data, key)
     if not isinstance(found, list):
@@ -113,11 +114,16 @@ def _items(data: Mapping[str, Any], key: str) -> list[tuple[Any, Any]]:
     for index, item in enumerate(found):
         with errors_of(f"{key}[{index}]"):
             item = as_mapping(item, "entry")
-            number = required(item, "key")
-            if not isinstance(number, int) or isinstance(number, bool):
-                raise ValueError(f"key: found {shortened(number)}, expected a whole number")
-            items.append((number, required(item, "value")))
+            items.append((_identity(item, "key"), required(item, "value")))
     return items
+
+
+def _identity(values: Mapping[str, Any], key: str) -> int:
+    """Return the number that names a view, a pose or an intrinsic."""
+    number = required(values, key)
+    if not isinstance(number, int) or isinstance(number, bool):
+        raise ValueError(f"{key}: found {shortened(number)}, expected a whole number")
+    return number
 
 
 def _data(value: object, what: str) -> dict[str, Any]:
@@ -128,7 +134,7 @@ def _data(value: object, what: str) -> dict[str, Any]:
     return {**base, **data} if isinstance(base, dict) else data
 
 
-def _intrinsics(items: list[tuple[Any, Any]]) -> dict[Any, Camera]:
+def _intrinsics(items: list[tuple[int, Any]]) -> dict[int, Camera]:
     """Return the lenses by their number, as cameras without their poses."""
     kinds: dict[int, str] = {}
     found = {}

@@ -18,7 +18,7 @@ def storage_text(fields):
     """The text that EasyMocap writes: matrices by hand, lines ended as on Windows."""
     lines = ["%YAML:1.0", "---"]
     for key, value in fields.items():
-        if key == "names":
+        if isinstance(value, list) and key == "names":
             lines += ["names:", *(f'  - "{name}"' for name in value)]
         elif np.ndim(value) == 0:
             lines.append(f"{key}: {value}")
@@ -107,6 +107,7 @@ def changed(half, **fields):
 @pytest.mark.parametrize(
     ("half", "fields", "message"),
     [
+        (0, {"names": 3}, "names: found 3, expected a list of the cameras"),
         (0, {"K_cam1": None}, "camera cam1: K_cam1: missing, expected 3 x 3"),
         (0, {"dist_cam1": None}, "camera cam1: dist_cam1: missing, expected 4 or more"),
         (0, {"dist_cam0": [[1.0, 2.0]]}, "camera cam0: dist_cam0: found 2 coefficients"),

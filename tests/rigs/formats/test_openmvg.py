@@ -121,6 +121,7 @@ VIEW = ("value", "ptr_wrapper", "data")
         (("extrinsics", 0, "value", "center"), [1], "view cam0.jpg: center: found [1], exp"),
         (("extrinsics", 0, "value", "rotation"), None, "view cam0.jpg: rotation: missing"),
         (("views", 0, *VIEW, "id_intrinsic"), 77, "view cam0.jpg: id_intrinsic: found 77"),
+        (("views", 0, *VIEW, "id_pose"), [0], "view cam0.jpg: id_pose: found [0], exp"),
         (("views", 0, "key"), "a", "views[0]: key: found 'a', expected a whole number"),
     ],
 )  # fmt: skip
