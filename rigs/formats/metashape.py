@@ -11,10 +11,11 @@ lengths are metres where ``reference`` names a system in metres, else without a 
 with (0.5, 0.5) the centre of the top-left pixel: OpenCV's with p1 and p2 exchanged and ``b2`` as
 skew. Sensors of type ``fisheye`` are equidistant, k1 to k4 as OpenCV's. With k4 of a frame camera,
 p1, p2 of a fisheye, or p3, p4 of older versions no lens here equals it, and the camera becomes a
-table of rays. Other types of sensor are refused by name. Cameras are named by their labels'
-folders, else by their labels, as images of ``transforms.json``. Those without a transform, which
-Metashape did not align, and disabled ones are left out with a warning. Sources: appendix "Camera
-models" of the Metashape user manual; exports of 1.5 and later.
+table of rays. Other types of sensor are refused by name; so are slaves in a multi-camera system
+without a transform of their own. Cameras are named by their labels' folders, else by their labels,
+as images of ``transforms.json``. Those without a transform, which Metashape did not align, and
+disabled ones are left out with a warning. Sources: appendix "Camera models" of the Metashape user
+manual; exports of 1.5 and later.
 """
 
 from __future__ import annotations
@@ -114,7 +115,13 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         images, cameras, lost, scaled = [], [], [], set()
         for element in chunk.iterfind("cameras//camera"):
             label = element.get("label") or f"camera{element.get('id')}"
-            if element.find("transform") is None or element.get("enabled") in ("0", "false"):
+            is_posed, is_on = element.find("transform") is not None, element.get("enabled")
+            if not is_posed and element.get("master_id") not in (None, element.get("id")):
+                raise ValueError(
+                    f"camera {label}: transform: missing, as of a slave of a multi-camera system, "
+                    "expected one of its own: export the cameras as COLMAP or Bundler"
+                )
+            if not is_posed or is_on in ("0", "false"):
                 lost.append(label)
                 continue
             with errors_of(f"camera {label}"):

@@ -157,6 +157,14 @@ def test_what_metashape_did_not_align_is_named(tmp_path, caplog):
     assert "IMG_8.JPG, IMG_9.JPG" in caplog.text
 
 
+def test_slaves_without_a_pose_are_refused(tmp_path):
+    more = '<camera id="8" sensor_id="0" master_id="0" label="IMG_8.JPG"/>'
+    with pytest.raises(
+        ValueError, match=r"camera IMG_8\.JPG: transform: missing, as of a slave of"
+    ):
+        formats.load(write(tmp_path, document(more_cameras=more)))
+
+
 def test_labels_with_folders_name_cameras(tmp_path):
     labels = [r"D:\shots\left\001.tif", r"D:\shots\right\001.tif"]
     assert formats.load(write(tmp_path, document(labels=labels))).names == ("left", "right")

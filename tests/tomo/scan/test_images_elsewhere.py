@@ -63,6 +63,26 @@ def test_flat_names_are_found_in_one_folder(tmp_path, rig, shots):
     assert [image.shape for image in scan.images()] == [(5, 7), (8, 9)]
 
 
+def test_moments_of_fixed_cameras_in_one_folder(tmp_path, rig):
+    """Four images of two cameras at two moments are two frames, not four cameras."""
+    path = write(tmp_path, rig, "images/{name}_0001.tif")
+    data = json.loads(path.read_text())
+    later = [
+        {**entry, "file_path": entry["file_path"].replace("0001", "0002")}
+        for entry in data["frames"]
+    ]
+    path.write_text(json.dumps({**data, "frames": data["frames"] + later}))
+    for moment in (1, 2):
+        for name, image in random_images(moment).items():
+            write_image(path.parent / f"images/{name}_{moment:04d}.tif", image)
+    scan = load_scan(path)
+    assert scan.rig.names == rig.names
+    for moment in (1, 2):
+        expected = random_images(moment).values()
+        for image, values in zip(scan.images(f"{moment:04d}"), expected, strict=True):
+            np.testing.assert_array_equal(image, values)
+
+
 def test_what_is_not_in_the_folder_is_named(tmp_path, rig, shots):
     path = write(tmp_path, rig, "/data/{name}/0002.tif")
     with pytest.raises(
