@@ -102,6 +102,40 @@ def test_poses_by_angles_and_quaternions(tmp_path, mode):
     np.testing.assert_allclose(camera.position, [1, 2, 3], atol=1e-12)
 
 
+#: Entries, and where Blender 4.5.15 (bpy) puts three points: ``Object.calc_matrix_camera``, in
+#: single precision, with its corner of the image at (0, 0); the camera stands at (6, -4, 5).
+BY_BLENDER = [
+    ({"rotation_mode": "XYZ", "rotation_euler": [0.9375, 0.0, 1.0]},
+     [[334.7972, 182.5607], [333.2745, 204.7062], [328.8018, 223.2202]]),
+    ({"lens": 50.0, "shift_x": 0.03125, "shift_y": -0.0625,
+      "rotation_mode": "XZY", "rotation_euler": [0.9375, 0.0, 1.0]},
+     [[321.1388, 117.9438], [318.9636, 149.5803], [312.5739, 176.0288]]),
+    ({"resolution_x": 480, "resolution_y": 640, "shift_y": 0.03125,
+      "rotation_mode": "YXZ", "rotation_euler": [0.9375, 0.0, 1.0]},
+     [[254.7972, 282.5607], [253.2745, 304.7062], [248.8018, 323.2202]]),
+    ({"sensor_fit": "VERTICAL", "sensor_height": 24.0, "shift_x": 0.03125,
+      "rotation_mode": "YZX", "rotation_euler": [1.1875, 0.875, 0.5]},
+     [[306.3243, 184.6675], [305.0474, 209.5538], [300.3816, 230.4395]]),
+    ({"pixel_aspect_y": 1.5, "shift_y": 0.0625,
+      "rotation_mode": "ZXY", "rotation_euler": [0.5, 0.875, 1.1875]},
+     [[307.7912, 243.7307], [306.8305, 260.2957], [302.4275, 274.2499]]),
+    ({"resolution_x": 300, "sensor_fit": "HORIZONTAL", "shift_x": 0.0625, "shift_y": 0.0625,
+      "rotation_mode": "ZYX", "rotation_euler": [0.6875, 0.75, 0.6875]},
+     [[131.2617, 241.2482], [130.7715, 251.5992], [128.8621, 260.303]]),
+    ({"resolution_x": 300, "pixel_aspect_x": 2.0, "shift_x": 0.0625,
+      "rotation_mode": "QUATERNION", "rotation_quaternion": [0.781, 0.409, 0.219, 0.418]},
+     [[133.9138, 202.1588], [133.3099, 222.8588], [131.3052, 240.2259]]),
+]  # fmt: skip
+
+
+def test_blender_itself_agrees(tmp_path):
+    place = {"location": [6.0, -4.0, 5.0]}
+    data = [{"name": f"c{i}", **WIDE, **place, **entry} for i, (entry, _) in enumerate(BY_BLENDER)]
+    points = [(0.5, -0.25, 1.0), (-1.0, 0.75, -0.5), (0.0, 0.0, 0.0)]
+    for camera, (_, found) in zip(formats.load(write(tmp_path, data)), BY_BLENDER, strict=True):
+        np.testing.assert_allclose(camera.project(points)[0] + 0.5, found, rtol=0, atol=1e-4)
+
+
 def test_values_for_all_and_names_from_images(tmp_path):
     entries = [
         {"filename": f"view_{i}.png", "matrix_world": pose(i).ravel().tolist()} for i in (0, 1)
