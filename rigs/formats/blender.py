@@ -8,8 +8,8 @@ Read only. A list, an object ``cameras`` of entries, or a mapping from names to 
      "resolution_percentage", "pixel_aspect_x", "pixel_aspect_y", "type"}
 
 Values outside the entries (in an object beside ``cameras``) hold for all. A camera of Blender
-looks along -z with y up; ``matrix_world`` is camera to world; shifts are in units of the longer
-side of the sensor; half-pixel centres. ``sensor_fit`` is AUTO by default, shifts 0 and aspects 1,
+looks along -z with y up; ``matrix_world`` is camera to world; shifts are in units of the side that
+the view is fitted to; half-pixel centres. ``sensor_fit`` is AUTO by default, shifts 0 and aspects 1,
 which are Blender's own defaults; lens, sensor and resolution have none here. Names of other
 programs taken too: ``transform_matrix``, ``lens_mm``, ``camera_angle_x``, ``width, height``,
 ``w, h``, ``resolution``. Panoramic and orthographic cameras are refused; lengths have no unit.
@@ -159,6 +159,11 @@ def _intrinsics(
         raise ValueError(f"pixel_aspect: found {aspect_x}, {aspect_y}, expected positive numbers")
     ratio = aspect_y / aspect_x
     is_wide = width * aspect_x >= height * aspect_y if fit == "AUTO" else fit == "HORIZONTAL"
+    if fit == "AUTO" and not is_wide and _first(values, (*_LENS, *_ANGLE)) == "camera_angle_x":
+        raise ValueError(
+            "camera_angle_x: found it with an upright image, where Blender means the angle across "
+            "its height and other programs that across its width, expected lens and sensor_width"
+        )
     side = width if is_wide else height * ratio
     fx = side * _focal_of_sensor(values, fit == "VERTICAL")
     cx = width / 2 - _number(values, "shift_x", 0) * side - 0.5

@@ -167,6 +167,14 @@ def test_what_is_wrong_is_named(mutated, tmp_path, path, value, message):
         blender.load(file)
 
 
+def test_an_angle_that_has_two_meanings_is_refused(tmp_path):
+    entry = {"camera_angle_x": 0.8, "w": 640, "h": 480, "matrix_world": pose(0).tolist()}
+    K = formats.load(write(tmp_path, [entry]))[0].camera_matrix
+    assert K[0, 0] == pytest.approx(320 / np.tan(0.4))
+    with pytest.raises(ValueError, match="camera_angle_x: found it with an upright image"):
+        formats.load(write(tmp_path, [{**entry, "w": 480, "h": 640}]))
+
+
 def test_an_image_size_is_asked_for(tmp_path):
     entry = {"lens": 35.0, "sensor_width": 36.0, "matrix_world": pose(0).tolist()}
     path = write(tmp_path, [entry])
