@@ -9,8 +9,8 @@ Read only. A list, an object ``cameras`` of entries, or a mapping from names to 
 
 Values outside the entries (in an object beside ``cameras``) hold for all. A camera of Blender
 looks along -z with y up; ``matrix_world`` is camera to world; shifts are in units of the side that
-the view is fitted to; half-pixel centres. ``sensor_fit`` is AUTO by default, shifts 0 and aspects 1,
-which are Blender's own defaults; lens, sensor and resolution have none here. Names of other
+the view is fitted to; half-pixel centres. ``sensor_fit`` is AUTO by default, shifts 0, aspects 1:
+these are Blender's own defaults; lens, sensor and resolution have none here. Names of other
 programs taken too: ``transform_matrix``, ``lens_mm``, ``camera_angle_x``, ``width, height``,
 ``w, h``, ``resolution``. Panoramic and orthographic cameras are refused; lengths have no unit.
 https://docs.blender.org/api/current/bpy.types.Camera.html, with the view plane of

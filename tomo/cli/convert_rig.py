@@ -42,7 +42,7 @@ def _formats() -> str:
     from rigs.formats import FORMATS
 
     return "\n".join(
-        f"  {item.name:<13}{'r' if item.reads else ' '}{'w' if item.writes else ' '}  {item.about}"
+        f"  {item.name:<19}{'r' if item.reads else ' '}{'w' if item.writes else ' '}  {item.about}"
         + (f" ({', '.join('*' + suffix for suffix in item.suffixes)})" if item.suffixes else "")
         for item in FORMATS.values()
     )
