@@ -49,7 +49,7 @@ FORMATS: dict[str, Format] = {
     for item in (
         Format("emission_rig", "our rig.yaml", (".yaml",), writes=True),
         Format("middlebury", "Middlebury multi-view *_par.txt"),
-        Format("colmap", "COLMAP model, text or binary (a folder)", ("cameras.txt",), writes=True),
+        Format("colmap", "COLMAP model, text or binary, a folder", ("cameras.txt",), writes=True),
         Format("transforms", "NeRF-style transforms.json", ("transforms.json",), writes=True),
         Format("multical", "multical's calibration.json"),
         Format("kalibr", "Kalibr's camchain.yaml"),
@@ -68,10 +68,10 @@ FORMATS: dict[str, Format] = {
         Format("bundler", "Bundler's bundle.out with its list.txt"),
         Format("nvm", "VisualSFM's .nvm"),
         Format("mvsnet", "MVSNet's *_cam.txt (a folder cams)"),
-        Format("projection", "3 x 4 projection matrices: a file a camera (PMVS, DTU)"),
+        Format("projection", "3 x 4 projection matrices, a file each (PMVS, DTU)"),
         Format("dlt", "DLT coefficients, pixels from 0 at the top left"),
-        Format("dlt_matlab", "DLT of DLTdv8 and easyWand: pixels from 1 at the top left"),
-        Format("dlt_bottom", "DLT of Argus and DLTdv 3 to 7: pixels from 1 at the bottom left"),
+        Format("dlt_matlab", "DLT of DLTdv8, easyWand: from 1 at the top left"),
+        Format("dlt_bottom", "DLT of Argus, DLTdv 3 to 7: from 1 at the bottom left"),
         Format("astra", "ASTRA cone_vec as JSON", (".astra.json",), reads=False, writes=True),
         Format("rtk", "RTK circular geometry XML", (".xml",), reads=False, writes=True),
     )
