@@ -34,6 +34,7 @@ from rigs.camera_protocol import CameraLike
 from rigs.files.text import shortened
 from rigs.files.units import UNKNOWN
 from rigs.files.xml_file import read_xml
+from rigs.formats._image_size import check_tables
 from rigs.formats._metashape_lens import table_of
 from rigs.formats._values import (
     as_array,
@@ -137,7 +138,10 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         names, frames = named(images, cameras, [None] * len(images), path.stem)
         found, _ = grouped(path.parent, images, cameras, names, frames, _FIELDS)
         world = "as in Metashape's chunk" + (", its transform applied" if True in scaled else "")
-        rays = [_with_rays(camera, lenses[names.index(camera.name)]) for camera in found]
+        rays: list[CameraLike] = []
+        for camera in found:
+            rays.append(_with_rays(camera, lenses[names.index(camera.name)]))
+            check_tables(rays)
         is_metric = True in scaled and _METRES.search(chunk.findtext("reference") or "")
         return Rig(tuple(rays), "m" if is_metric else UNKNOWN, world)
 
