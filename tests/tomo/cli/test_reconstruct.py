@@ -12,6 +12,7 @@ import tifffile
 
 from phantoms import create
 from rigs import ring
+from rigs.formats.transforms import save_transforms
 from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume, write_volume
 from tomo.pipeline import Options, reconstruct
@@ -202,6 +203,24 @@ def test_a_rig_and_a_folder_of_images(run_tool, scan, tmp_path):
     ).solution.volume
     np.testing.assert_array_equal(data, expected)
     np.testing.assert_allclose(grid.lower, GRID.lower)
+
+
+def test_images_of_a_transforms_json_that_lie_elsewhere(run_tool, scan, tmp_path):
+    path, loaded = tmp_path / "poses" / "transforms.json", load_scan(scan)
+    save_transforms(loaded.rig, path)
+    text = path.read_text().replace('"file_path": "images/', '"file_path": "D:\\\\shots\\\\')
+    for name, image in loaded.frames[0].images.items():
+        suffix = Path(image).suffix
+        text = text.replace(f"\\\\{name}.png", f"\\\\{name}\\\\{Path(image).stem}{suffix}")
+    path.write_text(text)
+    options = ("--grid", "6x8x6", "--spacing", "1.5", "--method", "sirt", "--iterations", "2")
+    arguments = ("reconstruct", path, *options, "--no-pictures", "-o", tmp_path / "out")
+    refused = run_tool(*arguments)
+    assert refused.exit_code == 2
+    assert "expected a path inside the scan folder; --images FOLDER says" in refused.stderr
+    done = run_tool(*arguments, "--images", scan / "images", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert set(json.loads(done.stdout)["views"]) == set(loaded.rig.names)
 
 
 def test_a_reconstruction_can_be_simulated_again(run_tool, done, scan, tmp_path):
