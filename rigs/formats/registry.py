@@ -125,7 +125,8 @@ def _keys_of(path: Path, head: str) -> list[str]:
     }
     if path.suffix not in patterns:
         return []
-    return list(dict.fromkeys(re.findall(patterns[path.suffix], head, re.MULTILINE)))
+    found = dict.fromkeys(re.findall(patterns[path.suffix], head, re.MULTILINE))
+    return [key for key in found if key.isprintable()]
 
 
 def load(

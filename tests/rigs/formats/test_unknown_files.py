@@ -11,7 +11,7 @@ from rigs import formats
     ("name", "text", "found"),
     [
         ("settings.yaml", "Camera.fx: 458.6\nCamera.fy: 457.2\n", "Camera.fx, Camera.fy"),
-        ("scan.json", '{"width": 640, "poses": [{"q": 1}]}', "width, poses, q"),
+        ("scan.json", '{"a\x0b\u2028": 1, "width": 640, "poses": [{"q": 1}]}', "width, poses, q"),
         ("calib.xml", "<?xml version='1.0'?>\n<Calib><F>1</F></Calib>", "Calib, F"),
         ("anipose.toml", "[camera]\nx = 1\n[video]\ny = 2\n", "camera, video"),
     ],
