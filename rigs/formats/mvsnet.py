@@ -21,6 +21,7 @@ from rigs.camera import Camera
 from rigs.files.text import read_text, shortened
 from rigs.files.units import UNKNOWN
 from rigs.formats._image_size import image_beside, required_size
+from rigs.formats._one_a_camera import cameras_of
 from rigs.formats._values import (
     errors_of,
     errors_of_file,
@@ -59,15 +60,10 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         In one line: the file, the camera, the field, what was found, what was expected.
     """
     path = Path(path)
-    files = _files_of(path) if path.is_dir() else [path]
-    if not files:
-        raise ValueError(f"{path}: found no *{_ENDING}, expected MVSNet's, one an image")
-    cameras = []
-    for file in files:
-        with errors_of_file(file):
-            cameras.append(_camera(file, image_size))
+    what = f"*{_ENDING}, expected MVSNet's, one an image"
+    cameras = cameras_of(path, _files_of, lambda file: _camera(file, image_size), what)
     with errors_of_file(path):
-        return Rig(tuple(cameras), UNKNOWN, f"as in {path.name}")
+        return Rig(cameras, UNKNOWN, f"as in {path.name}")
 
 
 def _files_of(folder: Path) -> list[Path]:

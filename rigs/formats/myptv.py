@@ -26,6 +26,7 @@ from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_text
 from rigs.formats._image_size import check_table_size, required_size
+from rigs.formats._one_a_camera import cameras_of
 from rigs.formats._values import (
     as_count,
     as_number,
@@ -68,15 +69,10 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         In one line: the file, the camera, the field, what was found, what was expected.
     """
     path = Path(path)
-    files = _files_of(path) if path.is_dir() else [path]
-    if not files:
-        raise ValueError(f"{path}: found no camera files, expected MyPTV's")
-    cameras = []
-    for file in files:
-        with errors_of_file(file):
-            cameras.append(_camera(read_text(file), image_size))
+    what = "camera files, expected MyPTV's"
+    cameras = cameras_of(path, _files_of, lambda file: _camera(read_text(file), image_size), what)
     with errors_of_file(path):
-        return Rig(tuple(cameras), LENGTH_UNIT, f"as in {path.name}")
+        return Rig(cameras, LENGTH_UNIT, f"as in {path.name}")
 
 
 def _files_of(folder: Path) -> list[Path]:

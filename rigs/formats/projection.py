@@ -19,6 +19,7 @@ from rigs.camera import Camera
 from rigs.files.text import read_text
 from rigs.files.units import UNKNOWN
 from rigs.formats._image_size import image_beside, required_size
+from rigs.formats._one_a_camera import cameras_of
 from rigs.formats._projection import camera_of_matrix, look_away
 from rigs.formats._values import errors_of, errors_of_file, numbers_of_line, read_head
 from rigs.rig import Rig
@@ -53,20 +54,15 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         In one line: the file, the camera, the field, what was found, what was expected.
     """
     path = Path(path)
-    files = _files_of(path) if path.is_dir() else [path]
-    if not files:
-        raise ValueError(f"{path}: found no files of 3 x 4 numbers, expected one a camera")
-    cameras = []
-    for file in files:
-        with errors_of_file(file):
-            cameras.append(_camera(file, image_size))
+    what = "files of 3 x 4 numbers, expected one a camera"
+    cameras = cameras_of(path, _files_of, lambda file: _camera(file, image_size), what)
     with errors_of_file(path):
         if look_away(cameras):
             raise ValueError(
                 "P: found cameras that look away from the point where their axes meet, expected "
                 "rows that count from the top of the image"
             )
-        return Rig(tuple(cameras), UNKNOWN, f"as in {path.name}")
+        return Rig(cameras, UNKNOWN, f"as in {path.name}")
 
 
 def _files_of(folder: Path) -> list[Path]:
