@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 from tomo.operators.operator import ProjectionOperator
 from tomo.selection import Choice, solve_as_chosen
-from tomo.selection.folds import Fold, blocks_to_leave_out, runs_of_pixels, surely_lower
+from tomo.selection.folds import (
+    FEW_VIEWS,
+    Fold,
+    blocks_to_leave_out,
+    runs_of_pixels,
+    surely_lower,
+)
 from tomo.wernet.default.correction import ViewParameters
 from tomo.wernet.default.ray_features import RayFeatures
 from tomo.wernet.default.ray_weights import parametric_corrections, reweighted
@@ -39,7 +45,9 @@ class LeftOut:
     """Pixels to learn from, and left-out pixels that decide whether what was learned is kept.
 
     Every eighth block of pixels is left out, of all images alike: from the volume, from the terms
-    and from the training of an encoder. All decisions are made on these pixels, by one rule.
+    and from the training of an encoder. With few views all of one view is left out as well: the
+    few would teach what is wrong with each of them, and predict their own pixels by it. All
+    decisions are made on these pixels, by one rule.
 
     Attributes
     ----------
@@ -70,8 +78,11 @@ class LeftOut:
     ) -> LeftOut:
         """Leave out every eighth block of pixels that see a voxel; short rows when None."""
         blocks = runs_of_pixels(projector) if blocks is None else blocks
-        held = blocks_to_leave_out(blocks) & (projector.row_sums > 0)
-        return cls(projector, measured, held, blocks, weights)
+        held = blocks_to_leave_out(blocks)
+        views = np.flatnonzero(np.diff(projector.view_ptr))
+        if 1 < len(views) <= FEW_VIEWS:
+            held[projector.pixels_of([views[len(views) // 2]])] = True
+        return cls(projector, measured, held & (projector.row_sums > 0), blocks, weights)
 
     def __repr__(self) -> str:
         """Name the sizes."""
