@@ -35,7 +35,6 @@ from rigs.recordings import (
 )
 from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume, write_volume
-from tomo.selection import Choice
 from tomo.wernet import load_encoder, save_encoder
 from tomo.wernet.default import CorrectionEncoder
 from tomo.wernet.default.checkpoint import Checkpoint, State
@@ -321,7 +320,7 @@ def _learned(folder):
     content = torch.load(path, weights_only=True)
     torch.save(content, legacy, _use_new_zipfile_serialization=False)
     volume = np.ones((2, 2, 2), np.float32)
-    state = State(2, volume, Choice(0.0, 1e-3, 10, 0.1), None, 0.5, "", {"step": torch.ones(2)})
+    state = State(2, volume, None, 0.5, "", {"step": torch.ones(2)})
     Checkpoint(path, "a problem").save(state)
 
     def resume(file):
