@@ -23,7 +23,7 @@ from tomo.cli.outputs import check_output_volume
 from tomo.pipeline.options import Options
 
 if TYPE_CHECKING:
-    from tomo import Scan
+    from tomo import Scan, VoxelGrid
 
 CHECKPOINT = "checkpoint.pt"
 
@@ -34,13 +34,20 @@ flametomo reconstruct scan -o out --method sirt --iterations 100
 flametomo reconstruct --rig rig.yaml --images images
     --grid 30x140x30 --spacing 0.5 -o out
 flametomo reconstruct scan -o out --bayer RGGB --channel g
+flametomo reconstruct scan --frames 0:1000:2 -o out.zarr
 """
 
 
 @with_options_of(Options)
 def reconstruct(
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FOLDER", help="The folder to write.")
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FOLDER",
+            help="The folder to write; with --frames the store, OUT.zarr.",
+        ),
     ],
     scan: Annotated[
         Path | None,
@@ -54,8 +61,8 @@ def reconstruct(
         Path | None,
         typer.Option(
             metavar="FOLDER",
-            help="Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, with --rig; or where those of a "
-            "transforms.json are.",
+            help="Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, or films CAMERA.tif, with --rig; "
+            "or where those of a transforms.json are.",
         ),
     ] = None,
     *,
@@ -86,7 +93,9 @@ def reconstruct(
 ) -> None:
     """Reconstruct the emission in every voxel from a scan's images.
 
-    Writes the volume (.npz, .vti, .nrrd), report.html, report.json and pictures.
+    Writes the volume (.npz, .vti, .nrrd), report.html, report.json and pictures. With --frames, a
+    store of volumes (Zarr) with figures for each frame; the same command goes on with one that was
+    interrupted.
     """
     with bad_input_in_one_line():
         from tomo.pipeline import reconstruct as run
@@ -97,11 +106,14 @@ def reconstruct(
         if bayer is not None or channel is not None:
             loaded = loaded.of_channel(channel and channel.lower(), bayer and bayer.upper())
         loaded = loaded.scaled(scale)
-        check_output_volume(out, loaded.rig, loaded.source)
+        if options.frames is None:
+            check_output_volume(out, loaded.rig, loaded.source)
         given = (grid, spacing, center, lower, upper)
         voxels = None
         if any(option is not None for option in given):
             voxels = parse_grid(*given, default=loaded.grid)
+        if options.frames is not None:
+            return _series(loaded, voxels, options, out, json)
         with progress_bar("reconstruct") as progress:
             outcome = run(loaded, voxels, options, progress=progress)
         report = write_outcome(out, outcome, with_pictures=pictures)
@@ -109,6 +121,22 @@ def reconstruct(
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")
     say(_summary(report, out))
+    if json:
+        print_json(report)
+
+
+def _series(scan: Scan, grid: VoxelGrid | None, options: Options, out: Path, json: bool) -> None:
+    """Reconstruct frames into a store, and say what became of them."""
+    from tomo.cli.series import check_output_store, series_report, series_summary
+    from tomo.series import reconstruct_series
+
+    check_output_store(out, scan.rig, scan.source)
+    with progress_bar("reconstruct") as progress:
+        store = reconstruct_series(scan, out, grid, options, progress=progress)
+    report = series_report(store)
+    for warning in report["warnings"]:
+        say(f"warning: {warning}", "yellow")
+    say(series_summary(report))
     if json:
         print_json(report)
 

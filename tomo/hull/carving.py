@@ -58,6 +58,8 @@ class Carving:
         One a view.
     reason : str
         Why these voxels were carved, in words.
+    dark : bool
+        Whether no pixel is certainly bright: the images say nothing of the voxels.
     """
 
     active: ActiveVoxels
@@ -71,6 +73,7 @@ class Carving:
     faint_light: float
     noise: tuple[NoiseModel, ...]
     reason: str
+    dark: bool = False
 
     @property
     def warnings(self) -> list[str]:
@@ -174,7 +177,7 @@ def carve(
     hull = Hulls(lattices, brightness, voters, grid.shape)
     if not hull.bright:
         reason = "no pixel is certainly bright: nothing is carved"
-        return _uncarved(brightness, hull.seen, grid, reason)
+        return replace(_uncarved(brightness, hull.seen, grid, reason), dark=True)
     firsts = []
     for enough in votes_to_try(votes, len(voters)):
         margins = margins_to_try(margin, voters, images)

@@ -24,6 +24,10 @@ def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
     """
     methods = methods_of(options)
     repeats_of(options)
+    if options.frames is not None and options.frame is not None:
+        raise ValueError(
+            f"frame: found {options.frame!r} with frames {options.frames!r}, expected one of both"
+        )
     _check_device(options.device, methods)
     _check_learning(options, methods[0])
     _check_hold_out(options, scan)

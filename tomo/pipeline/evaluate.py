@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from tomo.grid import VoxelGrid
 from tomo.operators import LINEAR, LinearSystem
 from tomo.operators.system import VolumeNotSeenError
 from tomo.operators.view_gains import Gains
+from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.check_options import may_learn
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.options import Options
@@ -207,21 +208,38 @@ def data_range(scan: Scan, frame: str | None, images: Images) -> float:
     return max(max(float(image.max()) for image in images), np.finfo(np.float32).tiny)
 
 
+def system_apart(
+    apart: LinearSystem, built: WeightedSystem, volume: NDArray[np.float32], options: Options
+) -> LinearSystem:
+    """Return the equations of cameras that took no part, as those that were solved.
+
+    Parameters
+    ----------
+    apart : LinearSystem
+        In the voxel basis, in focus, through transparent gas; see `trace_apart`.
+    built : WeightedSystem
+        The equations that were solved.
+    volume : (nx, ny, nz) float32
+        The emission of gas that absorbs its own light.
+    options : Options
+    """
+    if options.blur:
+        apart = apart.with_lens_blur(options.blur)
+    if built.basis.name == LINEAR:
+        apart = apart.with_linear_basis(options.supersample)
+    if built.absorption:
+        how = {"supersample": options.supersample, "tracer": options.tracer}
+        apart = apart.with_absorption(built.absorption, volume, **how)
+    return apart
+
+
 def _views_apart(
     apart: LinearSystem | None, solved: Solved, screened: ScreenedScan, options: Options
 ) -> list[View]:
     """Return the images that took no part beside the images that the volume would have shown."""
     if apart is None:
         return []
-    system: Any = apart
-    if options.blur:
-        system = system.with_lens_blur(options.blur)
-    if solved.built.basis.name == LINEAR:
-        system = system.with_linear_basis(options.supersample)
-    if solved.built.absorption:
-        how = {"supersample": options.supersample, "tracer": options.tracer}
-        volume = solved.solution.volume
-        system = system.with_absorption(solved.built.absorption, volume, **how)
+    system = system_apart(apart, solved.built, solved.solution.volume, options)
     system = with_learned_weights(system, solved.solution, same_views=False)
     found = views_of(
         system.on_voxel_means,

@@ -70,7 +70,7 @@ def explain_images(
             if light:
                 stage.warnings.append(_of_absorption(light, screened.scan.rig.length_unit))
         if options.fit_gain and built.gains is None:
-            built = _by_gains(built, estimate_gains(built.system.projector, measured))
+            built = with_gains(built, estimate_gains(built.system.projector, measured))
         if built.gains is not None and not options.fit_gain:
             stage.warnings.append(_of_gains(built.gains, screened.scan))
     return ExplainedScan(built, report, stage.record)
@@ -82,7 +82,7 @@ def _corrected(
     """Return the equations corrected by the best explanation."""
     best = found.best.model
     if best.gains is not None:
-        built = _by_gains(built, best.gains)
+        built = with_gains(built, best.gains)
     if best.absorption:
         system = built.system.with_absorption(
             best.absorption,
@@ -94,8 +94,11 @@ def _corrected(
     return built
 
 
-def _by_gains(built: WeightedSystem, gains: Gains | None) -> WeightedSystem:
-    """Return the equations with measured pixels and weights corrected by gains, if any."""
+def with_gains(built: WeightedSystem, gains: Gains | None) -> WeightedSystem:
+    """Return the equations with measured pixels and weights corrected by gains, if any.
+
+    A choice that was made for the images as given is forgotten.
+    """
     if gains is None:
         return built
     projector, weights = built.system.projector, built.weights

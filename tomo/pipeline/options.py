@@ -62,6 +62,28 @@ class Options:
         text(optional=True),
         metavar="FRAME",
     )
+    frames: str | None = _option(
+        None,
+        "The frames of a film to reconstruct into a store, as a slice of their numbers like "
+        "0:1000:2, : for all, or names with commas. One frame, --frame, is reconstructed by "
+        "default.",
+        text(optional=True),
+        metavar="A:B:C",
+    )
+    key_frames: int = _option(
+        5,
+        "With frames: how many of them, spread evenly, settle for all what is wrong with pixels, "
+        "cameras and gains, and how smooth volumes are.",
+        whole(1, 1000, "1000"),
+        expert=True,
+        metavar="N",
+    )
+    choose_each: bool = _option(
+        False,
+        "With frames: whether each block of frames chooses by itself how smooth volumes are.",
+        switch(),
+        expert=True,
+    )
     hold_out: tuple[str, ...] = _option(
         (),
         "Cameras that are predicted from the volume and compared with their images, and that take "

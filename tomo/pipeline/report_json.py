@@ -79,7 +79,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
         "settings": outcome.options.to_mapping(),
         "solver": dict(found.settings),
     }
-    return _plain(report)
+    return plain(report)
 
 
 def versions() -> dict[str, str]:
@@ -93,12 +93,12 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _plain(value: object) -> Any:
+def plain(value: object) -> Any:
     """Return JSON's own types; NaN and infinity, which JSON lacks, become None."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(inner) for key, inner in value.items()}
+        return {str(key): plain(inner) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(inner) for inner in value]
+        return [plain(inner) for inner in value]
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     if isinstance(value, (int, np.integer)):

@@ -28,6 +28,18 @@ def _some(frames: list) -> list:
     return frames
 
 
+def _from_zero(number: int) -> int:
+    if number < 0:
+        raise ValueError(f"found {number}, expected 0 or more")
+    return number
+
+
+def _from_one(number: int) -> int:
+    if number < 1:
+        raise ValueError(f"found {number}, expected 1 or more")
+    return number
+
+
 def _above_zero(number: float) -> float:
     if not number > 0:
         raise ValueError(f"found {number:g}, expected a number above 0")
@@ -41,6 +53,18 @@ class _Strict(BaseModel):
 class _Frame(_Strict):
     name: Annotated[Text, AfterValidator(_named)]
     images: dict[str, Text]
+
+
+class _Film(_Strict):
+    path: Text
+    first: Annotated[Whole, AfterValidator(_from_zero)] = 0
+    step: Annotated[Whole, AfterValidator(_from_one)] = 1
+    offset: Whole = 0
+
+
+def _film(entry: Any) -> Any:
+    """Let a path stand for a film without further settings."""
+    return {"path": entry} if isinstance(entry, str) else entry
 
 
 def _one_or_each(expected: str, accepts: Callable[[Any], bool]) -> Any:
@@ -119,7 +143,9 @@ class ScanFile(_Strict):
     version: Literal[1]
     rig: Text
     grid: VolumeEntry | None = None
-    frames: Annotated[list[_Frame], AfterValidator(_some)]
+    frames: Annotated[list[_Frame], AfterValidator(_some)] | None = None
+    films: dict[str, Annotated[_Film, BeforeValidator(_film)]] | None = None
+    frame_rate: Annotated[Number, AfterValidator(_above_zero)] | None = None
     corrections: _Corrections = _Corrections()
     truth: Text | None = None
     effects: _Effects | None = None
@@ -129,10 +155,15 @@ def parse_scan_file(path: Path) -> ScanFile:
     """Return the checked content of a scan.yaml; whatever is wrong is one line."""
     content = read_yaml_mapping(path)
     try:
-        return ScanFile.model_validate(content)
+        found = ScanFile.model_validate(content)
     except ValidationError as error:
         steps, said = first_problem(error, ScanFile, content)
         raise ValueError(f"{path}: {_where(steps, content)}: {said}") from None
+    if found.frames is None and not found.films:
+        raise ValueError(f"{path}: frames: missing, expected a list of mappings, or films")
+    if found.frames is not None and found.films is not None:
+        raise ValueError(f"{path}: films: found frames too, expected one of the two")
+    return found
 
 
 def _where(steps: list[str | int], content: dict[str, Any]) -> str:

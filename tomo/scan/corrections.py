@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rigs.recordings.mosaic import COLOURS, Mosaic
 from rigs.recordings.still import CHANNELS
+from tomo.scan.films import FilmFrame
 
 
 @dataclass(frozen=True)
@@ -98,13 +99,17 @@ class Corrections:
         return mosaic
 
     def corrected(
-        self, image: Path | NDArray, camera: str, size: tuple[int, int], source: Path | None = None
+        self,
+        image: Path | NDArray | FilmFrame,
+        camera: str,
+        size: tuple[int, int],
+        source: Path | None = None,
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]:
         """Read a camera's image, unless it is in memory, and correct it.
 
         Parameters
         ----------
-        image : Path or (height, width) array
+        image : Path, FilmFrame or (height, width) array
             The image as recorded.
         camera : str
         size : (width, height)
@@ -154,13 +159,15 @@ class Corrections:
             values = values * gain
         return np.where(usable, values, 0).astype(np.float32), usable, full
 
-    def _check_scale(self, image: Path | NDArray, camera: str, source: Path | None) -> None:
+    def _check_scale(
+        self, image: Path | NDArray | FilmFrame, camera: str, source: Path | None
+    ) -> None:
         """Refuse corrections in a camera's counts: they would never, or always, be reached."""
         for name in ("dark", "saturation"):
             value = self.of(name, camera)
             if isinstance(value, Real) and value > 1 and holds_integers(image):
                 where = "" if source is None else f"{source}: "
-                place = image if isinstance(image, Path) else "the images in memory"
+                place = image if isinstance(image, Path | FilmFrame) else "the images in memory"
                 raise ValueError(
                     f"{where}corrections.{name}: camera {camera}: found {value:g}, expected "
                     f"at most 1, the full scale of integers like those in {place}"
@@ -179,7 +186,7 @@ class Corrections:
 
     def _read(
         self,
-        image: Path | NDArray,
+        image: Path | NDArray | FilmFrame,
         camera: str,
         size: tuple[int, int],
         bit_depth: int | None,
@@ -195,6 +202,9 @@ class Corrections:
             if isinstance(image, Path):
                 colours["must_have_channel"] = not is_correction
                 values = read_image(image, bit_depth, usable, **colours)
+            elif isinstance(image, FilmFrame):
+                place, bits = f"{image}: ", bit_depth or image.film.recording.bit_depth
+                values = intensities(image.read(), image, bits, usable)
             else:
                 values = intensities(image, "image in memory", bit_depth, usable)
         except (ValueError, FileNotFoundError) as error:
@@ -237,8 +247,10 @@ def correction_line(correction: str, values: float | Mapping[str, float]) -> str
     return text.strip()[1:-1]
 
 
-def holds_integers(image: Path | NDArray) -> bool:
+def holds_integers(image: Path | NDArray | FilmFrame) -> bool:
     """Tell whether an image, in a file or in memory, holds integers, which are scaled to 0..1."""
     from rigs.recordings import is_integer_image
 
+    if isinstance(image, FilmFrame):
+        return image.film.holds_integers
     return is_integer_image(image) if isinstance(image, Path) else image.dtype.kind in "biu"

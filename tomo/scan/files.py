@@ -15,6 +15,7 @@ from rigs.recordings.layout import how_to_name, natural
 from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.scan._schema import parse_scan_file
 from tomo.scan.corrections import Corrections
+from tomo.scan.films import Film, films_in, frames_of_films
 from tomo.scan.frames import Frame
 from tomo.scan.scan import Scan
 from tomo.scan.write import SCAN_FILE, check_cameras
@@ -114,7 +115,7 @@ def _image_in(folder: Path, image: PurePosixPath, field: str) -> Path:
 def _load_scan_file(path: Path) -> Scan:
     content = parse_scan_file(path)
     rig = load_rig(_inside(path, content.rig, "rig"))
-    for frame in content.frames:
+    for frame in content.frames or ():
         check_cameras(path, f"frame {frame.name!r}", frame.images, rig)
     frames = tuple(
         Frame(
@@ -124,8 +125,10 @@ def _load_scan_file(path: Path) -> Scan:
                 for camera, image in frame.images.items()
             },
         )
-        for frame in content.frames
+        for frame in content.frames or ()
     )
+    if content.films is not None:
+        frames = _frames_of_films(path, content.films, rig)
     corrections = {}
     for name, value in content.corrections.model_dump().items():
         if isinstance(value, dict):
@@ -146,7 +149,28 @@ def _load_scan_file(path: Path) -> Scan:
     effects = None if content.effects is None else content.effects.model_dump()
     if effects is not None:
         check_cameras(path, "effects.gains", effects["gains"], rig)
-    return Scan(rig, frames, Corrections(**corrections), grid, truth, source=path, effects=effects)
+    return Scan(
+        rig,
+        frames,
+        Corrections(**corrections),
+        grid,
+        truth,
+        source=path,
+        effects=effects,
+        frame_rate=content.frame_rate,
+    )
+
+
+def _frames_of_films(path: Path, entries: dict[str, Any], rig: Rig) -> tuple[Frame, ...]:
+    """Return the frames of the films that a scan.yaml names."""
+    check_cameras(path, "films", entries, rig)
+    films = {}
+    for camera, entry in entries.items():
+        file = _inside(path, entry.path, f"films: camera {camera}")
+        if not file.is_file():
+            raise FileNotFoundError(f"{file}: camera {camera}: no such film")
+        films[camera] = Film(file, entry.first, entry.step, entry.offset)
+    return tuple(Frame(name, images) for name, images in frames_of_films(films).items())
 
 
 def _inside(scan_file: Path, text: str, field: str) -> Path:
@@ -189,8 +213,8 @@ def scan_of_images(
     ----------
     rig : Rig or path-like
     images : path-like
-        A folder of ``cam00/0001.tif``, ``cam00_0001.tif`` or ``cam00.tif``; see
-        `rigs.recordings.find_images`.
+        A folder of ``cam00/0001.tif``, ``cam00_0001.tif`` or ``cam00.tif``, see
+        `rigs.recordings.find_images`; or of a film ``cam00.tif`` or ``cam00.mp4`` a camera.
     pattern : str, optional
         How files are named otherwise, like ``{frame}/{camera}.tif``.
     **settings
@@ -206,6 +230,11 @@ def scan_of_images(
     """
     rig = rig if isinstance(rig, Rig) else formats.load(rig)
     folder = Path(images)
+    films = films_in(folder, rig.names) if pattern is None else {}
+    if films:
+        settings.setdefault("grid", grid_of_rig(rig))
+        moments = frames_of_films(films).items()
+        return Scan(rig, tuple(Frame(*one) for one in moments), source=folder, **settings)
     found = find_images(folder, rig.names, pattern)
     for camera in rig.names:
         if camera not in found:

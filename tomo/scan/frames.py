@@ -9,6 +9,8 @@ from pathlib import Path
 
 from numpy.typing import NDArray
 
+from tomo.scan.films import FilmFrame
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -18,11 +20,11 @@ class Frame:
     ----------
     name : str
     images : mapping
-        Camera name to image file, or to an image ``(h, w)`` in memory.
+        Camera name to image file, to a frame of a film, or to an image ``(h, w)`` in memory.
     """
 
     name: str
-    images: Mapping[str, Path | NDArray]
+    images: Mapping[str, Path | FilmFrame | NDArray]
 
 
 def find_frame(frames: Sequence[Frame], name: str) -> Frame | None:

@@ -15,6 +15,7 @@ from tomo.grid import VoxelGrid
 from tomo.io import read_volume
 from tomo.scan.arrays import all_of_area, area_means, stacks_of
 from tomo.scan.corrections import Corrections, holds_integers
+from tomo.scan.films import FilmFrame
 from tomo.scan.frames import Frame, find_frame
 from tomo.scan.write import save_scan
 
@@ -53,6 +54,8 @@ class Scan:
         The effects that the images were simulated with: the fields of
         `tomo.simulation.effects.Effects`, and ``gains``, camera to gain. Only compared with, as
         the truth is.
+    frame_rate : float, optional
+        Frames a second.
     """
 
     rig: Rig
@@ -64,6 +67,7 @@ class Scan:
     shrink: int = 1
     recorded_sizes: Mapping[str, tuple[int, int]] | None = None
     effects: Mapping[str, Any] | None = None
+    frame_rate: float | None = None
 
     def __post_init__(self) -> None:
         """Check that names belong together; whether files can be read shows when they are."""
@@ -149,7 +153,7 @@ class Scan:
         files = [
             image
             for image in (*(i for f in self.frames for i in f.images.values()), self.truth)
-            if isinstance(image, Path)
+            if isinstance(image, Path | FilmFrame)
         ]
         if files or self.shrink != 1 or is_divided:
             found = f"images shrunk {self.shrink}-fold"

@@ -1,0 +1,106 @@
+"""The plan of a series: what is settled once for every frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import VoxelGrid
+from tomo.measurement import NoiseModel
+from tomo.pipeline.options import Options
+from tomo.pipeline.register import Registered
+from tomo.pipeline.report_json import plain
+from tomo.pipeline.screen import ScreenedScan
+from tomo.scan import Scan
+from tomo.selection import Choice
+from tomo.series.block_system import BlockSystem
+from tomo.series.hulls import HullRule
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is settled for every frame of a series.
+
+    Attributes
+    ----------
+    scan : Scan
+    grid : VoxelGrid
+    options : Options
+    places : tuple of int
+        The frames, by their places in the scan.
+    keys : tuple of int
+        The key frames, by their places in the scan.
+    screened : ScreenedScan
+        The mean of the key frames: which cameras and pixels take part, and corrections of images.
+    registered : Registered
+        The cameras, shifted and refined where that was found worth it.
+    noise : tuple of NoiseModel
+        That of one frame, for each camera that takes part.
+    rule : HullRule, optional
+        How frames are carved.
+    system : BlockSystem
+        The equations of the mean, over the voxels that the key frames may light.
+    emission : (nx, ny, nz) float32, optional
+        The emission of the mean, where gas absorbs its own light.
+    choice : Choice, optional
+        How smooth volumes are; None where blocks choose, or another method is used.
+    choices : tuple of Choice
+        The choices of the key frames.
+    data_range : float
+        The greatest difference that images can have, for PSNR and SSIM.
+    warnings : tuple of str
+    explanation : mapping, optional
+        What the images as a whole asked to be corrected.
+    """
+
+    scan: Scan
+    grid: VoxelGrid
+    options: Options
+    places: tuple[int, ...]
+    keys: tuple[int, ...]
+    screened: ScreenedScan
+    registered: Registered
+    noise: tuple[NoiseModel, ...]
+    rule: HullRule | None
+    system: BlockSystem
+    emission: NDArray[np.float32] | None
+    choice: Choice | None
+    choices: tuple[Choice, ...]
+    data_range: float
+    warnings: tuple[str, ...]
+    explanation: dict[str, Any] | None = None
+
+    @property
+    def apart_names(self) -> tuple[str, ...]:
+        """The cameras that take no part: those held out and those excluded."""
+        return tuple(self.screened.apart.rig.names) if self.screened.apart else ()
+
+    def report(self) -> dict[str, Any]:
+        """Return what was settled, as plain numbers and words for the store's attributes."""
+        built, names = self.system.built, self.registered.rig.names
+        gains, alignment = built.gains, self.registered.alignment
+        refinement, screening = self.registered.refinement, self.screened.screening
+        return plain(
+            {
+                "key_frames": [self.scan.frames[place].name for place in self.keys],
+                "choice": self.choice and self.choice.setting._asdict(),
+                "choices": [one.setting._asdict() for one in self.choices],
+                "basis": built.basis.report(),
+                "carving": self.rule and {"margin": self.rule.margin, "votes": self.rule.votes},
+                "active_voxels": self.system.active.size,
+                "gains": gains.report(names) if gains else None,
+                "absorption": vars(built.absorption) if built.absorption else None,
+                "screening": screening.report() if screening else None,
+                "alignment": alignment.report(names) if alignment else None,
+                "refinement": refinement.report() if refinement else None,
+                "explanation": self.explanation,
+                "pixel_weights": dict(built.weighting),
+                "noise": {
+                    name: {"read": one.read, "gain": one.gain}
+                    for name, one in zip(names, self.noise, strict=True)
+                },
+            }
+        )

@@ -1,0 +1,202 @@
+"""Running a series: frames are read ahead, solved block by block, and written behind."""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from operator import itemgetter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tomo.grid import VoxelGrid
+from tomo.operators.system import Progress
+from tomo.pipeline.options import Options
+from tomo.scan import Scan
+from tomo.series.claims import Claims
+from tomo.series.frames import BLOCK, blocks_of, choose_frames, key_of
+from tomo.series.images import FrameImages, reader_of
+from tomo.series.overlap import read_ahead, write_behind
+from tomo.series.plan import Plan
+from tomo.series.same_run import attributes_of, check_same_run
+from tomo.series.settle import check_series_options, choose, make_plan
+from tomo.series.solving import FrameResult, solve_frame, uses_choice
+from tomo.series.store import SeriesStore, grid_values
+from tomo.series.systems import system_of_block
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+BEHIND = 2
+"""Volumes that wait to be written: more take memory, none leaves solver or writer waiting."""
+
+
+def reconstruct_series(
+    scan: Scan,
+    path: str | PathLike,
+    grid: VoxelGrid | None = None,
+    options: Options = Options(frames=":"),
+    *,
+    progress: Progress | None = None,
+) -> SeriesStore:
+    """Reconstruct many frames of a scan into a store; go on with one that was begun.
+
+    Parameters
+    ----------
+    scan : Scan
+    path : path-like
+        The store. One that the same scan, options and version began is finished, to the same
+        bits; several runs may work on one at once.
+    grid : VoxelGrid, optional
+        The scan's own when None.
+    options : Options
+        ``frames`` are those to reconstruct.
+    progress : callable, optional
+        ``progress(done, total, where)``.
+
+    Raises
+    ------
+    ValueError
+        One line that names what is wrong with the input, or what differs from the store's.
+    OSError
+        If the store does not fit on the disk.
+    """
+    grid = scan.grid if grid is None else grid
+    check_series_options(options, scan, grid)
+    places = choose_frames(scan, options.frames or ":")
+    _check_images(scan, places)
+    known = SeriesStore(path) if Path(path).exists() else None
+    plan = make_plan(scan, grid, options, places, progress)
+    attributes = attributes_of(plan)
+    if known is None:
+        _check_room(Path(path), plan)
+        rate = scan.frame_rate or 1.0
+        times = [place / rate for place in places]
+        known = SeriesStore.create(path, grid, times, places, attributes)
+    check_same_run(known, {**attributes, "grid": grid_values(grid)})
+    run_plan(plan, known, progress)
+    return known
+
+
+def run_plan(plan: Plan, store: SeriesStore, progress: Progress | None = None) -> None:
+    """Solve and write every block that is not complete and that no other run has in hand.
+
+    Blocks of another run are waited for, and done here where it ended before them.
+    """
+    blocks = blocks_of(len(plan.places))
+    with Claims(store.path) as claims:
+        for wait in (False, True):
+            missing = [block for block in blocks if not store.is_complete(block)]
+            _run_blocks(plan, store, claims, missing, wait, progress)
+    if progress:
+        progress(len(plan.places), len(plan.places), "")
+
+
+def _run_blocks(
+    plan: Plan,
+    store: SeriesStore,
+    claims: Claims,
+    blocks: list[range],
+    wait: bool,
+    progress: Progress | None,
+) -> None:
+    """Solve and write those of some blocks that can be had."""
+    read = reader_of(plan.scan, plan.screened)
+
+    def in_turn() -> Iterator[tuple[range, FrameImages]]:
+        for block in blocks:
+            if not claims.take(block, wait=wait):
+                continue
+            if store.is_complete(block):  # by another run, since it was looked for
+                claims.release(block)
+                continue
+            store.remove_partial(block)
+            for place in block:
+                yield block, read(plan.places[place])
+
+    written: dict[range, list[FrameResult]] = {}
+
+    def write(item: tuple[range, int, FrameResult]) -> None:
+        block, place, result = item
+        store.write_volume(place, result.volume)
+        results = written.setdefault(block, [])
+        results.append((place, replace(result, volume=None, unknowns=None)))
+        if len(results) == len(block):
+            store.finish(block, [one for _, one in sorted(results, key=itemgetter(0))])
+            claims.release(block)
+            del written[block]
+
+    done = len(plan.places) - sum(map(len, blocks))
+    with read_ahead(in_turn(), BLOCK) as frames, write_behind(write, BEHIND) as put:
+        while True:
+            found = list(itertools.islice(frames, 1))
+            if not found:
+                break
+            block = found[0][0]
+            found += itertools.islice(frames, len(block) - 1)
+            for place, result in solve_block(plan, block, [images for _, images in found]):
+                put((block, place, result))
+                done += 1
+                if progress:
+                    name = plan.scan.frames[plan.places[place]].name
+                    progress(done, len(plan.places), f"frame {name}")
+
+
+def solve_block(
+    plan: Plan, block: range, frames: Sequence[FrameImages]
+) -> Iterator[tuple[int, FrameResult]]:
+    """Yield the places of a block's frames and their results, the key frame's first.
+
+    The key frame is solved from scratch, the others from its solution: a block can be done alone,
+    anywhere and in any order, and its bits are the same.
+    """
+    system = system_of_block(plan, frames)
+    key = key_of(block) - block.start
+    choice = plan.choice
+    if choice is None and uses_choice(plan):
+        choice = choose(plan, system, frames[key])
+    first = solve_frame(plan, system, frames[key], choice)
+    yield block[key], first
+    for place, frame in zip(block, frames, strict=True):
+        if place != block[key]:
+            yield place, solve_frame(plan, system, frame, choice, first.unknowns)
+
+
+def _check_images(scan: Scan, places: Sequence[int]) -> None:
+    """Refuse frames that a camera has no image of, before any is read."""
+    for place in places:
+        frame = scan.frames[place]
+        for camera in scan.rig.names:
+            if camera not in frame.images:
+                whole = [
+                    one for one, each in enumerate(scan.frames)
+                    if all(name in each.images for name in scan.rig.names)
+                ]  # fmt: skip
+                known = f"frames {whole[0]}:{whole[-1] + 1} have all" if whole else "none has all"
+                raise ValueError(
+                    f"{scan.source}: frame {frame.name!r}: camera {camera}: found no image, "
+                    f"expected one of every camera of the rig; {known}"
+                )
+
+
+def _check_room(path: Path, plan: Plan) -> None:
+    """Refuse a store that does not fit on the disk.
+
+    Dark voxels take next to nothing; the others are taken for not compressible.
+    """
+    folder = path.absolute()
+    while not folder.exists():
+        folder = folder.parent
+    needed = len(plan.places) * plan.system.active.size * np.dtype(np.float32).itemsize
+    free = shutil.disk_usage(folder).free
+    if needed > free:
+        raise OSError(
+            errno.ENOSPC,
+            f"found {free / 1e9:.3g} GB free, expected {needed / 1e9:.3g} GB for "
+            f"{len(plan.places)} frames",
+            str(path),
+        )

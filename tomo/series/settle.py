@@ -1,0 +1,178 @@
+"""Settling a plan from a few key frames, by the stages of `tomo.pipeline`.
+
+Pixels, cameras, gains and absorption are settled from the mean of the key frames, how much is
+carved and how smooth volumes are from each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import VoxelGrid
+from tomo.measurement import NoiseModel, estimate_noise
+from tomo.operators.system import Progress
+from tomo.pipeline.basis import BLOCK
+from tomo.pipeline.build import WeightedSystem, build
+from tomo.pipeline.check_options import cameras_to_refine, check_options
+from tomo.pipeline.evaluate import data_range, system_apart, trace_apart
+from tomo.pipeline.explain import explain_images
+from tomo.pipeline.first_use import warm_up_stages
+from tomo.pipeline.load import load
+from tomo.pipeline.methods import AUTO, method_named
+from tomo.pipeline.options import Options
+from tomo.pipeline.register import register_screened
+from tomo.pipeline.screen import screen
+from tomo.pipeline.solve import solve
+from tomo.pipeline.trace import trace_views
+from tomo.scan import Scan
+from tomo.selection import Choice, choose_by_left_out_pixels
+from tomo.series.block_system import BlockSystem
+from tomo.series.frames import spread
+from tomo.series.hulls import hull_of_frames, rule_of
+from tomo.series.images import FrameImages, images_of, mean_of_frames
+from tomo.series.plan import Plan
+from tomo.series.systems import weighted
+
+REFUSED = {
+    "compare": (),
+    "time_limit": None,
+    "save_encoder": None,
+    "encoder": None,
+    "checkpoint": None,
+    "freeze_encoder": False,
+    "resume": False,
+}
+"""Options that have no meaning for a series, with the values that do not ask for them."""
+
+
+def check_series_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
+    """Refuse options that a series cannot follow, see `check_options` for the others.
+
+    Raises
+    ------
+    ValueError
+        One line that names the option, what was found and what was expected.
+    """
+    check_options(options, scan, grid)
+    for name, value in REFUSED.items():
+        if getattr(options, name) != value:
+            raise ValueError(
+                f"{name}: found {getattr(options, name)!r} with frames, expected it for one frame "
+                "alone"
+            )
+    if options.uncertainty not in (0, AUTO):
+        raise ValueError(
+            f"uncertainty: found {options.uncertainty} repeats with frames, expected 0 or auto: "
+            "reconstruct single frames, --frame, for their uncertainty"
+        )
+    if method_named(options.method).needs_midpoints:
+        raise ValueError(
+            f"method: found {options.method} with frames, expected a method that learns nothing"
+        )
+
+
+def make_plan(
+    scan: Scan,
+    grid: VoxelGrid,
+    options: Options,
+    places: Sequence[int],
+    progress: Progress | None = None,
+) -> Plan:
+    """Settle everything that is settled once, from key frames spread over the frames.
+
+    Parameters
+    ----------
+    scan : Scan
+    grid : VoxelGrid
+    options : Options
+    places : sequence of int
+        The frames, by their places in the scan.
+    progress : callable, optional
+    """
+    warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)
+    keys = tuple(places[place] for place in spread(len(places), options.key_frames))
+    loaded = [load(scan, scan.frames[place].name) for place in keys]
+    screened = screen(
+        mean_of_frames(scan, loaded),
+        grid,
+        options.hold_out,
+        look=options.screen,
+        move=options.align,
+        scale=options.fit_gain is not False,
+    )
+    refine = cameras_to_refine(options, scan)
+    registered = register_screened(screened, grid, options, refine, progress)
+    frames = [images_of(one, screened) for one in loaded]
+    noise = noise_of_frames(frames)
+    rule = rule_of(registered.rig, frames, grid, options, noise)
+    found = hull_of_frames(registered.rig, frames, grid, rule, noise)
+    registered = replace(registered, active=found[0], masks=_both(found[1], screened.masks))
+    traced = trace_views(screened, registered, grid, options, progress)
+    apart = trace_apart(screened, traced.system, options)
+    built = build(screened, traced, options)
+    explained = explain_images(built, screened, options)
+    emission = _emission(explained.built, options)
+    if apart is not None:
+        apart = system_apart(apart, explained.built, emission, options)
+    system = BlockSystem(explained.built, apart, registered.active, tuple(registered.masks))
+    records = screened.record, registered.record, traced.record, built.record, explained.record
+    plan = Plan(
+        scan, grid, options, tuple(places), keys, screened, registered, noise, rule, system,
+        emission, None, (), data_range(scan, scan.frames[keys[0]].name, screened.not_excluded),
+        tuple(line for one in records for line in one.warnings), explained.report,
+    )  # fmt: skip
+    if method_named(options.method).name != AUTO or options.choose_each:
+        return plan
+    choices = tuple(choose(plan, system, frame, progress) for frame in frames)
+    return replace(plan, choices=choices, choice=middle(choices))
+
+
+def choose(
+    plan: Plan, system: BlockSystem, frame: FrameImages, progress: Progress | None = None
+) -> Choice:
+    """Return how smooth the volume of one frame is to be, see `choose_by_left_out_pixels`."""
+    built = weighted(plan, system, frame)
+    return choose_by_left_out_pixels(
+        built.system.projector,
+        built.measured,
+        blocks=built.system.blocks(BLOCK),
+        weights=built.weights,
+        progress=progress,
+    )
+
+
+def middle(choices: Sequence[Choice]) -> Choice:
+    """Return the middle one of some choices, ordered by strength, width and iterations.
+
+    Those of dark frames, which predict nothing, do not count where there are others.
+    """
+    telling = [one for one in choices if np.isfinite(one.held_out_residual)] or list(choices)
+    order = sorted(telling, key=lambda one: (one.strength, one.width, one.iterations))
+    return order[len(order) // 2]
+
+
+def noise_of_frames(frames: Sequence[FrameImages]) -> tuple[NoiseModel, ...]:
+    """Return the noise of one frame, for each camera: the median of what frames show."""
+    found = []
+    for images, masks in zip(
+        zip(*(one.images for one in frames), strict=True),
+        zip(*(one.masks for one in frames), strict=True),
+        strict=True,
+    ):
+        own = [estimate_noise(*both) for both in zip(images, masks, strict=True)]
+        read, gain = (float(np.median([getattr(one, n) for one in own])) for n in ("read", "gain"))
+        found.append(NoiseModel(read, gain))
+    return tuple(found)
+
+
+def _emission(built: WeightedSystem, options: Options) -> NDArray[np.float32] | None:
+    """Return the emission of the mean where gas absorbs its own light."""
+    return solve(built, options).solution.volume if built.absorption.emission else None
+
+
+def _both(some: Sequence[NDArray], others: Sequence[NDArray]) -> list[NDArray[np.bool_]]:
+    return [one & other for one, other in zip(some, others, strict=True)]

@@ -1,0 +1,130 @@
+"""One frame: its volume from the start that its block gives, and its figures."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.pipeline.build import WeightedSystem
+from tomo.pipeline.evaluate import views_of
+from tomo.pipeline.methods import AUTO, method_named
+from tomo.pipeline.self_absorption import with_own_absorption
+from tomo.pipeline.solve import Solved, solve_by, voxel_means_of
+from tomo.pipeline.view import View
+from tomo.selection import Choice, solve_as_chosen
+from tomo.series.block_system import BlockSystem
+from tomo.series.images import FrameImages
+from tomo.series.plan import Plan
+from tomo.series.systems import weighted
+
+
+@dataclass(frozen=True, eq=False)
+class FrameResult:
+    """The volume of one frame and what is said of it.
+
+    Attributes
+    ----------
+    volume : (nx, ny, nz) float32, optional
+        The mean emission of every voxel; None once it is written.
+    unknowns : (unknowns,) float32, optional
+        The solution itself, from which other frames of the block start.
+    figures : mapping
+        Name to a number, or to a mapping from camera to a number.
+    warnings : tuple of str
+    """
+
+    volume: NDArray[np.float32] | None
+    unknowns: NDArray[np.float32] | None
+    figures: dict[str, float | dict[str, float]]
+    warnings: tuple[str, ...] = ()
+
+
+def solve_frame(
+    plan: Plan,
+    system: BlockSystem,
+    frame: FrameImages,
+    choice: Choice | None,
+    start: NDArray[np.float32] | None = None,
+) -> FrameResult:
+    """Solve one frame and compare it with its images.
+
+    Parameters
+    ----------
+    plan : Plan
+    system : BlockSystem
+    frame : FrameImages
+    choice : Choice, optional
+        How smooth; None for a method that is named.
+    start : (unknowns,) float32, optional
+        The solution of the block's key frame; the frame is solved from scratch when None.
+    """
+    began = time.perf_counter()
+    built = weighted(plan, system, frame)
+    solved, unknowns = _solved(plan, built, choice, start)
+    figures = _figures(plan, system, frame, solved)
+    figures["seconds"] = time.perf_counter() - began
+    return FrameResult(solved.solution.volume, unknowns, figures, frame.warnings)
+
+
+def _solved(
+    plan: Plan, built: WeightedSystem, choice: Choice | None, start: NDArray[np.float32] | None
+) -> tuple[Solved, NDArray[np.float32] | None]:
+    """Return the solution, its volume the voxels' means, and the unknowns to start others from."""
+    options, projector, unknowns = plan.options, built.system.projector, None
+    if choice is None:
+        method = method_named(options.method)
+        found = solve_by(method, options.iterations, built, options)
+    else:
+        if options.iterations is not None:
+            choice = replace(choice, iterations=options.iterations)
+        found = solve_as_chosen(
+            projector, built.measured, choice, weights=built.weights, start=start
+        )
+        unknowns = projector.active.compress(found.volume)
+        found = replace(found, volume=voxel_means_of(projector, unknowns))
+    return with_own_absorption(Solved(found, built), options), unknowns
+
+
+def _figures(
+    plan: Plan, system: BlockSystem, frame: FrameImages, solved: Solved
+) -> dict[str, float | dict[str, float]]:
+    """Return the figures of a volume: its total, and its images against those recorded."""
+    built, volume = solved.built, solved.solution.volume
+    views = views_of(built.system.on_voxel_means, volume, frame.images, frame.masks, built.gains)
+    apart = []
+    if system.apart is not None:
+        other = system.apart
+        if built.absorption.emission:
+            how = {"supersample": plan.options.supersample, "tracer": plan.options.tracer}
+            other = other.with_absorption(built.absorption, volume, **how)
+        apart = views_of(other.on_voxel_means, volume, frame.apart_images, frame.apart_masks)
+    held_out = [view for view in apart if view.name in plan.options.hold_out]
+    alike = {view.name: view.similarity(plan.data_range) for view in held_out}
+    return {
+        "relative_residual": _relative_residual(views),
+        "total_emission": float(volume.sum(dtype=np.float64)) * math.prod(plan.grid.spacing),
+        "view_residual": {view.name: view.relative_residual for view in [*views, *apart]},
+        "view_gain": {view.name: view.gain for view in [*views, *apart]},
+        "psnr": {name: each["psnr"] for name, each in alike.items()},
+        "ssim": {name: each.get("ssim", math.nan) for name, each in alike.items()},
+    }
+
+
+def _relative_residual(views: list[View]) -> float:
+    """Return the residual of all usable pixels of some views, relative to these."""
+    squared = light = 0.0
+    for view in views:
+        usable = view.usable
+        measured = view.measured[usable].astype(np.float64)
+        squared += float(np.sum((measured - view.reprojected[usable]) ** 2))
+        light += float(np.sum(measured**2))
+    return math.sqrt(squared / light) if light > 0 else math.nan
+
+
+def uses_choice(plan: Plan) -> bool:
+    """Return whether frames are solved as smooth as their pixels allow."""
+    return method_named(plan.options.method).name == AUTO

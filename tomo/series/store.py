@@ -1,0 +1,240 @@
+"""The store of a series: a Zarr v3 group that xarray reads, a chunk a frame, a record a block.
+
+Arrays of a block are written first, its chunk of ``complete`` last: a frame counts where that is
+1. Each file is renamed into place, so that a process that is killed leaves no half-written one.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import secrets
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from tomo.grid import VoxelGrid
+from tomo.series.frames import BLOCK
+from tomo.series.solving import FrameResult
+
+FORMAT = "emission-series"
+VERSION = 1
+SUFFIX = ".zarr"
+
+FIGURES = ("relative_residual", "total_emission", "seconds", "warnings")
+"""Figures of a frame, each an array over time."""
+
+CAMERA_FIGURES = ("view_residual", "view_gain", "psnr", "ssim")
+"""Figures of a frame and a camera, each an array over time and camera; NaN where there is none."""
+
+WALL_TIME = ("seconds",)
+"""Arrays that differ from run to run."""
+
+
+class SeriesStore:
+    """A store of frames on disk.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is nothing at ``path``.
+    ValueError
+        If it is no store of a series.
+    """
+
+    def __init__(self, path: str | os.PathLike) -> None:
+        self.path = Path(path)
+        if not self.path.is_dir():
+            raise FileNotFoundError(f"{self.path}: no such store")
+        try:
+            self.group = zarr.open_group(self.path, mode="r+", zarr_format=3)
+        except (FileNotFoundError, ValueError, KeyError, TypeError):
+            raise ValueError(f"{self.path}: not a Zarr v3 group, expected a store") from None
+        self.attributes: dict[str, Any] = dict(self.group.attrs)
+        if self.attributes.get("format") != FORMAT:
+            found = self.attributes.get("format")
+            raise ValueError(f"{self.path}: format: found {found!r}, expected {FORMAT!r}")
+        if self.attributes.get("version") != VERSION:
+            found = self.attributes.get("version")
+            raise ValueError(f"{self.path}: version: found {found!r}, expected {VERSION}")
+        missing = [name for name in _NAMES if name not in self.group]
+        if missing:
+            raise ValueError(f"{self.path}: {missing[0]}: found no such array, expected one")
+
+    def __repr__(self) -> str:
+        return f"SeriesStore({str(self.path)!r})"
+
+    @classmethod
+    def create(
+        cls,
+        path: str | os.PathLike,
+        grid: VoxelGrid,
+        times: Sequence[float],
+        frames: Sequence[int],
+        attributes: Mapping[str, Any],
+    ) -> SeriesStore:
+        """Make an empty store, whole or not at all; open the one that is there, if there is one.
+
+        Parameters
+        ----------
+        path : path-like
+        grid : VoxelGrid
+        times : sequence of float
+            Seconds, or numbers of frames where no frame rate is known.
+        frames : sequence of int
+            The numbers of the frames in their scan.
+        attributes : mapping
+            ``length_unit``, ``value_unit``, ``time_unit``, ``cameras`` and what else is to be
+            known; plain values.
+        """
+        path = Path(path)
+        if path.exists():
+            return cls(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        staging = path.with_name(f".{path.name}.partial-{os.getpid()}-{secrets.token_hex(4)}")
+        try:
+            _write_empty(staging, grid, times, frames, attributes)
+            try:
+                os.rename(staging, path)
+            except OSError:  # another run was faster
+                if not path.is_dir():
+                    raise
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
+        return cls(path)
+
+    @property
+    def grid(self) -> VoxelGrid:
+        """The grid of the volumes."""
+        return VoxelGrid(**self.attributes["grid"])
+
+    @property
+    def n_frames(self) -> int:
+        """Frames that the store is for."""
+        return self.group["emission"].shape[0]
+
+    @property
+    def complete(self) -> NDArray[np.bool_]:
+        """Which frames are complete, ``(frames,)``."""
+        return self.group["complete"][:] == 1
+
+    def is_complete(self, block: range) -> bool:
+        """Return whether the frames of a block are complete."""
+        return bool((self.group["complete"][block.start : block.stop] == 1).all())
+
+    def volume(self, place: int) -> NDArray[np.float32]:
+        """Return the volume of a frame by its place in the store, ``(nx, ny, nz)``.
+
+        Raises
+        ------
+        ValueError
+            If the frame is not complete.
+        """
+        if not self.group["complete"][place]:
+            raise ValueError(f"{self.path}: frame {place}: found it missing, expected a volume")
+        return self.group["emission"][place]
+
+    def write_volume(self, place: int, volume: NDArray[np.float32]) -> None:
+        """Write the volume of a frame; it counts once its block is finished."""
+        self.group["emission"][place] = volume
+
+    def finish(self, block: range, results: Sequence[FrameResult]) -> None:
+        """Write the figures of a block whose volumes are written, and then its record."""
+        at = slice(block.start, block.stop)
+        for name in FIGURES:
+            if name == "warnings":
+                values = [len(one.warnings) for one in results]
+            else:
+                values = [one.figures[name] for one in results]
+            self.group[name][at] = np.array(values, self.group[name].dtype)
+        cameras = self.attributes["cameras"]
+        for name in CAMERA_FIGURES:
+            self.group[name][at] = np.array(
+                [
+                    [one.figures[name].get(camera, math.nan) for camera in cameras]
+                    for one in results
+                ]
+            )
+        self.group["complete"][at] = np.ones(len(block), np.uint8)
+
+    def remove_partial(self, block: range) -> None:
+        """Remove what a killed process left half-written of a block that no other process has."""
+        for place in block:
+            folder = self.path / "emission" / "c" / str(place)
+            for left in folder.rglob("*.partial"):
+                left.unlink(missing_ok=True)
+
+
+def grid_values(grid: VoxelGrid) -> dict[str, list[float]]:
+    """Return a grid as plain values."""
+    return {name: list(getattr(grid, name)) for name in ("shape", "spacing", "center")}
+
+
+def _write_empty(
+    path: Path,
+    grid: VoxelGrid,
+    times: Sequence[float],
+    frames: Sequence[int],
+    attributes: Mapping[str, Any],
+) -> None:
+    """Write a store without frames."""
+    count, cameras = len(times), attributes["cameras"]
+    group = zarr.create_group(
+        path,
+        zarr_format=3,
+        attributes={
+            "format": FORMAT,
+            "version": VERSION,
+            "Conventions": "CF-1.11",
+            "grid": grid_values(grid),
+            **attributes,
+        },
+    )
+
+    def array(name, shape, chunks, dtype, dims, fill=None, **about):
+        return group.create_array(
+            name,
+            shape=shape,
+            chunks=chunks,
+            dtype=dtype,
+            fill_value=fill,
+            dimension_names=dims,
+            attributes=about,
+        )
+
+    unit, length = attributes["value_unit"], attributes["length_unit"]
+    array(
+        "emission", (count, *grid.shape), (1, *grid.shape), "f4", ("time", "x", "y", "z"),
+        math.nan, units=unit, long_name="mean emission of a voxel",
+    )  # fmt: skip
+    coordinates = {"time": (np.asarray(times, np.float64), attributes["time_unit"])}
+    for axis, name in enumerate("xyz"):
+        places = grid.origin[axis] + grid.spacing[axis] * np.arange(grid.shape[axis])
+        coordinates[name] = places, length
+    for name, (values, units) in coordinates.items():
+        array(name, (len(values),), (len(values),), "f8", (name,), units=units)[:] = values
+    array("frame", (count,), (count,), "i8", ("time",), long_name="number in the scan")[:] = frames
+    units = {"total_emission": f"{unit} {length}^3", "seconds": "s", "psnr": "dB"}
+    for name in FIGURES:
+        dtype, fill = ("i4", 0) if name == "warnings" else ("f8", math.nan)
+        array(name, (count,), (BLOCK,), dtype, ("time",), fill, units=units.get(name, "1"))
+    for name in CAMERA_FIGURES:
+        shape, chunks = (count, len(cameras)), (BLOCK, len(cameras))
+        array(
+            name, shape, chunks, "f8", ("time", "camera"), math.nan, units=units.get(name, "1"),
+            cameras=list(cameras),
+        )  # fmt: skip
+    about = "1 where the frame is complete; written after everything else of its block"
+    array("complete", (count,), (BLOCK,), "u1", ("time",), 0, long_name=about)
+
+
+_NAMES = ("emission", "time", "x", "y", "z", "frame", *FIGURES, *CAMERA_FIGURES, "complete")

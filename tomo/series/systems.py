@@ -1,0 +1,73 @@
+"""The equations of a block of frames: one operator, and each frame's pixels and weights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tomo.grid import ActiveVoxels
+from tomo.pipeline.basis import in_basis
+from tomo.pipeline.build import WeightedSystem, weigh_images
+from tomo.pipeline.evaluate import system_apart, trace_apart
+from tomo.pipeline.explain import with_gains
+from tomo.pipeline.trace import trace_views
+from tomo.series.block_system import BlockSystem
+from tomo.series.hulls import hull_of_frames
+from tomo.series.images import FrameImages, usable_in_all
+from tomo.series.plan import Plan
+
+
+def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:
+    """Return the equations of a block: over the union of its frames' hulls.
+
+    A pixel takes part where it is usable in all frames of the block. The equations of the plan
+    serve where the block asks for the same voxels and pixels.
+    """
+    rig, noise = plan.registered.rig, plan.noise
+    active, seen = hull_of_frames(rig, frames, plan.grid, plan.rule, noise, plan.system.active)
+    usable = usable_in_all([frame.masks for frame in frames])
+    pixels = tuple(one & other for one, other in zip(seen, usable, strict=True))
+    known = plan.system
+    if _same(active, known.active) and all(map(np.array_equal, pixels, known.pixels)):
+        return known
+    key = frames[len(frames) // 2]
+    screened = replace(
+        plan.screened,
+        images=key.images,
+        masks=usable,
+        apart_images=key.apart_images,
+        apart_masks=usable_in_all([frame.apart_masks for frame in frames]),
+    )
+    registered = replace(plan.registered, active=active, masks=pixels)
+    traced = trace_views(screened, registered, plan.grid, plan.options)
+    apart = trace_apart(screened, traced.system, plan.options)
+    of_plan = known.built
+    system, _ = in_basis(traced.system, of_plan.basis.name, plan.options.supersample, "")
+    if of_plan.absorption:
+        how = {"supersample": plan.options.supersample, "tracer": plan.options.tracer}
+        system = system.with_absorption(of_plan.absorption, plan.emission, **how)
+    built = replace(of_plan, system=system, choice=None)
+    if apart is not None:
+        apart = system_apart(apart, built, plan.emission, plan.options)
+    return BlockSystem(built, apart, active, pixels)
+
+
+def weighted(plan: Plan, system: BlockSystem, frame: FrameImages) -> WeightedSystem:
+    """Return the equations with the pixels of one frame, corrected by the gains, and weights."""
+    known, of_block = plan.system.built, system.built.system
+    weights = None
+    if known.weighting["used"]:
+        found = weigh_images(plan.registered.rig, plan.grid, frame.images, frame.masks, plan.noise)
+        weights = None if found.images is None else of_block.flatten(found.images)
+    built = replace(
+        system.built, measured=of_block.flatten(frame.images), weights=weights, gains=None
+    )
+    return with_gains(built, known.gains)
+
+
+def _same(one: ActiveVoxels, other: ActiveVoxels) -> bool:
+    if one.all or other.all:
+        return one.all and other.all
+    return np.array_equal(one.index, other.index)
