@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Callable, Sequence
 
+from tomo.pipeline.options import Options
 from tomo.scan import Scan
 
 BLOCK = 8
@@ -30,16 +32,28 @@ def choose_frames(scan: Scan, text: str) -> tuple[int, ...]:
         If a part is no slice and no frame's name, reaches past the last frame, holds no frame,
         or one frame is asked for twice.
     """
-    count, found = len(scan.frames), []
     places = {name: place for place, name in enumerate(scan.frame_names)}
+    return slices_of(text, len(places), lambda name: places[scan.frame(name).name])
+
+
+def slices_of(text: str, count: int, named: Callable[[str], int] | None = None) -> tuple[int, ...]:
+    """Return the places that slices, and names where there is who knows them, stand for.
+
+    Raises
+    ------
+    ValueError
+        See `choose_frames`.
+    """
+    found: list[int] = []
     for part in (one.strip() for one in text.split(",")):
         match = _SLICE.fullmatch(part)
-        found += _of_slice(match, part, count) if match else [places[scan.frame(part).name]]
+        if match is None and named is None:
+            raise ValueError(f"frames: found {part!r}, expected a slice like 0:1000:2")
+        found += _of_slice(match, part, count) if match else [named(part)]
     chosen = tuple(sorted(found))
     for one, other in itertools.pairwise(chosen):
         if one == other:
-            name = scan.frames[one].name
-            raise ValueError(f"frames: found frame {name!r} twice in {text!r}, expected it once")
+            raise ValueError(f"frames: found frame {one} twice in {text!r}, expected it once")
     return chosen
 
 
@@ -81,3 +95,8 @@ def spread(count: int, wanted: int) -> tuple[int, ...]:
     """
     wanted = min(count, wanted)
     return tuple((2 * place + 1) * count // (2 * wanted) for place in range(wanted))
+
+
+def key_places(places: Sequence[int], options: Options) -> tuple[int, ...]:
+    """Return the places in the scan of the key frames of a series."""
+    return tuple(places[one] for one in spread(len(places), options.key_frames))

@@ -65,16 +65,15 @@ def read_ahead(items: Iterator[T], most: int) -> Iterator[Iterator[T]]:
 def write_behind(write: Callable[[T], None], most: int) -> Iterator[Callable[[T], None]]:
     """Yield what takes items for ``write``, which a thread calls, in order; at most so many wait.
 
-    What ``write`` raises is raised by the next item, or at the end of the block. All items are
-    written when the block ends well; when it raises, those that wait are not.
+    What ``write`` raises is raised by the next item, or at the end of the block. The block ends
+    when all items are written, also when it raises.
     """
     waiting: queue.Queue[Any] = queue.Queue(most)
     failed: list[BaseException] = []
-    given_up = threading.Event()
 
     def work() -> None:
         while (item := waiting.get()) is not _END:
-            if failed or given_up.is_set():
+            if failed:
                 continue  # so that nobody waits to put
             try:
                 write(item)
@@ -90,9 +89,6 @@ def write_behind(write: Callable[[T], None], most: int) -> Iterator[Callable[[T]
     writer.start()
     try:
         yield put
-    except BaseException:
-        given_up.set()
-        raise
     finally:
         waiting.put(_END)
         writer.join()

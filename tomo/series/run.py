@@ -22,10 +22,10 @@ from tomo.series.frames import BLOCK, blocks_of, choose_frames, key_of
 from tomo.series.images import FrameImages, reader_of
 from tomo.series.overlap import read_ahead, write_behind
 from tomo.series.plan import Plan
-from tomo.series.same_run import attributes_of, check_same_run
+from tomo.series.same_run import attributes_of_plan, attributes_of_run, check_same_run
 from tomo.series.settle import check_series_options, choose, make_plan
 from tomo.series.solving import FrameResult, solve_frame, uses_choice
-from tomo.series.store import SeriesStore, grid_values
+from tomo.series.store import SeriesStore
 from tomo.series.systems import system_of_block
 
 if TYPE_CHECKING:
@@ -69,15 +69,20 @@ def reconstruct_series(
     check_series_options(options, scan, grid)
     places = choose_frames(scan, options.frames or ":")
     _check_images(scan, places)
+    attributes = attributes_of_run(scan, grid, options, places)
     known = SeriesStore(path) if Path(path).exists() else None
+    if known is not None:
+        check_same_run(known, attributes)
+        if known.complete.all():
+            return known
     plan = make_plan(scan, grid, options, places, progress)
-    attributes = attributes_of(plan)
+    attributes |= attributes_of_plan(plan)
     if known is None:
         _check_room(Path(path), plan)
         rate = scan.frame_rate or 1.0
         times = [place / rate for place in places]
         known = SeriesStore.create(path, grid, times, places, attributes)
-    check_same_run(known, {**attributes, "grid": grid_values(grid)})
+    check_same_run(known, attributes)
     run_plan(plan, known, progress)
     return known
 

@@ -3,51 +3,68 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
 from rigs.files.rig_yaml import rig_to_yaml
-from tomo.pipeline.load import load
+from tomo.grid import VoxelGrid
+from tomo.pipeline.options import Options
 from tomo.pipeline.report_json import plain, versions
-from tomo.series.frames import BLOCK
+from tomo.scan import Scan
+from tomo.series.frames import BLOCK, key_places
 from tomo.series.plan import Plan
 from tomo.series.store import SeriesStore
 
-COMPARED = ("options", "scan", "rig", "grid", "block", "plan")
+COMPARED = ("grid", "rig", "options", "scan", "block", "plan")
 """Attributes that decide the bits of a volume."""
 
 COMPARED_VERSIONS = ("flametomo", "numpy", "numba", "scipy")
 """Packages whose other versions may round otherwise."""
 
 
-def attributes_of(plan: Plan) -> dict[str, Any]:
-    """Return the attributes of a plan's store: options, scan, rig, plan, versions and units."""
-    scan, rate = plan.scan, plan.scan.frame_rate
-    first = scan.frames[plan.places[0]].name
+def attributes_of_run(
+    scan: Scan, grid: VoxelGrid, options: Options, places: Sequence[int]
+) -> dict[str, Any]:
+    """Return the attributes of a store that are known before the plan is made.
+
+    Parameters
+    ----------
+    scan : Scan
+    grid : VoxelGrid
+    options : Options
+    places : sequence of int
+        The frames, by their places in the scan.
+    """
+    rate, keys = scan.frame_rate, key_places(places, options)
     return plain(
         {
-            "options": plan.options.to_mapping(),
+            "options": options.to_mapping(),
             "scan": {
-                "frames": _names(plan),
+                "frames": [scan.frames[place].name for place in places],
                 "scale": scan.shrink,
                 "frame_rate": rate,
-                "corrections": _corrections(plan),
-                "key_images": _checksum(plan),
+                "corrections": _corrections(scan),
+                "key_images": _checksum(scan.without(*options.hold_out), keys),
             },
             "rig": yaml.safe_load(rig_to_yaml(scan.rig)),
+            "grid": {name: list(getattr(grid, name)) for name in ("shape", "spacing", "center")},
             "block": BLOCK,
-            "plan": plan.report(),
             "cameras": list(scan.rig.names),
             "length_unit": scan.rig.length_unit,
-            "value_unit": scan.value_unit(first),
+            "value_unit": scan.value_unit(scan.frames[places[0]].name),
             "time_unit": "1" if rate is None else "s",
             "versions": versions(),
-            "plan_warnings": list(plan.warnings),
         }
     )
+
+
+def attributes_of_plan(plan: Plan) -> dict[str, Any]:
+    """Return the attributes of a store that say what was settled for all frames."""
+    return plain({"plan": plan.report(), "plan_warnings": list(plan.warnings)})
 
 
 def check_same_run(store: SeriesStore, attributes: Mapping[str, Any]) -> None:
@@ -58,9 +75,11 @@ def check_same_run(store: SeriesStore, attributes: Mapping[str, Any]) -> None:
     ValueError
         One line with what differs.
     """
-    pairs = [(name, store.attributes.get(name), attributes.get(name)) for name in COMPARED]
-    known, ours = (one.get("versions") or {} for one in (store.attributes, attributes))
-    pairs += [(f"versions.{n}", known.get(n), ours.get(n)) for n in COMPARED_VERSIONS]
+    known = store.attributes
+    pairs = [(name, known.get(name), attributes[name]) for name in COMPARED if name in attributes]
+    if "versions" in attributes:
+        theirs, ours = known.get("versions") or {}, attributes["versions"]
+        pairs += [(f"versions.{n}", theirs.get(n), ours.get(n)) for n in COMPARED_VERSIONS]
     for name, found, wanted in pairs:
         for where, one, other in _differences(name, found, wanted):
             raise ValueError(
@@ -87,30 +106,25 @@ def _short(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:60]} ... ({len(text)} characters)"
 
 
-def _names(plan: Plan) -> list[str]:
-    return [plan.scan.frames[place].name for place in plan.places]
-
-
-def _corrections(plan: Plan) -> dict[str, Any]:
+def _corrections(scan: Scan) -> dict[str, Any]:
     """Return the corrections, images of them by their check sums."""
 
     def each(value: Any) -> Any:
         if isinstance(value, Mapping):
             return {name: each(one) for name, one in value.items()}
+        if isinstance(value, Path):
+            return f"{value.name}: {zlib.crc32(value.read_bytes())}"
         if isinstance(value, np.ndarray):
             return zlib.crc32(np.ascontiguousarray(value).tobytes())
-        return str(value.name) if hasattr(value, "name") else value
+        return value
 
-    return {name: each(value) for name, value in vars(plan.scan.corrections).items()}
+    return {name: each(value) for name, value in vars(scan.corrections).items()}
 
 
-def _checksum(plan: Plan) -> int:
-    """Return a check sum of the key frames' images, corrected."""
+def _checksum(scan: Scan, places: Sequence[int]) -> int:
+    """Return a check sum of the images of some frames, corrected."""
     found = 0
-    for place in plan.keys:
-        loaded = load(plan.scan, plan.scan.frames[place].name)
-        held = plan.options.hold_out
-        for name, image in zip(plan.scan.rig.names, loaded.images, strict=True):
-            if name not in held:
-                found = zlib.crc32(np.ascontiguousarray(image).tobytes(), found)
+    for place in places:
+        for image in scan.images(scan.frames[place].name):
+            found = zlib.crc32(np.ascontiguousarray(image).tobytes(), found)
     return found

@@ -31,7 +31,7 @@ from tomo.pipeline.trace import trace_views
 from tomo.scan import Scan
 from tomo.selection import Choice, choose_by_left_out_pixels
 from tomo.series.block_system import BlockSystem
-from tomo.series.frames import spread
+from tomo.series.frames import key_places
 from tomo.series.hulls import hull_of_frames, rule_of
 from tomo.series.images import FrameImages, images_of, mean_of_frames
 from tomo.series.plan import Plan
@@ -94,7 +94,7 @@ def make_plan(
     progress : callable, optional
     """
     warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)
-    keys = tuple(places[place] for place in spread(len(places), options.key_frames))
+    keys = key_places(places, options)
     loaded = [load(scan, scan.frames[place].name) for place in keys]
     screened = screen(
         mean_of_frames(scan, loaded),

@@ -81,6 +81,8 @@ def _solved(
     else:
         if options.iterations is not None:
             choice = replace(choice, iterations=options.iterations)
+        if not built.measured.any():
+            start = None  # from scratch a dark frame is exactly dark
         found = solve_as_chosen(
             projector, built.measured, choice, weights=built.weights, start=start
         )

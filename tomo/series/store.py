@@ -174,11 +174,6 @@ class SeriesStore:
                 left.unlink(missing_ok=True)
 
 
-def grid_values(grid: VoxelGrid) -> dict[str, list[float]]:
-    """Return a grid as plain values."""
-    return {name: list(getattr(grid, name)) for name in ("shape", "spacing", "center")}
-
-
 def _write_empty(
     path: Path,
     grid: VoxelGrid,
@@ -195,7 +190,7 @@ def _write_empty(
             "format": FORMAT,
             "version": VERSION,
             "Conventions": "CF-1.11",
-            "grid": grid_values(grid),
+            "grid": {n: list(getattr(grid, n)) for n in ("shape", "spacing", "center")},
             **attributes,
         },
     )

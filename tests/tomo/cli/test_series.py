@@ -1,0 +1,112 @@
+import json
+
+import numpy as np
+import pytest
+import tifffile
+
+from rigs import ring, save_rig
+from tomo import VoxelGrid
+from tomo.operators import LinearSystem
+
+
+@pytest.fixture(scope="module")
+def films(tmp_path_factory):
+    """Return the arguments for a rig and the films of a blob that moves along."""
+    folder = tmp_path_factory.mktemp("films")
+    grid = VoxelGrid((10, 10, 10), 1.0)
+    rig = ring(4, distance=200.0, image_size=(20, 20), footprint=0.8, pitch_degrees=10.0)
+    system = LinearSystem.from_rig(rig, grid, skip=False)
+    x, y, z = np.moveaxis(grid.centers(), -1, 0)
+    films = {name: [] for name in rig.names}
+    for time in range(5):
+        volume = np.exp(-((x - 0.4 * time + 1) ** 2 + y**2 + (z + 1) ** 2) / 4)
+        images = system.images(system.projector @ volume.ravel().astype(np.float32))
+        for name, image in zip(rig.names, images, strict=True):
+            films[name].append(np.round(image * 8000).astype(np.uint16))
+    for name, pages in films.items():
+        tifffile.imwrite(folder / f"{name}.tif", np.array(pages), photometric="minisblack")
+    save_rig(rig, folder / "rig.yaml")
+    return [
+        "--rig", folder / "rig.yaml", "--images", folder, "--grid", "10x10x10", "--spacing", "1",
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made(films, run_tool, tmp_path_factory):
+    out = tmp_path_factory.mktemp("made") / "out.zarr"
+    done = run_tool(
+        "reconstruct", *films, "--frames", "0:5:2", "--hold-out", "cam01", "-o", out, "--json"
+    )
+    assert done.exit_code == 0, done.stderr
+    return out, done
+
+
+def test_films_become_a_store_and_its_figures(made):
+    out, done = made
+    report = json.loads(done.stdout)
+    assert report["store"] == str(out)
+    assert report["frames"] == report["complete"] == 3
+    assert report["held_out"]["cam01"]["psnr"] > 40
+    assert "held out cam01, mean: psnr" in done.stderr
+
+
+def test_the_same_command_again_changes_nothing(made, films, run_tool):
+    out, _ = made
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
+    done = run_tool("reconstruct", *films, "--frames", "0:5:2", "--hold-out", "cam01", "-o", out)
+    assert done.exit_code == 0
+    assert "3 of 3 frames" in done.stderr
+    assert before == {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
+
+
+def test_exports_are_written(made, run_tool, tmp_path):
+    out, _ = made
+    done = run_tool("export", out, "--to", "pvd", "-o", tmp_path / "flame.pvd", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["frames"] == 3
+    names = sorted(path.name for path in (tmp_path / "flame_frames").iterdir())
+    assert names == ["frame_000000.vti", "frame_000002.vti", "frame_000004.vti"]
+    done = run_tool("export", out, "--to", "npz", "--frames", "1:2", "-o", tmp_path / "volumes")
+    assert [path.name for path in (tmp_path / "volumes").iterdir()] == ["frame_000002.npz"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["--frames", "0:9", "-o", "out.zarr"], "frames: found '0:9', expected numbers up to 5"),
+        (["--frames", ":", "-o", "out"], "-o: found"),
+        (["--frames", ":", "--frame", "3", "-o", "out.zarr"], "frame: found '3' with frames"),
+        (["--frames", ":", "--compare", "mlem", "-o", "out.zarr"], "compare: found"),
+        (["--frames", ":", "--key-frames", "0", "-o", "out.zarr"], "--key-frames: found '0'"),
+    ],
+)
+def test_wrong_requests_are_one_line(films, run_tool, tmp_path, monkeypatch, arguments, part):
+    monkeypatch.chdir(tmp_path)
+    done = run_tool("reconstruct", *films, *arguments)
+    assert done.exit_code == 2
+    line = done.stderr.strip().splitlines()[-1]
+    assert line.startswith("error: ")
+    assert part in line
+    assert not (tmp_path / "out.zarr").exists()
+
+
+def test_other_options_on_a_store_are_one_line(made, films, run_tool):
+    out, _ = made
+    done = run_tool("reconstruct", *films, "--frames", "0:5:2", "-o", out)
+    assert done.exit_code == 2
+    assert "options.hold_out: found ['cam01'] in the store, and now []" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["none.zarr", "--to", "pvd", "-o", "a.pvd"], "none.zarr: no such store"),
+        (["STORE", "--to", "mp4", "-o", "a.mp4"], "to: found 'mp4'"),
+        (["STORE", "--to", "npz", "--frames", "0:7", "-o", "a"], "numbers up to 3"),
+    ],
+)
+def test_wrong_exports_are_one_line(made, run_tool, tmp_path, monkeypatch, arguments, part):
+    monkeypatch.chdir(tmp_path)
+    done = run_tool("export", *[made[0] if one == "STORE" else one for one in arguments])
+    assert done.exit_code == 2
+    assert part in done.stderr

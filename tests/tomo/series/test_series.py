@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+
+from tomo import Options, Scan, reconstruct
+from tomo.metrics import nrmse
+from tomo.series import reconstruct_series
+from tomo.series.frames import blocks_of, key_of
+from tomo.series.images import reader_of
+from tomo.series.run import solve_block
+from tomo.series.settle import make_plan
+
+
+@pytest.fixture(scope="module")
+def plan(film):
+    places = tuple(range(len(film.truths)))
+    return make_plan(film.scan, film.grid, film.options, places)
+
+
+def volumes_of(plan, block):
+    read = reader_of(plan.scan, plan.screened)
+    found = solve_block(plan, block, [read(plan.places[place]) for place in block])
+    return {place: result.volume for place, result in found}
+
+
+def test_volumes_are_as_good_as_those_of_single_frames(film, undisturbed):
+    for place in (0, 4, 9):
+        alone = reconstruct(
+            film.scan,
+            options=Options(
+                frame=f"frame_{place:03d}", hold_out=film.options.hold_out, uncertainty=0
+            ),
+        )
+        ours = nrmse(undisturbed.volume(place), film.truths[place])
+        assert ours < 1.1 * nrmse(alone.volume, film.truths[place])
+        assert ours < 0.1
+
+
+def test_every_frame_is_complete_and_has_its_figures(film, undisturbed):
+    assert undisturbed.complete.all()
+    held_out = film.rig.names.index(film.options.hold_out[0])
+    psnr = undisturbed.group["psnr"][:]
+    assert np.isfinite(psnr[:, held_out]).all()
+    assert np.isnan(np.delete(psnr, held_out, axis=1)).all()
+    assert (undisturbed.group["relative_residual"][:] < 0.2).all()
+    totals = [float(truth.sum()) for truth in film.truths]
+    np.testing.assert_allclose(undisturbed.group["total_emission"][:], totals, rtol=0.05)
+
+
+def test_a_block_alone_has_the_bits_that_it_has_among_others(plan, undisturbed):
+    first, last = blocks_of(undisturbed.n_frames)
+    for place, volume in {**volumes_of(plan, last), **volumes_of(plan, first)}.items():
+        assert np.array_equal(volume, undisturbed.volume(place))
+
+
+def test_bits_do_not_depend_on_the_number_of_threads(plan, on_threads):
+    block = blocks_of(11)[1]
+    with on_threads(1):
+        one = volumes_of(plan, block)
+    with on_threads(2):
+        two = volumes_of(plan, block)
+    assert all(np.array_equal(one[place], two[place]) for place in block)
+
+
+def test_held_out_images_change_no_bit_of_a_volume(film, undisturbed, tmp_path):
+    rng = np.random.default_rng(0)
+    name = film.options.hold_out[0]
+    noise = rng.uniform(0, 3, film.images[name].shape)
+    scan = Scan.from_arrays(film.rig, {**film.images, name: noise}, film.grid)
+    other = reconstruct_series(scan, tmp_path / "noise.zarr", options=film.options)
+    for place in range(other.n_frames):
+        assert np.array_equal(other.volume(place), undisturbed.volume(place))
+    assert not np.array_equal(other.group["psnr"][:], undisturbed.group["psnr"][:])
+
+
+def test_light_that_no_key_frame_shows_is_reconstructed(film, tmp_path):
+    """The voxels of a block are those of its own frames, not of the key frames."""
+    dark = {name: np.zeros_like(images) for name, images in film.images.items()}
+    for name, images in film.images.items():
+        dark[name][:8] = images[:1]  # the key frames show the first moment alone
+        dark[name][8:] = images[8:]
+    scan = Scan.from_arrays(film.rig, dark, film.grid)
+    options = Options(frames=":", key_frames=1)
+    store = reconstruct_series(scan, tmp_path / "out.zarr", options=options)
+    for place in (8, 10):
+        assert nrmse(store.volume(place), film.truths[place]) < 0.1
+
+
+def test_dark_frames_are_dark_volumes(film, tmp_path):
+    images = {name: each.copy() for name, each in film.images.items()}
+    for each in images.values():
+        each[2] = 0
+        each[8:] = 0
+    scan = Scan.from_arrays(film.rig, images, film.grid)
+    options = Options(frames=":", key_frames=3)
+    store = reconstruct_series(scan, tmp_path / "out.zarr", options=options)
+    for place in (2, 8, 10):
+        assert not store.volume(place).any()
+    assert nrmse(store.volume(4), film.truths[4]) < 0.1
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        Options(frames="0:9", method="mlem", iterations=15),
+        Options(frames="0:9", choose_each=True, basis="voxel"),
+        Options(frames="0:3", skip=False, fit_gain=True, iterations=8),
+        Options(frames="0:3", carving="off", screen=False, align=False, projector="on-the-fly"),
+    ],
+    ids=lambda options: f"{options.method}-{options.basis}-{options.projector}",
+)
+def test_other_options_serve_series_too(film, options, tmp_path):
+    store = reconstruct_series(film.scan, tmp_path / "out.zarr", options=options)
+    assert nrmse(store.volume(1), film.truths[1]) < 0.2
+    assert store.complete.all()
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        (Options(frames=":", compare=("mlem",)), "compare"),
+        (Options(frames=":", time_limit=3.0), "time_limit"),
+        (Options(frames=":", uncertainty=30), "uncertainty"),
+        (Options(frames=":", method="wernet"), "method"),
+        (Options(frames=":", frame="3"), "frame"),
+        (Options(frames=":", hold_out=("nobody",)), "nobody"),
+    ],
+)
+def test_options_for_single_frames_are_refused(film, options, part, tmp_path):
+    with pytest.raises(ValueError, match=part):
+        reconstruct_series(film.scan, tmp_path / "out.zarr", options=options)
+    assert not (tmp_path / "out.zarr").exists()
+
+
+def test_key_frames_start_their_blocks(plan):
+    block = blocks_of(11)[0]
+    read = reader_of(plan.scan, plan.screened)
+    frames = [read(plan.places[place]) for place in block]
+    assert next(solve_block(plan, block, frames))[0] == key_of(block)

@@ -1,0 +1,55 @@
+"""``flametomo export``: the frames of a store as files of other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tomo.cli.console import JsonFlag, print_json, progress_bar, say
+from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.outputs import check_output_folder
+
+EXAMPLES = """
+flametomo export out.zarr --to pvd -o flame.pvd
+flametomo export out.zarr --to npz --frames 0:100:10 -o volumes
+"""
+
+
+def export(
+    store: Annotated[
+        Path, typer.Argument(metavar="STORE", help="The store that reconstruct --frames wrote.")
+    ],
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", metavar="OUT", help="The file or folder to write."),
+    ],
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="FORMAT",
+            help="pvd: a collection for ParaView beside a folder of .vti files. npz: a folder of "
+            "NumPy files.",
+        ),
+    ],
+    frames: Annotated[
+        str,
+        typer.Option(metavar="A:B:C", help="A slice of the store's frames, counted from 0."),
+    ] = ":",
+    json: JsonFlag = False,
+) -> None:
+    """Write the frames of a store for other programs."""
+    with bad_input_in_one_line():
+        from tomo.series.export import export_series
+        from tomo.series.frames import slices_of
+        from tomo.series.store import SeriesStore
+
+        opened = SeriesStore(store)
+        places = slices_of(frames, opened.n_frames)
+        check_output_folder(out.parent)
+        with progress_bar("export") as progress:
+            written = export_series(opened, out, to, places, progress=progress)
+    say(f"{written}: {len(places)} frames of {store}")
+    if json:
+        print_json({"store": str(store), "out": str(written), "to": to, "frames": len(places)})
