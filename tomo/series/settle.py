@@ -31,11 +31,15 @@ from tomo.pipeline.trace import trace_views
 from tomo.scan import Scan
 from tomo.selection import Choice, choose_by_left_out_pixels
 from tomo.series.block_system import BlockSystem
-from tomo.series.frames import key_places
+from tomo.series.frames import key_places, spread
 from tomo.series.hulls import hull_of_frames, rule_of
 from tomo.series.images import FrameImages, images_of, mean_of_frames
 from tomo.series.plan import Plan
 from tomo.series.systems import weighted
+
+CHOOSING = 3
+"""Key frames of which each says how smooth volumes are to be. More: planning takes long, though
+frames of one film agree. Fewer: one odd frame decides for all."""
 
 REFUSED = {
     "compare": (),
@@ -127,7 +131,8 @@ def make_plan(
     )  # fmt: skip
     if method_named(options.method).name != AUTO or options.choose_each:
         return plan
-    choices = tuple(choose(plan, system, frame, progress) for frame in frames)
+    telling = [frames[place] for place in spread(len(frames), CHOOSING)]
+    choices = tuple(choose(plan, system, frame, progress) for frame in telling)
     return replace(plan, choices=choices, choice=middle(choices))
 
 

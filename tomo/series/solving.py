@@ -19,6 +19,7 @@ from tomo.selection import Choice, solve_as_chosen
 from tomo.series.block_system import BlockSystem
 from tomo.series.images import FrameImages
 from tomo.series.plan import Plan
+from tomo.series.starts import shortened, start_from
 from tomo.series.systems import weighted
 
 
@@ -48,7 +49,7 @@ def solve_frame(
     system: BlockSystem,
     frame: FrameImages,
     choice: Choice | None,
-    start: NDArray[np.float32] | None = None,
+    key: NDArray[np.float32] | None = None,
 ) -> FrameResult:
     """Solve one frame and compare it with its images.
 
@@ -59,30 +60,32 @@ def solve_frame(
     frame : FrameImages
     choice : Choice, optional
         How smooth; None for a method that is named.
-    start : (unknowns,) float32, optional
+    key : (unknowns,) float32, optional
         The solution of the block's key frame; the frame is solved from scratch when None.
     """
     began = time.perf_counter()
     built = weighted(plan, system, frame)
-    solved, unknowns = _solved(plan, built, choice, start)
+    solved, unknowns = _solved(plan, built, choice, key)
     figures = _figures(plan, system, frame, solved)
     figures["seconds"] = time.perf_counter() - began
     return FrameResult(solved.solution.volume, unknowns, figures, frame.warnings)
 
 
 def _solved(
-    plan: Plan, built: WeightedSystem, choice: Choice | None, start: NDArray[np.float32] | None
+    plan: Plan, built: WeightedSystem, choice: Choice | None, key: NDArray[np.float32] | None
 ) -> tuple[Solved, NDArray[np.float32] | None]:
     """Return the solution, its volume the voxels' means, and the unknowns to start others from."""
-    options, projector, unknowns = plan.options, built.system.projector, None
+    options, projector, unknowns, start = plan.options, built.system.projector, None, None
     if choice is None:
         method = method_named(options.method)
         found = solve_by(method, options.iterations, built, options)
     else:
+        if key is not None:
+            start = start_from(projector, built.measured, key)
         if options.iterations is not None:
             choice = replace(choice, iterations=options.iterations)
-        if not built.measured.any():
-            start = None  # from scratch a dark frame is exactly dark
+        elif start is not None:
+            choice = shortened(choice)
         found = solve_as_chosen(
             projector, built.measured, choice, weights=built.weights, start=start
         )
