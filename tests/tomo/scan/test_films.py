@@ -6,8 +6,8 @@ import tifffile
 import yaml
 
 import rigs
+from rigs.recordings.tiff_stack import TiffStack
 from tomo import load_scan, scan_of_images
-from tomo.scan.films import Film
 
 
 @pytest.fixture
@@ -73,7 +73,9 @@ def test_frames_that_a_late_camera_lacks_are_named_when_read(films):
 def test_one_page_at_a_time_is_read(films, monkeypatch):
     folder, _ = films
     read = []
-    monkeypatch.setattr(Film, "read", lambda self, place: read.append(place) or np.zeros((4, 5)))
+    monkeypatch.setattr(
+        TiffStack, "read", lambda self, place: read.append(place) or np.zeros((4, 5))
+    )
     scan = scan_of_images(folder / "rig.yaml", folder)
     assert not read
     scan.images("5")
