@@ -37,7 +37,7 @@ def looks_like(path: Path, head: str) -> bool:
     if path.is_dir():
         return bool(_files_of(path))
     return path.suffix == _SUFFIX or bool(
-        re.search(r"""^\s*['"](?:lens_?model|distortion_model)['"]\s*:""", head, re.MULTILINE)
+        re.search(r"""^[ \t]*+['"](?:lens_?model|distortion_model)['"]\s*:""", head, re.MULTILINE)
         and re.search(r"""['"]imagersize['"]""", head)
     )
 

@@ -24,13 +24,10 @@ from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Solved, Watch, choice_of, solve_by
 from tomo.pipeline.stage import Record, as_warning, timed
-from tomo.screening.hypotheses import SURE
+from tomo.screening.hypotheses import SURE, WORTH
 from tomo.selection.folds import LEFT_OUT
 
-_WORDS = {
-    "upstream emission": "self-absorption",
-    "off the axis, squared": "vignetting",
-}
+_WORDS = {"upstream emission": "self-absorption", "off the axis, squared": "vignetting"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +117,7 @@ def _learned(
     solved: Solved, options: Options, watch: Watch | None, progress: Progress | None
 ) -> tuple[Solved, dict[str, Any]]:
     """Return the solution by learned weights if these predict left-out pixels better."""
-    from tomo.wernet.default import LeftOut, learn_shared
+    from tomo.wernet.default import UPSTREAM, VIGNETTING, LeftOut, learn_shared
 
     built, choice = solved.built, choice_of(solved)
     voxels = _through_gas(traced_again(built.system, options), solved, options)
@@ -135,6 +132,10 @@ def _learned(
     pixels = LeftOut.of(sample.projector, built.measured[kept], sample.blocks(BLOCK), weights)
     volume = voxels.projector.active.compress(solved.solution.volume)
     found = learn_shared(pixels, choice, volume)
+    lengths, learned = found.residuals
+    if UPSTREAM in found.terms and learned**2 >= WORTH * lengths**2:
+        # details finer than voxels look like it, and the explanations did not find it either
+        found = learn_shared(pixels, choice, volume, (VIGNETTING,))
     report = {
         "tried": not math.isnan(found.residuals[1]),
         "found": list(found.terms),

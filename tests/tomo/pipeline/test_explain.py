@@ -57,7 +57,9 @@ def test_self_absorption_is_corrected_and_said(outcome, absorbing):
     assert "--no-fit-absorption" in line
     plain = reconstruct(
         absorbing,
-        options=Options(fit_absorption=False, fit_gain=False, hold_out=[HELD_OUT], uncertainty=0),
+        options=Options(
+            fit_absorption=False, fit_gain=False, learn=False, hold_out=[HELD_OUT], uncertainty=0
+        ),
     )
     assert error(outcome) < 0.5 * error(plain)
     assert plain.explanation is None

@@ -44,7 +44,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "candidate": ["LearnedShared", "learn_shared"],
+        "candidate": ["UPSTREAM", "VIGNETTING", "LearnedShared", "learn_shared"],
         "correction": ["CorrectionEncoder", "ViewParameters"],
         "learned_weights": ["LearnedWeights", "Profile"],
         "left_out": ["LeftOut"],

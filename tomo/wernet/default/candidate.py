@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache
 
@@ -16,7 +17,7 @@ from tomo.wernet.default.ray_features import TERMS, RayFeatures
 from tomo.wernet.default.ray_weights import RayWeights
 from tomo.wernet.default.variable_projection import fit_parametric_terms
 
-SHARED = TERMS[1:]
+UPSTREAM, VIGNETTING = SHARED = TERMS[1:]
 """Upstream emission and vignetting. Depth leaves the scale of the volume open: an even medium is
 fitted with its scale before."""
 
@@ -41,7 +42,12 @@ class LearnedShared:
     residuals: tuple[float, float]
 
 
-def learn_shared(pixels: LeftOut, choice: Choice, volume: NDArray[np.float32]) -> LearnedShared:
+def learn_shared(
+    pixels: LeftOut,
+    choice: Choice,
+    volume: NDArray[np.float32],
+    terms: Collection[str] = SHARED,
+) -> LearnedShared:
     """Learn the global terms that predict left-out pixels better than segment lengths.
 
     Parameters
@@ -53,15 +59,17 @@ def learn_shared(pixels: LeftOut, choice: Choice, volume: NDArray[np.float32]) -
     volume : (unknowns,) float32
         The solution with segment lengths. Where its residuals promise nothing, it is all that is
         looked at.
+    terms : collection of str
+        Those of `SHARED` to look for.
     """
     projector = pixels.projector
     many = bool(np.count_nonzero(np.diff(projector.view_ptr)) > FEW_VIEWS)
     features = RayFeatures.of(projector, per_view=many)
     unit = float(np.sqrt(np.mean(np.square(pixels.measured, dtype=np.float64)))) or 1.0
     lengths = cache(lambda: pixels.judge(projector, choice))
-    terms = {TERMS.index(name) for name in SHARED}
+    numbers = {TERMS.index(name) for name in terms}
     parameters, tried = fit_parametric_terms(
-        pixels, features, choice, unit, lengths, terms, volume=volume
+        pixels, features, choice, unit, lengths, numbers, volume=volume
     )
     if tried is None:
         return LearnedShared(None, (), (np.nan, np.nan))

@@ -28,7 +28,8 @@ class Judged(NamedTuple):
     """Weights with the volume that they make of the training pixels.
 
     ``volume``, (unknowns,) float32, holds the means of the voxels; ``errors`` are the squared
-    errors of the left-out pixels, one number a block; ``training_residual`` is relative.
+    errors of the left-out blocks' means, see `Fold.squared_means`; ``training_residual`` is
+    relative.
     """
 
     volume: NDArray[np.float32]
@@ -95,7 +96,7 @@ class LeftOut:
             fold.training, fold.training_pixels, choice, weights=fold.training_weights
         )
         active = weighted.active
-        errors = fold.squared_errors(active.compress(found.volume))
+        errors = fold.squared_means(active.compress(found.volume))
         means = active.compress(weighted.voxel_means(found.volume))
         return Judged(means, errors, found.relative_residual)
 
@@ -115,12 +116,13 @@ class LeftOut:
         return judged
 
     def residual(self, judged: Judged | None) -> float:
-        """Return the relative residual of left-out pixels; NaN for None."""
+        """Return the relative residual of the left-out blocks' means; NaN for None."""
         return float(np.sqrt(judged.errors.sum() / self._light)) if judged else np.nan
 
     @cached_property
     def _light(self) -> float:
-        return self._fold(self.projector).squared_light or 1.0
+        dark = np.zeros(self.projector.shape[1], np.float32)
+        return float(self._fold(self.projector).squared_means(dark).sum()) or 1.0
 
     def _fold(self, weighted: ProjectionOperator) -> Fold:
         return Fold.leaving_out(self.held, weighted, self.measured, self.weights, self.blocks)
