@@ -109,7 +109,7 @@ def register(
         alignment = align_views(rig, images, grid, masks=masks) if align else None
         if alignment is not None:
             rig = alignment.rig(rig)
-            stage.warnings += _of_alignment(alignment, rig, unmodelled_light)
+            stage.warnings += shift_warnings(alignment, rig, unmodelled_light)
         refinement = None
         if refining is not None:  # of the shifted images: the other cameras are in place
             skip = margin is not None
@@ -162,7 +162,8 @@ def displacement_warning(
     return [displacement.warning(names, _advice(advice, unmodelled_light))]
 
 
-def _of_alignment(found: Alignment, rig: Rig, unmodelled_light: bool) -> list[str]:
+def shift_warnings(found: Alignment, rig: Rig, unmodelled_light: bool) -> list[str]:
+    """Return the line on images that were shifted to agree, if they were."""
     if not found.accepted:
         return []
     lengths = np.linalg.norm(found.shifts, axis=1)

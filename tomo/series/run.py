@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import itertools
 import shutil
 from collections.abc import Iterator, Sequence
@@ -149,6 +150,7 @@ def _run_blocks(
                 if progress:
                     name = plan.scan.frames[plan.places[place]].name
                     progress(done, len(plan.places), f"frame {name}")
+            gc.collect()  # operators refer to their transposes: blocks would pile up in memory
 
 
 def solve_block(

@@ -1,7 +1,7 @@
 """Settling a plan from a few key frames, by the stages of `tomo.pipeline`.
 
-Pixels, cameras, gains and absorption are settled from the mean of the key frames, how much is
-carved and how smooth volumes are from each of them.
+Pixels, gains, absorption and which cameras take part are settled from the mean of the key frames;
+where cameras look, how much is carved and how smooth volumes are from single ones.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from tomo.pipeline.first_use import warm_up_stages
 from tomo.pipeline.load import load
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import Options
-from tomo.pipeline.register import register_screened
 from tomo.pipeline.screen import screen
 from tomo.pipeline.solve import solve
 from tomo.pipeline.trace import trace_views
 from tomo.scan import Scan
 from tomo.selection import Choice, choose_by_left_out_pixels
 from tomo.series.block_system import BlockSystem
+from tomo.series.cameras import register_key_frames
 from tomo.series.frames import key_places, spread
 from tomo.series.hulls import hull_of_frames, rule_of
 from tomo.series.images import FrameImages, images_of, mean_of_frames
@@ -108,9 +108,9 @@ def make_plan(
         move=options.align,
         scale=options.fit_gain is not False,
     )
-    refine = cameras_to_refine(options, scan)
-    registered = register_screened(screened, grid, options, refine, progress)
     frames = [images_of(one, screened) for one in loaded]
+    refine = cameras_to_refine(options, scan)
+    registered = register_key_frames(screened, frames, grid, options, refine, progress)
     noise = noise_of_frames(frames)
     rule = rule_of(registered.rig, frames, grid, options, noise)
     found = hull_of_frames(registered.rig, frames, grid, rule, noise)
