@@ -167,7 +167,7 @@ def _frames_of_films(path: Path, entries: dict[str, Any], rig: Rig) -> tuple[Fra
     films = {}
     for camera, entry in entries.items():
         file = _inside(path, entry.path, f"films: camera {camera}")
-        if not file.is_file():
+        if not file.exists():
             raise FileNotFoundError(f"{file}: camera {camera}: no such film")
         films[camera] = Film(file, entry.first, entry.step, entry.offset)
     return tuple(Frame(name, images) for name, images in frames_of_films(films).items())
