@@ -81,8 +81,9 @@ def _moments(images: Sequence[PurePosixPath], cameras: Sequence[Camera]) -> list
         return found
     raise ValueError(
         f"images {images[first[kinds[repeated]]]} and {images[repeated]} have the same pose and "
-        "lens: are they moments of one camera? Expected names that end in the moment's number "
-        "alone, like left_0001.png, or a folder (or an entry's camera) that names each camera"
+        "lens: are they moments of one camera? If so, name them by the moment's number, like "
+        "left_0001.png, left_0002.png; if they are two cameras, put them into folders of the "
+        "cameras' names"
     )
 
 

@@ -12,6 +12,7 @@ from types import ModuleType
 from rigs.files.units import in_unit
 from rigs.formats._file_storage import is_storage
 from rigs.formats._values import errors_of_file, read_head
+from rigs.recordings import IMAGE_SUFFIXES
 from rigs.rig import Rig
 
 
@@ -110,8 +111,12 @@ def sniff(path: str | os.PathLike) -> str:
     found = _keys_of(path, head)
     if path.suffix in _OURS and (not found or _OUR_KEYS.intersection(found)):
         return "emission_rig"  # its error names what a rig.yaml lacks
+    what = "an image" if path.suffix.lower() in IMAGE_SUFFIXES else "none of the rig formats"
     keys = f"; found in it: {', '.join(found[:8])}" if found else ""
-    raise ValueError(f"{path}: found none of the rig formats, expected {', '.join(names())}{keys}")
+    raise ValueError(
+        f"{path}: found {what}, expected a file or folder of a calibration, in one of "
+        f"{', '.join(names())}{keys}"
+    )
 
 
 def _keys_of(path: Path, head: str) -> list[str]:

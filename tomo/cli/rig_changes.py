@@ -168,7 +168,10 @@ def _factor(text: str, option: str) -> float:
     except ValueError:
         factor = math.nan
     if not (math.isfinite(factor) and factor > 0):
-        raise ValueError(f"{option}: found {text!r}, expected a number like 2, or 0.5 to enlarge")
+        raise ValueError(
+            f"{option}: found {text!r}, expected a number above 0 that the size of the images was "
+            "divided by: 2 where it was halved, 0.5 where it was doubled"
+        )
     return factor
 
 
@@ -184,6 +187,13 @@ def _new_names(rig: Rig, texts: Sequence[str]) -> dict[str, str]:
         if old in names:
             raise ValueError(f"--rename: found camera {old} twice, expected once")
         names[old] = text[at + 1 :]
+    taken = set(rig.names) - set(names)
+    for old, new in names.items():
+        if new in taken:
+            raise ValueError(
+                f"--rename: found {old}={new}, but there is a camera {new}: choose another name, "
+                "or rename that one as well"
+            )
     return names
 
 

@@ -72,8 +72,8 @@ def read_volume(
     is_bare = reader is read_array
     if is_bare and spacing is None:
         raise ValueError(
-            f"{path}: spacing: missing in a .npy, expected --spacing LENGTH with it, or a .npz "
-            "of data, origin and spacing"
+            f"{path}: spacing: missing in a .npy, expected --spacing with a voxel's edge in the "
+            "rig's unit, or a .npz of data, origin and spacing"
         )
     for name, value in given.items():
         if value is not None and not is_bare:
@@ -244,5 +244,5 @@ def _format_of(path: Path, formats: Mapping[str, Callable]) -> Callable:
             return function
     raise ValueError(
         f"{path}: volume format: found suffix {path.suffix!r}, expected one of "
-        f"{', '.join(formats)}"
+        f"{', '.join(formats)}: a bare array can be saved by numpy.save, axes x, y, z"
     )

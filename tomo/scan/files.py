@@ -96,7 +96,7 @@ def _image_inside(path: Path, text: str, field: str) -> Path:
     try:
         return _inside(path, text, field)
     except ValueError as error:
-        raise ValueError(f"{error}; --images FOLDER says where the images are") from None
+        raise ValueError(f"{error}, or --images FOLDER that has files of that name") from None
 
 
 def _image_in(folder: Path, image: PurePosixPath, field: str) -> Path:
@@ -252,21 +252,23 @@ def _no_images(
     folder: Path, camera: str, cameras: Sequence[str], pattern: str | None
 ) -> ValueError | FileNotFoundError:
     """Return the error about a camera whose images are not found."""
+    some = islice(folder.rglob("*"), _MOST_LISTED)
+    inside = sorted(path for path in some if path.suffix.lower() in IMAGE_SUFFIXES)
+    first = f", the first {inside[0].relative_to(folder)}" if inside else ""
     if pattern is not None:
         return ValueError(
-            f"{folder}: camera {camera}: pattern: found no image whose name fits {pattern!r}, "
-            "expected one for every camera of the rig"
+            f"{folder}: camera {camera}: pattern: found no image whose name fits {pattern!r} with "
+            f"{{camera}} {camera}, but {len(inside)} others{first}; expected "
+            f"{how_to_name(inside, folder, cameras)}"
         )
     if (folder / camera).is_dir():
         return ValueError(
             f"{folder / camera}: camera {camera}: found no image, expected files that end in "
             f"{', '.join(IMAGE_SUFFIXES)}"
         )
-    some = islice(folder.rglob("*"), _MOST_LISTED)
-    inside = sorted(path for path in some if path.suffix.lower() in IMAGE_SUFFIXES)
     others = ", ".join(sorted(path.name for path in folder.iterdir() if path.is_dir()))
     return FileNotFoundError(
         f"{folder}: camera {camera}: found no folder {camera} in it and no image of that name; it "
-        f"has {others or 'no folders'} and {len(inside)} images in all, expected "
+        f"has {others or 'no folders'} and {len(inside)} images in all{first}; expected "
         f"{how_to_name(inside, folder, cameras)}"
     )

@@ -19,8 +19,8 @@ from rigs import formats
 def test_the_names_in_a_file_are_named(tmp_path, name, text, found):
     path = tmp_path / name
     path.write_text(text)
-    words = re.escape(f"{path}: found none of the rig formats, expected emission_rig")
-    with pytest.raises(ValueError, match=rf"{words}, .*; found in it: {re.escape(found)}$"):
+    words = re.escape(f"{path}: found none of the rig formats, expected a file or folder")
+    with pytest.raises(ValueError, match=rf"{words} .*; found in it: {re.escape(found)}$"):
         formats.load(path)
 
 

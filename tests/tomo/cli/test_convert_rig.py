@@ -97,7 +97,10 @@ def test_the_help_names_every_format(run_tool):
             "camera left: image_size: found (64, 48)",
         ),
         (("none.yaml", "x.yml"), "none.yaml: no such file"),
-        (("note.txt", "x.yml"), "note.txt: found none of the rig formats, expected emission_rig"),
+        (
+            ("note.txt", "x.yml"),
+            "note.txt: found none of the rig formats, expected a file or folder",
+        ),
     ],
 )
 def test_bad_input_is_one_line(run_tool, tmp_path, rig, arguments, message):
