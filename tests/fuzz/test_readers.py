@@ -25,9 +25,9 @@ NAMES = (
     *("OpenCV lists", "mrcal", "Metashape", "Gaussian splatting", "BOP", "openMVG", "Blender"),
     *("format unknown .xml", "format unknown of tools", "scan.yaml", "scan of transforms.json"),
     *("world file", "volume .npz", "volume .vti", "volume .nrrd", "volume .npy", "volume .mha"),
-    *("volume .nii", "volume .nii.gz", "image .tif", "image .png", "image .jpg"),
-    *("calibration image", "detection cache", "encoder", "checkpoint", "image .pgm"),
-    *("film .tif", "film .avi", "notes on images"),
+    *("volume .nii", "volume .nii.gz", "image .tif", "image .png", "image .jpg", "image .pgm"),
+    *("film .tif", "film .avi", "notes on images", "calibration image", "detection cache"),
+    *("encoder", "checkpoint"),
 )
 
 

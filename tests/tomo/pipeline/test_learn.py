@@ -86,7 +86,9 @@ def test_it_is_not_tried_where_it_cannot_be(tmp_path):
     scan = _scan(tmp_path / "scan", 6, Effects(vignetting=0.4))
     few = reconstruct(scan, options=Options(uncertainty=0, hold_out=list(scan.rig.names[2:])))
     assert "too few views" in few.learning["reason"]
-    on_the_fly = reconstruct(scan, options=Options(uncertainty=0, projector="on-the-fly"))
+    on_the_fly = reconstruct(
+        scan.scaled(2), options=Options(uncertainty=0, projector="on-the-fly", iterations=2)
+    )
     assert "stored" in on_the_fly.learning["reason"]
     named = reconstruct(scan, options=Options(method="mlem", iterations=5))
     assert named.learning is None

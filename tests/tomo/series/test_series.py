@@ -104,7 +104,16 @@ def test_dark_frames_are_dark_volumes(film, tmp_path):
         Options(frames="0:9", method="mlem", iterations=15),
         Options(frames="0:9", choose_each=True, basis="voxel"),
         Options(frames="0:3", skip=False, fit_gain=True, iterations=8),
-        Options(frames="0:3", carving="off", screen=False, align=False, projector="on-the-fly"),
+        Options(
+            frames="0:2",
+            carving="off",
+            screen=False,
+            align=False,
+            projector="on-the-fly",
+            method="sirt",
+            iterations=30,
+            basis="voxel",
+        ),
     ],
     ids=lambda options: f"{options.method}-{options.basis}-{options.projector}",
 )

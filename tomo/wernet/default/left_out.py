@@ -28,17 +28,21 @@ class Judged(NamedTuple):
     """Weights with the volume that they make of the training pixels.
 
     ``volume``, (unknowns,) float32, holds the means of the voxels; ``errors`` are the squared
-    errors of the left-out blocks' means, see `Fold.squared_means`; ``training_residual`` is
-    relative.
+    errors of the left-out pixels, one number a block, and ``of_means`` those of the blocks'
+    means, see `Fold.squared_means`; ``training_residual`` is relative.
     """
 
     volume: NDArray[np.float32]
     errors: NDArray[np.float64]
+    of_means: NDArray[np.float64]
     training_residual: float
 
     def surely_better_than(self, other: Judged) -> bool:
-        """Return whether left-out pixels are predicted better, by more than chance."""
-        return surely_lower(self.errors, other.errors)
+        """Return whether the means of left-out blocks are predicted better, by more than chance.
+
+        Noise averages out in them, and details finer than voxels, which false terms imitate.
+        """
+        return surely_lower(self.of_means, other.of_means)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +100,10 @@ class LeftOut:
             fold.training, fold.training_pixels, choice, weights=fold.training_weights
         )
         active = weighted.active
-        errors = fold.squared_means(active.compress(found.volume))
+        unknowns = active.compress(found.volume)
         means = active.compress(weighted.voxel_means(found.volume))
-        return Judged(means, errors, found.relative_residual)
+        errors, of_means = fold.squared_errors(unknowns), fold.squared_means(unknowns)
+        return Judged(means, errors, of_means, found.relative_residual)
 
     def judge_terms(
         self, features: RayFeatures, parameters: ViewParameters, choice: Choice, unit: float
@@ -116,13 +121,12 @@ class LeftOut:
         return judged
 
     def residual(self, judged: Judged | None) -> float:
-        """Return the relative residual of the left-out blocks' means; NaN for None."""
+        """Return the relative residual of left-out pixels; NaN for None."""
         return float(np.sqrt(judged.errors.sum() / self._light)) if judged else np.nan
 
     @cached_property
     def _light(self) -> float:
-        dark = np.zeros(self.projector.shape[1], np.float32)
-        return float(self._fold(self.projector).squared_means(dark).sum()) or 1.0
+        return self._fold(self.projector).squared_light or 1.0
 
     def _fold(self, weighted: ProjectionOperator) -> Fold:
         return Fold.leaving_out(self.held, weighted, self.measured, self.weights, self.blocks)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tomo.operators import Projector
 from tomo.selection import Choice
+from tomo.selection.folds import surely_lower
 from tomo.wernet.default.checkpoint import JudgedWeights, State
 from tomo.wernet.default.encoder_training import EncoderTraining
 from tomo.wernet.default.left_out import Judged, LeftOut
@@ -144,7 +145,7 @@ class OuterIterations:
         self.last = self.pixels.judge(reweighted(self.projector, correction), self.choice)
         self.volume, self.residual = self.last.volume, self.pixels.residual(self.last)
         to_beat = self.best.errors if self.best else self.lengths.errors
-        if self.last.surely_better_than(self.lengths._replace(errors=to_beat)):
+        if surely_lower(self.last.errors, to_beat):  # what encoders learn is finer than blocks
             self.best = JudgedWeights(self.done, self.last.errors, self._ray_weights(before))
         elif self.done - (self.best.index if self.best else 0) >= PATIENCE:
             more = " more" if self.best else ""
