@@ -19,8 +19,8 @@ def followed(
 ) -> dict[str, Any] | None:
     """Return the calibration of the rig ``before`` as it holds for the rig ``after``.
 
-    Figures by camera follow its name, and go with it. A target's pose is told in a camera's axes:
-    it is told anew where these turned, and in the first camera's where the rig lost that camera.
+    Figures by camera follow its name, and go with it. A target's pose stands in a camera's
+    axes: it is converted where these turned, and to the first camera's where that one is gone.
     Other figures stay those of the images that were calibrated.
 
     Parameters
@@ -41,9 +41,9 @@ def followed(
     poses = record.get("target_poses")
     if isinstance(poses, list | tuple):
         record["target_poses"] = [_pose(pose, before, after, new) for pose in poses]
-    told = record.get(SINCE)
-    told = [*(told if isinstance(told, list | tuple) else ()), *lines]
-    return record | ({SINCE: told} if told else {})
+    known = record.get(SINCE)
+    changes = [*(known if isinstance(known, list | tuple) else ()), *lines]
+    return record | ({SINCE: changes} if changes else {})
 
 
 def _by_new_name(data: Any, new: Mapping[str, str], kept: set[str]) -> Any:

@@ -22,6 +22,7 @@ from rigs.camera import Camera
 from rigs.files.text import read_text, shortened
 from rigs.files.units import UNKNOWN
 from rigs.formats._lens import from_vector
+from rigs.formats._one_a_camera import cameras_of
 from rigs.formats._values import as_array, as_mapping, as_size, errors_of, errors_of_file, required
 from rigs.geometry.rotation import matrix_of_vector
 from rigs.rig import Rig
@@ -51,10 +52,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         In one line: the file, the camera, the field, what was found, what was expected.
     """
     path = Path(path)
-    files = _files_of(path) if path.is_dir() else [path]
-    if not files:
-        raise ValueError(f"{path}: found no *{_SUFFIX} in it, expected one a camera")
-    cameras = tuple(_camera(file) for file in files)
+    cameras = cameras_of(path, _files_of, _camera, f"*{_SUFFIX} in it, expected one a camera")
     with errors_of_file(path):
         return Rig(cameras, UNKNOWN, "mrcal's reference axes")
 
@@ -83,7 +81,7 @@ def _literal(text: str) -> dict[str, Any]:
 def _camera(file: Path) -> Camera:
     """Return the camera of a file."""
     text = read_text(file)
-    with errors_of_file(file), errors_of(f"camera {file.stem}"):
+    with errors_of(f"camera {file.stem}"):
         entry = _literal(text)
         key = next((key for key in _MODEL if key in entry), _MODEL[0])
         model = required(entry, key)
@@ -101,5 +99,4 @@ def _camera(file: Path) -> Camera:
         fx, fy, cx, cy = values[:4].tolist()
         K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
         R = matrix_of_vector(pose[:3])
-    with errors_of_file(file):
-        return Camera(file.stem, size, K, distortion, R, pose[3:], status="calibrated")
+    return Camera(file.stem, size, K, distortion, R, pose[3:], status="calibrated")

@@ -13,11 +13,12 @@ from pathlib import Path
 from rigs.recordings.image_sequence import ImageSequence
 from rigs.recordings.layout import images_in
 from rigs.recordings.recording import Recording
+from rigs.recordings.write import TIFF_SUFFIXES
 
 _VIDEO = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
 _FORMATS = {
     ("rigs.recordings.video", "Video"): _VIDEO,
-    ("rigs.recordings.tiff_stack", "TiffStack"): (".tif", ".tiff"),
+    ("rigs.recordings.tiff_stack", "TiffStack"): TIFF_SUFFIXES,
 }
 """Module and class of each format of one file, to its usual suffixes."""
 

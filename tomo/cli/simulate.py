@@ -122,11 +122,10 @@ def simulate(
 
 def _summary(scan: Scan, voxels: VoxelGrid, folder: Path) -> dict[str, Any]:
     """Return what was simulated, for ``--json``."""
-    grid = {name: list(getattr(voxels, name)) for name in ("shape", "spacing", "center")}
     return {
         "scan": str(folder),
         "cameras": list(scan.images),
-        "grid": grid,
+        "grid": voxels.to_mapping(),
         "maximum": max(float(image.max()) for image in scan.images.values()),
         "settings": dict(scan.settings),
     }

@@ -77,10 +77,6 @@ def visualize_volume(
         print_json(
             {
                 "files": [str(path) for path in out],
-                "grid": {
-                    "shape": list(grid.shape),
-                    "spacing": list(grid.spacing),
-                    "center": list(grid.center),
-                },
+                "grid": grid.to_mapping(),
             }
         )

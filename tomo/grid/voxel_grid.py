@@ -112,6 +112,10 @@ class VoxelGrid:
         center = np.asarray(origin, np.float64) + (np.asarray(shape) - 1) / 2 * spacing
         return cls(shape, tuple(spacing.tolist()), tuple(center.tolist()))
 
+    def to_mapping(self) -> dict[str, list]:
+        """Return ``shape``, ``spacing`` and ``center`` as plain lists, for files."""
+        return {name: list(getattr(self, name)) for name in ("shape", "spacing", "center")}
+
     @property
     def size(self) -> int:
         """Number of voxels."""

@@ -69,13 +69,13 @@ def _check(content: bytes | bytearray, stored: int) -> None:
 @contextmanager
 def _strict(nibabel: ModuleType) -> Iterator[None]:
     """Have nibabel raise where it would mend a header by a guess, and print nothing."""
-    told, quiet = nibabel.imageglobals, logging.NullHandler()
-    with told.ErrorLevel(_DOUBTFUL), told.LoggingOutputSuppressor():
-        told.logger.addHandler(quiet)  # without any, Python's own prints
+    messages, quiet = nibabel.imageglobals, logging.NullHandler()
+    with messages.ErrorLevel(_DOUBTFUL), messages.LoggingOutputSuppressor():
+        messages.logger.addHandler(quiet)  # without any, Python's own prints
         try:
             yield
         finally:
-            told.logger.removeHandler(quiet)
+            messages.logger.removeHandler(quiet)
 
 
 def _library() -> ModuleType:

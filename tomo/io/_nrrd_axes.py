@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tomo.io._axes import in_order
 
-_AGREE = 1e-3  # of a length told twice: files hold some four digits
+_AGREE = 1e-3  # of a length that stands twice: files hold some four digits
 _CELL, _UNKNOWN = "cell", ("???", "none", "")
 
 

@@ -135,6 +135,11 @@ class ProjectionOperator(LinearOperator):
         """Number of views."""
         return len(self.view_ptr) - 1
 
+    @property
+    def views_with_pixels(self) -> NDArray[np.int64]:
+        """The numbers of the views that have any row."""
+        return np.flatnonzero(np.diff(self.view_ptr))
+
     @cached_property
     def row_sums(self) -> NDArray[np.float64]:
         """Sum of every row, ``A 1``, ``(pixels,)``: the length of a pixel's rays in the grid."""

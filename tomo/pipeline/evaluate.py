@@ -25,7 +25,7 @@ from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Compared, Solved, Watch, with_learned_weights
 from tomo.pipeline.stage import Record, as_warning, timed
-from tomo.pipeline.trace import blind_warnings
+from tomo.pipeline.trace import blind_warnings, through_gas
 from tomo.pipeline.view import View, quality
 from tomo.scan import Scan
 from tomo.scan.scan import Images, Masks
@@ -227,10 +227,7 @@ def system_apart(
         apart = apart.with_lens_blur(options.blur)
     if built.basis.name == LINEAR:
         apart = apart.with_linear_basis(options.supersample)
-    if built.absorption:
-        how = {"supersample": options.supersample, "tracer": options.tracer}
-        apart = apart.with_absorption(built.absorption, volume, **how)
-    return apart
+    return through_gas(apart, built.absorption, volume, options)
 
 
 def _views_apart(

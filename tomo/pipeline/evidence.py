@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.grouping import golden_ratio_sequence
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.measurement import NoiseModel
 from tomo.operators import STORED, LinearSystem
@@ -18,7 +18,7 @@ from tomo.pipeline.options import Options
 from tomo.scan.downsample import Coarser
 from tomo.screening.causes import volume_of
 from tomo.screening.hypotheses import Evidence
-from tomo.screening.left_out_blocks import Blocks, blocks_of
+from tomo.screening.left_out_blocks import Blocks
 from tomo.solvers import curvature, mlem
 from tomo.solvers.initial_volume import mlos_start
 
@@ -78,19 +78,34 @@ def sample_of(
     options : Options
         The tracer and the rays a pixel are used.
     """
-    pointers = system.projector.view_ptr
-    variance = np.concatenate(
-        [
-            model.variance(measured[start:stop])
-            for model, start, stop in zip(noise, pointers[:-1], pointers[1:], strict=True)
-        ]
-    )
+    variance = variance_of(system, measured, noise)
     factor = round((system.projector.n_segments / SEGMENTS) ** (1 / 3))
-    if factor > 1 and (system.form == STORED and not options.blur):
+    if factor > 1 and system.form == STORED and not options.blur:
         system, measured, variance = _coarser(system, measured, variance, factor, options)
-    elif system.projector.rows_are_single_rays:
+    else:
         system, _ = linear_where_possible(system, options.supersample)
     return Sample(system, Evidence(measured, Blocks.of(system), variance, quick_solve))
+
+
+def variance_of(
+    system: LinearSystem, measured: NDArray, noise: Sequence[NoiseModel]
+) -> NDArray[np.float64]:
+    """Return the variance of the noise in every pixel that takes part, ``(pixels,)``.
+
+    Parameters
+    ----------
+    system : LinearSystem
+    measured : (pixels,)
+    noise : sequence of NoiseModel
+        Of each view.
+    """
+    spans = pairwise(system.projector.view_ptr)
+    return np.concatenate(
+        [
+            model.variance(measured[start:stop])
+            for model, (start, stop) in zip(noise, spans, strict=True)
+        ]
+    )
 
 
 def quick_solve(
@@ -108,46 +123,6 @@ def quick_solve(
         start = active.compress(mlem(projector, measured, iterations=FIRST, start=first).volume)
     how = {"strength": STRENGTH, "iterations": ITERATIONS, "start": start}
     return active.compress(curvature(projector, measured, **how).volume)
-
-
-def pixels_that_fit(system: LinearSystem) -> NDArray[np.int64] | None:
-    """Return some of the pixels, in blocks, of a system too large to explain by; else None."""
-    if system.projector.n_segments <= SEGMENTS or not system.projector.rows_are_single_rays:
-        return None
-    block = blocks_of(system)
-    order = golden_ratio_sequence(int(block.max()) + 1)
-    return np.flatnonzero(order[block] < SEGMENTS / system.projector.n_segments)
-
-
-def traced_again(
-    system: LinearSystem,
-    options: Options,
-    kept: NDArray[np.int64] | None = None,
-    *,
-    midpoints: bool = True,
-) -> LinearSystem:
-    """Return the stored equations, in the voxel basis, of all or some of a system's pixels."""
-    masks, pointers = [], system.projector.view_ptr
-    for number, (camera, pixels) in enumerate(zip(system.rig, system.pixels, strict=True)):
-        own = slice(None)
-        if kept is not None:
-            mine = kept[(kept >= pointers[number]) & (kept < pointers[number + 1])]
-            own = mine - pointers[number]
-        width, height = camera.image_size
-        mask = np.zeros(width * height, bool)
-        mask[pixels[own]] = True
-        masks.append(mask.reshape(height, width))
-    return LinearSystem.from_rig(
-        system.rig,
-        system.projector.grid,
-        masks=masks,
-        active=system.projector.active,
-        skip=False,
-        midpoints=midpoints,
-        tracer=options.tracer,
-        supersample=options.supersample,
-        form=STORED,
-    )
 
 
 def _coarser(

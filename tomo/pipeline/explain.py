@@ -20,6 +20,7 @@ from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
+from tomo.pipeline.trace import through_gas
 from tomo.scan import Scan
 from tomo.screening.causes import AbsorbingGas, CameraGains
 from tomo.screening.hypotheses import TRANSPARENT, Cause, Explained, Model, explain
@@ -56,8 +57,8 @@ def explain_images(
     """Find what the images ask to be corrected, and correct it."""
     with timed() as stage:
         report, causes, measured = None, _causes(options), built.measured
-        views = np.count_nonzero(np.diff(built.system.projector.view_ptr))
-        if causes and views >= FEWEST_VIEWS and (measured > 0).any():
+        views = built.system.projector.views_with_pixels
+        if causes and len(views) >= FEWEST_VIEWS and (measured > 0).any():
             sample = sample_of(built.system, measured, screened.noise, options)
             asked = (MEDIUM, SELF_ABSORPTION) if options.fit_absorption else ()
             found = explain(Model(sample.system), causes, sample.evidence, asked)
@@ -84,12 +85,8 @@ def _corrected(
     if best.gains is not None:
         built = with_gains(built, best.gains)
     if best.absorption:
-        system = built.system.with_absorption(
-            best.absorption,
-            sample.emission(found.best.volume, built.system.projector.grid),
-            supersample=options.supersample,
-            tracer=options.tracer,
-        )
+        emission = sample.emission(found.best.volume, built.system.projector.grid)
+        system = through_gas(built.system, best.absorption, emission, options)
         built = replace(built, system=system, absorption=best.absorption)
     return built
 

@@ -13,18 +13,22 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tomo._compute.grouping import golden_ratio_sequence
 from tomo.operators import LINEAR, STORED, LinearSystem
 from tomo.operators.system import Progress
 from tomo.pipeline.basis import BLOCK
-from tomo.pipeline.evidence import pixels_that_fit, traced_again
+from tomo.pipeline.evidence import SEGMENTS, variance_of
 from tomo.pipeline.explain import FEWEST_VIEWS
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Solved, Watch, choice_of, solve_by
 from tomo.pipeline.stage import Record, as_warning, timed
+from tomo.pipeline.trace import through_gas
 from tomo.screening.hypotheses import SURE, WORTH
+from tomo.screening.left_out_blocks import blocks_of
 from tomo.selection.folds import LEFT_OUT
 
 _WORDS = {"upstream emission": "self-absorption", "off the axis, squared": "vignetting"}
@@ -61,7 +65,7 @@ def learn(
     report = {"tried": False, "taken": False, "found": [], "reason": ""}
     with timed() as stage, as_warning("learned weights: not tried", stage.warnings):
         began = time.perf_counter()
-        report["reason"] = _not_needed(solved, screened)
+        report["reason"] = _not_needed(solved, screened, options)
         if not report["reason"]:
             solved, found = _learned(solved, options, watch, progress)
             report |= found
@@ -74,13 +78,12 @@ def learn(
     return Learned(solved, report, stage.record)
 
 
-def _not_needed(solved: Solved, screened: ScreenedScan) -> str:
+def _not_needed(solved: Solved, screened: ScreenedScan, options: Options) -> str:
     """Return why nothing is to be learned; empty where the images ask for it."""
     system, measured = solved.built.system, solved.built.measured
-    projector = system.projector
-    if system.form != STORED or (projector.basis != LINEAR and not projector.rows_are_single_rays):
+    if system.form != STORED or options.blur:
         return "weights are learned for stored rays in focus"
-    if np.count_nonzero(np.diff(projector.view_ptr)) < FEWEST_VIEWS:
+    if len(system.projector.views_with_pixels) < FEWEST_VIEWS:
         return "too few views: whatever the weights, some volume reproduces them"
     if not measured.any():
         return "the images are dark"
@@ -102,15 +105,11 @@ def _left_out_residual(solved: Solved) -> float:
 
 def _relative_noise(solved: Solved, screened: ScreenedScan) -> float:
     """Return the noise of the pixels over their light, weighted as the residual is."""
-    built, pointers = solved.built, solved.built.system.projector.view_ptr
-    measured = built.measured.astype(np.float64)
-    variance = [
-        model.variance(measured[start:stop])
-        for model, start, stop in zip(screened.noise, pointers[:-1], pointers[1:], strict=True)
-    ]
+    built, measured = solved.built, solved.built.measured.astype(np.float64)
+    variance = variance_of(built.system, measured, screened.noise)
     weights = 1.0 if built.weights is None else built.weights
     light = float((weights * np.square(measured)).sum())
-    return math.sqrt(float((weights * np.concatenate(variance)).sum()) / light)
+    return math.sqrt(float((weights * variance).sum()) / light)
 
 
 def _learned(
@@ -120,17 +119,11 @@ def _learned(
     from tomo.wernet.default import UPSTREAM, VIGNETTING, LeftOut, learn_shared
 
     built, choice = solved.built, choice_of(solved)
-    voxels = _through_gas(traced_again(built.system, options), solved, options)
-    kept = pixels_that_fit(voxels)
-    some = voxels
-    if kept is not None:
-        some = _through_gas(traced_again(built.system, options, kept), solved, options)
-    kept = slice(None) if kept is None else kept
+    kept = _pixels_that_fit(built.system)
     weights = None if built.weights is None else built.weights[kept]
-    linear = built.basis.name == LINEAR
-    sample = some.with_linear_basis(options.supersample) if linear else some
+    sample = _with_midpoints(solved, options, kept)
     pixels = LeftOut.of(sample.projector, built.measured[kept], sample.blocks(BLOCK), weights)
-    volume = voxels.projector.active.compress(solved.solution.volume)
+    volume = sample.projector.active.compress(solved.solution.volume)
     found = learn_shared(pixels, choice, volume)
     lengths, learned = found.residuals
     if UPSTREAM in found.terms and learned**2 >= WORTH * lengths**2:
@@ -148,7 +141,7 @@ def _learned(
         if not report["tried"]:
             reason = "the residuals show nothing that all views have in common"
         return solved, report | {"reason": reason}
-    whole = voxels.with_linear_basis(options.supersample) if linear else voxels
+    whole = sample if len(kept) == len(built.measured) else _with_midpoints(solved, options)
     by_lengths = replace(built, system=whole, choice=choice)
     learned = replace(whole, projector=found.weights.projector(whole.projector))
     last = solve_by(
@@ -173,13 +166,34 @@ def _learned(
     }
 
 
-def _through_gas(system: LinearSystem, solved: Solved, options: Options) -> LinearSystem:
-    """Return the equations through the gas that was found to absorb, if any was."""
-    absorption = solved.built.absorption
-    if not absorption:
-        return system
-    how = {"supersample": options.supersample, "tracer": options.tracer}
-    return system.with_absorption(absorption, solved.solution.volume, **how)
+def _pixels_that_fit(system: LinearSystem) -> NDArray[np.int64]:
+    """Return the pixels to learn from: all, or some blocks of those of a large system."""
+    block = blocks_of(system)
+    order = golden_ratio_sequence(int(block.max()) + 1)
+    return np.flatnonzero(order[block] < SEGMENTS / system.projector.n_segments)
+
+
+def _with_midpoints(
+    solved: Solved, options: Options, kept: NDArray[np.int64] | None = None
+) -> LinearSystem:
+    """Return the equations of all or some pixels with midpoints, in the basis of the solve."""
+    built, system = solved.built, solved.built.system
+    flat = np.zeros(len(built.measured), np.float32)
+    flat[slice(None) if kept is None else kept] = 1
+    traced = LinearSystem.from_rig(
+        system.rig,
+        system.projector.grid,
+        masks=[image > 0 for image in system.images(flat)],
+        active=system.projector.active,
+        skip=False,
+        midpoints=True,
+        tracer=options.tracer,
+        supersample=options.supersample,
+        form=STORED,
+    )
+    traced = through_gas(traced, built.absorption, solved.solution.volume, options)
+    linear = built.basis.name == LINEAR
+    return traced.with_linear_basis(options.supersample) if linear else traced
 
 
 def _of_weights(report: dict[str, Any]) -> str:

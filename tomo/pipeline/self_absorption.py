@@ -9,6 +9,7 @@ import numpy as np
 from tomo._compute.reductions import norm
 from tomo.pipeline.options import Options
 from tomo.pipeline.solve import Solved, repeatable
+from tomo.pipeline.trace import through_gas
 
 OUTER = 3
 """Solves at most, each through gas with the emission of the one before."""
@@ -27,10 +28,9 @@ def with_own_absorption(solved: Solved, options: Options) -> Solved:
     absorption = solved.built.absorption
     if not absorption.emission:
         return solved
-    how = {"supersample": options.supersample, "tracer": options.tracer}
     for _ in range(OUTER):
         built, volume = solved.built, solved.solution.volume
-        system = built.system.with_absorption(absorption, volume, **how)
+        system = through_gas(built.system, absorption, volume, options)
         old, new = (one.on_voxel_means.projector for one in (built.system, system))
         unknowns = new.active.compress(volume)
         before, after = old @ unknowns, new @ unknowns

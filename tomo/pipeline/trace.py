@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
-from tomo.operators import STORED, LinearSystem
+from tomo.operators import STORED, Absorption, LinearSystem
 from tomo.operators.system import Progress, VolumeNotSeenError
 from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.first_use import warm_up
@@ -63,6 +63,29 @@ def trace_views(
                 "exposure, and whether too much is subtracted as dark"
             )
     return TracedScan(system, measured, first_use, stage.record)
+
+
+def through_gas(
+    system: LinearSystem,
+    absorption: Absorption,
+    volume: NDArray[np.float32] | None,
+    options: Options,
+) -> LinearSystem:
+    """Return the equations, made with the options, through gas that absorbs; as they are if none.
+
+    Parameters
+    ----------
+    system : LinearSystem
+    absorption : Absorption
+    volume : (nx, ny, nz) float32, optional
+        The emission of gas that absorbs its own light.
+    options : Options
+        The tracer and the rays a pixel are used.
+    """
+    if not absorption:
+        return system
+    how = {"supersample": options.supersample, "tracer": options.tracer}
+    return system.with_absorption(absorption, volume, **how)
 
 
 def blind_warnings(system: LinearSystem) -> list[str]:

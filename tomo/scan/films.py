@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from rigs.recordings import FILM_SUFFIXES, Recording, open_recording
 from rigs.recordings.tiff_stack import is_stack
-
-_STACK_SUFFIXES = (".tif", ".tiff")
+from rigs.recordings.write import TIFF_SUFFIXES
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ def films_in(folder: Path, cameras: tuple[str, ...]) -> dict[str, Film]:
     """
     found = {}
     for camera in cameras:
-        stacks = [folder / f"{camera}{suffix}" for suffix in _STACK_SUFFIXES]
+        stacks = [folder / f"{camera}{suffix}" for suffix in TIFF_SUFFIXES]
         videos = [folder / f"{camera}{suffix}" for suffix in FILM_SUFFIXES]
         paths = [path for path in stacks if path.is_file() and is_stack(path)]
         paths += [path for path in videos if path.is_file()]

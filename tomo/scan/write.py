@@ -72,11 +72,7 @@ def save_scan(
             _check_image(folder, frame, camera, np.shape(image), rig)
     content: dict[str, Any] = {"format": "emission-scan", "version": 1, "rig": "rig.yaml"}
     if grid is not None:
-        content["grid"] = {
-            "shape": list(grid.shape),
-            "spacing": list(grid.spacing),
-            "center": list(grid.center),
-        }
+        content["grid"] = grid.to_mapping()
     content["frames"] = [
         {"name": frame, "images": {camera: f"images/{camera}/{frame}.tif" for camera in images}}
         for frame, images in frames.items()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,19 +112,6 @@ class Fold:
             None if weights is None else weights[training],
             None if weights is None else weights[own],
         )
-
-    @classmethod
-    def leaving_out_views(
-        cls,
-        views: Sequence[int],
-        projector: ProjectionOperator,
-        measured: NDArray[np.float32],
-        weights: NDArray[np.float32] | None = None,
-    ) -> Fold:
-        """Return the fold that trains on all views but ``views``."""
-        held = np.zeros(projector.shape[0], bool)
-        held[projector.pixels_of(views)] = True
-        return cls.leaving_out(held, projector, measured, weights)
 
     def squared_errors(self, volume: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the squared error of every left-out block, ``(blocks,)``, weighted."""

@@ -160,7 +160,7 @@ def estimate_gains(
         than two views or with dark images, where nothing can be compared.
     """
     measured = check_measured(projector, measured)
-    if np.count_nonzero(np.diff(projector.view_ptr)) < 2 or not measured.any():
+    if len(projector.views_with_pixels) < 2 or not measured.any():
         return Gains.none(projector.n_views)
     stride = max(int(min(projector.n_segments // SEGMENTS, projector.shape[0] // 1000)), 1)
     kept = interleaved(projector.shape[0], stride)[0]

@@ -44,9 +44,7 @@ def mean_of_frames(scan: Scan, loaded: list[LoadedScan]) -> LoadedScan:
     A projection is linear: the mean of the images is the image of the mean emission. Noise is
     lower in it, and what is wrong with pixels, cameras and gains in every frame stays.
     """
-    masks = [
-        np.logical_and.reduce(each) for each in zip(*(one.masks for one in loaded), strict=True)
-    ]
+    masks = usable_in_all([one.masks for one in loaded])
     images = [
         np.where(mask, np.mean(each, axis=0, dtype=np.float64), 0).astype(np.float32)
         for mask, each in zip(

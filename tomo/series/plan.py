@@ -73,11 +73,6 @@ class Plan:
     warnings: tuple[str, ...]
     explanation: dict[str, Any] | None = None
 
-    @property
-    def apart_names(self) -> tuple[str, ...]:
-        """The cameras that take no part: those held out and those excluded."""
-        return tuple(self.screened.apart.rig.names) if self.screened.apart else ()
-
     def report(self) -> dict[str, Any]:
         """Return what was settled, as plain numbers and words for the store's attributes."""
         built, names = self.system.built, self.registered.rig.names

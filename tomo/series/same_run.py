@@ -51,7 +51,7 @@ def attributes_of_run(
                 "key_images": _checksum(scan.without(*options.hold_out), keys),
             },
             "rig": yaml.safe_load(rig_to_yaml(scan.rig)),
-            "grid": {name: list(getattr(grid, name)) for name in ("shape", "spacing", "center")},
+            "grid": grid.to_mapping(),
             "block": BLOCK,
             "cameras": list(scan.rig.names),
             "length_unit": scan.rig.length_unit,

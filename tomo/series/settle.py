@@ -33,7 +33,7 @@ from tomo.series.block_system import BlockSystem
 from tomo.series.cameras import register_key_frames
 from tomo.series.frames import key_places, spread
 from tomo.series.hulls import hull_of_frames, rule_of
-from tomo.series.images import FrameImages, images_of, mean_of_frames
+from tomo.series.images import FrameImages, images_of, mean_of_frames, usable_in_all
 from tomo.series.plan import Plan
 from tomo.series.systems import weighted
 
@@ -114,7 +114,9 @@ def make_plan(
     noise = noise_of_frames(frames)
     rule = rule_of(registered.rig, frames, grid, options, noise)
     found = hull_of_frames(registered.rig, frames, grid, rule, noise)
-    registered = replace(registered, active=found[0], masks=_both(found[1], screened.masks))
+    registered = replace(
+        registered, active=found[0], masks=usable_in_all([found[1], screened.masks])
+    )
     traced = trace_views(screened, registered, grid, options, progress)
     apart = trace_apart(screened, traced.system, options)
     built = build(screened, traced, options)
@@ -177,7 +179,3 @@ def noise_of_frames(frames: Sequence[FrameImages]) -> tuple[NoiseModel, ...]:
 def _emission(built: WeightedSystem, options: Options) -> NDArray[np.float32] | None:
     """Return the emission of the mean where gas absorbs its own light."""
     return solve(built, options).solution.volume if built.absorption.emission else None
-
-
-def _both(some: Sequence[NDArray], others: Sequence[NDArray]) -> list[NDArray[np.bool_]]:
-    return [one & other for one, other in zip(some, others, strict=True)]

@@ -14,6 +14,7 @@ from tomo.pipeline.evaluate import views_of
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.self_absorption import with_own_absorption
 from tomo.pipeline.solve import Solved, solve_by, voxel_means_of
+from tomo.pipeline.trace import through_gas
 from tomo.pipeline.view import View
 from tomo.selection import Choice, solve_as_chosen
 from tomo.series.block_system import BlockSystem
@@ -104,8 +105,7 @@ def _figures(
     if system.apart is not None:
         other = system.apart
         if built.absorption.emission:
-            how = {"supersample": plan.options.supersample, "tracer": plan.options.tracer}
-            other = other.with_absorption(built.absorption, volume, **how)
+            other = through_gas(other, built.absorption, volume, plan.options)
         apart = views_of(other.on_voxel_means, volume, frame.apart_images, frame.apart_masks)
     held_out = [view for view in apart if view.name in plan.options.hold_out]
     alike = {view.name: view.similarity(plan.data_range) for view in held_out}

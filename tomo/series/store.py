@@ -190,7 +190,7 @@ def _write_empty(
             "format": FORMAT,
             "version": VERSION,
             "Conventions": "CF-1.11",
-            "grid": {n: list(getattr(grid, n)) for n in ("shape", "spacing", "center")},
+            "grid": grid.to_mapping(),
             **attributes,
         },
     )

@@ -12,7 +12,7 @@ from tomo.pipeline.basis import in_basis
 from tomo.pipeline.build import WeightedSystem, weigh_images
 from tomo.pipeline.evaluate import system_apart, trace_apart
 from tomo.pipeline.explain import with_gains
-from tomo.pipeline.trace import trace_views
+from tomo.pipeline.trace import through_gas, trace_views
 from tomo.series.block_system import BlockSystem
 from tomo.series.hulls import hull_of_frames
 from tomo.series.images import FrameImages, usable_in_all
@@ -28,7 +28,7 @@ def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:
     rig, noise = plan.registered.rig, plan.noise
     active, seen = hull_of_frames(rig, frames, plan.grid, plan.rule, noise, plan.system.active)
     usable = usable_in_all([frame.masks for frame in frames])
-    pixels = tuple(one & other for one, other in zip(seen, usable, strict=True))
+    pixels = tuple(usable_in_all([seen, usable]))
     known = plan.system
     if _same(active, known.active) and all(map(np.array_equal, pixels, known.pixels)):
         return known
@@ -45,9 +45,7 @@ def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:
     apart = trace_apart(screened, traced.system, plan.options)
     of_plan = known.built
     system, _ = in_basis(traced.system, of_plan.basis.name, plan.options.supersample, "")
-    if of_plan.absorption:
-        how = {"supersample": plan.options.supersample, "tracer": plan.options.tracer}
-        system = system.with_absorption(of_plan.absorption, plan.emission, **how)
+    system = through_gas(system, of_plan.absorption, plan.emission, plan.options)
     built = replace(of_plan, system=system, choice=None)
     if apart is not None:
         apart = system_apart(apart, built, plan.emission, plan.options)

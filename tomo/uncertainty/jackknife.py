@@ -100,7 +100,7 @@ def view_groups(system: LinearSystem) -> list[list[int]]:
     Neighbours are in different groups, so that a group goes all round and leaves no gap of its
     own.
     """
-    views = np.flatnonzero(np.diff(system.projector.view_ptr)).tolist()
+    views = system.projector.views_with_pixels.tolist()
     if len(views) < FEWEST:
         return []
     count = min(GROUPS, len(views))

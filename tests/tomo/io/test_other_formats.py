@@ -210,7 +210,7 @@ def test_a_nifti_header_is_not_mended_by_a_guess(nibabel, tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
-def test_without_nibabel_its_name_is_told(tmp_path, monkeypatch):
+def test_without_nibabel_the_message_names_it(tmp_path, monkeypatch):
     load = builtins.__import__
 
     def without(name, *rest, **more):

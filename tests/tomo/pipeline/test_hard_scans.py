@@ -98,7 +98,7 @@ def test_images_without_a_flame_give_a_finite_volume_or_one_line(scan_of, kind):
     assert len(line.splitlines()) == 1
 
 
-def spoiled(value, where=PLACE):
+def with_value(value, where=PLACE):
     def change(image, _random):
         image[where] = value
         return image
@@ -109,7 +109,7 @@ def spoiled(value, where=PLACE):
 @pytest.mark.parametrize("value", UNUSABLE)
 def test_a_pixel_that_is_no_number_is_refused_without_a_mask(scan_of, value):
     with pytest.raises(ValueError, match="1 NaN or infinite pixels"):
-        volume_of(scan_of(spoiled(UNUSABLE[value])))
+        volume_of(scan_of(with_value(UNUSABLE[value])))
 
 
 def test_pixels_under_a_mask_change_no_bit(scan_of, tmp_path):
@@ -120,7 +120,7 @@ def test_pixels_under_a_mask_change_no_bit(scan_of, tmp_path):
     write_image(tmp_path / "mask.png", usable)
     masked = Corrections(mask=tmp_path / "mask.png")
     expected, found = (
-        volume_of(scan_of(spoiled(these, places), masked)) for these in (0.0, values)
+        volume_of(scan_of(with_value(these, places), masked)) for these in (0.0, values)
     )
     np.testing.assert_array_equal(found, expected)
 

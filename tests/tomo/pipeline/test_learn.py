@@ -47,13 +47,13 @@ def _nrmse(outcome):
 def test_vignetting_is_learned_and_corrected(tmp_path, views):
     scan = _scan(tmp_path / "scan", views, Effects(vignetting=0.4))
     found, plain = _both(scan, hold_out=["cam02"])
-    told = json.loads(json.dumps(found.report(), allow_nan=False))
-    assert told["learning"]["taken"] is True
-    assert told["learning"]["found"] == ["off the axis, squared"]
-    residuals = told["learning"]["left_out_residual"]
+    report = json.loads(json.dumps(found.report(), allow_nan=False))
+    assert report["learning"]["taken"] is True
+    assert report["learning"]["found"] == ["off the axis, squared"]
+    residuals = report["learning"]["left_out_residual"]
     assert residuals["learned"] < residuals["segment_lengths"]
-    assert told["learned"]["held_out_residual"] == residuals
-    assert told["method"] == "curvature"
+    assert report["learned"]["held_out_residual"] == residuals
+    assert report["method"] == "curvature"
     assert _nrmse(found) < 0.8 * _nrmse(plain)
     psnr = [one.report()["held_out"]["cam02"]["psnr"] for one in (found, plain)]
     assert psnr[0] > psnr[1]

@@ -71,7 +71,9 @@ def test_a_fold_of_views_holds_none_of_their_pixels_for_training(ring_system):
     projector, measured = ring_system.projector, ring_system.measured.copy()
     for view in (3, 5):
         measured[projector.pixels_of([view])] = 1e30
-    found = Fold.leaving_out_views([3, 5], projector, measured)
+    held = np.zeros(len(measured), bool)
+    held[projector.pixels_of([3, 5])] = True
+    found = Fold.leaving_out(held, projector, measured)
     assert np.count_nonzero(np.diff(found.training.view_ptr)) == 7
     assert found.training_pixels.max() < 1e30
     meets = found.left_out.row_sums > 0  # the others see no voxel: nothing could predict them

@@ -53,8 +53,7 @@ def first_volume(projector: ProjectionOperator, measured: NDArray[np.float32]) -
     measured : (pixels,) float32
     """
     basis = GaussianBasis(projector, WIDTH)
-    views = int(np.count_nonzero(np.diff(projector.view_ptr)))
-    name = "mlem" if views <= FEW_VIEWS else "nnls"
+    name = "mlem" if len(projector.views_with_pixels) <= FEW_VIEWS else "nnls"
     start = mlos_start(projector, measured) if name == "mlem" else None
     found = getattr(solvers, name)(basis, measured, iterations=ITERATIONS[name], start=start)
     return FirstVolume(basis, projector.active.compress(found.volume))

@@ -63,13 +63,12 @@ def learn_shared(
         Those of `SHARED` to look for.
     """
     projector = pixels.projector
-    many = bool(np.count_nonzero(np.diff(projector.view_ptr)) > FEW_VIEWS)
+    many = len(projector.views_with_pixels) > FEW_VIEWS
     features = RayFeatures.of(projector, per_view=many)
-    unit = float(np.sqrt(np.mean(np.square(pixels.measured, dtype=np.float64)))) or 1.0
     lengths = cache(lambda: pixels.judge(projector, choice))
     numbers = {TERMS.index(name) for name in terms}
     parameters, tried = fit_parametric_terms(
-        pixels, features, choice, unit, lengths, numbers, volume=volume
+        pixels, features, choice, pixels.unit, lengths, numbers, volume=volume
     )
     if tried is None:
         return LearnedShared(None, (), (np.nan, np.nan))
@@ -80,5 +79,5 @@ def learn_shared(
     names = tuple(name for name, value in zip(TERMS, found, strict=True) if value)
     none = CorrectionEncoder(blocks=1, channels=1)
     scale = features.image_scale
-    weights = RayWeights(none, parameters, tried.volume, unit, many, scale)
+    weights = RayWeights(none, parameters, tried.volume, pixels.unit, many, scale)
     return LearnedShared(weights, names, residuals)

@@ -84,7 +84,7 @@ class LeftOut:
         """Leave out every eighth block of pixels that see a voxel; short rows when None."""
         blocks = runs_of_pixels(projector) if blocks is None else blocks
         held = blocks_to_leave_out(blocks)
-        views = np.flatnonzero(np.diff(projector.view_ptr))
+        views = projector.views_with_pixels
         if 1 < len(views) <= FEW_VIEWS:
             held[projector.pixels_of([views[len(views) // 2]])] = True
         return cls(projector, measured, held & (projector.row_sums > 0), blocks, weights)
@@ -119,6 +119,11 @@ class LeftOut:
             judged = self.judge(reweighted(self.projector, correction), choice)
             upstream = features.upstream_emission(judged.volume, unit)
         return judged
+
+    @cached_property
+    def unit(self) -> float:
+        """The root mean square of the measured pixels, the unit of the upstream emission."""
+        return float(np.sqrt(np.mean(np.square(self.measured, dtype=np.float64)))) or 1.0
 
     def residual(self, judged: Judged | None) -> float:
         """Return the relative residual of left-out pixels; NaN for None."""

@@ -40,8 +40,6 @@ class OuterIterations:
     training : EncoderTraining
     choice : Choice
         How voxels are solved for.
-    unit : float
-        Unit of the upstream emission.
     limit : int
         Number of outer iterations at most.
     volume : (unknowns,) float32, optional
@@ -63,7 +61,6 @@ class OuterIterations:
     pixels: LeftOut
     training: EncoderTraining
     choice: Choice
-    unit: float
     limit: int
     volume: NDArray[np.float32] | None = None
     stop_reason: str = ""
@@ -107,10 +104,13 @@ class OuterIterations:
         """The present voxels, (unknowns,)."""
         return self.lengths.volume if self.volume is None else self.volume
 
-    def find_terms(self, *, gains: bool) -> bool:
+    def find_terms(self) -> bool:
         """Find the global terms, and the views' gains; return whether there are any."""
-        features, how = self.training.features, (self.choice, self.unit, lambda: self.lengths)
-        candidates = {*range(len(TERMS)), *((GAINS,) if gains else ())}
+        features, how = (
+            self.training.features,
+            (self.choice, self.pixels.unit, lambda: self.lengths),
+        )
+        candidates = {*range(len(TERMS)), GAINS}
         parameters, self.last = fit_parametric_terms(self.pixels, features, *how, candidates)
         self.residual = self.pixels.residual(self.last)
         if parameters is None:
@@ -126,7 +126,7 @@ class OuterIterations:
     def iterate(self, *, train: bool = True) -> float:
         """Learn and solve once more; return the training's residual, NaN where it diverged."""
         features, before = self.training.features, self.voxels
-        upstream = features.upstream_emission(before, self.unit)
+        upstream = features.upstream_emission(before, self.pixels.unit)
         loss = self.training.train(self.done, before, upstream) if train else 0.0
         self.done += 1
         if not math.isfinite(loss):
@@ -159,7 +159,7 @@ class OuterIterations:
             copy.deepcopy(self.training.encoder),
             copy.deepcopy(self.training.view_parameters),
             upstream_volume,
-            self.unit,
+            self.pixels.unit,
             features.per_view,
             features.image_scale,
         )

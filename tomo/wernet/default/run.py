@@ -38,18 +38,18 @@ def run(
     *,
     resume: bool,
     train: bool,
-    gains: bool | None,
+    terms: bool,
 ) -> None:
     """Find parametric terms and do the outer iterations, until one of them says why they end.
 
-    ``gains`` says whether the views' gains are among the terms; None looks for no terms.
+    ``terms`` says whether parametric terms and the views' gains are looked for.
     """
     state = saved.load() if saved and resume and not outer.stop_reason else None
     if state is not None:
         with saved.damages():
             outer.restore(state)
-    elif gains is not None and outer.limit and not outer.stop_reason:
-        found = outer.find_terms(gains=gains)
+    elif terms and outer.limit and not outer.stop_reason:
+        found = outer.find_terms()
         if saved:
             saved.save(outer.state())
         if found and record.add(1, outer.last.volume, outer.last.training_residual):

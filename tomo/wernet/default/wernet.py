@@ -122,7 +122,7 @@ def wernet(
     _check(iterations, encoder, freeze_encoder)
     measured = check_measured(projector, measured)
     place = usable_device(device)
-    views = np.count_nonzero(np.diff(projector.view_ptr))
+    views = len(projector.views_with_pixels)
     many = views > FEW_VIEWS
     features = RayFeatures.of(projector, place, per_view=many)
     settings = {
@@ -171,15 +171,14 @@ def wernet(
             pixels,
             training,
             baseline,
-            unit=float(np.sqrt(np.mean(np.square(measured, dtype=np.float64)))) or 1.0,
             limit=settings["iterations"],
             volume=None if start is None else additive_start(projector, start, nonnegative=True),
             stop_reason=stop_reason or _nothing_to_learn(pixels, views, baseline),
         )
         saved = Checkpoint.of(checkpoint, settings, projector, measured)
         # few views say too little of terms of their own; another encoder has its own
-        gains = True if many and own.is_zero else None
-        run(outer, record, saved, resume=resume, train=not freeze_encoder, gains=gains)
+        terms = many and own.is_zero
+        run(outer, record, saved, resume=resume, train=not freeze_encoder, terms=terms)
     return _solution(outer, record, classic, settings, choose_anew=not freeze_encoder)
 
 
