@@ -5,7 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "films": ["FILM_SUFFIXES", "open_recording"],
+        "films": ["FILM_SUFFIXES", "is_film", "open_recording"],
         "images": ["MOST_BITS", "intensities", "is_integer_image", "read_image"],
         "layout": ["find_images"],
         "mosaic": ["Mosaic", "without_pattern"],

@@ -13,6 +13,7 @@ from pathlib import Path
 from rigs.recordings.image_sequence import ImageSequence
 from rigs.recordings.layout import images_in
 from rigs.recordings.recording import Recording
+from rigs.recordings.tiff_stack import is_stack
 from rigs.recordings.write import TIFF_SUFFIXES
 
 _VIDEO = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
@@ -24,6 +25,11 @@ _FORMATS = {
 
 FILM_SUFFIXES = _VIDEO
 """Suffixes that films alone have: a TIFF may be either a still image or a film."""
+
+
+def is_film(path: Path) -> bool:
+    """Return whether a file is a video, or a TIFF of several pages of one size."""
+    return path.suffix.lower() in FILM_SUFFIXES or is_stack(path)
 
 
 def open_recording(path: str | os.PathLike) -> Recording:

@@ -55,6 +55,14 @@ def grouped_notes(said: Iterable[tuple[str, Iterable[str]]]) -> list[str]:
     return [f"{_who(cameras, files)}: {text}" for text, cameras in found.items()]
 
 
+def lossy_note(what: str) -> str:
+    """Return the line on a format whose numbers are no measure of light."""
+    return (
+        f"{what} has 8 bits, is lossy, and is usually gamma-encoded: its numbers are not "
+        "proportional to light, as a reconstruction takes them to be. Record TIFF or PNG"
+    )
+
+
 def _said_by(path: str | os.PathLike) -> list[str]:
     """Return what is to say of one file."""
     said: list[str] = []
@@ -87,10 +95,7 @@ def _said_by(path: str | os.PathLike) -> list[str]:
                 "with calibrate-rig"
             )
         if kind in _LOSSY:
-            said.append(
-                f"{kind} has 8 bits, is lossy, and is usually gamma-encoded: its numbers are not "
-                "proportional to light, as a reconstruction takes them to be. Record TIFF or PNG"
-            )
+            said.append(lossy_note(kind))
     return said
 
 

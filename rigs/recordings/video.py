@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.recordings.notes import lossy_note
 from rigs.recordings.recording import check_index, check_size
 
 if TYPE_CHECKING:
@@ -36,10 +37,7 @@ class Video:
 
     bit_depth: int | None = 8
     timestamps: NDArray[np.float64] | None = None
-    notes: tuple[str, ...] = (
-        "a video has 8 bits, is lossy, and is usually gamma-encoded: its numbers are not "
-        "proportional to light, as a reconstruction takes them to be. Record TIFF or PNG",
-    )
+    notes: tuple[str, ...] = (lossy_note("a video"),)
 
     def __init__(self, path: str | os.PathLike) -> None:
         self.path = Path(path)

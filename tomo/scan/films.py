@@ -9,8 +9,7 @@ from pathlib import Path
 
 from numpy.typing import NDArray
 
-from rigs.recordings import FILM_SUFFIXES, Recording, open_recording
-from rigs.recordings.tiff_stack import is_stack
+from rigs.recordings import FILM_SUFFIXES, Recording, is_film, open_recording
 from rigs.recordings.write import TIFF_SUFFIXES
 
 
@@ -94,10 +93,8 @@ def films_in(folder: Path, cameras: tuple[str, ...]) -> dict[str, Film]:
     """
     found = {}
     for camera in cameras:
-        stacks = [folder / f"{camera}{suffix}" for suffix in TIFF_SUFFIXES]
-        videos = [folder / f"{camera}{suffix}" for suffix in FILM_SUFFIXES]
-        paths = [path for path in stacks if path.is_file() and is_stack(path)]
-        paths += [path for path in videos if path.is_file()]
+        paths = [folder / f"{camera}{suffix}" for suffix in (*TIFF_SUFFIXES, *FILM_SUFFIXES)]
+        paths = [path for path in paths if path.is_file() and is_film(path)]
         if len(paths) > 1:
             raise ValueError(
                 f"{paths[1]}: camera {camera}: found two films, {paths[0].name} is the other, "

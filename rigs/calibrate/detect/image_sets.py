@@ -15,6 +15,7 @@ from rigs.recordings import (
     IMAGE_SUFFIXES,
     find_images,
     image_notes,
+    is_film,
     luminance,
     open_recording,
     read_still,
@@ -22,7 +23,6 @@ from rigs.recordings import (
 )
 from rigs.recordings.layout import ONLY, Images, how_to_name, images_in, natural
 from rigs.recordings.notes import grouped_notes
-from rigs.recordings.tiff_stack import is_stack
 
 _NEVER_IMAGES = (
     ".csv", ".html", ".ini", ".json", ".log", ".m", ".mat", ".md", ".npz", ".odt", ".ods", ".pdf",
@@ -118,7 +118,7 @@ def image_set(
                 f"{folder}: pattern: found no image whose name fits {pattern!r}, expected some"
             )
         films = {camera: each[ONLY] for camera, each in found.items() if ONLY in each}
-        if len(films) == len(found) and all(_is_film(path) for path in films.values()):
+        if len(films) == len(found) and all(is_film(path) for path in films.values()):
             return _pictures_of(films, every, are_mosaics)
         return _sources(found, are_mosaics)
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
@@ -128,7 +128,7 @@ def image_set(
     loose = [path for path in files if path.suffix.lower() in IMAGE_SUFFIXES]
     films = [path for path in files if path.suffix.lower() in FILM_SUFFIXES]
     if not films and not folders:
-        films = [path for path in loose if _is_film(path)]
+        films = [path for path in loose if is_film(path)]
         still = next((path for path in loose if path not in films), None)
         if films and still:
             raise ValueError(
@@ -227,10 +227,6 @@ def read_pictures(path: Path, indices: Iterable[int]) -> Iterator[tuple[int, NDA
     film = open_recording(path)
     for index in sorted(set(indices)):
         yield index, _grey(film.read(index), f"{path}: picture {index}")
-
-
-def _is_film(path: Path) -> bool:
-    return path.suffix.lower() in FILM_SUFFIXES or is_stack(path)
 
 
 def _pictures_of(
