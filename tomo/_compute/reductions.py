@@ -17,9 +17,26 @@ def _inner_product(a, b):
     return total
 
 
+@compiled()
+def _inner_products(a, b, totals):
+    """Add to ``totals`` the inner products of the columns of ``a`` and ``b`` (n, columns)."""
+    for i in range(len(a)):
+        for column in range(len(totals)):
+            totals[column] += np.float64(a[i, column]) * np.float64(b[i, column])
+
+
 def norm(vector: NDArray) -> float:
     """Return the Euclidean norm."""
     return float(np.sqrt(dot(vector, vector)))
+
+
+def inner(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    """Return the inner product of vectors (n,), or those of the columns of arrays (n, columns)."""
+    if a.ndim == 1:
+        return np.float64(dot(a, b))
+    totals = np.zeros(a.shape[1])
+    _inner_products(np.ascontiguousarray(a), np.ascontiguousarray(b), totals)
+    return totals
 
 
 def dot(a: NDArray, b: NDArray) -> float:

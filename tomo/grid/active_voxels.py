@@ -146,12 +146,12 @@ class ActiveVoxels:
         return unknown
 
     def to_storage(self, values: NDArray) -> NDArray:
-        """Return the unknowns' values in the order of storage."""
-        return values if self.unknown_at is None else values.take(self.unknown_at)
+        """Return the unknowns' values ``(unknowns, ...)`` in the order of storage."""
+        return values if self.unknown_at is None else values.take(self.unknown_at, axis=0)
 
     def from_storage(self, values: NDArray) -> NDArray:
         """Return values in the unknowns' order; the inverse of `to_storage`."""
-        return values if self.storage_index is None else values.take(self.storage_index)
+        return values if self.storage_index is None else values.take(self.storage_index, axis=0)
 
     @cached_property
     def box(self) -> ActiveVoxels:

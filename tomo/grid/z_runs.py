@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -77,6 +79,21 @@ class ZRuns:
         self.voxels = np.append(0, np.cumsum(np.count_nonzero(mask, axis=2)[self.inside]))
         self.heights = (np.flatnonzero(mask) % self.depth).astype(np.int32)
         self.own = runs_between(self.low, self.high)
+
+    def side_by_side(self, columns: int) -> ZRuns:
+        """Return the runs of ``columns`` volumes whose values at a voxel lie side by side.
+
+        Such volumes, ``(n, columns)``, are one with ``columns`` times as many voxels along z.
+        """
+        if columns == 1:
+            return self
+        wide = copy.copy(self)
+        wide.depth, wide.low, wide.high = (columns * n for n in (self.depth, self.low, self.high))
+        wide.voxels = columns * self.voxels
+        layers = np.arange(columns, dtype=np.int32)
+        wide.heights = (columns * self.heights[:, None] + layers).ravel()
+        wide.own = runs_between(wide.low, wide.high)
+        return wide
 
 
 def runs_between(low: NDArray[np.integer], high: NDArray[np.integer]) -> Runs:

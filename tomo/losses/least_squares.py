@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compute.reductions import norm
+from tomo._compute.reductions import inner
 from tomo.operators.operator import ProjectionOperator
-from tomo.operators.vectors import additive_start, check_measured, check_weights, unit_of
+from tomo.operators.vectors import (
+    additive_start,
+    by_columns,
+    check_measured,
+    check_weights,
+    unit_of,
+)
 
 
 class LinearPrior(Protocol):
@@ -31,9 +38,9 @@ class LeastSquares:
     ----------
     projector : ProjectionOperator
         ``A``.
-    measured : (pixels,)
-        ``b``.
-    weights : (pixels,), optional
+    measured : (pixels,) or (pixels, columns)
+        ``b``; columns are as many problems, solved at once.
+    weights : as measured, optional
         The diagonal of ``W``; None is one everywhere.
     prior : LinearPrior, optional
         ``D``, see `tomo.priors`.
@@ -66,11 +73,10 @@ class LeastSquares:
         strength: float = 0.0,
     ) -> None:
         self.projector = projector
-        measured = check_measured(projector, measured)
-        weights = check_weights(projector, weights)
+        measured, weights = _checked(projector, measured, weights)
         self.root = None if weights is None else np.sqrt(weights)
         self.unit = unit_of(measured)
-        self.measured = self._weighted(measured / self.unit)  # (pixels,)
+        self.measured = self._weighted(measured / self.unit)  # (pixels,) or (pixels, columns)
         self._add(prior, strength)
 
     def with_prior(self, prior: LinearPrior, strength: float) -> LeastSquares:
@@ -84,16 +90,16 @@ class LeastSquares:
         if prior is not None:
             check_prior(prior, "forward", "adjoint")
         if check_strength(strength) > 0 and prior is not None:
-            largest = float(self.curvature.max(initial=0.0))
+            largest = self.curvature.max(axis=0, initial=0.0).astype(np.float64)
             self.prior, self._factor = prior, np.float32(np.sqrt(strength * largest))
 
     @cached_property
     def curvature(self) -> NDArray[np.float32]:
-        """``A^T W A 1``, ``(unknowns,)``: a diagonal matrix above ``A^T W A``.
+        """``A^T W A 1``, one value an unknown: a diagonal matrix above ``A^T W A``.
 
         Entries of A are not negative, so the difference is diagonally dominant.
         """
-        ones = np.ones(self.projector.shape[1], np.float32)
+        ones = self._one_each(np.ones)
         return self.projector.T @ self._weighted(self._weighted(self.projector @ ones))
 
     @property
@@ -101,12 +107,19 @@ class LeastSquares:
         """The right-hand side: the weighted images, and zeros for the rows of the prior."""
         if self.prior is None:
             return self.measured
-        rows = self.prior.forward(np.zeros(self.projector.shape[1], np.float32)).size
-        return np.concatenate([self.measured, np.zeros(rows, np.float32)])
+        rows = self._rows(self.prior.forward(self._one_each(np.zeros)))
+        return np.concatenate([self.measured, np.zeros_like(rows)])
 
     def start(self, start: ArrayLike | None, nonnegative: bool) -> NDArray[np.float32]:
         """Return the unknowns to start from, in units of ``unit``."""
-        return additive_start(self.projector, start, nonnegative) / self.unit
+        if start is None:
+            return self._one_each(np.zeros)
+        start = np.asarray(start)
+        columns = start if self.measured.ndim == 2 else start.ravel()
+        return (
+            by_columns(lambda one: additive_start(self.projector, one, nonnegative), columns)
+            / self.unit
+        )
 
     def residual(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the right-hand side less all rows times ``x``; zeros are not projected."""
@@ -117,7 +130,7 @@ class LeastSquares:
         image = self._weighted(self.projector @ x)
         if self.prior is None:
             return image
-        return np.concatenate([image, self._factor * self.prior.forward(x).ravel()])
+        return np.concatenate([image, self._factor * self._rows(self.prior.forward(x))])
 
     def adjoint(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the transpose times one value a row."""
@@ -127,12 +140,35 @@ class LeastSquares:
             return volume
         return volume + self._factor * self.prior.adjoint(rows[pixels:])
 
-    def misfit(self, residual: NDArray[np.float32]) -> float:
-        """Return the norm of the weighted residual of the images alone."""
-        return norm(residual[: self.projector.shape[0]])
+    def misfit(self, residual: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return the norm of the weighted residual of the images alone, of each column."""
+        images = residual[: self.projector.shape[0]]
+        return np.sqrt(inner(images, images))
+
+    def _one_each(self, make: Callable[..., NDArray]) -> NDArray[np.float32]:
+        """Return ``make`` of the shape of the unknowns, of each column."""
+        return make((self.projector.shape[1], *self.measured.shape[1:]), np.float32)
+
+    def _rows(self, field: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the prior's rows one below the other."""
+        return field.reshape(-1, *self.measured.shape[1:])
 
     def _weighted(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
         return image if self.root is None else self.root * image
+
+
+def _checked(
+    projector: ProjectionOperator, measured: ArrayLike, weights: ArrayLike | None
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    """Return pixels and weights, flat or in columns, checked."""
+    if not (np.ndim(measured) == 2 and len(measured) == projector.shape[0]):
+        return check_measured(projector, measured), check_weights(projector, weights)
+    measured = by_columns(lambda one: check_measured(projector, one), np.asarray(measured))
+    if weights is None:
+        return measured, None
+    if np.shape(weights) != measured.shape:
+        raise ValueError(f"weights: found shape {np.shape(weights)}, expected {measured.shape}")
+    return measured, by_columns(lambda one: check_weights(projector, one), np.asarray(weights))
 
 
 def check_prior(prior: object, *methods: str) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.operators.operator import ProjectionOperator
-from tomo.operators.vectors import damped
+from tomo.operators.vectors import beside, damped
 
 BARELY_SEEN = 0.01
 """Fraction of the median column sum below which the update of a voxel is damped. Lower lets a
@@ -20,7 +20,7 @@ class Poisson:
     ----------
     projector : ProjectionOperator
         ``A``.
-    measured : (pixels,) float32
+    measured : (pixels,) or (pixels, columns) float32
         ``b``; pixels below zero count as zero.
     fair : (unknowns,) float64 or 0
         Column sums that those of ``A`` count as at least, see `sensitivity`.
@@ -43,9 +43,12 @@ class Poisson:
         self._per_column, self._missing = sensitivity(projector.column_sums, fair)
 
     def factor(self, projected: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Return the factor of every unknown, ``(unknowns,)``, at ``A x``, ``(pixels,)``."""
+        """Return the factor of every unknown, ``(unknowns,)``, at ``A x``, ``(pixels,)``.
+
+        Of each column where the images have columns.
+        """
         seen = self.projector.T @ ratio(self.counts, projected)
-        return self._per_column * (seen + self._missing)
+        return beside(self._per_column, seen) * (seen + beside(self._missing, seen))
 
     def step(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the diagonal metric ``C = x / A^T 1`` of the update, ``(unknowns,)``.
@@ -60,7 +63,7 @@ def ratio(measured: NDArray[np.float32], projected: NDArray[np.float32]) -> NDAr
 
     In double precision: the faint tail of a flame, 1e-40, would overflow a single.
     """
-    one = np.ones(len(measured))
+    one = np.ones(measured.shape)
     return np.divide(measured, projected, out=one, where=projected > 0, dtype=np.float64)
 
 

@@ -98,6 +98,12 @@ class ComposedProjector(ProjectionOperator):
     def _rmatvec(self, y: NDArray) -> NDArray:
         return self.rays.T @ (self.images.T @ y.ravel())
 
+    def _matmat(self, x: NDArray) -> NDArray:
+        return self.images @ (self.rays @ x)
+
+    def _rmatmat(self, y: NDArray) -> NDArray:
+        return self.rays.T @ (self.images.T @ y)
+
     @property
     def is_stored(self) -> bool:
         """Whether the entries of the rays are stored."""
@@ -170,11 +176,11 @@ class BasisProjector(ProjectionOperator):
         """Return the same basis on another projection."""
 
     def to_voxels(self, coefficients: NDArray) -> NDArray:
-        """Return ``M z``, the unknowns of ``A``."""
+        """Return ``M z``, the unknowns of ``A``; ``(unknowns,)`` or ``(unknowns, columns)``."""
         return coefficients
 
     def to_voxels_adjoint(self, unknowns: NDArray) -> NDArray:
-        """Return ``M^T x``."""
+        """Return ``M^T x``; ``(unknowns,)`` or ``(unknowns, columns)``."""
         return unknowns
 
     def _matvec(self, x: NDArray) -> NDArray:
@@ -182,6 +188,12 @@ class BasisProjector(ProjectionOperator):
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         return self.to_voxels_adjoint(self.projector.T @ y.ravel())
+
+    def _matmat(self, x: NDArray) -> NDArray:
+        return self.projector @ self.to_voxels(x)
+
+    def _rmatmat(self, y: NDArray) -> NDArray:
+        return self.to_voxels_adjoint(self.projector.T @ y)
 
     @property
     def is_stored(self) -> bool:

@@ -14,6 +14,7 @@ from tomo._compute.index_types import index_type
 from tomo._compute.memory import available_memory
 from tomo.operators.composition import ImageOperator
 from tomo.operators.operator import Matrix, as_float
+from tomo.operators.spmm import products, transposed_products
 from tomo.operators.spmv import part_bounds, product, transposed_product
 
 Kernel = tuple[NDArray[np.int64], NDArray[np.float32]]
@@ -119,6 +120,13 @@ class ImageBlur(ImageOperator):
         gathered = np.zeros(self.shape[1], y.dtype)
         transposed_product(*self._entries, y, self._parts, gathered, self.matrix.nnz)
         return gathered
+
+    def _matmat(self, x: NDArray) -> NDArray:
+        return products(self._entries, x, self.matrix.nnz)
+
+    def _rmatmat(self, y: NDArray) -> NDArray:
+        pixels = self.shape[1]
+        return transposed_products(self._entries, y, self._parts, pixels, self.matrix.nnz)
 
     def take(self, pixels: NDArray[np.integer]) -> tuple[ImageBlur, NDArray[np.int64]]:
         """Return the blur of some pixels, from the rays that reach them, and those rays."""

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._compute.jit import compiled
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.operator import ProjectionOperator, as_float
+from tomo.operators.spmm import products, transposed_products
 from tomo.operators.spmv import part_bounds, product, row_sums, transposed_product
 from tomo.trace import Segments
 
@@ -158,6 +159,15 @@ class Projector(ProjectionOperator):
         volume = np.zeros(self.shape[1], y.dtype)
         transposed_product(*self.matrix, y, self._parts, volume, self.n_segments)
         return self.active.from_storage(volume)
+
+    def _matmat(self, x: NDArray) -> NDArray:
+        return products(self.matrix, self.active.to_storage(as_float(x)), self.n_segments)
+
+    def _rmatmat(self, y: NDArray) -> NDArray:
+        unknowns = self.shape[1]
+        return self.active.from_storage(
+            transposed_products(self.matrix, y, self._parts, unknowns, self.n_segments)
+        )
 
     @property
     def arrays(self) -> tuple[NDArray, ...]:

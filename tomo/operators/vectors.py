@@ -6,7 +6,7 @@ pixels ``b`` and perhaps a start ``x``, and divides steps by row and column sums
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -102,14 +102,26 @@ def multiplicative_start(
     return start
 
 
-def unit_of(vector: NDArray[np.float32]) -> np.float32:
+def by_columns(change: Callable[[NDArray], NDArray], values: NDArray) -> NDArray:
+    """Return ``change`` of ``values`` (n,), or of each column of ``values`` (n, columns)."""
+    if values.ndim == 1:
+        return change(values)
+    return np.stack([change(np.ascontiguousarray(one)) for one in values.T], axis=1)
+
+
+def beside(vector: NDArray, values: NDArray) -> NDArray:
+    """Return ``vector`` (n,) in the shape that goes with ``values`` (n,) or (n, columns)."""
+    return vector if values.ndim == 1 else vector[:, None]
+
+
+def unit_of(vector: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the power of two next below the largest magnitude; 1 for a vector of zeros.
 
-    Division by it is exact, and keeps squares of the intensity and sums over large systems inside
-    the range of single precision.
+    That of each column where there are columns. Division by it is exact, and keeps squares of the
+    intensity and sums over large systems inside the range of single precision.
     """
-    largest = float(np.abs(vector).max(initial=0.0))
-    return np.float32(2.0 ** (math.frexp(largest)[1] - 1)) if largest > 0 else np.float32(1)
+    largest = np.abs(vector).max(axis=0, initial=0.0)
+    return np.where(largest > 0, np.ldexp(0.5, np.frexp(largest)[1]), 1.0).astype(np.float32)[()]
 
 
 def damped(sizes: NDArray[np.floating], fraction: float = BARELY_MET) -> NDArray[np.floating]:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from tomo.grid import ActiveVoxels
 from tomo.grid.blur import Blur
+from tomo.operators.vectors import by_columns
 from tomo.priors.differences import Gradient
 
 AROUND = 3.0
@@ -24,8 +25,8 @@ class RelativeCurvature:
     Parameters
     ----------
     active : ActiveVoxels
-    volume : (unknowns,) float32
-        The emission whose brightness counts.
+    volume : (unknowns,) or (unknowns, columns) float32
+        The emission whose brightness counts; columns are as many priors, for as many problems.
 
     Notes
     -----
@@ -41,20 +42,29 @@ class RelativeCurvature:
     """
 
     def __init__(self, active: ActiveVoxels, volume: NDArray[np.float32]) -> None:
-        self._gradient = Gradient(active)
-        brightness = Blur(active, AROUND)(np.maximum(volume, 0)).astype(np.float64)
+        columns = 1 if volume.ndim == 1 else volume.shape[1]
+        self._gradient = Gradient(active, columns)
+        self._blur = Blur(active, AROUND)
+        self.weights = by_columns(self._weights, volume)  # as volume
+
+    def _weights(self, volume: NDArray[np.float32]) -> NDArray[np.float32]:
+        brightness = self._blur(np.maximum(volume, 0)).astype(np.float64)
         largest = brightness.max(initial=0.0)
-        self.weights = np.ones(active.size, np.float32)
-        if largest > 0:
-            brightness /= largest
-            weights = 1 / (brightness + DARKEST)
-            weights /= np.sqrt(np.average(np.square(weights), weights=brightness))
-            self.weights = weights.astype(np.float32)
+        if largest == 0:
+            return np.ones(len(volume), np.float32)
+        brightness /= largest
+        weights = 1 / (brightness + DARKEST)
+        weights /= np.sqrt(np.average(np.square(weights), weights=brightness))
+        return weights.astype(np.float32)
+
+    def _second_differences(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return ``D^T D x``."""
+        return self._gradient.adjoint(self._gradient.forward(values)).reshape(values.shape)
 
     def forward(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return ``w D^T D x`` of the unknowns ``x``: ``(unknowns,)``."""
-        return self.weights * self._gradient.adjoint(self._gradient.forward(values))
+        """Return ``w D^T D x`` of the unknowns ``x``, in their shape."""
+        return self.weights * self._second_differences(values)
 
     def adjoint(self, field: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return ``D^T D w p``: ``(unknowns,)``."""
-        return self._gradient.adjoint(self._gradient.forward(self.weights * field.ravel()))
+        """Return ``D^T D w p``, in the shape of the weights."""
+        return self._second_differences(self.weights * field.reshape(self.weights.shape))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tomo._compute.jit import compiled
 from tomo._compute.threads import threads_worth
 from tomo.grid import ActiveVoxels
-from tomo.grid.z_runs import Runs, add, lay_out, pick_up, runs_between
+from tomo.grid.z_runs import Runs, ZRuns, add, lay_out, pick_up, runs_between
 
 NANOSECONDS_FORWARD, NANOSECONDS_ADJOINT = 1.2, 1.6  # a voxel of the runs, on one thread
 OUTSIDE = -2  # number of a run beyond the grid, where -1 is none inside it
@@ -26,10 +26,11 @@ def _add_run(onto, begin, end, height, weight, added, runs, run, lower) -> None:
 
 
 @compiled(parallel=True)
-def _forward(values, voxels, heights, own, around, here, beyond, depth, factors, plain, field):
+def _forward(values, voxels, heights, own, around, here, beyond, top, step, factors, plain, field):
     """Write the differences of ``values`` (n,) to ``field`` (3, positions), which holds zeros.
 
-    ``plain`` is a buffer of the runs ``own``; the other arguments are those of `Gradient`.
+    ``plain`` is a buffer of the runs ``own``; ``top`` is the height of the grid's topmost layer,
+    ``step`` that of one layer; the other arguments are those of `Gradient`.
     """
     plus, minus = np.float32(1), np.float32(-1)
     for run in numba.prange(len(own[1])):
@@ -43,15 +44,18 @@ def _forward(values, voxels, heights, own, around, here, beyond, depth, factors,
                 if other == OUTSIDE:
                     continue
             else:  # the grid's topmost layer has none above
-                last = min(end, begin + depth - 1 - height)
-            _add_run(onto, begin, last, height, plus, plain, own, other, axis // 2)
+                last = min(end, begin + top - height)
+            lower = step if axis == 2 else 0
+            _add_run(onto, begin, last, height, plus, plain, own, other, lower)
             _add_run(onto, begin, last, height, minus, plain, own, here[run], 0)
             for position in range(np.uint64(begin), np.uint64(last)):
                 onto[position] *= factors[axis]
 
 
 @compiled(parallel=True)
-def _adjoint(field, voxels, heights, own, around, at, before, beyond, depth, factors, plain, out):
+def _adjoint(
+    field, voxels, heights, own, around, at, before, beyond, top, step, factors, plain, out
+):
     """Write ``D^T`` of ``field`` (3, positions) to ``out`` (n,)."""
     for run in numba.prange(len(own[1])):
         begin, end, height = own[0][run], own[0][run + 1], own[1][run]
@@ -61,9 +65,9 @@ def _adjoint(field, voxels, heights, own, around, at, before, beyond, depth, fac
             if beyond[at[run], axis] != OUTSIDE:
                 _add_run(plain, begin, end, height, -weight, added, around, at[run], 0)
             _add_run(plain, begin, end, height, weight, added, around, before[run, axis], 0)
-        below_top = min(end, begin + depth - 1 - height)
+        below_top = min(end, begin + top - height)
         _add_run(plain, begin, below_top, height, -factors[2], field[2], around, at[run], 0)
-        _add_run(plain, begin, end, height, factors[2], field[2], around, at[run], -1)
+        _add_run(plain, begin, end, height, factors[2], field[2], around, at[run], -step)
         pick_up(plain, voxels, heights, own, run, out)
 
 
@@ -78,6 +82,8 @@ class Gradient:
     Parameters
     ----------
     active : ActiveVoxels
+    columns : int
+        Volumes at once, whose values at a voxel lie side by side: ``(n, columns)``.
 
     Notes
     -----
@@ -91,8 +97,8 @@ class Gradient:
     `forward` and `adjoint` pass the dot test to 1e-6, in single precision.
     """
 
-    def __init__(self, active: ActiveVoxels) -> None:
-        self.active = active
+    def __init__(self, active: ActiveVoxels, columns: int = 1) -> None:
+        self.active, self.columns = active, columns
         spacing = np.asarray(active.grid.spacing, np.float64)
         self.factors = (np.prod(spacing) ** (1 / 3) / spacing).astype(np.float32)  # (3,)
 
@@ -102,9 +108,13 @@ class Gradient:
         return 3, int(self._around[0][-1])
 
     @cached_property
+    def _runs(self) -> ZRuns:
+        return self.active.z_runs.side_by_side(self.columns)
+
+    @cached_property
     def _around(self) -> Runs:
-        runs = self.active.z_runs
-        low = np.where(runs.inside, np.maximum(runs.low - 1, 0), runs.depth)
+        runs = self._runs
+        low = np.where(runs.inside, np.maximum(runs.low - self.columns, 0), runs.depth)
         high = runs.high.copy()
         for near_low, near_high in ((low[:-1], high[:-1]), (low[:, :-1], high[:, :-1])):
             x, y = (runs.low.shape[axis] - near_low.shape[axis] for axis in (0, 1))
@@ -115,7 +125,7 @@ class Gradient:
     @cached_property
     def _neighbours(self) -> tuple[NDArray[np.int64], ...]:
         """Return ``here``, ``beyond``, ``at`` and ``before``."""
-        own, around = self.active.z_runs.own, self._around
+        own, around = self._runs.own, self._around
 
         def numbers(table: NDArray[np.int64], columns: NDArray, step: tuple[int, int]) -> NDArray:
             padded = np.pad(table, 1, constant_values=OUTSIDE)
@@ -130,29 +140,29 @@ class Gradient:
         )
 
     def forward(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return ``D x`` of the unknowns ``x (n,)``: ``(3, positions)``."""
-        runs, around = self.active.z_runs, self._around
+        """Return ``D x`` of the unknowns ``x (n,)`` or ``(n, columns)``: ``(3, positions)``."""
+        runs, around = self._runs, self._around
         here, beyond, _, _ = self._neighbours
         field = np.zeros(self.shape, np.float32)
         plain = np.zeros(int(runs.own[0][-1]), np.float32)
         values = np.ascontiguousarray(values.ravel(), np.float32)
         with threads_worth(NANOSECONDS_FORWARD * field.shape[1]):
             _forward(
-                values, runs.voxels, runs.heights, runs.own, around, here, beyond, runs.depth,
-                self.factors, plain, field,
+                values, runs.voxels, runs.heights, runs.own, around, here, beyond,
+                runs.depth - self.columns, self.columns, self.factors, plain, field,
             )  # fmt: skip
         return field
 
     def adjoint(self, field: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return ``D^T p (n,)`` of a field with as many values as `forward` returns."""
-        runs, around = self.active.z_runs, self._around
+        """Return ``D^T p (n,)`` or ``(n, columns)`` of a field as `forward` returns it."""
+        runs, around = self._runs, self._around
         _, beyond, at, before = self._neighbours
         plain = np.zeros(int(runs.own[0][-1]), np.float32)
-        out = np.zeros(self.active.size, np.float32)
+        out = np.zeros(self.active.size * self.columns, np.float32)
         with threads_worth(NANOSECONDS_ADJOINT * field.size / 3):
             _adjoint(
                 np.ascontiguousarray(field.reshape(self.shape), np.float32), runs.voxels,
-                runs.heights, runs.own, around, at, before, beyond, runs.depth, self.factors,
-                plain, out,
+                runs.heights, runs.own, around, at, before, beyond,
+                runs.depth - self.columns, self.columns, self.factors, plain, out,
             )  # fmt: skip
-        return out
+        return out if self.columns == 1 else out.reshape(-1, self.columns)

@@ -12,5 +12,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "solve_as_chosen",
         ],
         "folds": ["Fold"],
+        "smooth_solve": ["solve_several_smoothly"],
     },
 )

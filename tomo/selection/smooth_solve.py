@@ -11,6 +11,7 @@ from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
 from tomo.solvers import Solution, curvature, mlem
 from tomo.solvers.initial_volume import mlos_start
+from tomo.solvers.several import curvature_of_several, mlem_of_several
 from tomo.solvers.solution import Callback
 
 START = 10
@@ -21,9 +22,48 @@ rays, more bring the noise in."""
 def smooth_start(
     projector: ProjectionOperator, measured: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return the volume that `solve_smoothly` starts from, ``(unknowns,)``: a few MLEM updates."""
-    found = mlem(projector, measured, iterations=START, start=mlos_start(projector, measured))
+    """Return the volume that `solve_smoothly` starts from: a few MLEM updates.
+
+    ``(unknowns,)`` of images ``(pixels,)``; with a last axis of columns where these have one.
+    """
+    start = mlos_start(projector, measured)
+    if measured.ndim == 2:
+        return mlem_of_several(projector, measured, iterations=START, start=start)
+    found = mlem(projector, measured, iterations=START, start=start)
     return projector.active.compress(found.volume)
+
+
+def solve_several_smoothly(
+    projector: ProjectionOperator,
+    measured: NDArray[np.float32],
+    *,
+    width: float,
+    strength: float,
+    iterations: int,
+    start: NDArray[np.float32],
+    weights: NDArray[np.float32] | None = None,
+) -> NDArray[np.float32]:
+    """Return the volumes of `solve_smoothly` of several sets of images, ``(unknowns, columns)``.
+
+    Parameters
+    ----------
+    projector : ProjectionOperator
+    measured : (pixels, columns) float32
+    width, strength, iterations
+        See `solve_smoothly`.
+    start : (unknowns, columns) float32
+    weights : (pixels, columns) float32, optional
+    """
+    basis = GaussianBasis(projector, width) if width else None
+    found = curvature_of_several(
+        basis or projector,
+        measured,
+        strength=strength,
+        iterations=iterations,
+        start=start,
+        weights=weights,
+    )
+    return basis.to_voxels(found) if basis else found
 
 
 def solve_smoothly(

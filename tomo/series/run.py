@@ -25,7 +25,7 @@ from tomo.series.overlap import read_ahead, write_behind
 from tomo.series.plan import Plan
 from tomo.series.same_run import attributes_of_plan, attributes_of_run, check_same_run
 from tomo.series.settle import check_series_options, choose, make_plan
-from tomo.series.solving import FrameResult, solve_frame, uses_choice
+from tomo.series.solving import FrameResult, solve_frame, solve_together, uses_choice
 from tomo.series.store import SeriesStore
 from tomo.series.systems import system_of_block
 
@@ -158,8 +158,8 @@ def solve_block(
 ) -> Iterator[tuple[int, FrameResult]]:
     """Yield the places of a block's frames and their results, the key frame's first.
 
-    The key frame is solved from scratch, the others from its solution: a block can be done alone,
-    anywhere and in any order, and its bits are the same.
+    The key frame is solved from scratch, the others from its solution and together: a block can be
+    done alone, anywhere and in any order, and its bits are the same.
     """
     system = system_of_block(plan, frames)
     key = key_of(block) - block.start
@@ -168,9 +168,13 @@ def solve_block(
         choice = choose(plan, system, frames[key])
     first = solve_frame(plan, system, frames[key], choice)
     yield block[key], first
-    for place, frame in zip(block, frames, strict=True):
-        if place != block[key]:
-            yield place, solve_frame(plan, system, frame, choice, first.unknowns)
+    places = [place for place in block if place != block[key]]
+    others = [frames[place - block.start] for place in places]
+    if choice is None:
+        results = (solve_frame(plan, system, frame, None) for frame in others)
+    else:
+        results = solve_together(plan, system, others, choice, first.unknowns)
+    yield from zip(places, results, strict=True)
 
 
 def _check_images(scan: Scan, places: Sequence[int]) -> None:

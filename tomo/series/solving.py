@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.evaluate import views_of
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.self_absorption import with_own_absorption
 from tomo.pipeline.solve import Solved, solve_by, voxel_means_of
 from tomo.pipeline.trace import through_gas
 from tomo.pipeline.view import View
-from tomo.selection import Choice, solve_as_chosen
+from tomo.selection import Choice, solve_as_chosen, solve_several_smoothly
 from tomo.series.block_system import BlockSystem
 from tomo.series.images import FrameImages
 from tomo.series.plan import Plan
-from tomo.series.starts import shortened, start_from
+from tomo.series.starts import shortened, starts_from
 from tomo.series.systems import weighted
+from tomo.solvers import Iteration, Solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +51,8 @@ def solve_frame(
     system: BlockSystem,
     frame: FrameImages,
     choice: Choice | None,
-    key: NDArray[np.float32] | None = None,
 ) -> FrameResult:
-    """Solve one frame and compare it with its images.
+    """Solve one frame from scratch and compare it with its images.
 
     Parameters
     ----------
@@ -61,38 +61,91 @@ def solve_frame(
     frame : FrameImages
     choice : Choice, optional
         How smooth; None for a method that is named.
-    key : (unknowns,) float32, optional
-        The solution of the block's key frame; the frame is solved from scratch when None.
     """
     began = time.perf_counter()
-    built = weighted(plan, system, frame)
-    solved, unknowns = _solved(plan, built, choice, key)
+    options, built, unknowns = plan.options, weighted(plan, system, frame), None
+    projector = built.system.projector
+    if choice is None:
+        found = solve_by(method_named(options.method), options.iterations, built, options)
+    else:
+        if options.iterations is not None:
+            choice = replace(choice, iterations=options.iterations)
+        found = solve_as_chosen(projector, built.measured, choice, weights=built.weights)
+        unknowns = projector.active.compress(found.volume)
+        found = replace(found, volume=voxel_means_of(projector, unknowns))
+    return _compared(plan, system, frame, Solved(found, built), unknowns, began)
+
+
+def solve_together(
+    plan: Plan,
+    system: BlockSystem,
+    frames: Sequence[FrameImages],
+    choice: Choice,
+    key: NDArray[np.float32],
+) -> Iterator[FrameResult]:
+    """Solve some frames of a block from its key frame's solution and compare them.
+
+    Each product with the matrix serves all of them, see `tomo.solvers.several`. Dark frames start
+    from scratch.
+
+    Parameters
+    ----------
+    plan : Plan
+    system : BlockSystem
+    frames : sequence of FrameImages
+    choice : Choice
+    key : (unknowns,) float32
+        The solution of the block's key frame.
+    """
+    if not frames:
+        return
+    began = time.perf_counter()
+    options, built = plan.options, [weighted(plan, system, frame) for frame in frames]
+    projector = built[0].system.projector
+    measured = np.stack([one.measured for one in built], axis=1)  # (pixels, frames)
+    weights = None
+    if built[0].weights is not None:
+        weights = np.stack([one.weights for one in built], axis=1)
+    start, dark = starts_from(projector, measured, key)
+    iterations = options.iterations or shortened(choice).iterations
+    found = solve_several_smoothly(
+        projector,
+        measured,
+        width=choice.width,
+        strength=choice.strength,
+        iterations=iterations,
+        start=start,
+        weights=weights,
+    )  # (unknowns, frames)
+    shared = (time.perf_counter() - began) / len(frames)
+    for number, frame in enumerate(frames):
+        began = time.perf_counter() - shared
+        if dark[number]:
+            yield solve_frame(plan, system, frame, choice)
+            continue
+        unknowns = np.ascontiguousarray(found[:, number])
+        solution = Solution(
+            voxel_means_of(projector, unknowns),
+            plan.grid,
+            (Iteration(iterations, math.nan, shared),),
+            {"method": AUTO, "strength": choice.strength, "smooth_width": choice.width},
+        )
+        yield _compared(plan, system, frame, Solved(solution, built[number]), unknowns, began)
+
+
+def _compared(
+    plan: Plan,
+    system: BlockSystem,
+    frame: FrameImages,
+    solved: Solved,
+    unknowns: NDArray[np.float32] | None,
+    began: float,
+) -> FrameResult:
+    """Return the volume with its figures, seen through gas of its own emission where that is."""
+    solved = with_own_absorption(solved, plan.options)
     figures = _figures(plan, system, frame, solved)
     figures["seconds"] = time.perf_counter() - began
     return FrameResult(solved.solution.volume, unknowns, figures, frame.warnings)
-
-
-def _solved(
-    plan: Plan, built: WeightedSystem, choice: Choice | None, key: NDArray[np.float32] | None
-) -> tuple[Solved, NDArray[np.float32] | None]:
-    """Return the solution, its volume the voxels' means, and the unknowns to start others from."""
-    options, projector, unknowns, start = plan.options, built.system.projector, None, None
-    if choice is None:
-        method = method_named(options.method)
-        found = solve_by(method, options.iterations, built, options)
-    else:
-        if key is not None:
-            start = start_from(projector, built.measured, key)
-        if options.iterations is not None:
-            choice = replace(choice, iterations=options.iterations)
-        elif start is not None:
-            choice = shortened(choice)
-        found = solve_as_chosen(
-            projector, built.measured, choice, weights=built.weights, start=start
-        )
-        unknowns = projector.active.compress(found.volume)
-        found = replace(found, volume=voxel_means_of(projector, unknowns))
-    return with_own_absorption(Solved(found, built), options), unknowns
 
 
 def _figures(

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from tomo.operators.operator import ProjectionOperator
 from tomo.selection import Choice
-from tomo.solvers import mlem
 from tomo.solvers.initial_volume import mlos_start
+from tomo.solvers.several import mlem_of_several
 
 UPDATES = 6
 """Updates of MLEM that bring the key frame's volume to a frame's own images, by whose brightness
@@ -25,26 +25,32 @@ FROM_KEY = 0.75
 Fewer leave the key frame's details, more only cost time."""
 
 
-def start_from(
+def starts_from(
     projector: ProjectionOperator, measured: NDArray[np.float32], key: NDArray[np.float32]
-) -> NDArray[np.float32] | None:
-    """Return the start of a frame, ``(unknowns,)``; None where it has to start from scratch.
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return the starts of some frames, and which of them have to start from scratch instead.
 
     Parameters
     ----------
     projector : ProjectionOperator
-    measured : (pixels,) float32
+    measured : (pixels, frames) float32
     key : (unknowns,) float32
         The solution of the block's key frame.
+
+    Returns
+    -------
+    (unknowns, frames) float32
+    (frames,) bool
+        True where the key frame or the frame itself is dark.
     """
-    light = float(key.sum(dtype=np.float64))
-    fresh = mlos_start(projector, measured)
-    own = float(fresh.sum(dtype=np.float64))
-    if not (light > 0 and own > 0 and measured.any()):
-        return None
-    start = (1 - FRESH) * np.maximum(key, 0) + np.float32(FRESH * light / own) * fresh
-    found = mlem(projector, measured, iterations=UPDATES, start=start.astype(np.float32))
-    return projector.active.compress(found.volume)
+    light = key.sum(dtype=np.float64)
+    fresh = mlos_start(projector, measured)  # (unknowns, frames)
+    own = fresh.sum(axis=0, dtype=np.float64)
+    dark = (own <= 0) | (light <= 0) | ~measured.any(axis=0)
+    scale = np.divide(FRESH * light, own, out=np.zeros_like(own), where=~dark)
+    start = (1 - FRESH) * np.maximum(key, 0)[:, None] + scale * fresh
+    start = start.astype(np.float32)
+    return mlem_of_several(projector, measured, iterations=UPDATES, start=start), dark
 
 
 def shortened(choice: Choice) -> Choice:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.operators.operator import ProjectionOperator
+from tomo.operators.vectors import beside
 
 DIMMEST = 1e-4
 """Fraction of the brightest voxel that every voxel in view starts with at least. At zero a
@@ -22,6 +23,8 @@ def mlos_start(
 ) -> NDArray[np.float32]:
     """Return the multiplicative line-of-sight (MLOS) volume, ``(unknowns,)``, never negative.
 
+    One a column where the images have columns.
+
     The geometric mean of the views' back-projections is dim wherever one of them is dark: with few
     views it is most of the way to the volume, where a constant start leaves ghosts in corners that
     few rays meet. The mean of a voxel is over the views that see it. The volume reproduces the sum
@@ -30,11 +33,11 @@ def mlos_start(
     Parameters
     ----------
     projector : ProjectionOperator
-    measured : (pixels,)
+    measured : (pixels,) or (pixels, columns)
         Pixels below zero count as zero.
     views : sequence of int, optional
         The views that take part; all that have pixels when None.
-    back_projections : (views, unknowns), optional
+    back_projections : (views, unknowns, ...), optional
         The result of `log_back_projections` for all views, where it is needed more than once.
 
     Notes
@@ -51,18 +54,20 @@ def mlos_start(
         back_projections = log_back_projections(projector, measured)
     views = range(projector.n_views) if views is None else views
     views = [v for v in views if projector.view_ptr[v + 1] > projector.view_ptr[v]]
-    log_sum = np.zeros(projector.shape[1])
-    seen_by = np.zeros(projector.shape[1], np.int64)
+    log_sum = np.zeros(back_projections.shape[1:])
+    seen_by = np.zeros(log_sum.shape, np.int64)
     for view in views:
         seen = ~np.isnan(back_projections[view])
         log_sum[seen] += back_projections[view][seen]
         seen_by += seen
     x = np.exp(log_sum / np.maximum(seen_by, 1))
-    x = np.where(seen_by > 0, np.maximum(x, DIMMEST * x[seen_by > 0].max(initial=0.0)), 0)
+    brightest = np.where(seen_by > 0, x, 0).max(axis=0, initial=0.0)
+    x = np.where(seen_by > 0, np.maximum(x, DIMMEST * brightest), 0)
     predicted = projector @ x
-    total = sum(_of_view(projector, view, predicted).sum() for view in views)
-    light = sum(_of_view(projector, view, measured).sum(dtype=np.float64) for view in views)
-    return (x * (light / total if total > 0 else 0.0)).astype(np.float32)
+    total = sum(_of_view(projector, view, predicted).sum(axis=0) for view in views)
+    light = sum(_of_view(projector, view, measured).sum(axis=0, dtype=float) for view in views)
+    scale = np.divide(light, total, out=np.zeros(np.shape(total)), where=np.greater(total, 0))
+    return (x * scale).astype(np.float32)
 
 
 def log_back_projections(
@@ -70,17 +75,21 @@ def log_back_projections(
 ) -> NDArray[np.float64]:
     """Return the logarithm of every view's back-projection, NaN where it sees nothing.
 
-    In units of the brightest pixel: ``(views, unknowns)``; minus infinity is dark.
+    In units of the brightest pixel: ``(views, unknowns)``, with a last axis of columns where the
+    images have columns; minus infinity is dark.
     """
-    unit = max(float(np.max(measured, initial=0.0)), np.finfo(np.float32).tiny)
-    back_projections = np.full((projector.n_views, projector.shape[1]), np.nan)
+    unit = np.maximum(np.max(measured, axis=0, initial=0.0), np.finfo(np.float32).tiny)
+    unit = unit.astype(np.float64)
+    shape = projector.n_views, projector.shape[1], *measured.shape[1:]
+    back_projections = np.full(shape, np.nan)
     for view in range(projector.n_views):
         block = projector.view(view)
         pixels = np.maximum(_of_view(projector, view, measured), 0).astype(np.float64) / unit
         lengths = block.column_sums
         seen = lengths > 0
         with np.errstate(divide="ignore"):
-            back_projections[view][seen] = np.log((block.T @ pixels)[seen] / lengths[seen])
+            seen_of = (block.T @ pixels)[seen]
+            back_projections[view][seen] = np.log(seen_of / beside(lengths[seen], seen_of))
     return back_projections
 
 

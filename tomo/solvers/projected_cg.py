@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compute.reductions import dot, norm
+from tomo._compute.reductions import inner
 from tomo.losses import LeastSquares, LinearPrior
 from tomo.operators.operator import ProjectionOperator
 from tomo.solvers._parameters import shared_parameters
@@ -77,31 +77,41 @@ def projected_cg(
 
 
 def descend(problem: LeastSquares, start: ArrayLike | None, nonnegative: bool) -> States:
-    """Yield the volumes of projected conjugate gradients on ``problem``, see `projected_cg`."""
+    """Yield the volumes of projected conjugate gradients on ``problem``, see `projected_cg`.
+
+    Where the problem has columns each has steps of its own, and the last of them ends all: one
+    that has no direction left stays where it is.
+    """
     x = problem.start(start, nonnegative)
     residual = problem.residual(x)
     downhill = problem.adjoint(residual)
     steepest = _free(x, downhill, nonnegative)
-    size = first = norm(steepest) ** 2
+    size = first = inner(steepest, steepest)
     direction = steepest
     while True:
         yield problem.unit * x, problem.misfit(residual)
         # At the limit of single precision there is no direction left to go.
-        if size <= first * SINGLE_PRECISION**2:
+        moving = size > first * SINGLE_PRECISION**2
+        if not np.any(moving):
             return
-        change, image = _change(problem, x, direction, downhill, nonnegative)
-        if change is None and direction is not steepest:
-            change, image = _change(problem, x, steepest, downhill, nonnegative)
-        if change is None:
+        change, image, found = _change(problem, x, direction, downhill, nonnegative)
+        if not np.all(found) and direction is not steepest:
+            others = _change(problem, x, steepest, downhill, nonnegative)
+            change, image = np.where(found, change, others[0]), np.where(found, image, others[1])
+            found = found | others[2]
+        moving = moving & found
+        if not np.any(moving):
             return
+        if not np.all(moving):
+            change, image = (np.where(moving, one, np.float32(0)) for one in (change, image))
         x = np.maximum(x + change, 0) if nonnegative else x + change
         residual = residual - image
         downhill = problem.adjoint(residual)
         previous, size_before = steepest, size
         steepest = _free(x, downhill, nonnegative)
-        size = norm(steepest) ** 2
-        turn = max((size - dot(steepest, previous)) / size_before, 0.0)
-        direction = steepest + np.float32(turn) * _free(x, direction, nonnegative, downhill)
+        size = inner(steepest, steepest)
+        turn = _ratio(size - inner(steepest, previous), size_before)
+        direction = steepest + turn * _free(x, direction, nonnegative, downhill)
 
 
 def _free(x, vector, nonnegative, downhill=None):
@@ -120,20 +130,27 @@ def _change(
     direction: NDArray[np.float32],
     downhill: NDArray[np.float32],
     nonnegative: bool,
-) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
-    """Return the best feasible change along ``direction`` and its image; None if none descends."""
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    """Return the best feasible change along ``direction``, its image, and where there is one."""
     image = problem.forward(direction)
-    slope, curvature = dot(direction, downhill), norm(image) ** 2
-    if slope <= 0 or curvature == 0:
-        return None, None
-    step = np.float32(slope / curvature)
-    change = step * direction
-    if not nonnegative or (x + change >= 0).all():
-        return change, step * image
-    change = np.maximum(x + change, 0) - x
-    image = problem.forward(change)
-    slope, curvature = dot(change, downhill), norm(image) ** 2
-    if slope <= 0 or curvature == 0:
-        return None, None
-    step = np.float32(min(slope / curvature, 1.0))
-    return step * change, step * image
+    step = _ratio(inner(direction, downhill), inner(image, image))
+    change, image = step * direction, step * image
+    if not nonnegative:
+        return change, image, step > 0
+    clipped = (x + change < 0).any(axis=0)
+    if not clipped.any():
+        return change, image, step > 0
+    shorter = np.where(clipped, np.maximum(x + change, 0) - x, change)
+    its_image = problem.forward(shorter)
+    again = np.minimum(
+        _ratio(inner(shorter, downhill), inner(its_image, its_image)), np.float32(1)
+    )
+    change = np.where(clipped, again * shorter, change)
+    image = np.where(clipped, again * its_image, image)
+    return change, image, (step > 0) & (~clipped | (again > 0))
+
+
+def _ratio(above: NDArray[np.float64], below: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return ``above / below``, 0 where that is not positive or nothing is below."""
+    found = np.divide(above, below, out=np.zeros(np.shape(below)), where=below > 0)
+    return np.maximum(found, 0).astype(np.float32)

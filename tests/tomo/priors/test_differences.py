@@ -140,3 +140,16 @@ def test_the_proximal_map_is_that_of_the_dense_twin(active, nonnegative):
     np.testing.assert_allclose(found, expected, atol=2e-4)
     again = variation(center.astype(np.float32), 0.3, 1)  # the dual field was kept
     np.testing.assert_allclose(again, found, atol=1e-4)
+
+
+@every_case
+@pytest.mark.parametrize("columns", [2, 5])
+def test_volumes_side_by_side_have_the_differences_of_each(active, columns):
+    random = np.random.default_rng(3)
+    values = random.standard_normal((active.size, columns)).astype(np.float32)
+    one, several = Gradient(active), Gradient(active, columns)
+    found = several.adjoint(several.forward(values))
+    assert found.shape == values.shape
+    for column, alone in enumerate(values.T):
+        expected = one.adjoint(one.forward(alone))
+        np.testing.assert_allclose(found[:, column], expected, rtol=1e-5, atol=1e-5)

@@ -1,8 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tomo import Options, Scan, reconstruct
 from tomo.metrics import nrmse
+from tomo.operators import Absorption
+from tomo.pipeline.trace import through_gas
 from tomo.series import reconstruct_series
 from tomo.series.frames import blocks_of, key_of
 from tomo.series.images import reader_of
@@ -145,3 +149,14 @@ def test_key_frames_start_their_blocks(plan):
     read = reader_of(plan.scan, plan.screened)
     frames = [read(plan.places[place]) for place in block]
     assert next(solve_block(plan, block, frames))[0] == key_of(block)
+
+
+def test_frames_that_absorb_their_own_light_come_out_brighter(film, plan):
+    gas, mean = Absorption(emission=0.1), np.mean(film.truths, axis=0).astype(np.float32)
+    seen = through_gas(plan.system.built.system, gas, mean, plan.options)
+    built = replace(plan.system.built, absorption=gas, system=seen)
+    absorbing = replace(plan, emission=mean, system=replace(plan.system, built=built))
+    last = blocks_of(len(film.truths))[-1]
+    clear = volumes_of(plan, last)
+    for place, volume in volumes_of(absorbing, last).items():
+        assert 1.05 < volume.sum() / clear[place].sum() < 1.4

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tomo.grid.blur import Blur
 from tomo.operators.composition import BasisProjector
 from tomo.operators.operator import ProjectionOperator
+from tomo.operators.vectors import by_columns
 
 
 class GaussianBasis(BasisProjector):
@@ -60,6 +61,8 @@ class GaussianBasis(BasisProjector):
 
     def to_voxels(self, coefficients: NDArray) -> NDArray:
         """Return the active voxels ``G z`` of coefficients ``z``; the shape stays."""
+        if coefficients.ndim == 2:  # (unknowns, columns)
+            return by_columns(self._blur, coefficients)
         return self._blur(coefficients.ravel()).reshape(coefficients.shape)
 
     to_voxels_adjoint = to_voxels  # G is symmetric

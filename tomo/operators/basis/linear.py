@@ -12,6 +12,7 @@ from tomo.grid import ActiveVoxels
 from tomo.operators.basis.means import coefficients_of, voxel_means
 from tomo.operators.composition import BasisProjector
 from tomo.operators.operator import LINEAR, ProjectionOperator
+from tomo.operators.vectors import by_columns
 
 
 class LinearBasis(BasisProjector):
@@ -84,11 +85,17 @@ class OnVoxelMeans(BasisProjector):
 
     def to_voxels(self, coefficients: NDArray) -> NDArray:
         """Return the coefficients of voxel means."""
-        found = coefficients_of(_on_grid(self, coefficients)).astype(coefficients.dtype)
+        return by_columns(self._coefficients, coefficients)
+
+    def _coefficients(self, means: NDArray) -> NDArray:
+        found = coefficients_of(_on_grid(self, means)).astype(means.dtype)
         return self.projector.active.compress(found)
 
     def to_voxels_adjoint(self, unknowns: NDArray) -> NDArray:
         """Return ``C^T x``."""
+        return by_columns(self._means_adjoint, unknowns)
+
+    def _means_adjoint(self, unknowns: NDArray) -> NDArray:
         found = coefficients_of(_on_grid(self.projector, unknowns))
         return self.active.compress(found).astype(unknowns.dtype)
 
