@@ -113,7 +113,8 @@ def test_settings_of_the_solver_are_those_of_a_reading():
     reading = Reading(inputs="absolute", samples_per_batch=3, blocks=2)
     settings = dataclasses.asdict(reading.settings())
     own = dataclasses.asdict(reading)
-    assert own.keys() - settings.keys() == {"first_bias"}  # the encoder is built by the study
-    assert {name: settings[name] for name in own if name != "first_bias"} == {
-        name: value for name, value in own.items() if name != "first_bias"
+    ours = {"first_bias", "seed"}  # the study builds the encoder, and hands the seed on
+    assert own.keys() - settings.keys() == ours
+    assert {name: settings[name] for name in own.keys() - ours} == {
+        name: own[name] for name in own.keys() - ours
     }

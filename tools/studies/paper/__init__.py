@@ -13,9 +13,15 @@ _PARTS = {
     "denoising": "Noise of 10 % of the maximum, WERNet and ART",
     "transfer": "Encoders of other flames",
 }
+_RETRIES = {
+    "smoother": "Noise again, on a flame as hard for ART as the paper's",
+    "seeds": "Variants of the encoder again, three seeds and 80 epochs",
+    "longer": "Encoders of the homogeneous set again, 80 epochs",
+}
 STUDY = Study(
     "paper",
     "The WERNet paper, run again.",
-    {name: (title, f"studies.paper.experiments:{name}") for name, title in _PARTS.items()},
+    {name: (title, f"studies.paper.experiments:{name}") for name, title in _PARTS.items()}
+    | {name: (title, f"studies.paper.retries:{name}") for name, title in _RETRIES.items()},
     ("full", "half", "tiny"),
 )

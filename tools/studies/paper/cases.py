@@ -28,6 +28,11 @@ FINER = "_finer"
 """At the end of a layout's name: the images are shrunk half as much, pixels half as wide."""
 
 
+LARGER = " x"
+"""Before a number at the end of a flame's name: the flame is so many times as large as the box,
+which shows its middle: wrinkles and front are wider by as much."""
+
+
 @dataclass(frozen=True, eq=False)
 class Case:
     """Images of a flame whose voxels are known, and the equations made of them.
@@ -82,7 +87,9 @@ def grid_of(problem: Problem) -> VoxelGrid:
 def truth_of(flame: str, problem: Problem) -> NDArray[np.float32]:
     """Return a phantom at the middle of every voxel."""
     grid = grid_of(problem)
-    field = phantoms.create(flame, SEED, grid.extent, grid.center)
+    name, _, times = flame.partition(LARGER)
+    extent = float(times or 1) * np.asarray(grid.extent)
+    field = phantoms.create(name, SEED, extent, grid.center)
     truth = np.asarray(phantoms.sample(field, grid), np.float32)
     truth.flags.writeable = False
     return truth

@@ -36,6 +36,8 @@ class Reading:
     first_bias : float or None
         What the bias of the last convolution starts at; the square of it is then what most
         weights start near. None: PyTorch's random one, near zero, where a square is flat.
+    seed : int
+        Of the encoder, the first voxels and the order of the rays.
     """
 
     variant: str = "bias-mask"
@@ -46,10 +48,11 @@ class Reading:
     voxel_learning_rate: float = 0.01
     encoder_learning_rate: float = 0.005
     first_bias: float | None = 0.5
+    seed: int = SEED
 
     def encoder(self) -> WeightEncoder:
         """Return an encoder that has not been trained; "no-bias" has no bias to set."""
-        encoder = WeightEncoder(self.variant, blocks=self.blocks, seed=SEED)
+        encoder = WeightEncoder(self.variant, blocks=self.blocks, seed=self.seed)
         if self.first_bias is not None and encoder.last.bias is not None:
             with torch.no_grad():
                 encoder.last.bias.fill_(self.first_bias)
@@ -57,7 +60,8 @@ class Reading:
 
     def settings(self) -> PaperSettings:
         """Return the settings of the training; the encoder is built by `encoder`."""
-        own = {name: value for name, value in asdict(self).items() if name != "first_bias"}
+        own = asdict(self)
+        del own["first_bias"], own["seed"]
         return PaperSettings(**own)
 
 
@@ -133,7 +137,7 @@ def row_and_encoder(
             callback=judge,
             encoder=encoder,
             freeze_encoder=freeze,
-            seed=SEED,
+            seed=reading.seed,
             settings=reading.settings(),
         )
         end, encoder = found.stop_reason, found.encoder or encoder
