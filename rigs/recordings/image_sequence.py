@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.recordings.notes import image_notes
-from rigs.recordings.recording import check_index, check_size
+from rigs.recordings.recording import FrameError, Reopened, check_index, check_size
 from rigs.recordings.stills import image_size, read_still
 
 
-class ImageSequence:
+class ImageSequence(Reopened):
     """Files of one camera in the order of its frames; see `Recording`.
 
     Parameters
@@ -42,8 +42,8 @@ class ImageSequence:
         full = read_still(paths[0]).full_scale
         self.bit_depth = None if full is None else full.bit_length()
 
-    def __repr__(self) -> str:
-        return f"ImageSequence({[str(path) for path in self.paths]!r}, {str(self.folder)!r})"
+    def _opened_by(self) -> tuple:
+        return self.paths, self.folder
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
@@ -57,8 +57,8 @@ class ImageSequence:
         try:
             image = read_still(path).grey()
         except OSError as error:
-            raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
+            raise FrameError(path, index, f"cannot be read: {error.strerror}") from None
         except ValueError as error:
-            raise ValueError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
+            raise FrameError(path, index, str(error).removeprefix(f"{path}: ")) from None
         check_size(path, index, image, self.image_size)
         return image

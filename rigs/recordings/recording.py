@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
@@ -9,10 +12,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+class FrameError(ValueError):
+    """One frame of a recording cannot be decoded, though others may.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    frame : int or None
+        The frame's number in it, from 0; None where the file is one frame.
+    reason : str
+        Text in one line: found, and expected.
+    """
+
+    def __init__(self, path: str | os.PathLike, frame: int | None, reason: str) -> None:
+        super().__init__(path, frame, reason)  # what a pickle calls it with again
+        self.path, self.frame, self.reason = Path(path), frame, reason
+
+    def __str__(self) -> str:
+        place = "" if self.frame is None else f"frame {self.frame}: "
+        return f"{self.path}: {place}{self.reason}"
+
+
 class Recording(Protocol):
     """The frames of one camera: opened in little time, and read when asked for, in any order.
 
-    Several threads may read at once. Pixels are as stored, row 0 first.
+    Several threads may read at once. Pixels are as stored, row 0 first. A copy in another process,
+    by pickle, opens the file again.
 
     Attributes
     ----------
@@ -43,7 +69,7 @@ class Recording(Protocol):
         ------
         IndexError
             If there is no such frame.
-        ValueError
+        FrameError
             If it cannot be decoded; the message names file and frame.
         """
 
@@ -54,16 +80,45 @@ def check_index(path: Path, index: int, n_frames: int) -> None:
         raise IndexError(f"{path}: found frame {index}, expected 0 to {n_frames - 1}")
 
 
+@contextmanager
+def frame_errors(path: Path, index: int) -> Iterator[None]:
+    """Turn any exception over a frame's bytes into one line that names file and frame."""
+    try:
+        yield
+    except FrameError:
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise FrameError(path, index, reason.removeprefix(f"{path}: ")) from None
+
+
+class Reopened:
+    """A recording that a pickle opens again: what `_opened_by` names is called once more."""
+
+    def _opened_by(self) -> tuple:
+        """Return what the class was called with."""
+        return (self.path,)
+
+    def __reduce__(self) -> tuple:
+        return type(self), self._opened_by()
+
+    def __repr__(self) -> str:
+        found = (str(one) if isinstance(one, Path) else one for one in self._opened_by())
+        return f"{type(self).__name__}({', '.join(map(repr, found))})"
+
+
 def check_size(path: Path, index: int, image: NDArray, size: tuple[int, int]) -> None:
     """Raise unless a frame has the size of the first.
 
     Raises
     ------
-    ValueError
+    FrameError
         Naming both.
     """
     if image.shape[::-1] != size:
-        raise ValueError(
-            f"{path}: frame {index}: found {image.shape[1]} x {image.shape[0]} pixels, expected "
-            f"{size[0]} x {size[1]}, as in the first"
+        raise FrameError(
+            path,
+            index,
+            f"found {image.shape[1]} x {image.shape[0]} pixels, expected {size[0]} x {size[1]}, "
+            "as in the first",
         )

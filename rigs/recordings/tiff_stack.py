@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import errors_of_libraries
-from rigs.recordings.recording import check_index, check_size
+from rigs.recordings.recording import Reopened, check_index, check_size, frame_errors
 from rigs.recordings.tiff import bits_of, decoded, opened_tiff, silent_log
 
 
-class TiffStack:
+class TiffStack(Reopened):
     """The pages of a TIFF or BigTIFF file, each a grey frame; see `Recording`.
 
     Parameters
@@ -47,14 +47,10 @@ class TiffStack:
             self.image_size = (first.imagewidth, first.imagelength)
             self.bit_depth = bits_of(first)
 
-    def __repr__(self) -> str:
-        return f"TiffStack({str(self.path)!r})"
-
     def read(self, index: int) -> NDArray:
         """Return a frame, see `Recording.read`."""
         check_index(self.path, index, self.n_frames)
-        where = f"{self.path}: frame {index}"
-        with errors_of_libraries(where), self._lock, silent_log("tifffile"):
+        with frame_errors(self.path, index), self._lock, silent_log("tifffile"):
             page = self._file.pages.get(index, aspage=True)
             image = decoded(page, self._bytes).grey()
         check_size(self.path, index, image, self.image_size)

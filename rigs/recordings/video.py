@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.recordings.notes import lossy_note
-from rigs.recordings.recording import check_index, check_size
+from rigs.recordings.recording import FrameError, Reopened, check_index, check_size
 
 if TYPE_CHECKING:
     import cv2
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _MISSING = 0.1  # fraction of the pictures that a header states which may not be there
 
 
-class Video:
+class Video(Reopened):
     """The pictures of a video as grey levels, see `Recording`.
 
     Pictures are decoded in their order, because seeking is inexact in many formats: one that
@@ -55,9 +55,6 @@ class Video:
         self._video: cv2.VideoCapture | None = None
         self._next = 0
 
-    def __repr__(self) -> str:
-        return f"Video({str(self.path)!r})"
-
     @property
     def n_frames(self) -> int:
         """The number of pictures: decoded once, because the one in the header is often wrong."""
@@ -76,14 +73,15 @@ class Video:
                 self._video, self._next = _opened(self.path), 0
             while self._next <= index:
                 if not self._video.grab():
-                    raise ValueError(
-                        f"{self.path}: decoding stops at picture {self._next}, expected "
-                        f"{index + 1}"
+                    raise FrameError(
+                        self.path,
+                        index,
+                        f"decoding stops at picture {self._next}, expected {index + 1}",
                     )
                 self._next += 1
             decoded, image = self._video.retrieve()
         if not decoded:
-            raise ValueError(f"{self.path}: picture {index} cannot be decoded")
+            raise FrameError(self.path, index, "the picture cannot be decoded")
         if image.ndim == 3:
             import cv2
 

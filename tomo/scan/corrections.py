@@ -194,7 +194,7 @@ class Corrections:
         is_correction: bool = True,
     ) -> NDArray[np.float32]:
         """Return a camera's image, of its own size."""
-        from rigs.recordings import intensities, read_image
+        from rigs.recordings import FrameError, intensities, read_image
 
         place = f"{image}: " if isinstance(image, Path) else ""
         colours = {name: self.of(name, camera) for name in ("channel", "bayer")}
@@ -207,6 +207,9 @@ class Corrections:
                 values = intensities(image.read(), image, bits, usable)
             else:
                 values = intensities(image, "image in memory", bit_depth, usable)
+        except FrameError as error:
+            said = f"camera {camera}: {error.reason}"
+            raise FrameError(error.path, error.frame, said) from error
         except (ValueError, FileNotFoundError) as error:
             raise type(error)(f"camera {camera}: {error}") from error
         if values.shape[::-1] != tuple(size):
