@@ -41,7 +41,17 @@ def read_xml(path: str | os.PathLike) -> ElementTree.Element:
     ValueError
         In one line that names the file: entities, deep nesting or broken XML.
     """
-    text = read_text(path)
+    return parse_xml(read_text(path), path)
+
+
+def parse_xml(text: str, path: str | os.PathLike) -> ElementTree.Element:
+    """Return the root element of a text; errors name the file that it stands in.
+
+    Raises
+    ------
+    ValueError
+        See `read_xml`.
+    """
     if not text.strip():
         raise ValueError(f"{path}: found an empty file, expected XML")
     if re.search(r"<!ENTITY", text):

@@ -5,7 +5,14 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "films": ["FILM_SUFFIXES", "is_film", "open_recording"],
+        "films": [
+            "CONTAINER_SUFFIXES",
+            "FILM_FORMATS",
+            "FILM_SUFFIXES",
+            "is_film",
+            "open_recording",
+            "split_member",
+        ],
         "images": ["MOST_BITS", "intensities", "is_integer_image", "read_image"],
         "layout": ["find_images"],
         "mosaic": ["Mosaic", "without_pattern"],

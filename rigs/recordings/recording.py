@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import Protocol
 
 import numpy as np
@@ -50,7 +52,8 @@ class Recording(Protocol):
     frame_rate : float or None
         Frames a second, where the file says.
     timestamps : (n_frames,) float64 or None
-        Seconds from the first frame, where the file says.
+        Seconds from the trigger, or from the first frame where the format knows no trigger; None
+        where the file does not say.
     notes : tuple of str
         Lines that a user should know of the numbers, such as that they are not linear in light.
     """
@@ -90,6 +93,23 @@ def frame_errors(path: Path, index: int) -> Iterator[None]:
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise FrameError(path, index, reason.removeprefix(f"{path}: ")) from None
+
+
+def needs(package: str, path: Path) -> ModuleType:
+    """Return a package that an extra installs.
+
+    Raises
+    ------
+    ValueError
+        Naming the extra and the line to type, where it is not installed.
+    """
+    try:
+        return importlib.import_module(package)
+    except ImportError:
+        raise ValueError(
+            f"{path}: reading it needs the package {package}, which is not installed: pip install "
+            "'flametomo[films]'"
+        ) from None
 
 
 class Reopened:

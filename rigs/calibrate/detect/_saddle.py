@@ -13,12 +13,12 @@ four squares looks the same after half a turn. The slopes describe uneven light.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from rigs.compiled import compiled
 
 _STEPS = 25  # of the descent; it takes some eight
 _UNKNOWNS = 12  # corner, two directions, two blurs; level and contrast, each with two slopes
@@ -26,13 +26,6 @@ _CONVERGED = 2e-4  # pixels; a step shorter than this ends the descent
 _MAX_STEP = 1.0  # pixels; longer steps leave the corner
 _FAR = 4.0  # beyond this, erf is 1 within 2e-8
 _SLOPE = 2 / math.sqrt(math.pi)  # of erf at 0
-
-
-def _compiled(function: Callable) -> Callable:
-    try:
-        return numba.njit(function, cache=True, nogil=True, error_model="numpy")
-    except RuntimeError:  # no folder to cache in can be written
-        return numba.njit(function, nogil=True, error_model="numpy")
 
 
 class Saddles(NamedTuple):
@@ -86,7 +79,7 @@ def fit_saddles(
     )
 
 
-@_compiled
+@compiled
 def _fit(image, start, axes, reach, gap, white, bend, fitted):
     rows, columns = image.shape
     for corner in range(len(start)):
@@ -131,7 +124,7 @@ def _fit(image, start, axes, reach, gap, white, bend, fitted):
         _descend(pixels[:used], values[:used], bend[corner], unknowns, fitted[corner])
 
 
-@_compiled
+@compiled
 def _descend(pixels, values, bend, unknowns, fitted):
     """Levenberg's descent; the last six unknowns are solved for at once in the first step."""
     damping = 1e-3
@@ -171,7 +164,7 @@ def _descend(pixels, values, bend, unknowns, fitted):
                 return
 
 
-@_compiled
+@compiled
 def _accumulate(pixels, values, bend, unknowns):
     """Return the normal matrix, the gradient and the sum of squares at ``unknowns``."""
     normal = np.zeros((_UNKNOWNS, _UNKNOWNS))

@@ -1,12 +1,16 @@
 """Images in TIFF files as cameras pack them, which no writer at hand makes."""
 
 import struct
+import sys
 import zlib
+from pathlib import Path
 
 import imagecodecs
 import numpy as np
 import pytest
 import tifffile
+
+sys.path.append(str(Path(__file__).parent))  # the tests import `film_files`
 
 COMPRESSIONS = {
     None: (1, bytes),

@@ -6,7 +6,7 @@ import tifffile
 import yaml
 
 import rigs
-from rigs.recordings.tiff_stack import TiffStack
+from rigs.recordings.film_formats.tiff_stack import TiffStack
 from tomo import load_scan, scan_of_images
 
 

@@ -1,4 +1,4 @@
-"""Videos as a recording, decoded by OpenCV."""
+"""Videos as films, decoded by OpenCV where PyAV is not installed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _MISSING = 0.1  # fraction of the pictures that a header states which may not be there
 
 
-class Video(Reopened):
+class OpenCVVideo(Reopened):
     """The pictures of a video as grey levels, see `Recording`.
 
     Pictures are decoded in their order, because seeking is inexact in many formats: one that

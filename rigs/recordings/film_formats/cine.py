@@ -1,0 +1,202 @@
+"""Films of Phantom cameras, .cine files of Vision Research."""
+
+from __future__ import annotations
+
+import os
+import struct
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.files.size_guard import errors_of_libraries
+from rigs.recordings.recording import Reopened, check_index, frame_errors
+from rigs.recordings.stored_pixels import bytes_of, pixels_of, read_part
+
+_FILE = struct.Struct("<2s3HiIiI3I2I")
+_BITMAP = struct.Struct("<IiiHHIIiiII")
+_SETUP_MARK = 140  # bytes into the setup: "ST", then its length
+_TIMES = 1002  # the tagged block with a time for every frame
+_PLAIN, _PACKED_10, _PACKED_12 = 0, 256, 1024  # values of biCompression
+_MOSAIC = 2  # value of the file's Compression: pixels under colour filters
+_STEPS_OF_10_BITS = (
+    "311111111111101111111111111111011111111111111101111111111111110111111111111111101111111111111"
+    "110111111111111111101111111111111110111111111111011111111111111111211111111121111112111121112"
+    "111211211211211211212112121211212121212121221212212212212212221222122222212222222222122222222"
+    "222222222222222222322222223222223222223222322232223223223223223223232322323232323232323323232"
+    "332332332332333233323332333332333333332333333333333333333343333333343333433334333433433343343"
+    "433434334343434334343434343443434434434434434434443444344443444444344444444444444444444444444"
+    "544444444544445444544454454454454454545445454545454554545455455455455455545554555545555554555"
+    "555555555555555555555555565555555556555565556555655655655656556565656565656565656656656656566"
+    "656665666566665666666665666666666666666666666667666666666667666676666766676676676676766767676"
+    "767676767676776767767767776777677767777767777777767777777777787777777777787777777787777787777"
+    "877787877787787787787787878778787878788787878878878878878887888878888888878888888888888888888"
+    "988888988889888988988988988989898898988"
+)
+"""Steps of the table by which cameras shorten 12 bits, linear in light, to 10: a digit each.
+
+From Vision Research's description of the format. Codes above are full scale.
+"""
+
+
+class _Setup(NamedTuple):
+    """Fields of a cine's setup, with their place in bytes."""
+
+    frame_rate: float
+    bits: int
+    filters: int
+    black: int
+    white: int
+    crop: tuple[int, int]
+    length: int
+
+
+class Cine(Reopened):
+    """The frames of a Phantom .cine file, monochrome, of 8, 10, 12 or 16 bits; see `Recording`.
+
+    Times are from the trigger on. Frames packed in 10 bits are made linear, in 12 bits, by the
+    table of the format.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged, or holds colour images or JPEG.
+
+    Notes
+    -----
+    The layout is that of "Cine File Format" by Vision Research. Rows of frames that are not
+    packed are stored from the bottom up, as in a Windows bitmap.
+    """
+
+    def __init__(self, path: str | os.PathLike) -> None:
+        self.path = Path(path)
+        with errors_of_libraries(f"{self.path}: not a readable Phantom film"):
+            self._read_headers()
+
+    def _read_headers(self) -> None:
+        mark, _, kind, version, _, _, _, count, bitmap, setup, table, *trigger = _FILE.unpack(
+            read_part(self.path, 0, _FILE.size)
+        )
+        if mark != b"CI":
+            raise ValueError(f"found {mark!r} at its beginning, expected 'CI'")
+        if count < 1:
+            raise ValueError("found no frame, expected some")
+        _, width, height, _, bits, packing, *_ = _BITMAP.unpack(
+            read_part(self.path, bitmap, _BITMAP.size)
+        )
+        if width < 1 or height == 0:
+            raise ValueError(f"found {width} x {height} pixels, expected at least one")
+        if bits not in (8, 16) or kind not in (0, _MOSAIC):
+            raise ValueError(
+                f"found {bits} bits a pixel, compression {kind}, expected grey values of 8 or 16 "
+                "bits, not compressed: save the film as raw, not as colours or JPEG"
+            )
+        if packing not in (_PLAIN, _PACKED_10, _PACKED_12):
+            raise ValueError(
+                f"found packing {packing}, expected none (0), 10 bits (256) or 12 bits (1024)"
+            )
+        self._packing, self._turned = packing, packing == _PLAIN and height > 0
+        self._type = {_PLAIN: f"uint{bits}", _PACKED_10: "uint10", _PACKED_12: "uint12"}[packing]
+        self.n_frames, self.image_size = count, (width, abs(height))
+        found = self._read_setup(setup)
+        depth = bytes_of(self._type, 8) if packing else (found.bits if bits == 16 else 8)
+        self.bit_depth = 12 if packing == _PACKED_10 else depth if 1 <= depth <= bits else bits
+        self.frame_rate = found.frame_rate if 0 < found.frame_rate < 1e12 else None
+        self.is_mosaic = kind == _MOSAIC
+        width_of_place = 8 if version else 4
+        places = read_part(self.path, table, count * width_of_place)
+        self._places = np.frombuffer(places, f"<u{width_of_place}")
+        self.timestamps = self._read_times(setup + found.length, table, trigger)
+        self.notes = tuple(self._notes(found))
+
+    def _read_setup(self, start: int) -> _Setup:
+        mark, length = struct.unpack("<2sH", read_part(self.path, start + _SETUP_MARK, 4))
+        if mark != b"ST":
+            raise ValueError(f"found {mark!r} in the setup, expected 'ST'")
+        setup = read_part(self.path, start, length)
+
+        def field(kind: str, place: int) -> float:
+            """Return a field; 0 where the setup of an older camera ends before."""
+            is_there = place + struct.calcsize(kind) <= length
+            return struct.unpack_from(kind, setup, place)[0] if is_there else 0
+
+        rate = field("<d", 10400)
+        return _Setup(
+            frame_rate=rate if np.isfinite(rate) and rate > 0 else float(field("<I", 768)),
+            bits=int(field("<I", 896)),
+            filters=int(field("<I", 808)),
+            black=int(field("<i", 5732)),
+            white=int(field("<i", 5736)),
+            crop=(int(field("<I", 1580)), int(field("<I", 1584))),
+            length=length,
+        )
+
+    def _read_times(self, start: int, stop: int, trigger: list[int]) -> NDArray[np.float64] | None:
+        """Return the frames' times from the trigger on, in seconds, where the file has them."""
+        while start + 8 <= stop:
+            size, kind, _ = struct.unpack("<IHH", read_part(self.path, start, 8))
+            if size < 8:
+                raise ValueError(f"found a tagged block of {size} bytes, expected 8 or more")
+            if kind == _TIMES and size - 8 >= 8 * self.n_frames:
+                data = read_part(self.path, start + 8, 8 * self.n_frames)
+                fraction, second = np.frombuffer(data, "<u4").astype(np.int64).reshape(-1, 2).T
+                # whole seconds since 1970 leave no room for nanoseconds in a float
+                seconds = second - trigger[1]
+                return seconds + (fraction - trigger[0]) / 2.0**32
+            start += size
+        return None
+
+    def _notes(self, found: _Setup) -> list[str]:
+        """Return lines on what the file says of the pixels, which are returned as stored."""
+        said = []
+        full = 2**self.bit_depth - 1
+        black, white = (64, 4064) if self._packing == _PACKED_10 else (found.black, found.white)
+        if 0 < black < white <= full or 0 <= black < white < full:
+            said.append(
+                f"the film says that black is {black} and white {white} of {full}; pixels are "
+                "used as stored. In scan.yaml, corrections: "
+                f"{{dark: {black / full:.4g}, saturation: {white / full:.4g}}} says so"
+            )
+        if any(found.crop):
+            said.append(
+                f"the image begins at column {found.crop[0]}, row {found.crop[1]} of the sensor: "
+                "the rig has to be of this part of it"
+            )
+        return said
+
+    def read(self, index: int) -> NDArray:
+        """Return a frame, see `Recording.read`."""
+        check_index(self.path, index, self.n_frames)
+        with frame_errors(self.path, index):
+            place = int(self._places[index])
+            (start,) = struct.unpack("<I", read_part(self.path, place, 4))
+            if start < 8:
+                raise ValueError(f"found {start} bytes before the pixels, expected 8 or more")
+            (size,) = struct.unpack("<I", read_part(self.path, place + start - 4, 4))
+            width, height = self.image_size
+            row = bytes_of(self._type, width)
+            if not self._packing and size == height * (row + -row % 4):
+                row += -row % 4  # rows of bitmaps may be filled up to four bytes
+            needed = height * row if not self._packing else bytes_of(self._type, width * height)
+            if size < needed:
+                raise ValueError(f"found {size} bytes of pixels, expected {needed}")
+            data = read_part(self.path, place + start, needed)
+            wide = row // bytes_of(self._type, 1) if not self._packing else width
+            image = pixels_of(data, (wide, height), self._type)[:, :width]
+            if self._packing == _PACKED_10:
+                return _linear_codes()[image]
+            return np.ascontiguousarray(image[::-1] if self._turned else image)
+
+
+def _linear_codes() -> NDArray[np.uint16]:
+    """Return what the 1024 codes of 10 bits stand for, of 4095."""
+    found = np.full(1024, 4095, np.uint16)
+    steps = np.frombuffer(_STEPS_OF_10_BITS.encode(), np.uint8) - ord("0")
+    found[0] = 2
+    found[1 : len(steps) + 1] = 2 + np.cumsum(steps)
+    return found

@@ -1,0 +1,179 @@
+"""Data sets in HDF5 files as films, NeXus among them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.files.size_guard import check_claim, errors_of_libraries
+from rigs.recordings.film_formats.npy import film_shape
+from rigs.recordings.recording import Reopened, check_index, frame_errors, needs
+
+if TYPE_CHECKING:
+    import h5py
+
+UNITS = {"s": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of times, in seconds."""
+
+_MOST_LISTED = 1000  # objects of a file that are looked at for films
+_MOST_DEPTH = 8  # levels of groups
+
+
+class Hdf5Film(Reopened):
+    """A data set ``(frames, height, width)``; see `Recording`.
+
+    Times are the data set that NeXus calls the first of the group's ``axes``, where it has a unit
+    of time.
+
+    Parameters
+    ----------
+    path : path-like
+    member : str, optional
+        The data set's name; needed where the file has more than one film.
+
+    Raises
+    ------
+    ValueError
+        If the file has no such data set of numbers, the name does not say which, or it leads out
+        of the file's folder.
+    """
+
+    notes: tuple[str, ...] = ()
+    frame_rate: float | None = None
+
+    def __init__(self, path: str | os.PathLike, member: str | None = None) -> None:
+        self.path, self._given = Path(path), member
+        h5py = needs("h5py", self.path)
+        with errors_of_libraries(f"{self.path}: not a readable HDF5 film"):
+            self._file = h5py.File(self.path, "r", locking="best-effort")
+            self.member = member or self._only_film()
+            self._data = self._found(self.member)
+            self.n_frames, self.image_size, self.bit_depth = film_shape(
+                self._data.shape, self._data.dtype
+            )
+            self._check_storage()
+            self.timestamps = self._read_times()
+
+    def _opened_by(self) -> tuple:
+        return self.path, self._given
+
+    def read(self, index: int) -> NDArray:
+        """Return a frame, see `Recording.read`."""
+        check_index(self.path, index, self.n_frames)
+        with frame_errors(self.path, index):
+            if self._data.chunks is not None:
+                self._check_chunks(index)
+            frame = self._data[index]
+            return frame.astype(frame.dtype.newbyteorder("="), copy=False)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _only_film(self) -> str:
+        """Return the name of the file's only film, or NeXus's default one."""
+        found = list(itertools.islice(_films_of(self._file), 5))
+        if len(found) == 1:
+            return found[0]
+        listed = ", ".join(f"{self.path.name}:{name}" for name in found)
+        raise ValueError(
+            f"found {'no data set' if not found else f'the data sets {listed}'} of shape "
+            "(frames, height, width), expected the path of one, like "
+            f"{self.path.name}:/entry/data/data"
+        )
+
+    def _found(self, name: str) -> h5py.Dataset:
+        """Return a data set, refusing links that lead out of the file's folder."""
+        import h5py
+
+        group, steps = self._file, [step for step in name.split("/") if step]
+        for step in steps:
+            if not isinstance(group, h5py.Group) or step not in group:
+                raise ValueError(f"found no {step!r} of {name}, expected a data set")
+            link = group.get(step, getlink=True)
+            if isinstance(link, h5py.ExternalLink):
+                self._check_inside(link.filename)
+            group = group[step]
+        if not isinstance(group, h5py.Dataset):
+            raise ValueError(f"found a group {name}, expected a data set")
+        return group
+
+    def _check_inside(self, other: str) -> None:
+        """Raise where a file that this one names is not in its folder or below."""
+        folder = self.path.parent.resolve()
+        if other != "." and not (folder / other).resolve().is_relative_to(folder):
+            raise ValueError(f"found data in {other!r}, expected them in the folder of the film")
+
+    def _check_storage(self) -> None:
+        """Raise where data lie outside, or a frame would take far more memory than it holds."""
+        if self._data.external:
+            raise ValueError("found data stored in other files, expected them in the film")
+        held = self.path.stat().st_size
+        if self._data.is_virtual:
+            for source in self._data.virtual_sources():
+                self._check_inside(source.file_name)
+                other = self.path.parent / source.file_name
+                held += other.stat().st_size if other.is_file() else 0
+        if not self._data.is_virtual and self._data.id.get_storage_size() == 0:
+            raise ValueError(f"found nothing written in {self.member}, expected frames")
+        sides = self._data.chunks or self._data.shape[1:]
+        check_claim(math.prod(sides) * self._data.dtype.itemsize, held)
+        check_claim(math.prod(self._data.shape[1:]) * self._data.dtype.itemsize, held)
+
+    def _check_chunks(self, index: int) -> None:
+        """Raise where a part of a frame was never written: HDF5 would fill it."""
+        sides = self._data.chunks
+        starts = [
+            range(index // sides[0] * sides[0], index + 1, sides[0]),
+            *(
+                range(0, length, side)
+                for length, side in zip(self._data.shape[1:], sides[1:], strict=True)
+            ),
+        ]
+        for place in itertools.product(*starts):
+            if self._data.id.get_chunk_info_by_coord(place).byte_offset is None:
+                raise ValueError("found a part that was never written, expected a whole frame")
+
+    def _read_times(self) -> NDArray[np.float64] | None:
+        """Return the frames' times in seconds, where NeXus's axes name them."""
+        axes = np.atleast_1d(self._data.parent.attrs.get("axes", [])).tolist()
+        name = axes[0] if axes and isinstance(axes[0], str) else None
+        if name is None or name not in self._data.parent:
+            return None
+        times = self._found(f"{self._data.parent.name}/{name}")
+        unit = times.attrs.get("units")
+        scale = UNITS.get(unit) if isinstance(unit, str) else None
+        if scale is None or times.shape != (self.n_frames,) or times.dtype.kind not in "iuf":
+            return None
+        return times[:].astype(np.float64) * scale
+
+
+def _films_of(file: h5py.File) -> Iterator[str]:
+    """Yield the names of data sets that are films, in the file's order; links are not followed."""
+    import h5py
+
+    waiting, seen = [(file, "", 0)], 0
+    while waiting:
+        group, place, depth = waiting.pop(0)
+        for name in group:
+            seen += 1
+            if seen > _MOST_LISTED:
+                return
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                continue
+            one = group[name]
+            if isinstance(one, h5py.Group) and depth < _MOST_DEPTH:
+                waiting.append((one, f"{place}/{name}", depth + 1))
+            elif isinstance(one, h5py.Dataset) and _is_film(one):
+                yield f"{place}/{name}"
+
+
+def _is_film(one: h5py.Dataset) -> bool:
+    return one.dtype.kind in "iuf" and len(one.shape or ()) == 3 and 0 not in one.shape

@@ -1,0 +1,132 @@
+"""Videos as films, decoded by PyAV."""
+
+from __future__ import annotations
+
+import bisect
+import os
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.files.size_guard import errors_of_libraries
+from rigs.recordings.notes import lossy_note
+from rigs.recordings.recording import Reopened, check_index, check_size, frame_errors, needs
+
+if TYPE_CHECKING:
+    import av
+
+_MISSING = 0.1  # fraction of the pictures that a header states which may not be there
+_GREY = {8: "gray", 9: "gray9le", 10: "gray10le", 12: "gray12le", 14: "gray14le", 16: "gray16le"}
+
+
+class Video(Reopened):
+    """The pictures of a video as grey levels of 8 to 16 bits; see `Recording`.
+
+    A picture is decoded from the last one before it that depends on no other.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be decoded, or ends long before the last picture that it states.
+    """
+
+    def __init__(self, path: str | os.PathLike) -> None:
+        self.path = Path(path)
+        self._av = needs("av", self.path)
+        self._lock = threading.Lock()
+        self._open: av.container.InputContainer | None = None
+        self._next, self._pictures = 0, iter(())
+        with errors_of_libraries(f"{self.path}: not a readable video"):
+            with self._opened() as file:
+                stream = file.streams.video[0]
+                rate = stream.average_rate
+                self.frame_rate = float(rate) if rate else None
+                self.image_size = (stream.width, stream.height)
+                bits = max((one.bits for one in stream.format.components), default=8)
+            self.bit_depth = next((one for one in _GREY if one >= bits), 16)
+            self._times, self._keys, self._unit = self._indexed()
+        self.notes = (lossy_note("a video"),) if self.bit_depth == 8 else ()
+
+    @property
+    def n_frames(self) -> int:
+        """The number of pictures in the file, whatever its header states."""
+        return len(self._times)
+
+    @property
+    def timestamps(self) -> NDArray[np.float64]:
+        """Seconds from the first picture, as the file has them."""
+        return (np.array(self._times) - self._times[0]) * self._unit
+
+    def read(self, index: int) -> NDArray:
+        """Return the luminance of a picture, see `Recording.read`."""
+        check_index(self.path, index, self.n_frames)
+        with frame_errors(self.path, index), self._lock:
+            try:
+                picture = self._picture(index)
+            except Exception:
+                self.close()  # a decoder that failed is not gone on with
+                raise
+            image = picture.to_ndarray(format=_GREY[self.bit_depth])
+        check_size(self.path, index, image, self.image_size)
+        return image
+
+    def close(self) -> None:
+        """Close the file; reading opens it again."""
+        if self._open is not None:
+            self._open.close()
+        self._open, self._next = None, 0
+
+    def _picture(self, index: int) -> av.VideoFrame:
+        """Return a decoded picture, going on where the last one was read where that is nearer."""
+        key = self._keys[bisect.bisect_right(self._keys, index) - 1] if self._keys else 0
+        if self._open is None or index < self._next or key > self._next:
+            self.close()
+            self._open = self._opened()
+            stream = self._open.streams.video[0]
+            stream.codec_context.thread_count = 1  # same bits, and no threads left in a child
+            if key:
+                self._open.seek(self._times[key], stream=stream)
+            self._pictures = self._open.decode(stream)
+        for picture in self._pictures:
+            place = bisect.bisect_left(self._times, picture.pts)
+            if picture.pts is None or self._times[place : place + 1] != [picture.pts]:
+                continue
+            self._next = place + 1
+            if place >= index:
+                break
+        else:
+            raise ValueError("decoding stops before the picture")
+        if place != index:
+            raise ValueError("the picture cannot be decoded")
+        return picture
+
+    def _opened(self) -> av.container.InputContainer:
+        file = self._av.open(str(self.path), metadata_errors="ignore")
+        if not file.streams.video:
+            file.close()
+            raise ValueError("found no video in it, expected one")
+        return file
+
+    def _indexed(self) -> tuple[list[int], list[int], float]:
+        """Return the pictures' times in units, which of them depend on no other, and the unit."""
+        times, keys = [], []
+        with self._opened() as file:
+            stream = file.streams.video[0]
+            stated, unit = stream.frames, float(stream.time_base)
+            for packet in file.demux(stream):
+                if packet.pts is None or packet.is_discard:
+                    continue
+                times.append(packet.pts)
+                if packet.is_keyframe:
+                    keys.append(packet.pts)
+        times = sorted(set(times))
+        if not times or len(times) < (1 - _MISSING) * stated:
+            raise ValueError(f"found {len(times)} pictures, expected {stated}: truncated")
+        return times, [bisect.bisect_left(times, one) for one in sorted(set(keys))], unit

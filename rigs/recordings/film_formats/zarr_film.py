@@ -1,0 +1,128 @@
+"""Zarr arrays as films, of versions 2 and 3."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.files.size_guard import ALWAYS_ALLOWED, check_claim, errors_of_libraries
+from rigs.recordings.film_formats.hdf5 import UNITS
+from rigs.recordings.film_formats.npy import film_shape
+from rigs.recordings.recording import Reopened, check_index, frame_errors, needs
+
+if TYPE_CHECKING:
+    import zarr
+
+
+class ZarrFilm(Reopened):
+    """An array ``(frames, height, width)``; see `Recording`.
+
+    Times are the array of the group that is named as the first dimension, where it has a unit of
+    time, as xarray writes it.
+
+    Parameters
+    ----------
+    path : path-like
+        The folder of an array or of a group.
+    member : str, optional
+        The array's name in the group; needed where the group has more than one film.
+
+    Raises
+    ------
+    ValueError
+        If there is no such array of numbers, or the name does not say which.
+    """
+
+    notes: tuple[str, ...] = ()
+    frame_rate: float | None = None
+
+    def __init__(self, path: str | os.PathLike, member: str | None = None) -> None:
+        self.path, self._given = Path(path), member
+        zarr = needs("zarr", self.path)
+        with errors_of_libraries(f"{self.path}: not a readable Zarr film"):
+            opened = zarr.open(self.path, mode="r")
+            self._group = opened if isinstance(opened, zarr.Group) else None
+            self._array = self._chosen(opened, member)
+            self.n_frames, self.image_size, self.bit_depth = film_shape(
+                self._array.shape, self._array.dtype
+            )
+            self._check_claims()
+            self.timestamps = self._read_times()
+
+    def _opened_by(self) -> tuple:
+        return self.path, self._given
+
+    def read(self, index: int) -> NDArray:
+        """Return a frame, see `Recording.read`."""
+        check_index(self.path, index, self.n_frames)
+        with frame_errors(self.path, index):
+            self._check_chunks(index)
+            frame = np.asarray(self._array[index])
+            return frame.astype(frame.dtype.newbyteorder("="), copy=False)
+
+    def _chosen(self, opened: zarr.Array | zarr.Group, member: str | None) -> zarr.Array:
+        """Return the array of a name, or the only one that is a film."""
+        import zarr
+
+        if member is not None:
+            steps = [step for step in member.split("/") if step]
+            if ".." in steps or self._group is None:
+                raise ValueError(f"found {member!r}, expected the name of an array in a group")
+            found = opened["/".join(steps)]
+            if not isinstance(found, zarr.Array):
+                raise ValueError(f"found a group {member}, expected an array")
+            return found
+        if self._group is None:
+            return opened
+        films = [name for name, one in opened.arrays() if one.ndim == 3]
+        if len(films) != 1:
+            raise ValueError(
+                f"found the arrays {', '.join(films) or 'none'} of shape (frames, height, width), "
+                f"expected the path of one, like {self.path.name}:/{films[0] if films else 'data'}"
+            )
+        return opened[films[0]]
+
+    @property
+    def _folder(self) -> Path:
+        return self.path / self._array.path if self._array.path else self.path
+
+    def _check_claims(self) -> None:
+        """Raise where a frame, or a chunk of frames, claims far more than the folder holds."""
+        item = self._array.dtype.itemsize
+        shards = self._array.shards or self._array.chunks
+        for sides in (self._array.shape[1:], self._array.chunks, shards):
+            claimed = math.prod(sides) * item
+            if claimed > ALWAYS_ALLOWED:
+                files = (one for one in self._folder.rglob("*") if one.is_file())
+                check_claim(claimed, sum(one.stat().st_size for one in files))
+
+    def _check_chunks(self, index: int) -> None:
+        """Raise where a part of a frame was never written: Zarr would fill it."""
+        sides = self._array.shards or self._array.chunks
+        counts = [
+            -(-length // side) for length, side in zip(self._array.shape, sides, strict=True)
+        ]
+        places = itertools.product([index // sides[0]], *(range(count) for count in counts[1:]))
+        encoded = self._array.metadata.encode_chunk_key
+        for place in places:
+            if not (self._folder / encoded(place)).is_file():
+                raise ValueError("found a part that was never written, expected a whole frame")
+
+    def _read_times(self) -> NDArray[np.float64] | None:
+        """Return the frames' times in seconds, where the group has them."""
+        names = getattr(self._array.metadata, "dimension_names", None)
+        names = names or self._array.attrs.get("_ARRAY_DIMENSIONS") or [None]
+        if self._group is None or not isinstance(names[0], str) or names[0] not in self._group:
+            return None
+        times = self._group[names[0]]
+        unit = times.attrs.get("units")
+        scale = UNITS.get(unit) if isinstance(unit, str) else None
+        if scale is None or getattr(times, "shape", None) != (self.n_frames,):
+            return None
+        return np.asarray(times[:]).astype(np.float64) * scale
