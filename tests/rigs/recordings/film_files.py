@@ -102,7 +102,7 @@ def xarray_s_zarr(tmp_path):
     image = xarray.DataArray(
         FRAMES,
         dims=("time", "y", "x"),
-        coords={"time": ("time", np.arange(6) * 0.2)},
+        coords={"time": np.arange(6) * 0.2},
         name="image",
     )
     image.time.attrs["units"] = "ms"
@@ -131,7 +131,7 @@ def pymraw_s_film(tmp_path):
 def photron(tmp_path, bits, side="Lower", suffix=".cihx"):
     """Write a Photron film from its layout: a description beside the pixels."""
     depth = min(bits, 12)
-    frames = NUMBERS >> (12 - depth)
+    frames = (NUMBERS >> (12 - depth)).astype(np.uint8 if bits == 8 else np.uint16)
     stored = frames << (bits - depth if side == "Higher" else 0)
     content = stored.astype(f"<u{bits // 8}").tobytes() if bits in (8, 16) else b""
     content = content or b"".join(packed(frame, bits) for frame in frames)
@@ -161,7 +161,7 @@ def photron(tmp_path, bits, side="Lower", suffix=".cihx"):
 def cine(tmp_path, bits, packing=0, rate=1000.0, old=False):
     """Write a Phantom film from its layout; frames are packed or bottom-up rows of 8, 16 bits."""
     depth = {0: min(bits, 12), 256: 10, 1024: 12}[packing]
-    frames = NUMBERS >> (12 - depth)
+    frames = (NUMBERS >> (12 - depth)).astype(np.uint8 if bits == 8 else np.uint16)
     bodies = []
     for frame in frames:
         body = packed(frame, depth) if packing else frame[::-1].astype(f"<u{bits // 8}").tobytes()

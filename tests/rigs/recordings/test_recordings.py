@@ -137,7 +137,7 @@ def test_what_is_no_recording_is_refused(tmp_path):
     with pytest.raises(ValueError, match="found no image, expected one file a frame"):
         open_recording(tmp_path)
     for name, content, message in (
-        ("a.txt", b"text", r"found suffix '\.txt', expected a folder of images, or one of \.mp4"),
+        ("a.txt", b"text", r"found suffix '\.txt', expected a folder of images, or one of \.tif"),
         ("a.avi", b"text", "not a readable video"),
         ("a.mp4", b"\0\0\0\x18ftypmp42" + bytes(40), "not a readable video"),
         ("a.tif", b"text", "not a readable TIFF"),
