@@ -17,6 +17,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "layout": ["find_images"],
         "mosaic": ["Mosaic", "without_pattern"],
         "notes": ["image_notes"],
+        "film_formats.raw_film": ["RawLayout"],
         "recording": ["FrameError", "Recording"],
         "still": ["Still"],
         "stills": ["IMAGE_SUFFIXES", "image_size", "luminance", "read_still"],

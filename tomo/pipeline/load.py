@@ -46,6 +46,7 @@ def load(scan: Scan, frame: str | None) -> LoadedScan:
         name = scan.frame(frame).name
         images, masks, saturated = scan.read_with_saturation(name)
         stage.warnings += _of_saturation(saturated)
+        stage.warnings += scan.notes
         stage.warnings += image_notes(
             {
                 camera: [image]

@@ -14,6 +14,7 @@ from rigs.files.schema import Number, Text, VolumeEntry, Whole
 from rigs.files.text import read_yaml_mapping, shortened
 from rigs.recordings import MOST_BITS
 from rigs.recordings.mosaic import COLOURS, PATTERNS
+from rigs.recordings.stored_pixels import PIXEL_TYPES
 
 
 def _named(name: str) -> str:
@@ -55,8 +56,18 @@ class _Frame(_Strict):
     images: dict[str, Text]
 
 
+class _Raw(_Strict):
+    width: Annotated[Whole, AfterValidator(_from_one)]
+    height: Annotated[Whole, AfterValidator(_from_one)]
+    dtype: Literal[PIXEL_TYPES]
+    byte_order: Literal["little", "big"] = "little"
+    header_bytes: Annotated[Whole, AfterValidator(_from_zero)] = 0
+    gap_bytes: Annotated[Whole, AfterValidator(_from_zero)] = 0
+
+
 class _Film(_Strict):
     path: Text
+    raw: _Raw | None = None
     first: Annotated[Whole, AfterValidator(_from_zero)] = 0
     step: Annotated[Whole, AfterValidator(_from_one)] = 1
     offset: Whole = 0

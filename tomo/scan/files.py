@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from rigs import Rig, formats, load_rig
 from rigs.files.text import breaks_a_line
-from rigs.recordings import IMAGE_SUFFIXES, find_images
+from rigs.recordings import IMAGE_SUFFIXES, RawLayout, find_images, split_member
 from rigs.recordings.layout import how_to_name, natural
 from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.scan._schema import parse_scan_file
 from tomo.scan.corrections import Corrections
-from tomo.scan.films import Film, films_in, frames_of_films
+from tomo.scan.films import Film, films_in, frame_rate_of, frames_of_films, notes_of_films
 from tomo.scan.frames import Frame
 from tomo.scan.scan import Scan
 from tomo.scan.write import SCAN_FILE, check_cameras
@@ -127,8 +127,11 @@ def _load_scan_file(path: Path) -> Scan:
         )
         for frame in content.frames or ()
     )
+    films, rate = {}, content.frame_rate
     if content.films is not None:
-        frames = _frames_of_films(path, content.films, rig)
+        films = _films_of(path, content.films, rig)
+        frames = tuple(Frame(*one) for one in frames_of_films(films).items())
+        rate = rate or frame_rate_of(films)
     corrections = {}
     for name, value in content.corrections.model_dump().items():
         if isinstance(value, dict):
@@ -157,20 +160,22 @@ def _load_scan_file(path: Path) -> Scan:
         truth,
         source=path,
         effects=effects,
-        frame_rate=content.frame_rate,
+        frame_rate=rate,
+        notes=notes_of_films(films) if films else (),
     )
 
 
-def _frames_of_films(path: Path, entries: dict[str, Any], rig: Rig) -> tuple[Frame, ...]:
-    """Return the frames of the films that a scan.yaml names."""
+def _films_of(path: Path, entries: dict[str, Any], rig: Rig) -> dict[str, Film]:
+    """Return the films that a scan.yaml names, by camera."""
     check_cameras(path, "films", entries, rig)
     films = {}
     for camera, entry in entries.items():
         file = _inside(path, entry.path, f"films: camera {camera}")
-        if not file.exists():
+        if not split_member(file)[0].exists():
             raise FileNotFoundError(f"{file}: camera {camera}: no such film")
-        films[camera] = Film(file, entry.first, entry.step, entry.offset)
-    return tuple(Frame(name, images) for name, images in frames_of_films(films).items())
+        raw = None if entry.raw is None else RawLayout(**entry.raw.model_dump())
+        films[camera] = Film(file, entry.first, entry.step, entry.offset, raw)
+    return films
 
 
 def _inside(scan_file: Path, text: str, field: str) -> Path:
@@ -214,7 +219,7 @@ def scan_of_images(
     rig : Rig or path-like
     images : path-like
         A folder of ``cam00/0001.tif``, ``cam00_0001.tif`` or ``cam00.tif``, see
-        `rigs.recordings.find_images`; or of a film ``cam00.tif`` or ``cam00.mp4`` a camera.
+        `rigs.recordings.find_images`; or of a film ``cam00.tif`` or ``cam00.cine`` a camera.
     pattern : str, optional
         How files are named otherwise, like ``{frame}/{camera}.tif``.
     **settings
@@ -233,6 +238,7 @@ def scan_of_images(
     films = films_in(folder, rig.names) if pattern is None else {}
     if films:
         settings.setdefault("grid", grid_of_rig(rig))
+        settings |= {"frame_rate": frame_rate_of(films), "notes": notes_of_films(films)}
         moments = frames_of_films(films).items()
         return Scan(rig, tuple(Frame(*one) for one in moments), source=folder, **settings)
     found = find_images(folder, rig.names, pattern)

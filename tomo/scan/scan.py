@@ -56,6 +56,8 @@ class Scan:
         the truth is.
     frame_rate : float, optional
         Frames a second.
+    notes : tuple of str
+        Lines that a user should know of the films.
     """
 
     rig: Rig
@@ -68,6 +70,7 @@ class Scan:
     recorded_sizes: Mapping[str, tuple[int, int]] | None = None
     effects: Mapping[str, Any] | None = None
     frame_rate: float | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check that names belong together; whether files can be read shows when they are."""

@@ -80,7 +80,8 @@ def images_of(loaded: LoadedScan, screened: ScreenedScan) -> FrameImages:
         ]
 
     used, apart = part(screened.scan), part(screened.apart)
-    return FrameImages(loaded.frame, *used, *apart, loaded.record.warnings)
+    said = tuple(line for line in loaded.record.warnings if line not in loaded.scan.notes)
+    return FrameImages(loaded.frame, *used, *apart, said)
 
 
 def reader_of(scan: Scan, screened: ScreenedScan) -> Callable[[int], FrameImages]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.recordings import (
+    CONTAINER_SUFFIXES,
     FILM_SUFFIXES,
     IMAGE_SUFFIXES,
     find_images,
@@ -82,7 +83,7 @@ def image_set(
     ----------
     folder : path-like
         Folders named as the cameras, in which equal file names without suffix are one frame;
-        images ``CAMERA_NUMBER.*`` beside each other; or films (videos, TIFFs of many pages)
+        images ``CAMERA_NUMBER.*`` beside each other; or films, see `rigs.recordings.films`,
         named as the cameras, in which equal picture numbers are one frame. Names that begin with
         a dot and files of other kinds are ignored.
     every : int
@@ -123,12 +124,13 @@ def image_set(
         return _sources(found, are_mosaics)
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
     inside.sort(key=lambda path: natural(path.name))
-    folders = [path for path in inside if path.is_dir()]
-    files = [path for path in inside if path.is_file()]
+    folders = [path for path in inside if path.is_dir() and not is_film(path)]
+    files = [path for path in inside if path not in folders]
     loose = [path for path in files if path.suffix.lower() in IMAGE_SUFFIXES]
-    films = [path for path in files if path.suffix.lower() in FILM_SUFFIXES]
+    films = [path for path in files if path.suffix.lower() in FILM_SUFFIXES or path.is_dir()]
     if not films and not folders:
-        films = [path for path in loose if is_film(path)]
+        arrays = [path for path in files if path.suffix.lower() in CONTAINER_SUFFIXES]
+        films = [path for path in loose if is_film(path)] or arrays
         still = next((path for path in loose if path not in films), None)
         if films and still:
             raise ValueError(
