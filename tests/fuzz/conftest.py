@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-sys.path.append(str(Path(__file__).parent))  # the tests import `mutations` and `samples`
+HERE = Path(__file__).parent
+sys.path += [str(HERE), str(HERE.parent / "rigs" / "recordings")]  # for `samples`, `film_files`
 
 MOST_SECONDS = 3.0  # of processor time for one small file; what backtracks takes minutes
 MOST_MEMORY = 250 << 20  # bytes for one small file: bombs unpack to 300 MB

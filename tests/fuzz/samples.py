@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import cv2
+import film_files
 import numpy as np
 import tifffile
 import torch
@@ -32,7 +33,9 @@ from rigs.recordings import (
     open_recording,
     read_image,
     read_still,
+    split_member,
 )
+from rigs.recordings.film_formats.video_opencv import OpenCVVideo
 from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume, write_volume
 from tomo.wernet import load_encoder, save_encoder
@@ -63,7 +66,8 @@ class Reader:
 def readers(folder):
     """Return every reader by name; ``folder`` is for what the writers write."""
     rigs = _rigs(folder) | _models() | _tools(folder)
-    return rigs | _scans(folder) | _volumes(folder) | _images(folder) | _learned(folder)
+    recordings = _images(folder) | _films(folder)
+    return rigs | _scans(folder) | _volumes(folder) | recordings | _learned(folder)
 
 
 def small_rig(*models):
@@ -288,22 +292,66 @@ def _images(folder):
         image_notes({"cam": [path]})
         read_still(path)
 
-    def film(path):
-        recording = open_recording(path)
-        for index in range(min(recording.n_frames, 3)):
-            recording.read(index)
-
     return {
         "image .tif": Reader("a.tif", image, _tiffs(), BINARY),
         "image .png": Reader("a.png", read_image, _pngs(), PNG),
         "image .jpg": Reader("a.jpg", read_image, (_jpeg(),), BINARY),
         "image .pgm": Reader("a.pgm", read_image, _pnms(), (*TEXT, *BINARY)),
-        "film .tif": Reader("a.tif", film, _stacks(), BINARY),
-        "film .avi": Reader("a.avi", film, _videos(folder), BINARY),
         "notes on images": Reader("a.tif", noted, every, PNG),
         "calibration image": Reader("a.tif", read_source, every, PNG),
         "detection cache": Reader("found.npz", _detection_cache.read,
                                   ((folder / "cache").read_bytes(),), ARCHIVE),
+    }  # fmt: skip
+
+
+def read_film(path, opened=open_recording):
+    """Read some frames of a film, and what its file says of them."""
+    recording = opened(path)
+    assert recording.timestamps is None or len(recording.timestamps) == recording.n_frames
+    for index in range(min(recording.n_frames, 3)):
+        recording.read(index)
+
+
+def _films(folder):
+    def written(make, name=None, **settings):
+        place = folder / f"films {len(list(folder.glob('films *')))}"
+        place.mkdir()
+        path, _ = make(place, **settings)
+        return (place / name if name else split_member(path)[0]).read_bytes()
+
+    def by_opencv(path):
+        read_film(path, OpenCVVideo)
+
+    def in_zarr(path):
+        read_film(next(one for one in path.parents if one.suffix == ".zarr"))
+
+    photron = [written(film_files.photron, name, bits=12) for name in ("a.cihx", "a.mraw")]
+    cih = written(film_files.photron, "a.cih", bits=12, suffix=".cih")
+    cines = [written(film_files.cine, bits=bits, packing=packing)
+             for bits, packing in ((8, 0), (16, 0), (16, 256), (16, 1024))]  # fmt: skip
+    im7 = [written(film_files.im7, packing=packing) for packing in (2, 3)]
+    im7 += [written(film_files.readim7_s_images, "cam/B00009.im7", is_packed=one)
+            for one in (False, True)]  # fmt: skip
+    hdf5 = [written(make) for make in (film_files.nexus, film_files.nexus_in_chunks)]
+    numpy = [written(make)
+             for make in (film_files.numpy_array, film_files.numpy_array_of_columns)]  # fmt: skip
+    chunk = "a.zarr/c/0/0/0"
+    zarr = {name: written(film_files.zarr_array, name) for name in ("a.zarr/zarr.json", chunk)}
+    videos = _videos(folder)
+    return {
+        "film .tif": Reader("a.tif", read_film, _stacks(), BINARY),
+        "film .avi": Reader("a.avi", read_film, videos, BINARY),
+        "film .avi by OpenCV": Reader("a.avi", by_opencv, videos, BINARY),
+        "film .cine": Reader("a.cine", read_film, cines, BINARY),
+        "film .mraw": Reader("a.mraw", read_film, photron[1:], BINARY, {"a.cihx": photron[0]}),
+        "film .cihx": Reader("a.cihx", read_film, photron[:1], TEXT, {"a.mraw": photron[1]}),
+        "film .cih": Reader("a.cih", read_film, [cih], TEXT, {"a.mraw": photron[1]}),
+        "film .im7": Reader("a.im7", read_film, im7, BINARY),
+        "film .h5": Reader("a.h5", read_film, hdf5, BINARY),
+        "film .npy": Reader("a.npy", read_film, numpy, BINARY),
+        "film zarr.json": Reader("a.zarr/zarr.json", in_zarr, [zarr["a.zarr/zarr.json"]], TREE,
+                                 zarr),
+        "film chunk": Reader(chunk, in_zarr, [zarr[chunk]], BINARY, zarr),
     }  # fmt: skip
 
 

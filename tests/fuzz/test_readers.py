@@ -26,8 +26,9 @@ NAMES = (
     *("format unknown .xml", "format unknown of tools", "scan.yaml", "scan of transforms.json"),
     *("world file", "volume .npz", "volume .vti", "volume .nrrd", "volume .npy", "volume .mha"),
     *("volume .nii", "volume .nii.gz", "image .tif", "image .png", "image .jpg", "image .pgm"),
-    *("film .tif", "film .avi", "notes on images", "calibration image", "detection cache"),
-    *("encoder", "checkpoint"),
+    *("notes on images", "calibration image", "detection cache", "film .tif", "film .avi"),
+    *("film .avi by OpenCV", "film .cine", "film .mraw", "film .cihx", "film .cih", "film .im7"),
+    *("film .h5", "film .npy", "film zarr.json", "film chunk", "encoder", "checkpoint"),
 )
 
 
