@@ -2,6 +2,9 @@
 
 import struct
 import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -141,7 +144,8 @@ def photron(tmp_path, bits, side="Lower", suffix=".cihx"):
             "\0\0CIHX\n<cih><fileInfo><date>2026/1/2</date></fileInfo>"
             "<frameInfo><totalFrame>6</totalFrame><recordedFrame>60</recordedFrame>"
             "<startFrame>-10</startFrame></frameInfo><recordInfo><recordRate>2000</recordRate>"
-            "</recordInfo><imageDataInfo><resolution><width>48</width><height>40</height>"
+            "<shutterSpeed>0.0001</shutterSpeed></recordInfo><basicInfo><comment>b\u00fc</comment>"
+            "</basicInfo><deviceInfo><deviceName>FASTCAM</deviceName></deviceInfo><imageDataInfo><resolution><width>48</width><height>40</height>"
             f"</resolution><colorInfo><type>Mono</type><bit>{bits}</bit></colorInfo>"
             f"<effectiveBit><depth>{depth}</depth><side>{side}</side></effectiveBit>"
             "</imageDataInfo><imageFileInfo><fileFormat>MRaw</fileFormat></imageFileInfo></cih>\n"
@@ -158,14 +162,16 @@ def photron(tmp_path, bits, side="Lower", suffix=".cihx"):
     return tmp_path / "a.mraw", frames
 
 
-def cine(tmp_path, bits, packing=0, rate=1000.0, old=False):
+def cine(tmp_path, bits, packing=0, rate=1000.0, old=False, note=b"note"):
     """Write a Phantom film from its layout; frames are packed or bottom-up rows of 8, 16 bits."""
     depth = {0: min(bits, 12), 256: 10, 1024: 12}[packing]
     frames = (NUMBERS >> (12 - depth)).astype(np.uint8 if bits == 8 else np.uint16)
     bodies = []
     for frame in frames:
         body = packed(frame, depth) if packing else frame[::-1].astype(f"<u{bits // 8}").tobytes()
-        bodies.append(struct.pack("<I4sI", 12, b"note", len(body)) + body)
+        bodies.append(
+            struct.pack("<I", 8 + len(note)) + note + struct.pack("<I", len(body)) + body
+        )
     setup = bytearray(700 if old else 10684)
     setup[140:144] = struct.pack("<2sH", b"ST", len(setup))
     if not old:
@@ -185,7 +191,6 @@ def cine(tmp_path, bits, packing=0, rate=1000.0, old=False):
         at += len(body)
     head = struct.pack("<2s3HiIiI3I2I", b"CI", 44, 0, int(not old), -5, 100, -5, 6,
                        44, 84, start, 1 << 31, 1_700_000_000)  # fmt: skip
-    size = len(bodies[0]) - 12
     bitmap = struct.pack("<IiiHHIIiiII", 40, 48, 40, 1, bits, packing, size, 0, 0, 0, 0)
     table = struct.pack(f"<6{'I' if old else 'Q'}", *places)
     path = tmp_path / "a.cine"
@@ -222,3 +227,45 @@ def im7(tmp_path, packing):
     head = struct.pack("<4h4i3h", 0, packing, -4, 0, 48, 40, 1, 6, 0, 1, 0)
     (tmp_path / "a.im7").write_bytes(head.ljust(256, b"\0") + data)
     return tmp_path / "a.im7", frames
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film of six frames: how it is made, by whose program, and the bits of its pixels."""
+
+    make: Callable
+    writer: str
+    bits: int | None = 16
+
+
+LAYOUT = "own bytes from the layout"
+FILMS = {
+    "folder of TIFFs": Film(folder_of_tiffs, "OpenCV"),
+    "TIFF": Film(tiff_stack, "tifffile"),
+    "BigTIFF in tiles": Film(big_tiff_in_tiles, "tifffile"),
+    "OME-TIFF": Film(ome_tiff, "tifffile"),
+    "Pillow's TIFF": Film(pillow_s_tiff, "Pillow"),
+    "video": Film(lossless_video, "OpenCV", 8),
+    "video of 16 bits": Film(video_of_16_bits, "PyAV"),
+    "cine 8": Film(partial(cine, bits=8), LAYOUT, 8),
+    "cine 16": Film(partial(cine, bits=16), LAYOUT, 12),
+    "cine packed": Film(partial(cine, bits=16, packing=1024), LAYOUT, 12),
+    "old cine": Film(partial(cine, bits=16, old=True), LAYOUT),
+    "pyMRAW's film": Film(pymraw_s_film, "pyMRAW", 12),
+    "Photron 8": Film(partial(photron, bits=8), LAYOUT, 8),
+    "Photron 10": Film(partial(photron, bits=10), LAYOUT, 10),
+    "Photron 12": Film(partial(photron, bits=12), LAYOUT, 12),
+    "Photron 16": Film(partial(photron, bits=16), LAYOUT, 12),
+    "Photron high": Film(partial(photron, bits=16, side="Higher", suffix=".cih"), LAYOUT, 12),
+    "im7 plain": Film(partial(readim7_s_images, is_packed=False), "readim7"),
+    "im7 differences": Film(partial(readim7_s_images, is_packed=True), "readim7"),
+    "im7 zlib": Film(partial(im7, packing=2), LAYOUT),
+    "im7 12 bits": Film(partial(im7, packing=3), LAYOUT),
+    "NeXus": Film(nexus, "h5py"),
+    "NeXus in chunks": Film(nexus_in_chunks, "h5py"),
+    "Zarr": Film(zarr_array, "zarr"),
+    "Zarr of xarray": Film(xarray_s_zarr, "xarray"),
+    "NumPy": Film(numpy_array, "NumPy"),
+    "NumPy by columns": Film(numpy_array_of_columns, "NumPy", None),
+}
+"""Films that say themselves what they are."""

@@ -6,68 +6,30 @@ import struct
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 
 import cv2
 import numpy as np
 import pytest
 import tifffile
 from film_files import (
+    FILMS,
     FRAMES,
-    big_tiff_in_tiles,
-    cine,
     folder_of_tiffs,
-    im7,
     lossless_video,
-    nexus,
-    nexus_in_chunks,
-    numpy_array,
-    numpy_array_of_columns,
-    ome_tiff,
-    photron,
-    pillow_s_tiff,
-    pymraw_s_film,
-    readim7_s_images,
     tiff_stack,
-    video_of_16_bits,
-    xarray_s_zarr,
-    zarr_array,
 )
 
 from rigs.recordings import open_recording
 
-EVERY = {
-    **{
-        make.__name__: make
-        for make in (
-            folder_of_tiffs, tiff_stack, big_tiff_in_tiles, ome_tiff, pillow_s_tiff, nexus,
-            lossless_video, video_of_16_bits, nexus_in_chunks, zarr_array, xarray_s_zarr,
-            numpy_array, numpy_array_of_columns, pymraw_s_film,
-        )
-    },
-    **{f"cine {one[0]} {one[1]}": partial(cine, bits=one[0], packing=one[1])
-       for one in ((8, 0), (16, 0), (16, 1024))},
-    "old cine": partial(cine, bits=16, old=True),
-    **{f"photron {bits}": partial(photron, bits=bits) for bits in (8, 10, 12, 16)},
-    "photron high": partial(photron, bits=16, side="Higher", suffix=".cih"),
-    "im7 as it is": partial(readim7_s_images, is_packed=False),
-    "im7 packed": partial(readim7_s_images, is_packed=True),
-    "im7 zlib": partial(im7, packing=2),
-    "im7 12 bits": partial(im7, packing=3),
-}  # fmt: skip
-DEPTHS = {"pymraw_s_film": 12, "cine 8 0": 8, "photron 8": 8, "photron 10": 10, "old cine": 16,
-          "cine 16 0": 12, "cine 16 1024": 12, "photron 12": 12, "photron 16": 12,
-          "photron high": 12, "numpy_array_of_columns": None, "lossless_video": 8}  # fmt: skip
 
-
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", FILMS)
 def test_frames_are_those_written_in_any_order_and_from_threads(tmp_path, name):
-    path, frames = EVERY[name](tmp_path)
+    path, frames = FILMS[name].make(tmp_path)
     film = open_recording(path)
     assert film.n_frames == 6
     assert film.image_size == (48, 40)
     tolerance = 2 if name == "lossless_video" else 0  # of its levels, black to white
-    assert film.bit_depth == DEPTHS.get(name, 16)
+    assert film.bit_depth == FILMS[name].bits
     for index in (0, 5, 2, 2, 3, 1):
         found = film.read(index)
         assert found.shape == (40, 48)
@@ -79,9 +41,9 @@ def test_frames_are_those_written_in_any_order_and_from_threads(tmp_path, name):
             np.testing.assert_allclose(found.astype(float), frames[index], atol=tolerance)
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", FILMS)
 def test_a_frame_that_is_not_there(tmp_path, name):
-    film = open_recording(EVERY[name](tmp_path)[0])
+    film = open_recording(FILMS[name].make(tmp_path)[0])
     film = pickle.loads(pickle.dumps(film))  # a copy in another process
     for index in (-1, film.n_frames):
         with pytest.raises(IndexError, match=f"found frame {index}, expected 0 to 5"):
