@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rigs.files.size_guard import ALWAYS_ALLOWED, check_claim, errors_of_libraries
 from rigs.recordings.film_formats.hdf5 import UNITS
 from rigs.recordings.film_formats.npy import film_shape
-from rigs.recordings.recording import Reopened, check_index, frame_errors, needs
+from rigs.recordings.recording import Reopened, check_index, frame_errors
 
 if TYPE_CHECKING:
     import zarr
@@ -44,7 +44,8 @@ class ZarrFilm(Reopened):
 
     def __init__(self, path: str | os.PathLike, member: str | None = None) -> None:
         self.path, self._given = Path(path), member
-        zarr = needs("zarr", self.path)
+        import zarr
+
         with errors_of_libraries(f"{self.path}: not a readable Zarr film"):
             opened = zarr.open(self.path, mode="r")
             self._group = opened if isinstance(opened, zarr.Group) else None

@@ -191,7 +191,7 @@ def cine(tmp_path, bits, packing=0, rate=1000.0, old=False, note=b"note"):
         at += len(body)
     head = struct.pack("<2s3HiIiI3I2I", b"CI", 44, 0, int(not old), -5, 100, -5, 6,
                        44, 84, start, 1 << 31, 1_700_000_000)  # fmt: skip
-    bitmap = struct.pack("<IiiHHIIiiII", 40, 48, 40, 1, bits, packing, size, 0, 0, 0, 0)
+    bitmap = struct.pack("<IiiHHIIiiII", 40, 48, 40, 1, bits, packing, len(body), 0, 0, 0, 0)
     table = struct.pack(f"<6{'I' if old else 'Q'}", *places)
     path = tmp_path / "a.cine"
     path.write_bytes(head + bitmap + bytes(setup) + tags + table + b"".join(bodies))
