@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.size_guard import errors_of_libraries
+from rigs.files.size_guard import check_claim, errors_of_libraries
+from rigs.recordings.film_formats.video_opencv import DECODING
 from rigs.recordings.notes import lossy_note
 from rigs.recordings.recording import Reopened, check_index, check_size, frame_errors, needs
 
@@ -49,6 +50,7 @@ class Video(Reopened):
                 rate = stream.average_rate
                 self.frame_rate = float(rate) if rate else None
                 self.image_size = (stream.width, stream.height)
+                check_claim(DECODING * stream.width * stream.height, self.path.stat().st_size)
                 bits = max((one.bits for one in stream.format.components), default=8)
             self.bit_depth = next((one for one in _GREY if one >= bits), 16)
             self._times, self._keys, self._unit = self._indexed()

@@ -10,11 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.files.size_guard import check_claim
 from rigs.recordings.notes import lossy_note
 from rigs.recordings.recording import FrameError, Reopened, check_index, check_size
 
 if TYPE_CHECKING:
     import cv2
+
+DECODING = 12
+"""Bytes of memory a pixel, while a decoder turns a picture into colours and these into grey."""
 
 _MISSING = 0.1  # fraction of the pictures that a header states which may not be there
 
@@ -51,6 +55,12 @@ class OpenCVVideo(Reopened):
             size = video.get(cv2.CAP_PROP_FRAME_WIDTH), video.get(cv2.CAP_PROP_FRAME_HEIGHT)
             self.image_size = (int(size[0]), int(size[1]))
             video.release()
+        try:
+            check_claim(
+                DECODING * self.image_size[0] * self.image_size[1], self.path.stat().st_size
+            )
+        except ValueError as error:
+            raise ValueError(f"{self.path}: {error}") from None
         self._count: int | None = None
         self._video: cv2.VideoCapture | None = None
         self._next = 0
