@@ -13,7 +13,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "open_recording",
             "split_member",
         ],
-        "images": ["MOST_BITS", "intensities", "is_integer_image", "read_image"],
+        "images": ["MOST_BITS", "check_pattern", "intensities", "is_integer_image", "read_image"],
         "layout": ["find_images"],
         "mosaic": ["Mosaic", "without_pattern"],
         "notes": ["image_notes"],

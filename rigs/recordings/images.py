@@ -69,12 +69,7 @@ def read_image(
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such image file")
     still = read_still(path)
-    if still.is_mosaic and bayer is None:
-        raise ValueError(
-            f"{path}: found a mosaic of colour filters, expected the order of its colours and the "
-            "colour to reconstruct: --bayer RGGB --channel g, or corrections: {bayer: RGGB, "
-            "channel: g} in scan.yaml"
-        )
+    check_pattern(path, still.is_mosaic, bayer)
     if still.is_grey and channel is not None and bayer is None and must_have_channel:
         raise ValueError(
             f"{path}: found a grey image, expected colours to take channel {channel} of: a mosaic "
@@ -85,6 +80,16 @@ def read_image(
         return _intensities(still, None if bayer else channel, bit_depth, usable)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def check_pattern(source: object, is_mosaic: bool, bayer: str | None) -> None:
+    """Raise where a mosaic of colour filters is to be read without the order of its colours."""
+    if is_mosaic and bayer is None:
+        raise ValueError(
+            f"{source}: found a mosaic of colour filters, expected the order of its colours and "
+            "the colour to reconstruct: --bayer RGGB --channel g, or corrections: {bayer: RGGB, "
+            "channel: g} in scan.yaml"
+        )
 
 
 def intensities(

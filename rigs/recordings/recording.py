@@ -56,6 +56,8 @@ class Recording(Protocol):
         where the file does not say.
     notes : tuple of str
         Lines that a user should know of the numbers, such as that they are not linear in light.
+    is_mosaic : bool
+        Whether the file says that neighbouring pixels have filters of different colours.
     """
 
     n_frames: int
@@ -64,6 +66,7 @@ class Recording(Protocol):
     frame_rate: float | None
     timestamps: NDArray[np.float64] | None
     notes: tuple[str, ...]
+    is_mosaic: bool
 
     def read(self, index: int) -> NDArray:
         """Return a frame ``(height, width)``, counted from 0.
@@ -114,6 +117,8 @@ def needs(package: str, path: Path) -> ModuleType:
 
 class Reopened:
     """A recording that a pickle opens again: what `_opened_by` names is called once more."""
+
+    is_mosaic: bool = False
 
     def _opened_by(self) -> tuple:
         """Return what the class was called with."""

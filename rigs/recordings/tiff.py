@@ -90,7 +90,12 @@ def decoded(page: tifffile.TiffPage, size: int) -> Still:
     pixels = _pixels(page)
     if page.planarconfig == 2 and page.samplesperpixel > 1:
         pixels = np.moveaxis(pixels, 0, -1)
-    return Still.of(pixels, bits_of(page), getattr(page.photometric, "name", "") == "CFA")
+    return Still.of(pixels, bits_of(page), is_pattern(page))
+
+
+def is_pattern(page: tifffile.TiffPage) -> bool:
+    """Return whether a page says that it is a mosaic of colour filters."""
+    return getattr(page.photometric, "name", "") == "CFA"
 
 
 def bits_of(page: tifffile.TiffPage) -> int | None:

@@ -194,7 +194,7 @@ class Corrections:
         is_correction: bool = True,
     ) -> NDArray[np.float32]:
         """Return a camera's image, of its own size."""
-        from rigs.recordings import FrameError, intensities, read_image
+        from rigs.recordings import FrameError, check_pattern, intensities, read_image
 
         place = f"{image}: " if isinstance(image, Path) else ""
         colours = {name: self.of(name, camera) for name in ("channel", "bayer")}
@@ -203,7 +203,9 @@ class Corrections:
                 colours["must_have_channel"] = not is_correction
                 values = read_image(image, bit_depth, usable, **colours)
             elif isinstance(image, FilmFrame):
-                place, bits = f"{image}: ", bit_depth or image.film.recording.bit_depth
+                place, film = f"{image}: ", image.film.recording
+                check_pattern(image, film.is_mosaic, colours["bayer"])
+                bits = bit_depth or film.bit_depth
                 values = intensities(image.read(), image, bits, usable)
             else:
                 values = intensities(image, "image in memory", bit_depth, usable)

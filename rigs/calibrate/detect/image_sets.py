@@ -228,7 +228,9 @@ def read_pictures(path: Path, indices: Iterable[int]) -> Iterator[tuple[int, NDA
     """
     film = open_recording(path)
     for index in sorted(set(indices)):
-        yield index, _grey(film.read(index), f"{path}: picture {index}")
+        image = film.read(index)
+        image = without_pattern(image) if film.is_mosaic else image
+        yield index, _grey(image, f"{path}: picture {index}")
 
 
 def _pictures_of(

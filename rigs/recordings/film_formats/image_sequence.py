@@ -39,8 +39,9 @@ class ImageSequence(Reopened):
         self.folder = folder
         self.n_frames = len(paths)
         self.image_size = image_size(paths[0])
-        full = read_still(paths[0]).full_scale
-        self.bit_depth = None if full is None else full.bit_length()
+        first = read_still(paths[0])
+        self.bit_depth = None if first.full_scale is None else first.full_scale.bit_length()
+        self.is_mosaic = first.is_mosaic
 
     def _opened_by(self) -> tuple:
         return self.paths, self.folder

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import errors_of_libraries
 from rigs.recordings.recording import Reopened, check_index, check_size, frame_errors
-from rigs.recordings.tiff import bits_of, decoded, opened_tiff, silent_log
+from rigs.recordings.tiff import bits_of, decoded, is_pattern, opened_tiff, silent_log
 
 
 class TiffStack(Reopened):
@@ -46,6 +46,7 @@ class TiffStack(Reopened):
             first = self._file.pages[0]
             self.image_size = (first.imagewidth, first.imagelength)
             self.bit_depth = bits_of(first)
+            self.is_mosaic = is_pattern(first)
 
     def read(self, index: int) -> NDArray:
         """Return a frame, see `Recording.read`."""

@@ -1,5 +1,8 @@
 """Films as input; the files are written by tifffile."""
 
+import pickle
+
+import h5py
 import numpy as np
 import pytest
 import tifffile
@@ -137,3 +140,119 @@ def test_films_of_another_size_are_refused_by_name(films):
     scan = scan_of_images(folder / "rig.yaml", folder)
     with pytest.raises(ValueError, match=r"cam01\.tif: frame 0: camera cam01: .* 3 x 3 pixels"):
         scan.images("0")
+
+
+def test_films_of_other_formats_are_read_alike_and_in_other_processes(films):
+    folder, frames = films
+    packed = [
+        np.packbits((one.reshape(-1, 1) >> np.arange(11, -1, -1) & 1).astype(np.uint8)).tobytes()
+        for one in frames["cam00"] >> 4
+    ]
+    (folder / "left.bin").write_bytes(b"head" + b"".join(packed))
+    with h5py.File(folder / "right.h5", "w") as file:
+        file["entry/data"] = frames["cam01"].astype(">u2")
+    raw = {"width": 5, "height": 4, "dtype": "uint12", "header_bytes": 4}
+    entries = {"cam00": {"path": "left.bin", "raw": raw}, "cam01": "right.h5:/entry/data"}
+    write_scan(folder, films=entries)
+    scan = pickle.loads(pickle.dumps(load_scan(folder)))
+    left, right = scan.images("6")
+    np.testing.assert_array_equal(left, (frames["cam00"][6] >> 4) / np.float32(4095))
+    np.testing.assert_array_equal(right, frames["cam01"][6] / np.float32(65535))
+    assert scan.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("raw", "parts"),
+    [
+        ({"width": 5, "height": 4}, ["films.cam00", "dtype", "missing"]),
+        ({"width": 5, "height": 0, "dtype": "uint8"}, ["films.cam00", "height", "1 or more"]),
+        ({"width": 5, "height": 4, "dtype": "uint11"}, ["films.cam00", "dtype", "uint12"]),
+        ({"width": 5, "height": 4, "dtype": "uint8", "gap": 1}, ["films.cam00", "gap", "unknown"]),
+        ({"width": 50, "height": 40, "dtype": "uint8"}, ["cam00.bin", "found 33 bytes"]),
+    ],
+)
+def test_descriptions_of_raw_films_are_checked(films, raw, parts):
+    folder, _ = films
+    (folder / "cam00.bin").write_bytes(bytes(33))
+    write_scan(folder, films={"cam00": {"path": "cam00.bin", "raw": raw}, "cam01": "cam01.tif"})
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - the parts follow
+        load_scan(folder)
+    for part in parts:
+        assert part in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def nexus(path, frames, times):
+    with h5py.File(path, "w") as file:
+        data = file.create_group("entry/data")
+        data.attrs["axes"] = ["time", ".", "."]
+        data["data"], data["time"] = frames, np.asarray(times, float)
+        data["time"].attrs["units"] = "ms"
+
+
+def test_times_that_disagree_are_warned_of_with_the_offset_that_fits(films):
+    folder, frames = films
+    late = {"path": "late.h5", "first": 2, "step": 2, "offset": 1}
+    said = {3: ["cam01", "2 frames late", "offset: 3 ", "place of 1"], 1: None,
+            0: ["cam01", "1 frame early", "offset: 0 "]}  # fmt: skip
+    for lateness, expected in said.items():
+        nexus(folder / "late.h5", frames["cam01"], 2.0 * (np.arange(7) + lateness))
+        nexus(folder / "first.h5", frames["cam00"], 2.0 * np.arange(7) + 0.3)
+        entries = {"cam00": {"path": "first.h5", "first": 2, "step": 2}, "cam01": late}
+        write_scan(folder, films=entries)
+        notes = [line for line in load_scan(folder).notes if "timestamps" in line]
+        assert len(notes) == (expected is not None)
+        assert all(part in notes[0] for part in expected or ())
+
+
+def test_lost_frames_and_other_lengths_are_warned_of(films):
+    folder, frames = films
+    nexus(folder / "a.h5", frames["cam00"], np.delete(np.arange(8), 5))
+    nexus(folder / "b.h5", frames["cam01"][:6], np.arange(6))
+    write_scan(folder, films={"cam00": "a.h5", "cam01": "b.h5"})
+    lengths, times = load_scan(folder).notes
+    assert "found 7 (cam00), 6 (cam01) frames" in lengths
+    assert "from frame 5 on: frames were lost" in times
+
+
+def test_the_frame_rate_is_that_of_the_films_where_they_agree(films):
+    folder, _ = films
+    for name, rate in (("cam00", 100), ("cam01", 100), ("cam02", 200)):
+        changes = {"Record Rate(fps)": str(rate)}
+        text = "Total Frame : 3\nImage Width : 5\nImage Height : 4\nColor Bit : 8\n"
+        text += "EffectiveBit Depth : 8\n" + "".join(f"{k} : {v}\n" for k, v in changes.items())
+        (folder / f"{name}.cih").write_text(text)
+        (folder / f"{name}.mraw").write_bytes(bytes(60))
+    write_scan(folder, films={"cam00": "cam00.cih", "cam01": {"path": "cam01.mraw", "step": 1}})
+    assert load_scan(folder).frame_rate == 100
+    write_scan(folder, films={"cam00": "cam00.mraw", "cam01": "cam02.mraw"})
+    scan = load_scan(folder)
+    assert scan.frame_rate is None
+    assert "found 100 (cam00), 200 (cam01) frames a second" in scan.notes[0]
+    for path in folder.glob("*.tif"):
+        path.unlink()
+    assert scan_of_images(folder / "rig.yaml", folder).frame_rate == 100  # by the cameras' names
+
+
+def test_notes_on_films_are_warnings_once_and_not_of_every_frame(films):
+    from tomo.pipeline.load import load
+
+    folder, frames = films
+    nexus(folder / "a.h5", frames["cam00"], np.arange(7))
+    nexus(folder / "b.h5", frames["cam01"], np.arange(7) + 2)
+    write_scan(folder, films={"cam00": "a.h5", "cam01": "b.h5"})
+    scan = load_scan(folder)
+    assert any("2 frames late" in line for line in load(scan, "1").record.warnings)
+
+
+def test_a_mosaic_needs_the_order_of_its_colours(films):
+    folder, frames = films
+    for name, pages in frames.items():
+        with tifffile.TiffWriter(folder / f"{name}.tif") as file:
+            for page in pages:
+                file.write(page, photometric="cfa", metadata=None)
+    scan = scan_of_images(folder / "rig.yaml", folder)
+    with pytest.raises(ValueError, match="found a mosaic of colour filters"):
+        scan.images("0")
+    colour = scan.of_channel("g", "RGGB").images("0")[0]
+    np.testing.assert_array_equal(colour, frames["cam00"][0, :4:2, 1:4:2] / np.float32(65535))

@@ -1,6 +1,7 @@
 """Images in folders and videos, the cache, and what is said of images that will not do."""
 
 import os
+import struct
 
 import cv2
 import numpy as np
@@ -339,3 +340,23 @@ def test_ambiguous_targets_are_refused_for_more_than_one_camera():
 def test_missing_images_are_named(images, message):
     with pytest.raises(ValueError, match=message):
         observe(images, TARGET)
+
+
+def test_films_of_other_formats_are_moments(tmp_path):
+    frames = np.stack([board(2 * k) for k in range(3)])
+    for name in ("left", "right"):
+        np.save(tmp_path / f"{name}.npy", frames)
+    images = image_set(tmp_path, every=2)
+    assert images["left"] == {f"{k:06d}": VideoFrame(tmp_path / "left.npy", k) for k in (0, 2)}
+    np.testing.assert_array_equal(read_source(images["right"]["000002"]), board(4))
+    assert observe(images, TARGET, cache=tmp_path / "cache").counts().tolist() == [[20, 20]] * 2
+    assert notes_of(images) == []
+    (tmp_path / "cams").mkdir()
+    for name in ("left", "right"):
+        folder = tmp_path / "cams" / name
+        folder.mkdir()
+        head = struct.pack("<4h4i3h", 0, 0, -2, 0, 200, 160, 1, 3, 0, 1, 0)
+        (folder / "B00001.im7").write_bytes(head.ljust(256, b"\0") + frames.tobytes())
+    images = image_set(tmp_path / "cams")
+    assert list(images["right"]) == ["000000", "000001", "000002"]
+    np.testing.assert_array_equal(read_source(images["right"]["000001"]), board(2))
