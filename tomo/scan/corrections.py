@@ -127,9 +127,11 @@ class Corrections:
 
         Raises
         ------
+        FrameError
+            If the image is unreadable, not grey, or not finite where it is usable.
         ValueError
-            If an image is unreadable, not grey, of another size or not finite where it is usable,
-            or a correction is not in the image's scale.
+            If it is of another size, or that is so of a correction, or a correction is not in the
+            image's scale.
         FileNotFoundError
             If an image is missing.
         """
@@ -209,11 +211,15 @@ class Corrections:
                 values = intensities(image.read(), image, bits, usable)
             else:
                 values = intensities(image, "image in memory", bit_depth, usable)
-        except FrameError as error:
-            said = f"camera {camera}: {error.reason}"
-            raise FrameError(error.path, error.frame, said) from error
-        except (ValueError, FileNotFoundError) as error:
-            raise type(error)(f"camera {camera}: {error}") from error
+        except FileNotFoundError as error:
+            raise FileNotFoundError(f"camera {camera}: {error}") from error
+        except ValueError as error:
+            said = f"camera {camera}: {str(error).removeprefix(f'{image}: ')}"
+            if is_correction or isinstance(image, np.ndarray):
+                raise ValueError(f"{place}{said}") from error
+            is_file = isinstance(image, Path)
+            path, number = (image, None) if is_file else (image.film.path, image.place)
+            raise FrameError(path, number, said) from error
         if values.shape[::-1] != tuple(size):
             raise ValueError(
                 f"{place}camera {camera}: found an image of {values.shape[1]} x "
