@@ -20,13 +20,17 @@ if TYPE_CHECKING:
     import av
 
 _MISSING = 0.1  # fraction of the pictures that a header states which may not be there
+_TIMED = {"mp4", "matroska"}  # FFmpeg's names of formats that say when each picture is shown
 _GREY = {8: "gray", 9: "gray9le", 10: "gray10le", 12: "gray12le", 14: "gray14le", 16: "gray16le"}
 
 
 class Video(Reopened):
     """The pictures of a video as grey levels of 8 to 16 bits; see `Recording`.
 
-    A picture is decoded from the last one before it that depends on no other.
+    A picture is decoded from the last one before it that depends on no other, in files that say of
+    every picture when it is shown: MP4, QuickTime, Matroska, WebM, and any file of pictures that
+    all stand for themselves. Other files, such as AVI with pictures that depend on later ones, are
+    decoded from their beginning, and have no times.
 
     Parameters
     ----------
@@ -44,6 +48,9 @@ class Video(Reopened):
         self._lock = threading.Lock()
         self._open: av.container.InputContainer | None = None
         self._next, self._pictures = 0, iter(())
+        self._times: list[int] = []  # when pictures are shown, in the file's units
+        self._places: dict[int, int] = {}  # the picture that is shown at a time
+        self._keys: list[int] = []  # pictures that depend on no other
         with errors_of_libraries(f"{self.path}: not a readable video"):
             with self._opened() as file:
                 stream = file.streams.video[0]
@@ -53,18 +60,8 @@ class Video(Reopened):
                 check_claim(DECODING * stream.width * stream.height, self.path.stat().st_size)
                 bits = max((one.bits for one in stream.format.components), default=8)
             self.bit_depth = next((one for one in _GREY if one >= bits), 16)
-            self._times, self._keys, self._unit = self._indexed()
+            self.n_frames, self.timestamps = self._indexed()
         self.notes = (lossy_note("a video"),) if self.bit_depth == 8 else ()
-
-    @property
-    def n_frames(self) -> int:
-        """The number of pictures in the file, whatever its header states."""
-        return len(self._times)
-
-    @property
-    def timestamps(self) -> NDArray[np.float64]:
-        """Seconds from the first picture, as the file has them."""
-        return (np.array(self._times) - self._times[0]) * self._unit
 
     def read(self, index: int) -> NDArray:
         """Return the luminance of a picture, see `Recording.read`."""
@@ -87,7 +84,8 @@ class Video(Reopened):
 
     def _picture(self, index: int) -> av.VideoFrame:
         """Return a decoded picture, going on where the last one was read where that is nearer."""
-        key = self._keys[bisect.bisect_right(self._keys, index) - 1] if self._keys else 0
+        before = bisect.bisect_right(self._keys, index) - 1
+        key = self._keys[before] if before >= 0 else 0
         if self._open is None or index < self._next or key > self._next:
             self.close()
             self._open = self._opened()
@@ -97,8 +95,8 @@ class Video(Reopened):
                 self._open.seek(self._times[key], stream=stream)
             self._pictures = self._open.decode(stream)
         for picture in self._pictures:
-            place = bisect.bisect_left(self._times, picture.pts)
-            if picture.pts is None or self._times[place : place + 1] != [picture.pts]:
+            place = self._places.get(picture.pts) if self._places else self._next
+            if place is None:
                 continue
             self._next = place + 1
             if place >= index:
@@ -116,19 +114,27 @@ class Video(Reopened):
             raise ValueError("found no video in it, expected one")
         return file
 
-    def _indexed(self) -> tuple[list[int], list[int], float]:
-        """Return the pictures' times in units, which of them depend on no other, and the unit."""
-        times, keys = [], []
+    def _indexed(self) -> tuple[int, NDArray[np.float64] | None]:
+        """Return how many pictures there are, and when each is shown, in seconds.
+
+        Also keep the places of those that depend on no other, where times tell pictures apart.
+        """
+        packets = []
         with self._opened() as file:
             stream = file.streams.video[0]
-            stated, unit = stream.frames, float(stream.time_base)
+            stated, unit = stream.frames, stream.time_base
             for packet in file.demux(stream):
-                if packet.pts is None or packet.is_discard:
-                    continue
-                times.append(packet.pts)
-                if packet.is_keyframe:
-                    keys.append(packet.pts)
-        times = sorted(set(times))
-        if not times or len(times) < (1 - _MISSING) * stated:
-            raise ValueError(f"found {len(times)} pictures, expected {stated}: truncated")
-        return times, [bisect.bisect_left(times, one) for one in sorted(set(keys))], unit
+                if packet.size and not packet.is_discard:
+                    packets.append((packet.pts, bool(packet.is_keyframe)))
+            has_times = bool(_TIMED.intersection(file.format.name.split(",")))
+        count = len(packets)
+        if not count or count < (1 - _MISSING) * stated:
+            raise ValueError(f"found {count} pictures, expected {stated}: truncated")
+        times = {time for time, _ in packets}
+        are_known = len(times) == count and None not in times and unit is not None
+        if not are_known or not (has_times or all(is_key for _, is_key in packets)):
+            return count, None
+        self._times = sorted(times)
+        self._places = {time: place for place, time in enumerate(self._times)}
+        self._keys = sorted(self._places[time] for time, is_key in packets if is_key)
+        return count, (np.array(self._times) - self._times[0]) * float(unit)

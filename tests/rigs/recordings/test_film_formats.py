@@ -181,3 +181,27 @@ def test_without_the_extra_the_message_says_what_to_type(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(ValueError, match=r"h5py, which .*: pip install 'flametomo\[films\]'"):
         open_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"), [("a.mp4", "mpeg4"), ("a.avi", "mpeg4"), ("a.mpg", "mpeg1video")]
+)
+def test_pictures_that_depend_on_others_are_found_in_any_order(tmp_path, name, codec):
+    import av
+
+    with av.open(str(tmp_path / name), "w") as file:
+        options = {"bf": "2", "g": "8"}  # pictures between others, and one in eight by itself
+        stream = file.add_stream(codec, rate=25, width=64, height=48, options=options)
+        for number in range(20):
+            picture = av.VideoFrame.from_ndarray(
+                np.full((48, 64), 20 + 10 * number, np.uint8), "gray"
+            )
+            picture.pts = number
+            file.mux(stream.encode(picture.reformat(format="yuv420p")))
+        file.mux(stream.encode())
+    film = open_recording(tmp_path / name)
+    assert film.n_frames == 20
+    for index in (19, 0, 13, 14, 15, 3, 19):
+        assert abs(film.read(index).mean() - (20 + 10 * index)) < 5  # nearer than the next picture
+    times = np.arange(20) / 25 if name == "a.mp4" else None
+    assert film.timestamps is None if times is None else np.allclose(film.timestamps, times)

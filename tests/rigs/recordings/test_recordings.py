@@ -53,7 +53,7 @@ def test_a_frame_that_is_not_there(tmp_path, name):
 def test_what_a_file_says_of_time_and_light(tmp_path):
     film = open_recording(lossless_video(tmp_path)[0])
     assert film.frame_rate == 25
-    np.testing.assert_allclose(film.timestamps, np.arange(6) / 25)
+    assert film.timestamps is None
     (note,) = film.notes
     assert "8 bits" in note and "gamma" in note  # noqa: PT018
     assert open_recording(tiff_stack(tmp_path)[0]).notes == ()
