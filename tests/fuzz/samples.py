@@ -308,8 +308,11 @@ def read_film(path, opened=open_recording):
     """Read some frames of a film, and what its file says of them."""
     recording = opened(path)
     assert recording.timestamps is None or len(recording.timestamps) == recording.n_frames
-    for index in range(min(recording.n_frames, 3)):
-        recording.read(index)
+    try:
+        for index in range(min(recording.n_frames, 3)):
+            recording.read(index)
+    finally:
+        getattr(recording, "close", int)()  # HDF5 goes on with a file that is still open
 
 
 def _films(folder):

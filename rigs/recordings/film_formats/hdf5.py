@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
+from rigs.recordings.film_formats._hdf5_heaps import check_heaps
 from rigs.recordings.film_formats.npy import film_shape
 from rigs.recordings.recording import Reopened, check_index, frame_errors, needs
 
@@ -52,6 +53,7 @@ class Hdf5Film(Reopened):
         self.path, self._given = Path(path), member
         h5py = needs("h5py", self.path)
         with errors_of_libraries(f"{self.path}: not a readable HDF5 film"):
+            check_heaps(self.path)
             self._file = h5py.File(self.path, "r", locking="best-effort")
             self.member = member or self._only_film()
             self._data = self._found(self.member)

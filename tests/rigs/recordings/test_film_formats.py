@@ -190,7 +190,12 @@ def test_pictures_that_depend_on_others_are_found_in_any_order(tmp_path, name, c
     import av
 
     with av.open(str(tmp_path / name), "w") as file:
-        options = {"bf": "2", "g": "8"}  # pictures between others, and one in eight by itself
+        options = {
+            "bf": "2",
+            "g": "8",
+            "qmin": "1",
+            "qmax": "1",
+        }  # pictures between others, and one in eight by itself
         stream = file.add_stream(codec, rate=25, width=64, height=48, options=options)
         for number in range(20):
             picture = av.VideoFrame.from_ndarray(
@@ -205,3 +210,12 @@ def test_pictures_that_depend_on_others_are_found_in_any_order(tmp_path, name, c
         assert abs(film.read(index).mean() - (20 + 10 * index)) < 5  # nearer than the next picture
     times = np.arange(20) / 25 if name == "a.mp4" else None
     assert film.timestamps is None if times is None else np.allclose(film.timestamps, times)
+
+
+def test_texts_that_lead_nowhere_are_refused_before_hdf5_never_ends(tmp_path):
+    path = Path(str(nexus(tmp_path)[0]).partition(":")[0])
+    content = path.read_bytes()
+    place = content.index(b"GCOL") + 16  # the first text: number, references, reserved, size
+    path.write_bytes(content[:place] + bytes(16) + content[place + 16 :])
+    with pytest.raises(ValueError, match=rf"found a text at byte {place} of 0 bytes: damaged"):
+        open_recording(path)
