@@ -14,6 +14,9 @@ import typer
 
 console = rich.console.Console(stderr=True)
 
+FRAMES = "frames"
+"""The line of the frames, after those of the stages of planning."""
+
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
@@ -30,6 +33,60 @@ def print_json(result: dict) -> None:
 def finite_or_none(value: float) -> float | None:
     """Return a number as JSON holds it: None for NaN and infinity."""
     return value if math.isfinite(value) else None
+
+
+@contextmanager
+def frames_bar() -> Iterator[Callable[[int, int, str], None]]:
+    """Show a line for each stage of planning, and one for the frames with their rate.
+
+    Call the yielded function with done, total and the current step, see `tomo.series.stages`.
+    """
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+    from rich.text import Text
+
+    from tomo.series.stages import stage_of
+
+    class Pace(ProgressColumn):
+        """Frames a second and time left; of stages, the time they took."""
+
+        def render(self, task: Task) -> Text:
+            if task.description != FRAMES:
+                return Text(f"{task.elapsed or 0:.1f} s")
+            if not task.speed:
+                return Text("")
+            left = "" if task.time_remaining is None else f", {clock(task.time_remaining)} left"
+            return Text(f"{task.speed:.3g} frames/s{left}")
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(24),
+        Pace(),
+        TextColumn("{task.fields[step]}"),
+    )
+    with Progress(*columns, console=console, speed_estimate_period=60) as progress:
+        tasks: dict[str, int] = {}
+
+        def show(done: int, total: int, step: str = "") -> None:
+            stage, step = stage_of(step)
+            stage = stage or FRAMES
+            if stage not in tasks:
+                for other in tasks.values():
+                    progress.update(other, completed=1, total=1, step="")
+                    progress.stop_task(other)
+                tasks[stage] = progress.add_task(stage, total=None, step="")
+            progress.update(tasks[stage], completed=done, total=total or None, step=step)
+
+        yield show
+
+
+def clock(seconds: float) -> str:
+    """Return a time as minutes and seconds, or hours and minutes.
+
+    >>> clock(65), clock(7500)
+    ('1:05', '2 h 05')
+    """
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d}"
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tomo.cli.console import JsonFlag, print_json, progress_bar, say
+from tomo.cli.console import JsonFlag, frames_bar, print_json, progress_bar, say
 from tomo.cli.declared import declared_from, with_options_of
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
@@ -127,13 +127,19 @@ def reconstruct(
 
 def _series(scan: Scan, grid: VoxelGrid | None, options: Options, out: Path, json: bool) -> None:
     """Reconstruct frames into a store, and say what became of them."""
-    from tomo.cli.series import check_output_store, series_report, series_summary
+    from tomo.cli.series import (
+        check_output_store,
+        reasons_left_out,
+        series_report,
+        series_summary,
+    )
     from tomo.series import reconstruct_series
 
     check_output_store(out, scan.rig, scan.source)
-    with progress_bar("reconstruct") as progress:
+    with frames_bar() as progress:
         store = reconstruct_series(scan, out, grid, options, progress=progress)
     report = series_report(store)
+    report["warnings"] += reasons_left_out(store, scan)
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")
     say(series_summary(report))

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tomo.cli.console import finite_or_none
 from tomo.cli.outputs import check_output_folder
 from tomo.series.store import CAMERA_FIGURES, SUFFIX
 
 if TYPE_CHECKING:
     from rigs import Rig
+    from tomo import Scan
     from tomo.series import SeriesStore
+
+MOST_REASONS = 3
+"""Frames left out of which the reason is said."""
 
 
 def check_output_store(path: Path, rig: Rig, source: object) -> None:
@@ -33,8 +37,23 @@ def check_output_store(path: Path, rig: Rig, source: object) -> None:
         raise ValueError(f"{source}: {error}") from None
 
 
+def reasons_left_out(store: SeriesStore, scan: Scan) -> list[str]:
+    """Return a line on each of a few frames that were left out: why they could not be read."""
+    from tomo.series.images import UnreadableError, read_frame
+
+    lines = []
+    for place in store.group["frame"][:][store.skipped][:MOST_REASONS]:
+        try:
+            read_frame(scan, int(place), skip_bad=False)
+        except UnreadableError as error:
+            lines.append(f"frame {error.frame}: {error.reason}")
+    return lines
+
+
 def series_report(store: SeriesStore) -> dict[str, Any]:
     """Return what is in a store, in numbers: ``--json``."""
+    from tomo.series.watching import in_words, watch_store
+
     group, cameras = store.group, store.attributes["cameras"]
     views: dict[str, dict[str, float | None]] = {name: {} for name in cameras}
     for figure in CAMERA_FIGURES:
@@ -44,16 +63,20 @@ def series_report(store: SeriesStore) -> dict[str, Any]:
             if len(known):
                 views[name][figure] = float(known.mean())
     known = {name: group[name][:] for name in ("relative_residual", "seconds", "warnings")}
-    seconds = known["seconds"][np.isfinite(known["seconds"])]
+    residual, seconds = (
+        known[name][np.isfinite(known[name])] for name in ("relative_residual", "seconds")
+    )
     warned = int(np.count_nonzero(known["warnings"]))
-    lines = list(store.attributes["plan_warnings"])
+    found = watch_store(store)
+    lines = [*store.attributes["plan_warnings"], *in_words(found)]
     if warned:
         lines.append(f"{warned} frames have warnings of their own: see the store's warnings")
     return {
         "store": str(store.path),
         "frames": store.n_frames,
         "complete": int(store.complete.sum()),
-        "relative_residual": finite_or_none(float(np.nanmean(known["relative_residual"]))),
+        "left_out": group["frame"][:][store.skipped].tolist(),
+        "relative_residual": float(residual.mean()) if len(residual) else None,
         "seconds_a_frame": float(seconds.mean()) if len(seconds) else None,
         "views": views,
         "held_out": {
@@ -61,6 +84,7 @@ def series_report(store: SeriesStore) -> dict[str, Any]:
             for name, each in views.items()
             if "psnr" in each
         },
+        "watched": [asdict(one) for one in found],
         "plan": store.attributes["plan"],
         "warnings": lines,
     }
@@ -68,10 +92,12 @@ def series_report(store: SeriesStore) -> dict[str, Any]:
 
 def series_summary(report: dict[str, Any]) -> str:
     """Return a line on each of: the frames, held-out cameras, the store."""
-    lines = [
-        f"{report['complete']} of {report['frames']} frames, mean relative residual "
-        f"{report['relative_residual']:.4g}, {report['seconds_a_frame']:.2f} s a frame"
-    ]
+    figures = (
+        ("relative_residual", "mean relative residual {:.4g}"),
+        ("seconds_a_frame", "{:.2f} s a frame"),
+    )
+    known = [words.format(report[name]) for name, words in figures if report[name] is not None]
+    lines = [", ".join([f"{report['complete']} of {report['frames']} frames", *known])]
     for camera, figures in report["held_out"].items():
         shown = ", ".join(f"{name} {value:.4g}" for name, value in figures.items())
         lines.append(f"held out {camera}, mean: {shown}")

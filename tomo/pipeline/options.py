@@ -84,6 +84,12 @@ class Options:
         switch(),
         expert=True,
     )
+    skip_bad: bool = _option(
+        False,
+        "With frames: whether a frame that cannot be read or decoded is left out, and named, "
+        "instead of ending the run.",
+        switch(),
+    )
     hold_out: tuple[str, ...] = _option(
         (),
         "Cameras that are predicted from the volume and compared with their images, and that take "

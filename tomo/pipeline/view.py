@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tomo import metrics
 from tomo._compute.reductions import dot, norm
-from tomo.measurement import estimate_noise
+from tomo.measurement import NoiseModel, estimate_noise
 from tomo.measurement.pixel_blocks import SIDE, block_means
 
 SURE = 1.5
@@ -35,6 +35,8 @@ class View:
         Whether the view took no part, as was asked for.
     excluded : bool
         Whether the view took no part because the others contradict it.
+    noise : NoiseModel, optional
+        That of the camera, where it is known; the image's own is estimated when None.
     """
 
     name: str
@@ -43,6 +45,7 @@ class View:
     mask: NDArray | None = None
     held_out: bool = False
     excluded: bool = False
+    noise: NoiseModel | None = None
 
     def __post_init__(self) -> None:
         """Check that the images fit on each other."""
@@ -84,6 +87,8 @@ class View:
         size = norm(measured)
         if not size > 0:
             return math.nan
+        if self.noise is not None:
+            return math.sqrt(float(self.noise.variance(reprojected).sum())) / size
         whole = np.where(usable, self.reprojected, 0)
         found = (estimate_noise(self.measured, usable, expected) for expected in (None, whole))
         light = np.maximum(reprojected, 0)

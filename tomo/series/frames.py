@@ -82,9 +82,9 @@ def blocks_of(count: int) -> list[range]:
     return [range(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK)]
 
 
-def key_of(block: range) -> int:
-    """Return the place of a block's key frame, its middle one."""
-    return block.start + len(block) // 2
+def key_of(places: Sequence[int]) -> int:
+    """Return the place of a block's key frame, the middle one of its places."""
+    return places[len(places) // 2]
 
 
 def spread(count: int, wanted: int) -> tuple[int, ...]:

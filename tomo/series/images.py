@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo.pipeline.load import LoadedScan, load
+from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.scan import Scan
 from tomo.scan.scan import Images, Masks
+from tomo.series.frames import key_places
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +88,90 @@ def images_of(loaded: LoadedScan, screened: ScreenedScan) -> FrameImages:
     return FrameImages(loaded.frame, *used, *apart, said)
 
 
-def reader_of(scan: Scan, screened: ScreenedScan) -> Callable[[int], FrameImages]:
-    """Return what reads a frame by its place in the scan."""
+class UnreadableError(ValueError):
+    """A frame that cannot be read or decoded.
 
-    def read(place: int) -> FrameImages:
-        return images_of(load(scan, scan.frames[place].name), screened)
+    Attributes
+    ----------
+    frame : str
+        Its name.
+    reason : str
+        One line that names the file.
+    """
+
+    def __init__(self, frame: str, error: Exception) -> None:
+        self.frame, self.reason = frame, " ".join(str(error).split())
+        super().__init__(
+            f"frame {frame}: {self.reason}; --skip-bad leaves out frames that cannot be read"
+        )
+
+
+@contextmanager
+def naming(frame: str) -> Iterator[None]:
+    """Turn what goes wrong in reading a frame's images into an `UnreadableError`."""
+    try:
+        yield
+    except (ValueError, OSError) as error:
+        raise UnreadableError(frame, error) from error
+
+
+def read_frame(scan: Scan, place: int, skip_bad: bool) -> LoadedScan | None:
+    """Return a frame by its place in the scan; None where it cannot be read and may be left out.
+
+    Raises
+    ------
+    UnreadableError
+        If it cannot be read or decoded.
+    """
+    frame = scan.frames[place].name
+    try:
+        with naming(frame):
+            return load(scan, frame)
+    except UnreadableError:
+        if skip_bad:
+            return None
+        raise
+
+
+def reader_of(
+    scan: Scan, screened: ScreenedScan, skip_bad: bool = False
+) -> Callable[[int], FrameImages | None]:
+    """Return what reads a frame by its place in the scan; None for one that is left out."""
+
+    def read(place: int) -> FrameImages | None:
+        loaded = read_frame(scan, place, skip_bad)
+        return None if loaded is None else images_of(loaded, screened)
 
     return read
+
+
+def readable_keys(scan: Scan, places: Sequence[int], options: Options) -> tuple[int, ...]:
+    """Return the places of the key frames; each bad one gives way to the next that is readable.
+
+    Parameters
+    ----------
+    scan : Scan
+    places : sequence of int
+        The frames, by their places in the scan.
+    options : Options
+
+    Raises
+    ------
+    ValueError
+        If one cannot be read, and frames may not be left out or none is left.
+    """
+    keys = key_places(places, options)
+    if not options.skip_bad:
+        return keys
+    found: list[int] = []
+    for key, end in zip(keys, (*keys[1:], places[-1] + 1), strict=True):
+        stretch = [place for place in places if key <= place < end]
+        good = (place for place in stretch if read_frame(scan, place, True) is not None)
+        found += itertools.islice(good, 1)
+    if not found:
+        read_frame(scan, keys[0], False)  # raises, with the reason
+        raise ValueError(f"{scan.source}: frames: found none that can be read, expected one")
+    return tuple(found)
 
 
 def usable_in_all(masks: list[Masks]) -> list[NDArray[np.bool_]]:

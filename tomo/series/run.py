@@ -25,7 +25,13 @@ from tomo.series.overlap import read_ahead, write_behind
 from tomo.series.plan import Plan
 from tomo.series.same_run import attributes_of_plan, attributes_of_run, check_same_run
 from tomo.series.settle import check_series_options, choose, make_plan
-from tomo.series.solving import FrameResult, solve_frame, solve_together, uses_choice
+from tomo.series.solving import (
+    SKIPPED,
+    FrameResult,
+    solve_frame,
+    solve_together,
+    uses_choice,
+)
 from tomo.series.store import SeriesStore
 from tomo.series.systems import system_of_block
 
@@ -74,7 +80,7 @@ def reconstruct_series(
     known = SeriesStore(path) if Path(path).exists() else None
     if known is not None:
         check_same_run(known, attributes)
-        if known.complete.all():
+        if known.finished:
             return known
     plan = make_plan(scan, grid, options, places, progress)
     attributes |= attributes_of_plan(plan)
@@ -111,9 +117,9 @@ def _run_blocks(
     progress: Progress | None,
 ) -> None:
     """Solve and write those of some blocks that can be had."""
-    read = reader_of(plan.scan, plan.screened)
+    read = reader_of(plan.scan, plan.screened, plan.options.skip_bad)
 
-    def in_turn() -> Iterator[tuple[range, FrameImages]]:
+    def in_turn() -> Iterator[tuple[range, FrameImages | None]]:
         for block in blocks:
             if not claims.take(block, wait=wait):
                 continue
@@ -128,7 +134,8 @@ def _run_blocks(
 
     def write(item: tuple[range, int, FrameResult]) -> None:
         block, place, result = item
-        store.write_volume(place, result.volume)
+        if result.volume is not None:
+            store.write_volume(place, result.volume)
         results = written.setdefault(block, [])
         results.append((place, replace(result, volume=None, unknowns=None)))
         if len(results) == len(block):
@@ -137,6 +144,8 @@ def _run_blocks(
             del written[block]
 
     done = len(plan.places) - sum(map(len, blocks))
+    if progress:
+        progress(done, len(plan.places), "")
     with read_ahead(in_turn(), BLOCK) as frames, write_behind(write, BEHIND) as put:
         while True:
             found = list(itertools.islice(frames, 1))
@@ -154,27 +163,31 @@ def _run_blocks(
 
 
 def solve_block(
-    plan: Plan, block: range, frames: Sequence[FrameImages]
+    plan: Plan, block: range, frames: Sequence[FrameImages | None]
 ) -> Iterator[tuple[int, FrameResult]]:
     """Yield the places of a block's frames and their results, the key frame's first.
 
     The key frame is solved from scratch, the others from its solution and together: a block can be
-    done alone, anywhere and in any order, and its bits are the same.
+    done alone, anywhere and in any order, and its bits are the same. Frames that could not be read,
+    which are None, are left out.
     """
-    system = system_of_block(plan, frames)
-    key = key_of(block) - block.start
+    good = {place: one for place, one in zip(block, frames, strict=True) if one is not None}
+    yield from ((place, SKIPPED) for place in block if place not in good)
+    if not good:
+        return
+    system = system_of_block(plan, list(good.values()))
+    key = key_of(list(good))
     choice = plan.choice
     if choice is None and uses_choice(plan):
-        choice = choose(plan, system, frames[key])
-    first = solve_frame(plan, system, frames[key], choice)
-    yield block[key], first
-    places = [place for place in block if place != block[key]]
-    others = [frames[place - block.start] for place in places]
+        choice = choose(plan, system, good[key])
+    first = solve_frame(plan, system, good[key], choice)
+    yield key, first
+    del good[key]
     if choice is None:
-        results = (solve_frame(plan, system, frame, None) for frame in others)
+        results = (solve_frame(plan, system, frame, None) for frame in good.values())
     else:
-        results = solve_together(plan, system, others, choice, first.unknowns)
-    yield from zip(places, results, strict=True)
+        results = solve_together(plan, system, list(good.values()), choice, first.unknowns)
+    yield from zip(good, results, strict=True)
 
 
 def _check_images(scan: Scan, places: Sequence[int]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from tomo.grid import VoxelGrid
 from tomo.pipeline.options import Options
 from tomo.pipeline.report_json import plain, versions
 from tomo.scan import Scan
-from tomo.series.frames import BLOCK, key_places
+from tomo.series.frames import BLOCK
+from tomo.series.images import naming, readable_keys
 from tomo.series.plan import Plan
 from tomo.series.store import SeriesStore
 
@@ -39,10 +41,11 @@ def attributes_of_run(
     places : sequence of int
         The frames, by their places in the scan.
     """
-    rate, keys = scan.frame_rate, key_places(places, options)
+    rate, keys = scan.frame_rate, readable_keys(scan, places, options)
     return plain(
         {
-            "options": options.to_mapping(),
+            # a run that a bad frame ended goes on with --skip-bad: good frames have the same bits
+            "options": replace(options, skip_bad=False).to_mapping(),
             "scan": {
                 "frames": [scan.frames[place].name for place in places],
                 "scale": scan.shrink,
@@ -55,7 +58,7 @@ def attributes_of_run(
             "block": BLOCK,
             "cameras": list(scan.rig.names),
             "length_unit": scan.rig.length_unit,
-            "value_unit": scan.value_unit(scan.frames[places[0]].name),
+            "value_unit": scan.value_unit(scan.frames[keys[0]].name),
             "time_unit": "1" if rate is None else "s",
             "versions": versions(),
         }
@@ -125,6 +128,9 @@ def _checksum(scan: Scan, places: Sequence[int]) -> int:
     """Return a check sum of the images of some frames, corrected."""
     found = 0
     for place in places:
-        for image in scan.images(scan.frames[place].name):
+        frame = scan.frames[place].name
+        with naming(frame):
+            images = scan.images(frame)
+        for image in images:
             found = zlib.crc32(np.ascontiguousarray(image).tobytes(), found)
     return found

@@ -21,7 +21,6 @@ from tomo.pipeline.check_options import cameras_to_refine, check_options
 from tomo.pipeline.evaluate import data_range, system_apart, trace_apart
 from tomo.pipeline.explain import explain_images
 from tomo.pipeline.first_use import warm_up_stages
-from tomo.pipeline.load import load
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import screen
@@ -31,10 +30,18 @@ from tomo.scan import Scan
 from tomo.selection import Choice, choose_by_left_out_pixels
 from tomo.series.block_system import BlockSystem
 from tomo.series.cameras import register_key_frames
-from tomo.series.frames import key_places, spread
+from tomo.series.frames import spread
 from tomo.series.hulls import hull_of_frames, rule_of
-from tomo.series.images import FrameImages, images_of, mean_of_frames, usable_in_all
+from tomo.series.images import (
+    FrameImages,
+    images_of,
+    mean_of_frames,
+    read_frame,
+    readable_keys,
+    usable_in_all,
+)
 from tomo.series.plan import Plan
+from tomo.series.stages import planning
 from tomo.series.systems import weighted
 
 CHOOSING = 3
@@ -97,9 +104,13 @@ def make_plan(
         The frames, by their places in the scan.
     progress : callable, optional
     """
+    stage = planning(progress)
+    stage("compiling")
     warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)
-    keys = key_places(places, options)
-    loaded = [load(scan, scan.frames[place].name) for place in keys]
+    stage("reading key frames")
+    keys = readable_keys(scan, places, options)
+    loaded = [read_frame(scan, place, False) for place in keys]
+    stage("pixels and cameras")
     screened = screen(
         mean_of_frames(scan, loaded),
         grid,
@@ -110,15 +121,18 @@ def make_plan(
     )
     frames = [images_of(one, screened) for one in loaded]
     refine = cameras_to_refine(options, scan)
-    registered = register_key_frames(screened, frames, grid, options, refine, progress)
+    tell = stage("where cameras look")
+    registered = register_key_frames(screened, frames, grid, options, refine, tell)
+    stage("carving")
     noise = noise_of_frames(frames)
     rule = rule_of(registered.rig, frames, grid, options, noise)
     found = hull_of_frames(registered.rig, frames, grid, rule, noise)
     registered = replace(
         registered, active=found[0], masks=usable_in_all([found[1], screened.masks])
     )
-    traced = trace_views(screened, registered, grid, options, progress)
+    traced = trace_views(screened, registered, grid, options, stage("tracing"))
     apart = trace_apart(screened, traced.system, options)
+    stage("gains, absorption, basis")
     built = build(screened, traced, options)
     explained = explain_images(built, screened, options)
     emission = _emission(explained.built, options)
@@ -134,7 +148,10 @@ def make_plan(
     if method_named(options.method).name != AUTO or options.choose_each:
         return plan
     telling = [frames[place] for place in spread(len(frames), CHOOSING)]
-    choices = tuple(choose(plan, system, frame, progress) for frame in telling)
+    choices = tuple(
+        choose(plan, system, frame, stage(f"smoothness {number} of {len(telling)}"))
+        for number, frame in enumerate(telling, 1)
+    )
     return replace(plan, choices=choices, choice=middle(choices))
 
 

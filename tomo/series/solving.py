@@ -38,12 +38,19 @@ class FrameResult:
     figures : mapping
         Name to a number, or to a mapping from camera to a number.
     warnings : tuple of str
+    skipped : bool
+        Whether the frame could not be read; everything else is then empty.
     """
 
     volume: NDArray[np.float32] | None
     unknowns: NDArray[np.float32] | None
     figures: dict[str, float | dict[str, float]]
     warnings: tuple[str, ...] = ()
+    skipped: bool = False
+
+
+SKIPPED = FrameResult(None, None, {}, skipped=True)
+"""The result of a frame that could not be read."""
 
 
 def solve_frame(
@@ -154,6 +161,7 @@ def _figures(
     """Return the figures of a volume: its total, and its images against those recorded."""
     built, volume = solved.built, solved.solution.volume
     views = views_of(built.system.on_voxel_means, volume, frame.images, frame.masks, built.gains)
+    views = [replace(view, noise=one) for view, one in zip(views, plan.noise, strict=True)]
     apart = []
     if system.apart is not None:
         other = system.apart
@@ -167,6 +175,7 @@ def _figures(
         "total_emission": float(volume.sum(dtype=np.float64)) * math.prod(plan.grid.spacing),
         "view_residual": {view.name: view.relative_residual for view in [*views, *apart]},
         "view_gain": {view.name: view.gain for view in [*views, *apart]},
+        "view_beyond_noise": {view.name: view.beyond_noise for view in views},
         "psnr": {name: each["psnr"] for name, each in alike.items()},
         "ssim": {name: each.get("ssim", math.nan) for name, each in alike.items()},
     }

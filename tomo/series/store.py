@@ -29,8 +29,11 @@ SUFFIX = ".zarr"
 FIGURES = ("relative_residual", "total_emission", "seconds", "warnings")
 """Figures of a frame, each an array over time."""
 
-CAMERA_FIGURES = ("view_residual", "view_gain", "psnr", "ssim")
+CAMERA_FIGURES = ("view_residual", "view_beyond_noise", "view_gain", "psnr", "ssim")
 """Figures of a frame and a camera, each an array over time and camera; NaN where there is none."""
+
+COMPLETE, LEFT_OUT = 1, 2
+"""States of a frame in ``complete``; 0 where it is still to be done."""
 
 WALL_TIME = ("seconds",)
 """Arrays that differ from run to run."""
@@ -124,12 +127,22 @@ class SeriesStore:
 
     @property
     def complete(self) -> NDArray[np.bool_]:
-        """Which frames are complete, ``(frames,)``."""
-        return self.group["complete"][:] == 1
+        """Which frames have a volume, ``(frames,)``."""
+        return self.group["complete"][:] == COMPLETE
+
+    @property
+    def skipped(self) -> NDArray[np.bool_]:
+        """Which frames could not be read and were left out, ``(frames,)``."""
+        return self.group["complete"][:] == LEFT_OUT
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing is left to do: every frame is complete or was left out."""
+        return bool(self.group["complete"][:].all())
 
     def is_complete(self, block: range) -> bool:
-        """Return whether the frames of a block are complete."""
-        return bool((self.group["complete"][block.start : block.stop] == 1).all())
+        """Return whether nothing is left to do of a block."""
+        return bool(self.group["complete"][block.start : block.stop].all())
 
     def volume(self, place: int) -> NDArray[np.float32]:
         """Return the volume of a frame by its place in the store, ``(nx, ny, nz)``.
@@ -139,8 +152,9 @@ class SeriesStore:
         ValueError
             If the frame is not complete.
         """
-        if not self.group["complete"][place]:
-            raise ValueError(f"{self.path}: frame {place}: found it missing, expected a volume")
+        if (state := self.group["complete"][place]) != COMPLETE:
+            found = "left out, as it could not be read" if state == LEFT_OUT else "missing"
+            raise ValueError(f"{self.path}: frame {place}: found it {found}, expected a volume")
         return self.group["emission"][place]
 
     def write_volume(self, place: int, volume: NDArray[np.float32]) -> None:
@@ -154,17 +168,18 @@ class SeriesStore:
             if name == "warnings":
                 values = [len(one.warnings) for one in results]
             else:
-                values = [one.figures[name] for one in results]
+                values = [one.figures.get(name, math.nan) for one in results]
             self.group[name][at] = np.array(values, self.group[name].dtype)
         cameras = self.attributes["cameras"]
         for name in CAMERA_FIGURES:
             self.group[name][at] = np.array(
                 [
-                    [one.figures[name].get(camera, math.nan) for camera in cameras]
+                    [one.figures.get(name, {}).get(camera, math.nan) for camera in cameras]
                     for one in results
                 ]
             )
-        self.group["complete"][at] = np.ones(len(block), np.uint8)
+        states = [LEFT_OUT if one.skipped else COMPLETE for one in results]
+        self.group["complete"][at] = np.array(states, np.uint8)
 
     def remove_partial(self, block: range) -> None:
         """Remove what a killed process left half-written of a block that no other process has."""
@@ -228,7 +243,8 @@ def _write_empty(
             name, shape, chunks, "f8", ("time", "camera"), math.nan, units=units.get(name, "1"),
             cameras=list(cameras),
         )  # fmt: skip
-    about = "1 where the frame is complete; written after everything else of its block"
+    about = "1 where the frame is complete, 2 where it could not be read and was left out; "
+    about += "written after everything else of its block"
     array("complete", (count,), (BLOCK,), "u1", ("time",), 0, long_name=about)
 
 
