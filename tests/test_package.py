@@ -28,6 +28,7 @@ ORDER = (
     "tomo.pipeline",
     "tomo.series",
     "tomo.draw",
+    "tomo.export",
     "tomo.report",
     "tomo.cli",
 )  # fmt: skip

@@ -13,7 +13,9 @@ from tomo.cli.outputs import check_output_folder
 
 EXAMPLES = """
 flametomo export out.zarr --to pvd -o flame.pvd
+flametomo export out.zarr --to mp4 -o flame.mp4
 flametomo export out.zarr --to npz --frames 0:100:10 -o volumes
+flametomo export out.zarr --to statistics -o statistics.zarr
 """
 
 
@@ -29,8 +31,10 @@ def export(
         str,
         typer.Option(
             metavar="FORMAT",
-            help="pvd: a collection for ParaView beside a folder of .vti files. npz: a folder of "
-            "NumPy files.",
+            help="pvd: a collection for ParaView beside a folder of .vti files. vtkhdf: one file "
+            "for ParaView. netcdf: one file with coordinates. npz: a folder of NumPy files. mp4: "
+            "a film of maximum projections. statistics: mean and RMS fluctuation of every voxel. "
+            "spectrum: its power spectral density over time.",
         ),
     ],
     frames: Annotated[
@@ -39,9 +43,9 @@ def export(
     ] = ":",
     json: JsonFlag = False,
 ) -> None:
-    """Write the frames of a store for other programs."""
+    """Write the frames of a store for other programs, or their statistics."""
     with bad_input_in_one_line():
-        from tomo.series.export import export_series
+        from tomo.export import export_series
         from tomo.series.frames import slices_of
         from tomo.series.store import SeriesStore
 
@@ -50,6 +54,16 @@ def export(
         check_output_folder(out.parent)
         with progress_bar("export") as progress:
             written = export_series(opened, out, to, places, progress=progress)
-    say(f"{written}: {len(places)} frames of {store}")
+    numbers = opened.group["frame"][:]
+    left_out = [int(numbers[place]) for place in places if opened.skipped[place]]
+    count = len(places) - len(left_out)
+    say(f"{written}: {count} frames of {store}")
+    if left_out:
+        say(
+            f"warning: {len(left_out)} frames that could not be read are left out, the first is "
+            f"{left_out[0]}",
+            "yellow",
+        )
     if json:
-        print_json({"store": str(store), "out": str(written), "to": to, "frames": len(places)})
+        result = {"store": str(store), "out": str(written), "to": to, "frames": count}
+        print_json(result | {"left_out": left_out})

@@ -44,6 +44,16 @@ def line_integrals(data: NDArray, grid: VoxelGrid) -> list[tuple[NDArray, tuple,
     return sums
 
 
+def maximum_projections(
+    data: NDArray, grid: VoxelGrid
+) -> list[tuple[NDArray, tuple, tuple, float]]:
+    """Return the volume's maxima along z, x and y, as `_VIEWS` orders."""
+    return [
+        (_oriented(data.max(axis=across), level, upright), *_place(grid, level, upright, across))
+        for level, upright, across in _VIEWS
+    ]
+
+
 def _oriented(plane: NDArray, level: int, upright: int) -> NDArray:
     """Return a plane, given in the order of its axes, as (upright, level)."""
     return plane.T if level < upright else plane

@@ -1,0 +1,47 @@
+import av
+import numpy as np
+import pytest
+
+from tomo.draw.film.film_picture import FilmPicture
+from tomo.export import export_series
+from tomo.grid import VoxelGrid
+
+
+def test_a_film_has_a_picture_a_frame_in_which_the_spot_moves(store, tmp_path):
+    written = export_series(store, tmp_path / "flame.mp4", "mp4")
+    with av.open(str(written)) as film:
+        pictures = [one.to_ndarray(format="gray").astype(float) for one in film.decode(video=0)]
+    assert len(pictures) == store.n_frames - 1
+    first, last = pictures[0], pictures[-1]
+    height, width = first.shape
+    assert height == 720
+    assert width % 2 == 0
+    assert np.abs(first - last).max() > 100
+    # the spot runs along x, to the right in the first of the two projections
+    across = [np.clip(last - first, 0, None).sum(0), np.clip(first - last, 0, None).sum(0)]
+    half = width // 2
+    centres = [np.average(np.arange(half), weights=one[:half] + 1e-9) for one in across]
+    assert centres[0] > centres[1] + 20
+
+
+def test_pixels_show_the_largest_value_along_the_line_at_its_place():
+    grid = VoxelGrid((8, 10, 6), 1.0)
+    volume = np.zeros(grid.shape, np.float32)
+    volume[1, 8, :] = 1.0
+    picture = FilmPicture(grid, 1.0)
+    empty = picture.draw(np.zeros(grid.shape, np.float32), "")
+    drawn = picture.draw(volume, "")
+    changed = np.argwhere(np.abs(drawn.astype(int) - empty).sum(-1) > 200)
+    left = changed[changed[:, 1] < drawn.shape[1] * 0.45]
+    assert changed[:, 0].mean() < drawn.shape[0] / 2  # y runs upward
+    assert len(left)
+    assert left[:, 1].mean() < drawn.shape[1] * 0.25  # x runs to the right
+
+
+@pytest.mark.parametrize("shape", [(3, 200, 3), (200, 3, 3), (3, 3, 200), (1, 1, 1)])
+def test_long_grids_are_drawn_within_bounds(shape):
+    drawn = FilmPicture(VoxelGrid(shape, 1.0), 1.0, title="t").draw(
+        np.ones(shape, np.float32), "frame 1"
+    )
+    assert drawn.shape[0] == 720
+    assert 600 < drawn.shape[1] <= 1940

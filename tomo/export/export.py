@@ -1,0 +1,102 @@
+"""Exporting a store: the formats in a table, and what they have in common."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+from tomo.export.frames import Frames
+from tomo.operators.system import Progress
+from tomo.series.store import SeriesStore
+
+
+class Format(NamedTuple):
+    """A format: what writes it, the suffixes it may have, and the libraries that it needs."""
+
+    writer: str
+    suffixes: tuple[str, ...]
+    needs: tuple[str, ...]
+    help: str
+
+
+FORMATS = {
+    "pvd": Format(
+        "volume_files:write_pvd", (".pvd",), (), "a collection for ParaView beside .vti files"
+    ),
+    "vtkhdf": Format(
+        "vtkhdf:write_vtkhdf", (".vtkhdf", ".hdf"), ("h5py",), "one file for ParaView and VTK"
+    ),
+    "netcdf": Format("netcdf:write_netcdf", (".nc",), ("h5netcdf",), "one file with coordinates"),
+    "npz": Format("volume_files:write_npz", ("",), (), "a folder of NumPy files"),
+    "mp4": Format("film:write_film", (".mp4",), ("av",), "a film of maximum projections"),
+    "statistics": Format(
+        "statistics:write_statistics", (".zarr",), (), "mean and RMS fluctuation of every voxel"
+    ),
+    "spectrum": Format(
+        "spectrum:write_spectrum", (".zarr",), (), "power spectral density of every voxel"
+    ),
+}
+"""Name to format. A format is a function of a `Frames` and a path in a module of this package,
+and a line here."""
+
+
+def export_series(
+    store: SeriesStore,
+    target: str | os.PathLike,
+    to: str,
+    places: Sequence[int] | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Path:
+    """Write frames of a store for other programs; memory does not grow with their number.
+
+    Frames that could not be read, which the store marks, are left out.
+
+    Parameters
+    ----------
+    store : SeriesStore
+    target : path-like
+        The file, folder or store to write, with the suffix of the format.
+    to : str
+        One of `FORMATS`.
+    places : sequence of int, optional
+        Places of frames in the store; all when None.
+    progress : callable, optional
+
+    Raises
+    ------
+    ValueError
+        If the format is unknown, the suffix or the length of the series does not suit it, a
+        library is missing, or a frame is still to be reconstructed.
+    """
+    target = Path(target)
+    if to not in FORMATS:
+        raise ValueError(f"to: found {to!r}, expected one of {', '.join(FORMATS)}")
+    chosen = FORMATS[to]
+    if target.suffix not in chosen.suffixes and any(chosen.suffixes):
+        expected = " or ".join(chosen.suffixes)
+        raise ValueError(f"{target}: suffix: found {target.suffix!r}, expected {expected}")
+    for library in chosen.needs:
+        if find_spec(library) is None:
+            raise ValueError(
+                f"to: found {to}, which needs the library {library}: install it by "
+                "pip install 'flametomo[export]'"
+            )
+    places = range(store.n_frames) if places is None else places
+    complete, left_out = store.complete, store.skipped
+    missing = [place for place in places if not (complete[place] or left_out[place])]
+    if missing:
+        raise ValueError(
+            f"{store.path}: frames: found {len(missing)} that are not complete, the first is "
+            f"{missing[0]}: finish them by the command that began the store, or name others"
+        )
+    frames = Frames(store, tuple(place for place in places if complete[place]), progress)
+    if not len(frames):
+        raise ValueError(f"{store.path}: frames: found none that could be read, expected one")
+    module, name = chosen.writer.split(":")
+    getattr(import_module(f"tomo.export.{module}"), name)(frames, target)
+    return target

@@ -1,0 +1,119 @@
+"""The power spectral density of every voxel over time, by Welch's method, in slabs of voxels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.export.frames import Frames
+from tomo.export.statistics import result_store
+
+SEGMENT = 256
+"""Frames of a segment, at the most: scipy's own. More resolve frequencies better and scatter
+more, and take more memory."""
+
+BUFFER = 64 << 20
+"""Bytes of the frames of a segment; their transform takes five times as much. Less: the frames are
+read more often."""
+
+UNEVEN = 1e-3
+"""Largest deviation of a time step from the mean one, as a fraction of it."""
+
+
+def write_spectrum(frames: Frames, target: Path) -> None:
+    """Write ``power`` ``(frequency, x, y, z)`` into a Zarr group that xarray reads.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 4 frames, or their times are not even.
+    FileExistsError
+        If there is something at ``target``.
+
+    Notes
+    -----
+    Segments of a power of two of frames, at most `SEGMENT`, overlap by half; each loses its mean
+    and is windowed by Hann's window; their one-sided periodograms are averaged. The sum over
+    frequencies times their spacing is the variance, but for the window. The same numbers as
+    `scipy.signal.welch`.
+
+    P. D. Welch, "The use of fast Fourier transform for the estimation of power spectra", IEEE
+    Trans. Audio Electroacoust. 15 (1967), 70-73.
+    """
+    rate, length = rate_of(frames), segment_of(len(frames))
+    unit, per = frames.store.attributes["value_unit"], frames.store.attributes["time_unit"]
+    hertz = "Hz" if per == "s" else "1/frame"
+    grid = frames.store.grid
+    frequencies = np.fft.rfftfreq(length, 1 / rate)
+    settings = {"segment_frames": length, "overlap_frames": length // 2, "window": "hann"}
+    with result_store(frames, target, **settings) as group:
+        group.create_array(
+            "frequency", data=frequencies, dimension_names=("frequency",),
+            attributes={"units": hertz},
+        )  # fmt: skip
+        slab = _slab(grid.shape, length)
+        power = group.create_array(
+            "power",
+            shape=(len(frequencies), *grid.shape),
+            chunks=(len(frequencies), slab, *grid.shape[1:]),
+            dtype="f4",
+            dimension_names=("frequency", "x", "y", "z"),
+            attributes={
+                "units": f"({unit})^2 / {hertz}" if hertz == "Hz" else f"({unit})^2 frame",
+                "long_name": "one-sided power spectral density of a voxel's emission",
+            },
+        )
+        for start in range(0, grid.shape[0], slab):
+            part = slice(start, min(start + slab, grid.shape[0]))
+            power[:, part] = welch(frames, part, rate, length)
+
+
+def welch(frames: Frames, part: slice, rate: float, length: int) -> NDArray[np.float32]:
+    """Return the spectra of the voxels of some planes of x, ``(frequencies, planes, ny, nz)``."""
+    from scipy.signal import periodogram
+
+    waiting: list[NDArray] = []
+    total, count = 0.0, 0
+    for volume in frames.volumes(f"planes {part.start} to {part.stop - 1} of x, "):
+        waiting.append(volume[part].copy())
+        if len(waiting) == length:
+            _, power = periodogram(
+                np.array(waiting), rate, window="hann", detrend="constant", axis=0
+            )
+            total, count = total + power.astype(np.float64), count + 1
+            del waiting[: length - length // 2]
+    return (total / count).astype(np.float32)
+
+
+def rate_of(frames: Frames) -> float:
+    """Return the frames in a unit of time, which has to be the same all the time."""
+    steps = np.diff(frames.times)
+    if len(frames) < 4:
+        raise ValueError(
+            f"{frames.store.path}: frames: found {len(frames)}, expected 4 or more for a spectrum"
+        )
+    step = float(np.median(steps))
+    off = np.flatnonzero(np.abs(steps - step) > UNEVEN * step)
+    if len(off):
+        raise ValueError(
+            f"{frames.store.path}: time: found frames {frames.numbers[off[0]]} and "
+            f"{frames.numbers[off[0] + 1]} {steps[off[0]]:.4g} apart, others {step:.4g}, expected "
+            "even times for a spectrum: choose --frames without gaps"
+        )
+    return 1 / step
+
+
+def segment_of(count: int) -> int:
+    """Return the frames of a segment: a power of two, with three segments where that is possible.
+
+    >>> segment_of(40), segment_of(5000)
+    (16, 256)
+    """
+    return min(SEGMENT, max(1 << int(np.log2(count / 2)), 4))
+
+
+def _slab(shape: tuple[int, int, int], length: int) -> int:
+    """Return how many planes of x are done at once."""
+    return int(min(max(BUFFER // (4 * length * shape[1] * shape[2]), 1), shape[0]))

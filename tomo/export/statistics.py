@@ -1,0 +1,92 @@
+"""Mean and RMS of the fluctuation of every voxel, in one pass over the frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from rigs.files import atomic_path
+from tomo.export.frames import Frames
+
+
+def write_statistics(frames: Frames, target: Path) -> None:
+    """Write ``mean`` and ``rms`` of the frames into a Zarr group that xarray reads.
+
+    Raises
+    ------
+    ValueError
+        If there is one frame alone.
+    FileExistsError
+        If there is something at ``target``.
+    """
+    if len(frames) < 2:
+        raise ValueError(
+            f"{frames.store.path}: frames: found 1, expected 2 or more for statistics"
+        )
+    with result_store(frames, target) as group:
+        mean, rms = mean_and_rms(frames)
+        unit = frames.store.attributes["value_unit"]
+        for name, values, words in (
+            ("mean", mean, "mean over time"),
+            ("rms", rms, "root mean square of the fluctuation about the mean"),
+        ):
+            group.create_array(
+                name,
+                data=values.astype(np.float32),
+                chunks=frames.chunk(),
+                dimension_names=("x", "y", "z"),
+                attributes={"units": unit, "long_name": f"{words} of a voxel's emission"},
+            )
+
+
+def mean_and_rms(frames: Frames) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the mean of every voxel, and the RMS of its fluctuation, ``(nx, ny, nz)`` each.
+
+    Notes
+    -----
+    Welford's update in float64: ``d = x - m; m += d / n; s += d (x - m)``, and the RMS is
+    ``sqrt(s / n)``. It loses no digits where the fluctuation is small against the mean.
+
+    B. P. Welford, "Note on a method for calculating corrected sums of squares and products",
+    Technometrics 4 (1962), 419-420.
+    """
+    mean = np.zeros(frames.store.grid.shape)
+    squares = np.zeros(frames.store.grid.shape)
+    for number, volume in enumerate(frames.volumes(), 1):
+        difference = volume - mean
+        mean += difference / number
+        difference *= volume - mean
+        squares += difference
+    return mean, np.sqrt(squares / len(frames))
+
+
+@contextmanager
+def result_store(frames: Frames, target: Path, **attributes: Any) -> Iterator[zarr.Group]:
+    """Yield a new Zarr group with coordinates, which appears at ``target`` whole or not at all."""
+    if target.exists():
+        raise FileExistsError(f"{target}: is there already, expected the name of a new store")
+    with atomic_path(target) as temporary:
+        group = zarr.create_group(
+            temporary,
+            zarr_format=3,
+            attributes={
+                **frames.about(),
+                "store": frames.store.path.name,
+                "frames": frames.numbers.tolist(),
+                "grid": frames.store.grid.to_mapping(),
+                "length_unit": frames.store.attributes["length_unit"],
+                **attributes,
+            },
+        )
+        for name in "xyz":
+            centres, unit = frames.axis(name)
+            group.create_array(
+                name, data=centres, dimension_names=(name,), attributes={"units": unit}
+            )
+        yield group
