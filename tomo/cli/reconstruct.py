@@ -94,8 +94,8 @@ def reconstruct(
     """Reconstruct the emission in every voxel from a scan's images.
 
     Writes the volume (.npz, .vti, .nrrd), report.html, report.json and pictures. With --frames, a
-    store of volumes (Zarr) with figures for each frame; the same command goes on with one that was
-    interrupted.
+    store of volumes (Zarr) with figures for each frame, and OUT_report.html; the same command goes
+    on with one that was interrupted.
     """
     with bad_input_in_one_line():
         from tomo.pipeline import reconstruct as run
@@ -113,7 +113,7 @@ def reconstruct(
         if any(option is not None for option in given):
             voxels = parse_grid(*given, default=loaded.grid)
         if options.frames is not None:
-            return _series(loaded, voxels, options, out, json)
+            return _series(loaded, voxels, options, out, pictures, json)
         with progress_bar("reconstruct") as progress:
             outcome = run(loaded, voxels, options, progress=progress)
         report = write_outcome(out, outcome, with_pictures=pictures)
@@ -125,7 +125,14 @@ def reconstruct(
         print_json(report)
 
 
-def _series(scan: Scan, grid: VoxelGrid | None, options: Options, out: Path, json: bool) -> None:
+def _series(
+    scan: Scan,
+    grid: VoxelGrid | None,
+    options: Options,
+    out: Path,
+    pictures: bool,
+    json: bool,
+) -> None:
     """Reconstruct frames into a store, and say what became of them."""
     from tomo.cli.series import (
         check_output_store,
@@ -133,6 +140,7 @@ def _series(scan: Scan, grid: VoxelGrid | None, options: Options, out: Path, jso
         series_report,
         series_summary,
     )
+    from tomo.report.series_report import write_series_report
     from tomo.series import reconstruct_series
 
     check_output_store(out, scan.rig, scan.source)
@@ -140,6 +148,11 @@ def _series(scan: Scan, grid: VoxelGrid | None, options: Options, out: Path, jso
         store = reconstruct_series(scan, out, grid, options, progress=progress)
     report = series_report(store)
     report["warnings"] += reasons_left_out(store, scan)
+    with progress_bar("report") as progress:
+        write_series_report(
+            report["page"], store, report["warnings"], with_film=pictures, progress=progress
+        )
+    say(report["answer"]["sentence"], "bold")
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")
     say(series_summary(report))

@@ -52,6 +52,7 @@ def reasons_left_out(store: SeriesStore, scan: Scan) -> list[str]:
 
 def series_report(store: SeriesStore) -> dict[str, Any]:
     """Return what is in a store, in numbers: ``--json``."""
+    from tomo.series.answer import answer_of_series
     from tomo.series.watching import in_words, watch_store
 
     group, cameras = store.group, store.attributes["cameras"]
@@ -68,11 +69,15 @@ def series_report(store: SeriesStore) -> dict[str, Any]:
     )
     warned = int(np.count_nonzero(known["warnings"]))
     found = watch_store(store)
+    table = {name: group[name][:] for name in ("view_beyond_noise", "complete")}
+    answer = answer_of_series(table, group["frame"][:].tolist(), cameras)
     lines = [*store.attributes["plan_warnings"], *in_words(found)]
     if warned:
         lines.append(f"{warned} frames have warnings of their own: see the store's warnings")
     return {
+        "answer": asdict(answer),
         "store": str(store.path),
+        "page": str(page_of(store.path)),
         "frames": store.n_frames,
         "complete": int(store.complete.sum()),
         "left_out": group["frame"][:][store.skipped].tolist(),
@@ -90,6 +95,11 @@ def series_report(store: SeriesStore) -> dict[str, Any]:
     }
 
 
+def page_of(store: Path) -> Path:
+    """Return the report beside a store: Zarr's readers warn of files in it that are no arrays."""
+    return store.with_name(f"{store.stem}_report.html")
+
+
 def series_summary(report: dict[str, Any]) -> str:
     """Return a line on each of: the frames, held-out cameras, the store."""
     figures = (
@@ -101,5 +111,8 @@ def series_summary(report: dict[str, Any]) -> str:
     for camera, figures in report["held_out"].items():
         shown = ", ".join(f"{name} {value:.4g}" for name, value in figures.items())
         lines.append(f"held out {camera}, mean: {shown}")
-    lines.append(f"open {report['store']} with xarray.open_zarr, or export it: flametomo export")
+    lines.append(
+        f"open {report['page']}; {report['store']} opens with xarray.open_zarr, and flametomo "
+        "export writes it for other programs"
+    )
     return "\n".join(lines)

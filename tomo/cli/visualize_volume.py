@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
-from tomo.cli.console import JsonFlag, print_json
+from tomo.cli.console import JsonFlag, print_json, progress_bar
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import VOLUME_HELP, read_volume_file
 from tomo.cli.outputs import check_output_pictures
@@ -16,6 +17,7 @@ EXAMPLES = """
 flametomo visualize-volume out/volume.npz -o flame.html
 flametomo visualize-volume out/volume.vti -o flame.png -o flame.glb
 flametomo visualize-volume array.npy --spacing 0.5 -o flame.html
+flametomo visualize-volume out.zarr -o film.html
 """
 
 
@@ -40,6 +42,10 @@ def visualize_volume(
     length_unit: Annotated[
         str | None, typer.Option(metavar="UNIT", help="Unit of a .npy's lengths; mm if absent.")
     ] = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(metavar="A:B:C", help="A slice of a store's frames, counted from 0."),
+    ] = None,
     title: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Title of the picture.")
     ] = None,
@@ -48,10 +54,14 @@ def visualize_volume(
     """Draw a volume's planes, line integrals and surfaces.
 
     PNG suits papers, HTML can be turned around with parts switched on and off, GLB opens in 3-D
-    viewers.
+    viewers. HTML of a store that reconstruct --frames wrote plays its film.
     """
     with bad_input_in_one_line():
         check_output_pictures(out)
+        if volume.suffix == ".zarr":
+            return _film(volume, out, frames, title, json)
+        if frames is not None:
+            raise ValueError(f"--frames: found {frames!r}, expected it with a store like out.zarr")
         from tomo.draw.rig.rig_scene import volume_scene
         from tomo.draw.volume import isosurface_scene
 
@@ -78,5 +88,42 @@ def visualize_volume(
             {
                 "files": [str(path) for path in out],
                 "grid": grid.to_mapping(),
+            }
+        )
+
+
+def _film(store: Path, out: list[Path], frames: str | None, title: str | None, json: bool) -> None:
+    """Write pages that play the film of a store."""
+    from tomo.draw.film.player import film_of, write_film_page
+    from tomo.report.series_report import SeriesTable, moments_of, shown_places, words_of
+    from tomo.series.frames import slices_of
+    from tomo.series.store import SeriesStore
+
+    for path in out:
+        if path.suffix.lower() != ".html":
+            raise ValueError(
+                f"{path}: suffix: found {path.suffix!r} with a store, expected .html; flametomo "
+                "export STORE --to npz --frames A:B writes single frames to draw, --to mp4 a film"
+            )
+    opened = SeriesStore(store)
+    wanted = np.zeros(opened.n_frames, bool)
+    wanted[list(slices_of(frames or ":", opened.n_frames))] = True
+    wanted &= opened.complete
+    shown = shown_places(wanted)
+    if not shown:
+        raise ValueError(f"{store}: frames: found none that is complete, expected one")
+    about = opened.attributes
+    with progress_bar("film") as progress:
+        moments = moments_of(SeriesTable.of(opened), shown, progress)
+        film = film_of(moments, opened.grid, about["length_unit"], about["value_unit"])
+    heading = title if title is not None else store.stem
+    for path in out:
+        write_film_page(path, film, title=heading, words=words_of(shown, int(wanted.sum())))
+    if json:
+        print_json(
+            {
+                "files": [str(path) for path in out],
+                "grid": opened.grid.to_mapping(),
+                "frames": [int(one) for one in opened.group["frame"][:][shown]],
             }
         )

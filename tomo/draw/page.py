@@ -32,3 +32,8 @@ def render(template: str, **values: object) -> str:
 def embedded(png: bytes) -> str:
     """Return a PNG as a data URL for an image's ``src``."""
     return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+
+
+def script_safe(text: str) -> str:
+    """Return JSON escaped for a script element: nothing in it ends the element."""
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rigs.files import atomic_path
 from tomo.draw.frame import EYE, Up
-from tomo.draw.page import render
+from tomo.draw.page import render, script_safe
 from tomo.draw.rig.camera_view import CameraView
 from tomo.draw.scene import Scene
 from tomo.draw.traces import RAY_COLOUR, RAYS, css, group_traces, no_rays, steps
@@ -174,8 +174,8 @@ def html_page(
         tables=tables,
         has_views=bool(views),
         plotly=get_plotlyjs(),
-        figure=_script_safe(figure.to_json()),
-        data=_script_safe(json.dumps(data)),
+        figure=script_safe(figure.to_json()),
+        data=script_safe(json.dumps(data)),
     )
 
 
@@ -256,8 +256,3 @@ def _around(grid: VoxelGrid) -> NDArray[np.float64]:
     """Return the box with a little around it, ``(2, 3)``."""
     margin = 0.15 * float(np.linalg.norm(grid.extent))
     return np.stack([grid.lower - margin, grid.upper + margin])
-
-
-def _script_safe(text: str) -> str:
-    """Return JSON escaped for a script element: nothing in it ends the element."""
-    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

@@ -74,9 +74,9 @@ class FilmPicture:
         shown = self._panels(np.zeros(self.grid.shape, np.float32))
         room = HEIGHT - 1.15
         scale = min(room / max(panel.size[1] for panel in shown),
-                    (WIDEST - 3.5) / sum(panel.size[0] for panel in shown))  # fmt: skip
+                    (WIDEST - 3.2) / sum(panel.size[0] for panel in shown))  # fmt: skip
         widths = [max(panel.size[0] * scale, 0.15) for panel in shown]
-        width = sum(widths) + 0.85 * len(shown) + 1.15
+        width = sum(widths) + 0.85 * len(shown) + 1.3
         figure = new_figure(max(width, 5.0), HEIGHT, DPI)
         width = figure.get_size_inches()[0]
         if self.title:
@@ -126,5 +126,5 @@ class FilmPicture:
         axes.yaxis.tick_right()
         axes.locator_params(axis="y", nbins=5)
         axes.tick_params(labelsize=8, colors=MUTED)
-        axes.set_title(plain(self.value_unit or "emission"), fontsize=7.5, color=MUTED, pad=5,
-                       loc="left")  # fmt: skip
+        axes.yaxis.set_label_position("right")
+        axes.set_ylabel(plain(self.value_unit or "emission"), fontsize=9, color=INK, labelpad=4)

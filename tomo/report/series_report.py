@@ -1,0 +1,239 @@
+"""The report of a series: one HTML page with a film, the figures of every frame, and warnings."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.files import atomic_path
+from tomo.draw.film.chart import COLOURS, Chart, chart
+from tomo.draw.film.player import MOST_FRAMES, film_of
+from tomo.draw.page import render
+from tomo.operators.system import Progress
+from tomo.report.report import _details, _number
+from tomo.series.answer import answer_of_series
+from tomo.series.store import CAMERA_FIGURES, FIGURES, SeriesStore
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesTable:
+    """The figures of a series, read once.
+
+    Attributes
+    ----------
+    store : SeriesStore
+    frames : (frames,) int
+        Numbers in the scan.
+    times : (frames,) float64
+    columns : mapping of str to (frames,) or (frames, cameras)
+        Figures, and ``complete``; NaN where there is none.
+    """
+
+    store: SeriesStore
+    frames: NDArray[np.int64]
+    times: NDArray[np.float64]
+    columns: Mapping[str, NDArray]
+
+    @classmethod
+    def of(cls, store: SeriesStore) -> SeriesTable:
+        """Read the figures of a store."""
+        names = (*FIGURES, *CAMERA_FIGURES, "complete")
+        columns = {name: store.group[name][:] for name in names}
+        return cls(store, store.group["frame"][:], store.group["time"][:], columns)
+
+    @property
+    def cameras(self) -> list[str]:
+        """The names of the cameras, in the order of the columns."""
+        return self.store.attributes["cameras"]
+
+    def each_camera(self, name: str) -> dict[str, NDArray]:
+        """Return a figure's column of each camera that has it."""
+        columns = dict(zip(self.cameras, self.columns[name].T, strict=True))
+        return {camera: own for camera, own in columns.items() if np.isfinite(own).any()}
+
+    def label(self, place: int) -> str:
+        """Return words for a frame: its number, and its time where that is known."""
+        unit = self.store.attributes["time_unit"]
+        time = "" if unit == "1" else f", {self.times[place]:.6g} {unit}"
+        return f"frame {self.frames[place]}{time}"
+
+
+def write_series_report(
+    path: str | os.PathLike,
+    store: SeriesStore,
+    warnings: Sequence[str] = (),
+    *,
+    with_film: bool = True,
+    progress: Progress | None = None,
+) -> None:
+    """Write the page, which loads nothing and stays under 20 MB however many frames there are.
+
+    Parameters
+    ----------
+    path : path-like
+        ``report.html``.
+    store : SeriesStore
+    warnings : sequence of str
+    with_film : bool
+        Whether volumes are shown, of `MOST_FRAMES` frames at the most.
+    progress : callable, optional
+    """
+    table = SeriesTable.of(store)
+    about, film = store.attributes, None
+    shown = shown_places(store.complete)
+    if with_film and shown:
+        moments = moments_of(table, shown, progress)
+        film = film_of(moments, store.grid, about["length_unit"], about["value_unit"])
+    text = render(
+        "series.html",
+        title=f"Reconstruction of {store.n_frames} frames by {about['options']['method']}",
+        answer=answer_of_series(table.columns, table.frames.tolist(), table.cameras),
+        warnings=list(warnings),
+        headline=_headline(table),
+        words=words_of(shown, int(store.complete.sum())),
+        film=film,
+        charts=_charts(table, shown if film else ()),
+        axis=_axis(table),
+        table=_camera_table(table),
+        details=_details(_plain_details(about)),
+    )
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def shown_places(complete: NDArray[np.bool_], most: int = MOST_FRAMES) -> list[int]:
+    """Return the places of the complete frames that a page shows, spread evenly."""
+    places = np.flatnonzero(complete)
+    if len(places) <= most:
+        return places.tolist()
+    return places[np.linspace(0, len(places) - 1, most).round().astype(int)].tolist()
+
+
+def moments_of(
+    table: SeriesTable, places: Sequence[int], progress: Progress | None = None
+) -> Iterator[tuple[str, float, NDArray]]:
+    """Yield label, position along the time axis and volume of frames."""
+    for done, place in enumerate(places):
+        if progress:
+            progress(done, len(places), table.label(place))
+        volume = table.store.volume(place)
+        yield table.label(place), (place + 0.5) / table.store.n_frames, volume
+
+
+def words_of(shown: Sequence[int], count: int) -> str:
+    """Return the line that says which frames a film shows."""
+    if len(shown) < count:
+        return (
+            f"{len(shown)} of {count} frames, spread evenly; the store has them all, and "
+            "flametomo export --to mp4 makes a film of them."
+        )
+    return f"All {count} frames." if count > 1 else "The one frame."
+
+
+def _headline(table: SeriesTable) -> list[tuple[str, str, str]]:
+    """Return the first figures: (value, name, what it means)."""
+    complete, count = int((table.columns["complete"] == 1).sum()), table.store.n_frames
+    rows = [(f"{complete:,}", "frames", "complete" if complete == count else f"of {count:,}")]
+    for name, title, digits, unit in (
+        ("psnr", "held-out PSNR", 4, " dB"),
+        ("ssim", "held-out SSIM", 3, ""),
+    ):
+        for camera, values in table.each_camera(name).items():
+            rows.append(
+                (f"{np.nanmean(values):.{digits}g}{unit}", title, f"mean of {camera}, never used")
+            )
+    for name, title, words, form in (
+        ("relative_residual", "relative residual", "mean of all frames", "{:.2%}"),
+        ("total_emission", "total emission", table.store.group["total_emission"].attrs["units"],
+         "{:.4g}"),
+        ("seconds", "a frame", "to solve and compare", "{:.3g} s"),
+    ):  # fmt: skip
+        values = table.columns[name]
+        if np.isfinite(values).any():
+            rows.append((form.format(np.nanmean(values)), title, words))
+    voxels = table.store.attributes["plan"].get("active_voxels")
+    if voxels:
+        rows.append((_number(voxels), "active voxels", "that key frames may light"))
+    return rows
+
+
+def _charts(table: SeriesTable, shown: Sequence[int]) -> list[Chart]:
+    """Return the charts of the figures, those that the series has."""
+    colours = {name: COLOURS[n % len(COLOURS)] for n, name in enumerate(table.cameras)}
+
+    def alone(name: str, title: str) -> dict[str, NDArray]:
+        return {title: table.columns[name]}
+
+    emission = table.store.group["total_emission"].attrs["units"]
+    found = [
+        chart("Held-out PSNR", table.each_camera("psnr"), unit="dB", shown=shown, colours=colours),
+        chart(
+            "Relative residual",
+            alone("relative_residual", "all that took part") | table.each_camera("view_residual"),
+            shown=shown,
+            from_zero=True,
+            colours={"all that took part": "#1b2733"} | colours,
+            digits=3,
+        ),
+        chart("Gain against the plan's", table.each_camera("view_gain"), shown=shown,
+              colours=colours),
+        chart("Total emission", alone("total_emission", "volume"), unit=emission, shown=shown,
+              from_zero=True),
+        chart("Seconds", alone("seconds", "a frame"), unit="s", shown=shown, from_zero=True,
+              digits=3),
+    ]  # fmt: skip
+    return [one for one in found if one is not None]
+
+
+def _axis(table: SeriesTable) -> tuple[str, str, str]:
+    """Return the words below the charts: first, middle and last frame."""
+    last = table.store.n_frames - 1
+    return table.label(0), table.label(last // 2) if last > 1 else "", table.label(last)
+
+
+def _camera_table(table: SeriesTable) -> dict[str, Any]:
+    """Return a row a camera: means over the frames, and how the gain changed."""
+    held_out = table.store.attributes["options"].get("hold_out") or []
+    columns = (
+        ("residual", "view_residual", np.nanmean, "{:.2%}"),
+        ("beyond noise", "view_beyond_noise", np.nanmean, "{:.2%}"),
+        ("gain", "view_gain", np.nanmean, "{:.3f}"),
+        ("least gain", "view_gain", np.nanmin, "{:.3f}"),
+        ("largest gain", "view_gain", np.nanmax, "{:.3f}"),
+        ("PSNR (dB)", "psnr", np.nanmean, "{:.2f}"),
+        ("least PSNR (dB)", "psnr", np.nanmin, "{:.2f}"),
+        ("SSIM", "ssim", np.nanmean, "{:.3f}"),
+    )
+    kept = [one for one in columns if table.each_camera(one[1])]
+    rows = []
+    for name in table.cameras:
+        values = [
+            form.format(reduce(own)) if (own := table.each_camera(figure).get(name)) is not None
+            else ""
+            for _, figure, reduce, form in kept
+        ]  # fmt: skip
+        role = " (held out)" if name in held_out else ""
+        rows.append((bool(role), [f"{name}{role}", *values]))
+    return {"titles": ["Camera", *(title for title, *_ in kept)], "rows": rows}
+
+
+def _plain_details(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables at the end, as the report of one frame names them."""
+    plan = about["plan"]
+    keys = plan.get("key_frames")
+    return {
+        "basis": plan.get("basis"),
+        "gains": plan.get("gains"),
+        "carving": plan.get("carving"),
+        "pixel_weights": plan.get("pixel_weights"),
+        "alignment": plan.get("alignment"),
+        "screening": plan.get("screening"),
+        "solver": {"key frames": keys, **(plan.get("choice") or {})} if keys else None,
+        "settings": about["options"],
+        "versions": about.get("versions"),
+    }

@@ -1,0 +1,80 @@
+"""The answer of a series: in how many frames the volume explains the images, in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.pipeline.answer import EXPLAINED, HARMFUL, NEGLIGIBLE, NOT_EXPLAINED, PARTLY
+from tomo.pipeline.answer import UNKNOWN_VERDICT as UNKNOWN
+
+
+@dataclass(frozen=True)
+class SeriesAnswer:
+    """Whether the volumes of a series explain their images.
+
+    Attributes
+    ----------
+    verdict : str
+        That of the middle frame, ordered by how well they are explained.
+    sentence : str
+    explained, partly, not_explained, unknown : int
+        How many frames have each verdict.
+    """
+
+    verdict: str
+    sentence: str
+    explained: int = 0
+    partly: int = 0
+    not_explained: int = 0
+    unknown: int = 0
+
+
+def answer_of_series(
+    table: Mapping[str, NDArray], frames: Sequence[int], cameras: Sequence[str]
+) -> SeriesAnswer:
+    """Return the answer from the figures of the frames.
+
+    Parameters
+    ----------
+    table : mapping
+        ``view_beyond_noise`` ``(frames, cameras)``: the residual that noise does not explain, as a
+        fraction of the image; NaN of dark images and of cameras that took no part. ``complete``
+        ``(frames,)``.
+    frames : sequence of int
+        Their numbers in the scan.
+    cameras : sequence of str
+    """
+    beyond, complete = np.asarray(table["view_beyond_noise"]), np.asarray(table["complete"]) == 1
+    lit = complete & np.isfinite(beyond).any(axis=1)
+    count, unknown = int(complete.sum()), int((complete & ~lit).sum())
+    if not lit.any():
+        sentence = "Not known: no frame has an image with light to compare its volume with."
+        return SeriesAnswer(UNKNOWN, sentence, unknown=unknown)
+    worst = np.nanmax(beyond[lit], axis=1)
+    explained = int((worst <= NEGLIGIBLE).sum())
+    missed = int((worst > HARMFUL).sum())
+    partly = len(worst) - explained - missed
+    middle = float(np.median(worst))
+    verdict = NOT_EXPLAINED if middle > HARMFUL else PARTLY if middle > NEGLIGIBLE else EXPLAINED
+    place = np.flatnonzero(lit)[int(np.argmax(worst))]
+    camera = cameras[int(np.nanargmax(beyond[place]))]
+    parts = [
+        words
+        for number, words in (
+            (explained, f"{explained} of {count} frames are explained up to their noise"),
+            (partly, f"{partly} up to {HARMFUL:.0%} of the images"),
+            (missed, f"{missed} of {count} are not"),
+            (unknown, f"{unknown} are dark"),
+        )
+        if number or (words.startswith("0 of") and "explained" in words)
+    ]
+    sentence = (
+        f"{verdict.capitalize()}: {', '.join(parts)}; least well frame {frames[place]}, where "
+        f"camera {camera} misses {worst.max():.1%} of its image beyond the noise "
+        f"(middle frame: {middle:.1%})."
+    )
+    return SeriesAnswer(verdict, sentence, explained, partly, missed, unknown)
