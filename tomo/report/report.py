@@ -12,6 +12,7 @@ from tomo.metrics import cosine_distance, nrmse
 from tomo.pipeline.answer import MOST_TIMES, VERDICTS, verdict_of
 from tomo.pipeline.view import View
 from tomo.report.content import Results
+from tomo.report.facts import detail_tables, number_text, without_nulls
 from tomo.report.pictures import Picture, draw
 from tomo.report.uncertainty_tables import condition_section
 
@@ -29,9 +30,6 @@ _TITLES = {
 
 SHOWN_VIEWS = 6
 """Rows of the table of views that stand open; the others, better explained, are folded up."""
-
-LONGEST_DETAIL = 1200
-"""Characters; what is longer, values of dozens of cameras, is left to report.json."""
 
 
 def write_report(
@@ -53,7 +51,7 @@ def write_report(
     pictures : sequence of Picture, optional
         What `draw` gave for these results; drawn here when None.
     """
-    report = _without_nulls(report)
+    report = without_nulls(report)
     pictures = draw(results) if pictures is None else pictures
     shown = {
         picture.name: {
@@ -76,30 +74,10 @@ def write_report(
         comparisons=_comparison_rows(results),
         condition=condition_section(report.get("uncertainty"), results.rig.length_unit),
         refinement=_refinement(report, results.rig.length_unit),
-        details=_details(report),
+        details=detail_tables(report),
     )
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-
-
-def _without_nulls(values: Mapping) -> dict:
-    """Return ``values`` without what is None at any depth: JSON's way to say not known."""
-    return {
-        key: _without_nulls(value) if isinstance(value, Mapping) else value
-        for key, value in values.items()
-        if value is not None
-    }
-
-
-def _number(value: object, digits: int = 3) -> str:
-    """Return a number as text: whole ones in groups of three, others with so many digits."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return str(value)
-    if not math.isfinite(value):
-        return "not defined"
-    if float(value).is_integer() and abs(value) >= 1:
-        return f"{int(value):,}"
-    return f"{value:.{digits}g}"
 
 
 def _headline(report: Mapping) -> list[tuple[str, str, str]]:
@@ -109,16 +87,16 @@ def _headline(report: Mapping) -> list[tuple[str, str, str]]:
     held_out = report.get("held_out") or {}
     rows = []
     if "cosine_distance" in quality:
-        value = _number(quality["cosine_distance"])
+        value = number_text(quality["cosine_distance"])
         rows.append((value, "cosine distance", "from the truth; 0 is equal up to brightness"))
     if "nrmse" in quality:
         rows.append(
-            (_number(quality["nrmse"]), "NRMSE", "root mean square error over the truth's")
+            (number_text(quality["nrmse"]), "NRMSE", "root mean square error over the truth's")
         )
     for key, name, unit in (("psnr", "held-out PSNR", " dB"), ("ssim", "held-out SSIM", "")):
         values = [figures[key] for figures in held_out.values() if key in figures]
         if values:
-            text = _number(sum(values) / len(values)) + unit
+            text = number_text(sum(values) / len(values)) + unit
             rows.append((text, name, f"mean of {len(values)} view(s) never used"))
     if "relative_residual" in report:
         value = f"{report['relative_residual']:.2%}"
@@ -133,7 +111,7 @@ def _headline(report: Mapping) -> list[tuple[str, str, str]]:
         ("active_voxels", "active voxels", "that can be non-zero"),
     ):
         if key in report:
-            rows.append((_number(report[key]), name, words))
+            rows.append((number_text(report[key]), name, words))
     if report.get("peak_memory_mb"):
         rows.append((f"{report['peak_memory_mb']:,.0f} MB", "peak memory", "of the process"))
     return rows
@@ -167,7 +145,7 @@ def _view_rows(report: Mapping, results: Results) -> list[dict]:
                 "verdict": verdict_of(view) if view.takes_part else "",
                 "bar": residual if lit else 0.0,
                 "gain": f"{figures['gain']:.3f}" if "gain" in figures else "",
-                **{k: _number(figures[k]) if k in figures else "" for k in ("psnr", "ssim")},
+                **{k: number_text(figures[k]) if k in figures else "" for k in ("psnr", "ssim")},
             }
         )
     longest = max((row["bar"] for row in rows), default=0.0) or 1.0
@@ -192,43 +170,11 @@ def _comparison_rows(results: Results) -> list[tuple[str, str, str]]:
     return [
         (
             label,
-            _number(cosine_distance(volume, results.truth)),
-            _number(nrmse(volume, results.truth)),
+            number_text(cosine_distance(volume, results.truth)),
+            number_text(nrmse(volume, results.truth)),
         )
         for label, volume in ((results.method, results.volume), *results.comparisons)
     ]
-
-
-def _details(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return the tables at the end: seconds, settings, versions, and whatever else there is."""
-    tables = []
-    for key, title in (
-        ("seconds", "Time (s)"),
-        ("quality", "Against the truth"),
-        ("screening", "Outlier pixels and inconsistent views"),
-        ("carving", "Pixels and voxels left out"),
-        ("alignment", "Where the cameras look"),
-        ("gains", "Gains and backgrounds"),
-        ("learning", "Segment lengths or learned weights"),
-        ("learned", "Learned weights"),
-        ("projector", "Projector"),
-        ("basis", "Basis"),
-        ("pixel_weights", "Weights of pixels"),
-        ("solver", "Solver"),
-        ("scan", "Scan"),
-        ("settings", "Options"),
-        ("versions", "Versions"),
-    ):
-        values = report.get(key)
-        if isinstance(values, Mapping) and values:
-            lines = [(str(k).replace("_", " "), _in_words(v)) for k, v in values.items()]
-            tables.append((title, [line for line in lines if len(line[1]) <= LONGEST_DETAIL]))
-    rest = [
-        (key.replace("_", " "), _in_words(report[key]))
-        for key in ("method", "seed", "stop_reason", "first_use_seconds")
-        if report.get(key) is not None
-    ]
-    return [("Run", rest), *tables] if rest else tables
 
 
 def _refinement(report: Mapping, length_unit: str) -> dict | None:
@@ -256,24 +202,3 @@ def _refinement(report: Mapping, length_unit: str) -> dict | None:
     ]
     titles += ("turn (degrees)", "focal length", "gain")
     return {"words": words, "titles": titles, "rows": rows}
-
-
-def _in_words(value: object) -> str:
-    """Return a value of the report as text: what many cameras share is said once."""
-    if value is None:
-        return "not known"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int | float):
-        return _number(value, 4)
-    if isinstance(value, str):
-        return value
-    if isinstance(value, Mapping):
-        parts = [_in_words(inner) for inner in value.values()]
-        if len(parts) > 2 and len(set(parts)) == 1:
-            return f"{parts[0]} (all {len(parts)})"
-        return "; ".join(f"{k}: {part}" for k, part in zip(value, parts, strict=True)) or "none"
-    if isinstance(value, list | tuple):
-        nested = any(isinstance(inner, Mapping | list | tuple) for inner in value)
-        return ("; " if nested else ", ").join(map(_in_words, value)) or "none"
-    return str(value)

@@ -15,7 +15,7 @@ from tomo.draw.film.chart import COLOURS, Chart, chart
 from tomo.draw.film.player import MOST_FRAMES, film_of
 from tomo.draw.page import render
 from tomo.operators.system import Progress
-from tomo.report.report import _details, _number
+from tomo.report.facts import detail_tables, number_text, without_nulls
 from tomo.series.answer import answer_of_series
 from tomo.series.store import CAMERA_FIGURES, FIGURES, SeriesStore
 
@@ -100,7 +100,7 @@ def write_series_report(
         charts=_charts(table, shown if film else ()),
         axis=_axis(table),
         table=_camera_table(table),
-        details=_details(_plain_details(about)),
+        details=detail_tables(without_nulls(_plan_details(about))),
     )
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -123,6 +123,8 @@ def moments_of(
             progress(done, len(places), table.label(place))
         volume = table.store.volume(place)
         yield table.label(place), (place + 0.5) / table.store.n_frames, volume
+    if progress:
+        progress(len(places), len(places), "")
 
 
 def words_of(shown: Sequence[int], count: int) -> str:
@@ -158,7 +160,7 @@ def _headline(table: SeriesTable) -> list[tuple[str, str, str]]:
             rows.append((form.format(np.nanmean(values)), title, words))
     voxels = table.store.attributes["plan"].get("active_voxels")
     if voxels:
-        rows.append((_number(voxels), "active voxels", "that key frames may light"))
+        rows.append((number_text(voxels), "active voxels", "that key frames may light"))
     return rows
 
 
@@ -182,9 +184,9 @@ def _charts(table: SeriesTable, shown: Sequence[int]) -> list[Chart]:
         ),
         chart("Gain against the plan's", table.each_camera("view_gain"), shown=shown,
               colours=colours),
-        chart("Total emission", alone("total_emission", "volume"), unit=emission, shown=shown,
+        chart("Total emission", alone("total_emission", ""), unit=emission, shown=shown,
               from_zero=True),
-        chart("Seconds", alone("seconds", "a frame"), unit="s", shown=shown, from_zero=True,
+        chart("Seconds a frame", alone("seconds", ""), unit="s", shown=shown, from_zero=True,
               digits=3),
     ]  # fmt: skip
     return [one for one in found if one is not None]
@@ -222,7 +224,7 @@ def _camera_table(table: SeriesTable) -> dict[str, Any]:
     return {"titles": ["Camera", *(title for title, *_ in kept)], "rows": rows}
 
 
-def _plain_details(about: Mapping[str, Any]) -> dict[str, Any]:
+def _plan_details(about: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables at the end, as the report of one frame names them."""
     plan = about["plan"]
     keys = plan.get("key_frames")

@@ -63,18 +63,18 @@ def answer_of_series(
     place = np.flatnonzero(lit)[int(np.argmax(worst))]
     camera = cameras[int(np.nanargmax(beyond[place]))]
     parts = [
-        words
+        f"{f'all {count}' if number == count else f'{number} of {count}'} frames {words}"
         for number, words in (
-            (explained, f"{explained} of {count} frames are explained up to their noise"),
-            (partly, f"{partly} up to {HARMFUL:.0%} of the images"),
-            (missed, f"{missed} of {count} are not"),
-            (unknown, f"{unknown} are dark"),
+            (explained, "are explained up to their noise"),
+            (partly, f"up to {HARMFUL:.0%} of an image"),
+            (missed, f"miss more than {HARMFUL:.0%} of an image"),
+            (unknown, "are dark"),
         )
-        if number or (words.startswith("0 of") and "explained" in words)
+        if number
     ]
     sentence = (
         f"{verdict.capitalize()}: {', '.join(parts)}; least well frame {frames[place]}, where "
-        f"camera {camera} misses {worst.max():.1%} of its image beyond the noise "
-        f"(middle frame: {middle:.1%})."
+        f"camera {camera} is off by {worst.max():.1%} beyond the noise (middle frame "
+        f"{middle:.1%})."
     )
     return SeriesAnswer(verdict, sentence, explained, partly, missed, unknown)

@@ -48,6 +48,13 @@ def test_films_become_a_store_and_its_figures(made):
     assert report["frames"] == report["complete"] == 3
     assert report["held_out"]["cam01"]["psnr"] > 40
     assert "held out cam01, mean: psnr" in done.stderr
+    assert report["answer"]["verdict"] == "explained"
+    assert report["watched"] == report["left_out"] == []
+    page = out.with_name("out_report.html")
+    assert report["page"] == str(page)
+    assert "all 3 frames are explained" in page.read_text("utf-8")
+    for stage in ("tracing", "smoothness 3 of 3", "frames/s"):
+        assert stage in done.stderr
 
 
 def test_the_same_command_again_changes_nothing(made, films, run_tool):
@@ -68,6 +75,16 @@ def test_exports_are_written(made, run_tool, tmp_path):
     assert names == ["frame_000000.vti", "frame_000002.vti", "frame_000004.vti"]
     done = run_tool("export", out, "--to", "npz", "--frames", "1:2", "-o", tmp_path / "volumes")
     assert [path.name for path in (tmp_path / "volumes").iterdir()] == ["frame_000002.npz"]
+
+
+def test_a_store_is_drawn_as_a_page_that_plays(made, run_tool, tmp_path):
+    done = run_tool("visualize-volume", made[0], "-o", tmp_path / "film.html", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["frames"] == [0, 2, 4]
+    assert "All 3 frames." in (tmp_path / "film.html").read_text("utf-8")
+    done = run_tool("visualize-volume", made[0], "-o", tmp_path / "film.glb")
+    assert done.exit_code == 2
+    assert "found '.glb' with a store, expected .html" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -101,7 +118,8 @@ def test_other_options_on_a_store_are_one_line(made, films, run_tool):
     ("arguments", "part"),
     [
         (["none.zarr", "--to", "pvd", "-o", "a.pvd"], "none.zarr: no such store"),
-        (["STORE", "--to", "mp4", "-o", "a.mp4"], "to: found 'mp4'"),
+        (["STORE", "--to", "gif", "-o", "a.gif"], "to: found 'gif', expected one of pvd"),
+        (["STORE", "--to", "netcdf", "-o", "a.mp4"], "a.mp4: suffix: found '.mp4', expected .nc"),
         (["STORE", "--to", "npz", "--frames", "0:7", "-o", "a"], "numbers up to 3"),
     ],
 )

@@ -114,7 +114,7 @@ class FilmPicture:
             set_label(plain(f"{name} ({self.length_unit})"), fontsize=9, color=INK, labelpad=2)
         axes.locator_params(nbins=4)
         axes.tick_params(labelsize=8, colors=MUTED)
-        axes.set_title(f"maximum {panel.name}", fontsize=9, color=INK, pad=5)
+        axes.set_title(panel.name, fontsize=9, color=INK, pad=5)
 
     def _bar(self, figure, left: float, room: float, width: float) -> None:
         """Draw the colour bar."""

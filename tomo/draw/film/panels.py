@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import frame
-from tomo.draw.volume.planes import coordinate, line_integrals, maximum_projections, middle_planes
+from tomo.draw.volume.planes import coordinate, maximum_projections, middle_planes
 from tomo.grid import VoxelGrid
 
 COLOURS = "inferno"
@@ -27,8 +27,6 @@ class Panel:
     ----------
     name : str
         What it shows, such as ``along z`` or ``y = 3``.
-    scale : str
-        The kind of values; pictures of one kind share a colour scale.
     values : (rows, columns)
         The row on top first.
     size : (float, float)
@@ -38,7 +36,6 @@ class Panel:
     """
 
     name: str
-    scale: str
     values: NDArray
     size: tuple[float, float]
     level: str
@@ -46,7 +43,7 @@ class Panel:
 
 
 def panels(volume: NDArray, grid: VoxelGrid, kinds: tuple[str, ...] = ()) -> list[Panel]:
-    """Return the projections along z, x and y, and the middle planes, as the kinds ask.
+    """Return the maximum projections along z, x and y, and the middle planes, as the kinds ask.
 
     Parameters
     ----------
@@ -54,25 +51,23 @@ def panels(volume: NDArray, grid: VoxelGrid, kinds: tuple[str, ...] = ()) -> lis
         NaN, of voxels that no camera sees, counts as dark.
     grid : VoxelGrid
     kinds : tuple of str
-        Of `KINDS`; integrals and slices by default.
+        Of `KINDS`; all by default.
     """
     volume = np.nan_to_num(volume, nan=0.0)
     found = []
-    for kind in kinds or ("integral", "slice"):
+    for kind in kinds or KINDS:
         for values, axes, extent, at in KINDS[kind](volume, grid):
             level, upright, across = (frame.NAMES[axis] for axis in axes)
-            name = f"{across} = {coordinate(at, extent)}" if kind == "slice" else f"along {across}"
+            at = coordinate(at, extent)
+            name = f"{across} = {at}" if kind == "slice" else f"maximum along {across}"
             size = extent[1] - extent[0], extent[3] - extent[2]
-            found.append(Panel(name, kind, values[::-1], size, level, upright))
+            found.append(Panel(name, values[::-1], size, level, upright))
     return found
 
 
-KINDS = {
-    "integral": line_integrals,
-    "slice": middle_planes,
-    "maximum": maximum_projections,
-}
-"""Kind to what makes it: line integrals, middle planes and maxima along lines."""
+KINDS = {"maximum": maximum_projections, "slice": middle_planes}
+"""Kind to what makes it: maxima along lines, and middle planes. They share one scale, which line
+integrals do not: along a flame's axis these are far brighter than across it."""
 
 
 def coloured(values: NDArray, highest: float) -> NDArray[np.uint8]:

@@ -18,10 +18,8 @@ from tomo.grid import VoxelGrid
 MOST_FRAMES = 60
 """Frames of a film in a page: they take at most 10 MB, see `tomo.draw.film.panels.LARGEST`."""
 
-TALLEST, WIDEST = 260.0, 330.0
+TALLEST, WIDEST = 225.0, 330.0
 """Pixels of a picture on the page, at the most: one fits on a telephone."""
-
-TITLES = {"integral": "Projections", "slice": "Middle planes", "maximum": "Largest values"}
 
 
 def film_of(
@@ -48,19 +46,13 @@ def film_of(
         pictures.append([shrunk(panel.values).astype(np.float32) for panel in found])
     if first is None:
         raise ValueError("film: found no frame, expected one")
-    highest = {panel.scale: 0.0 for panel in first}
-    for moment in pictures:
-        for panel, values in zip(first, moment, strict=True):
-            highest[panel.scale] = max(highest[panel.scale], float(values.max()))
-    highest = {kind: value or 1.0 for kind, value in highest.items()}
+    highest = max(float(values.max()) for moment in pictures for values in moment)
+    highest = highest if highest > 0 else 1.0
     frames = [
         {
             "label": label,
             "at": position,
-            "images": [
-                embedded(png_of(coloured(values, highest[panel.scale])))
-                for panel, values in zip(first, moment, strict=True)
-            ],
+            "images": [embedded(png_of(coloured(values, highest))) for values in moment],
         }
         for label, position, moment in zip(labels, positions, pictures, strict=True)
     ]
@@ -68,30 +60,20 @@ def film_of(
         TALLEST / max(panel.size[1] for panel in first),
         WIDEST / max(panel.size[0] for panel in first),
     )
-    unit = value_unit or "emission"
-    units = {"integral": f"{unit} × {length_unit}", "slice": unit, "maximum": unit}
-    groups = [
-        {
-            "title": TITLES[kind],
-            "highest": f"{highest[kind]:.3g}",
-            "unit": units[kind],
-            "panels": [
-                {
-                    "name": panel.name,
-                    "axes": f"{panel.level} across, {panel.upright} up",
-                    "number": number,
-                    "width": max(round(panel.size[0] * scale), 24),
-                    "height": max(round(panel.size[1] * scale), 24),
-                }
-                for number, panel in enumerate(first)
-                if panel.scale == kind
-            ],
-        }
-        for kind in highest
-    ]
     steps = [f"rgb({r},{g},{b})" for r, g, b in palette()[:: 255 // 5]]
+    shown = [
+        {
+            "name": panel.name,
+            "axes": f"{panel.level} across, {panel.upright} up ({length_unit})",
+            "number": number,
+            "width": max(round(panel.size[0] * scale), 24),
+            "height": max(round(panel.size[1] * scale), 24),
+        }
+        for number, panel in enumerate(first)
+    ]
     return {
-        "groups": groups,
+        "groups": [shown[: len(shown) // 2], shown[len(shown) // 2 :]],
+        "highest": f"{highest:.3g} {value_unit}".strip(),
         "first": frames[0],
         "last": len(frames) - 1,
         "gradient": ", ".join(steps),

@@ -1,0 +1,82 @@
+"""Numbers, words and tables of facts, as every report shows them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+LONGEST_DETAIL = 1200
+"""Characters; what is longer, values of dozens of cameras, is left to report.json."""
+
+
+def without_nulls(values: Mapping) -> dict:
+    """Return ``values`` without what is None at any depth: JSON's way to say not known."""
+    return {
+        key: without_nulls(value) if isinstance(value, Mapping) else value
+        for key, value in values.items()
+        if value is not None
+    }
+
+
+def number_text(value: object, digits: int = 3) -> str:
+    """Return a number as text: whole ones in groups of three, others with so many digits."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    if not math.isfinite(value):
+        return "not defined"
+    if float(value).is_integer() and abs(value) >= 1:
+        return f"{int(value):,}"
+    return f"{value:.{digits}g}"
+
+
+def detail_tables(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return the tables at the end: seconds, settings, versions, and whatever else there is."""
+    tables = []
+    for key, title in (
+        ("seconds", "Time (s)"),
+        ("quality", "Against the truth"),
+        ("screening", "Outlier pixels and inconsistent views"),
+        ("carving", "Pixels and voxels left out"),
+        ("alignment", "Where the cameras look"),
+        ("gains", "Gains and backgrounds"),
+        ("learning", "Segment lengths or learned weights"),
+        ("learned", "Learned weights"),
+        ("projector", "Projector"),
+        ("basis", "Basis"),
+        ("pixel_weights", "Weights of pixels"),
+        ("solver", "Solver"),
+        ("scan", "Scan"),
+        ("settings", "Options"),
+        ("versions", "Versions"),
+    ):
+        values = report.get(key)
+        if isinstance(values, Mapping) and values:
+            lines = [(str(k).replace("_", " "), in_words(v)) for k, v in values.items()]
+            tables.append((title, [line for line in lines if len(line[1]) <= LONGEST_DETAIL]))
+    rest = [
+        (key.replace("_", " "), in_words(report[key]))
+        for key in ("method", "seed", "stop_reason", "first_use_seconds")
+        if report.get(key) is not None
+    ]
+    return [("Run", rest), *tables] if rest else tables
+
+
+def in_words(value: object) -> str:
+    """Return a value of the report as text: what many cameras share is said once."""
+    if value is None:
+        return "not known"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int | float):
+        return number_text(value, 4)
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Mapping):
+        parts = [in_words(inner) for inner in value.values()]
+        if len(parts) > 2 and len(set(parts)) == 1:
+            return f"{parts[0]} (all {len(parts)})"
+        return "; ".join(f"{k}: {part}" for k, part in zip(value, parts, strict=True)) or "none"
+    if isinstance(value, list | tuple):
+        nested = any(isinstance(inner, Mapping | list | tuple) for inner in value)
+        return ("; " if nested else ", ").join(map(in_words, value)) or "none"
+    return str(value)
