@@ -142,15 +142,17 @@ def _series(
     )
     from tomo.report.series_report import write_series_report
     from tomo.series import reconstruct_series
+    from tomo.series.table import SeriesTable
 
     check_output_store(out, scan.rig, scan.source)
     with frames_bar() as progress:
         store = reconstruct_series(scan, out, grid, options, progress=progress)
-    report = series_report(store)
-    report["warnings"] += reasons_left_out(store, scan)
+    table = SeriesTable.of(store)
+    report = series_report(table)
+    report["warnings"] += reasons_left_out(report["left_out"], scan)
     with progress_bar("report") as progress:
         write_series_report(
-            report["page"], store, report["warnings"], with_film=pictures, progress=progress
+            report["page"], table, report["warnings"], with_film=pictures, progress=progress
         )
     say(report["answer"]["sentence"], "bold")
     for warning in report["warnings"]:

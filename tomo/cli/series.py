@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tomo.cli.outputs import check_output_folder
-from tomo.series.store import CAMERA_FIGURES, SUFFIX
+from tomo.series.store import CAMERA_FIGURES, COMPLETE, LEFT_OUT, SUFFIX
 
 if TYPE_CHECKING:
     from rigs import Rig
     from tomo import Scan
-    from tomo.series import SeriesStore
+    from tomo.series.table import SeriesTable
 
 MOST_REASONS = 3
 """Frames left out of which the reason is said."""
@@ -37,52 +38,47 @@ def check_output_store(path: Path, rig: Rig, source: object) -> None:
         raise ValueError(f"{source}: {error}") from None
 
 
-def reasons_left_out(store: SeriesStore, scan: Scan) -> list[str]:
+def reasons_left_out(frames: Sequence[int], scan: Scan) -> list[str]:
     """Return a line on each of a few frames that were left out: why they could not be read."""
     from tomo.series.images import UnreadableError, read_frame
 
     lines = []
-    for place in store.group["frame"][:][store.skipped][:MOST_REASONS]:
+    for place in frames[:MOST_REASONS]:
         try:
-            read_frame(scan, int(place), skip_bad=False)
+            read_frame(scan, place, skip_bad=False)
         except UnreadableError as error:
             lines.append(f"frame {error.frame}: {error.reason}")
     return lines
 
 
-def series_report(store: SeriesStore) -> dict[str, Any]:
+def series_report(table: SeriesTable) -> dict[str, Any]:
     """Return what is in a store, in numbers: ``--json``."""
     from tomo.series.answer import answer_of_series
-    from tomo.series.watching import in_words, watch_store
+    from tomo.series.watching import in_words, watch_table
 
-    group, cameras = store.group, store.attributes["cameras"]
-    views: dict[str, dict[str, float | None]] = {name: {} for name in cameras}
+    about, columns = table.store.attributes, table.columns
+    views: dict[str, dict[str, float]] = {name: {} for name in table.cameras}
     for figure in CAMERA_FIGURES:
-        values = group[figure][:]
-        for name, column in zip(cameras, values.T, strict=True):
-            known = column[np.isfinite(column)]
-            if len(known):
-                views[name][figure] = float(known.mean())
-    known = {name: group[name][:] for name in ("relative_residual", "seconds", "warnings")}
-    residual, seconds = (
-        known[name][np.isfinite(known[name])] for name in ("relative_residual", "seconds")
-    )
-    warned = int(np.count_nonzero(known["warnings"]))
-    found = watch_store(store)
-    table = {name: group[name][:] for name in ("view_beyond_noise", "complete")}
-    answer = answer_of_series(table, group["frame"][:].tolist(), cameras)
-    lines = [*store.attributes["plan_warnings"], *in_words(found)]
-    if warned:
+        for name, column in table.each_camera(figure).items():
+            views[name][figure] = float(np.nanmean(column))
+    found = watch_table(table)
+    lines = [*about["plan_warnings"], *in_words(found)]
+    if warned := int(np.count_nonzero(columns["warnings"])):
         lines.append(f"{warned} frames have warnings of their own: see the store's warnings")
+    means = {
+        name: float(values.mean()) if len(values := table.known(name)) else None
+        for name in ("relative_residual", "seconds")
+    }
+    complete = columns["complete"]
     return {
-        "answer": asdict(answer),
-        "store": str(store.path),
-        "page": str(page_of(store.path)),
-        "frames": store.n_frames,
-        "complete": int(store.complete.sum()),
-        "left_out": group["frame"][:][store.skipped].tolist(),
-        "relative_residual": float(residual.mean()) if len(residual) else None,
-        "seconds_a_frame": float(seconds.mean()) if len(seconds) else None,
+        "answer": asdict(answer_of_series(columns, table.frames.tolist(), table.cameras)),
+        "store": str(table.store.path),
+        "page": str(page_of(table.store.path)),
+        "frames": table.store.n_frames,
+        "complete": int((complete == COMPLETE).sum()),
+        "left_out": table.frames[complete == LEFT_OUT].tolist(),
+        "relative_residual": means["relative_residual"],
+        "seconds_a_frame": means["seconds"],
         "views": views,
         "held_out": {
             name: {figure: each[figure] for figure in ("psnr", "ssim") if figure in each}
@@ -90,7 +86,7 @@ def series_report(store: SeriesStore) -> dict[str, Any]:
             if "psnr" in each
         },
         "watched": [asdict(one) for one in found],
-        "plan": store.attributes["plan"],
+        "plan": about["plan"],
         "warnings": lines,
     }
 

@@ -95,9 +95,10 @@ def visualize_volume(
 def _film(store: Path, out: list[Path], frames: str | None, title: str | None, json: bool) -> None:
     """Write pages that play the film of a store."""
     from tomo.draw.film.player import film_of, write_film_page
-    from tomo.report.series_report import SeriesTable, moments_of, shown_places, words_of
+    from tomo.report.series_report import moments_of, shown_places, words_of
     from tomo.series.frames import slices_of
     from tomo.series.store import SeriesStore
+    from tomo.series.table import SeriesTable
 
     for path in out:
         if path.suffix.lower() != ".html":
@@ -106,6 +107,7 @@ def _film(store: Path, out: list[Path], frames: str | None, title: str | None, j
                 "export STORE --to npz --frames A:B writes single frames to draw, --to mp4 a film"
             )
     opened = SeriesStore(store)
+    table = SeriesTable.of(opened)
     wanted = np.zeros(opened.n_frames, bool)
     wanted[list(slices_of(frames or ":", opened.n_frames))] = True
     wanted &= opened.complete
@@ -114,7 +116,7 @@ def _film(store: Path, out: list[Path], frames: str | None, title: str | None, j
         raise ValueError(f"{store}: frames: found none that is complete, expected one")
     about = opened.attributes
     with progress_bar("film") as progress:
-        moments = moments_of(SeriesTable.of(opened), shown, progress)
+        moments = moments_of(table, shown, progress)
         film = film_of(moments, opened.grid, about["length_unit"], about["value_unit"])
     heading = title if title is not None else store.stem
     for path in out:
@@ -124,6 +126,6 @@ def _film(store: Path, out: list[Path], frames: str | None, title: str | None, j
             {
                 "files": [str(path) for path in out],
                 "grid": opened.grid.to_mapping(),
-                "frames": [int(one) for one in opened.group["frame"][:][shown]],
+                "frames": table.frames[shown].tolist(),
             }
         )

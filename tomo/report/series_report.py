@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,55 +16,12 @@ from tomo.draw.page import render
 from tomo.operators.system import Progress
 from tomo.report.facts import detail_tables, number_text, without_nulls
 from tomo.series.answer import answer_of_series
-from tomo.series.store import CAMERA_FIGURES, FIGURES, SeriesStore
-
-
-@dataclass(frozen=True, eq=False)
-class SeriesTable:
-    """The figures of a series, read once.
-
-    Attributes
-    ----------
-    store : SeriesStore
-    frames : (frames,) int
-        Numbers in the scan.
-    times : (frames,) float64
-    columns : mapping of str to (frames,) or (frames, cameras)
-        Figures, and ``complete``; NaN where there is none.
-    """
-
-    store: SeriesStore
-    frames: NDArray[np.int64]
-    times: NDArray[np.float64]
-    columns: Mapping[str, NDArray]
-
-    @classmethod
-    def of(cls, store: SeriesStore) -> SeriesTable:
-        """Read the figures of a store."""
-        names = (*FIGURES, *CAMERA_FIGURES, "complete")
-        columns = {name: store.group[name][:] for name in names}
-        return cls(store, store.group["frame"][:], store.group["time"][:], columns)
-
-    @property
-    def cameras(self) -> list[str]:
-        """The names of the cameras, in the order of the columns."""
-        return self.store.attributes["cameras"]
-
-    def each_camera(self, name: str) -> dict[str, NDArray]:
-        """Return a figure's column of each camera that has it."""
-        columns = dict(zip(self.cameras, self.columns[name].T, strict=True))
-        return {camera: own for camera, own in columns.items() if np.isfinite(own).any()}
-
-    def label(self, place: int) -> str:
-        """Return words for a frame: its number, and its time where that is known."""
-        unit = self.store.attributes["time_unit"]
-        time = "" if unit == "1" else f", {self.times[place]:.6g} {unit}"
-        return f"frame {self.frames[place]}{time}"
+from tomo.series.table import SeriesTable
 
 
 def write_series_report(
     path: str | os.PathLike,
-    store: SeriesStore,
+    table: SeriesTable,
     warnings: Sequence[str] = (),
     *,
     with_film: bool = True,
@@ -77,14 +33,14 @@ def write_series_report(
     ----------
     path : path-like
         ``report.html``.
-    store : SeriesStore
+    table : SeriesTable
     warnings : sequence of str
     with_film : bool
         Whether volumes are shown, of `MOST_FRAMES` frames at the most.
     progress : callable, optional
     """
-    table = SeriesTable.of(store)
-    about, film = store.attributes, None
+    store, film = table.store, None
+    about = store.attributes
     shown = shown_places(store.complete)
     if with_film and shown:
         moments = moments_of(table, shown, progress)
@@ -155,9 +111,8 @@ def _headline(table: SeriesTable) -> list[tuple[str, str, str]]:
          "{:.4g}"),
         ("seconds", "a frame", "to solve and compare", "{:.3g} s"),
     ):  # fmt: skip
-        values = table.columns[name]
-        if np.isfinite(values).any():
-            rows.append((form.format(np.nanmean(values)), title, words))
+        if len(values := table.known(name)):
+            rows.append((form.format(values.mean()), title, words))
     voxels = table.store.attributes["plan"].get("active_voxels")
     if voxels:
         rows.append((number_text(voxels), "active voxels", "that key frames may light"))

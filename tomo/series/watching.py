@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.series.store import CAMERA_FIGURES, FIGURES, SeriesStore
+from tomo.series.store import LEFT_OUT
+from tomo.series.table import SeriesTable
 
 SHORTEST = 8
 """Frames that a change has to last, and that have to come before it. Fewer: gusts are taken for
@@ -105,11 +106,9 @@ def watch(
     return found
 
 
-def watch_store(store: SeriesStore) -> list[Finding]:
+def watch_table(table: SeriesTable) -> list[Finding]:
     """Return what changes in the frames of a store, see `watch`."""
-    names = (*FIGURES, *CAMERA_FIGURES, "complete")
-    table = {name: store.group[name][:] for name in names}
-    return watch(table, store.group["frame"][:], store.attributes["cameras"])
+    return watch(table.columns, table.frames, table.cameras)
 
 
 def lasting_change(values: NDArray[np.float64]) -> tuple[int, float] | None:
@@ -174,7 +173,7 @@ def in_words(findings: Sequence[Finding]) -> list[str]:
 
 def _left_out(complete: NDArray, numbers: NDArray) -> Iterator[Finding]:
     """Yield the finding on frames that could not be read."""
-    bad = numbers[complete == 2]
+    bad = numbers[complete == LEFT_OUT]
     if len(bad):
         line = f"{_count(len(bad))} could not be read and left out: {_listed(bad)}"
         yield Finding("skipped", "", int(bad[0]), float(len(bad)), line)

@@ -5,6 +5,7 @@ import pytest
 
 from tomo.draw.film.player import MOST_FRAMES
 from tomo.report.series_report import shown_places, write_series_report
+from tomo.series.table import SeriesTable
 
 HOSTILE = "<script>alert(1)</script>"
 
@@ -12,7 +13,7 @@ HOSTILE = "<script>alert(1)</script>"
 @pytest.fixture(scope="module")
 def page(film_store, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "report.html"
-    write_series_report(path, film_store, [f"left: gain drifts +4.0% {HOSTILE}"])
+    write_series_report(path, SeriesTable.of(film_store), [f"left: gain drifts +4.0% {HOSTILE}"])
     return path
 
 
@@ -50,7 +51,7 @@ def test_the_page_works_and_nothing_sticks_out(page, open_page, width):
 
 
 def test_without_a_film_there_is_no_script(film_store, tmp_path):
-    write_series_report(tmp_path / "report.html", film_store, with_film=False)
+    write_series_report(tmp_path / "report.html", SeriesTable.of(film_store), with_film=False)
     text = (tmp_path / "report.html").read_text("utf-8")
     assert "<script" not in text
     assert "data:image" not in text
@@ -74,5 +75,5 @@ def test_a_store_of_dark_frames_has_a_page(filled, tmp_path):
         psnr=[{}, {}],
         relative_residual=[np.nan, np.nan],
     )
-    write_series_report(tmp_path / "report.html", dark)
+    write_series_report(tmp_path / "report.html", SeriesTable.of(dark))
     assert "Not known" in (tmp_path / "report.html").read_text("utf-8")

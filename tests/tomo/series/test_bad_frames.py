@@ -10,7 +10,8 @@ from rigs import save_rig
 from tomo import scan_of_images
 from tomo.series import SeriesStore, reconstruct_series
 from tomo.series.images import readable_keys
-from tomo.series.watching import watch_store
+from tomo.series.table import SeriesTable
+from tomo.series.watching import watch_table
 
 BAD = {3: "cam01", 5: "cam00"}  # 5 is a key frame of eleven
 
@@ -56,7 +57,7 @@ def test_bad_frames_are_left_out_once_and_for_all(scan, options, tmp_path):
     assert np.isfinite(store.volume(4)).all()
     with pytest.raises(ValueError, match="frame 3: found it left out"):
         store.volume(3)
-    assert [one.line for one in watch_store(store)] == [
+    assert [one.line for one in watch_table(SeriesTable.of(store))] == [
         "2 frames could not be read and left out: 3, 5"
     ]
     before = store.group["complete"][:]
