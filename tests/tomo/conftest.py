@@ -129,6 +129,7 @@ def filled(attributes):
                 "view_residual": {"left": 0.1, "right": 0.2},
                 "view_beyond_noise": {"left": 0.02},
                 "view_gain": {"left": 1.0, "right": 1.05},
+                "view_light": {"left": 1.0, "right": 1.05},
                 "psnr": {"right": 31.0},
                 "ssim": {"right": 0.95},
             }

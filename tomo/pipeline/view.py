@@ -137,6 +137,17 @@ class View:
         energy = dot(reprojected, reprojected)
         return dot(measured, reprojected) / energy if energy > 0 else math.nan
 
+    @property
+    def light(self) -> float:
+        """The sum of the measured image over that of the re-projection; NaN if that is dark.
+
+        It tells a camera's gain better than `gain`: views share one total, but each has details
+        that a volume can follow alone.
+        """
+        measured, reprojected = self._usable_pixels()
+        total = float(reprojected.sum())
+        return float(measured.sum()) / total if total > 0 else math.nan
+
     def similarity(self, data_range: float) -> dict[str, float]:
         """Return PSNR, SSIM and cosine similarity over the whole image, unusable pixels dark."""
         measured = np.where(self.usable, self.measured, 0)

@@ -137,7 +137,7 @@ def _charts(table: SeriesTable, shown: Sequence[int]) -> list[Chart]:
             colours={"all that took part": "#1b2733"} | colours,
             digits=3,
         ),
-        chart("Gain against the plan's", table.each_camera("view_gain"), shown=shown,
+        chart("Light over the plan's gain", table.each_camera("view_light"), shown=shown,
               colours=colours),
         chart("Total emission", alone("total_emission", ""), unit=emission, shown=shown,
               from_zero=True),

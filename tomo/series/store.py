@@ -29,7 +29,14 @@ SUFFIX = ".zarr"
 FIGURES = ("relative_residual", "total_emission", "seconds", "warnings")
 """Figures of a frame, each an array over time."""
 
-CAMERA_FIGURES = ("view_residual", "view_beyond_noise", "view_gain", "psnr", "ssim")
+CAMERA_FIGURES = (
+    "view_residual",
+    "view_beyond_noise",
+    "view_gain",
+    "view_light",
+    "psnr",
+    "ssim",
+)
 """Figures of a frame and a camera, each an array over time and camera; NaN where there is none."""
 
 COMPLETE, LEFT_OUT = 1, 2

@@ -29,7 +29,8 @@ CUTS = 64
 frame no better, which is looked for by itself."""
 
 DRIFT = 0.03
-"""Change of a gain, as a fraction. Lower: a growing plume, whose views' gains drift by 1.6 %."""
+"""Change of a camera's light against the others', as a fraction. It is some 0.8 of the change of
+the gain, as the volume follows. Lower: a plume that grows, whose views drift by 1.6 %."""
 
 WORSE = 1.5
 """Ratio of residuals after and before. Lower: flames of which more and more is fine structure."""
@@ -38,7 +39,10 @@ FALL = 3.0
 """Fall of a held-out PSNR in dB. Lower: a plume that becomes brighter, at 1.4 dB in 40 frames."""
 
 SPIKE = 2.0
-"""Ratio of a frame's residual to the median of its neighbours."""
+"""Ratio of a frame's residual to the median of its neighbours, at the least."""
+
+RARE = 6.0
+"""The logarithm of that ratio over the spread of all frames'. Lower: flames that flicker."""
 
 NEIGHBOURS = 15
 """Frames on either side with which a frame is compared."""
@@ -77,7 +81,7 @@ def watch(
     Parameters
     ----------
     table : mapping
-        Figures of the frames in their order: ``view_gain``, ``view_residual`` and ``psnr``
+        Figures of the frames in their order: ``view_light``, ``view_residual`` and ``psnr``
         ``(frames, cameras)``, and ``complete`` ``(frames,)``, 2 for frames that were left out.
         NaN where there is no figure.
     frames : sequence of int
@@ -92,9 +96,9 @@ def watch(
     numbers = np.asarray(frames)
     found = list(_left_out(np.asarray(table["complete"]), numbers))
     for kind, (figure, transform, least, words) in _CHANGES.items():
-        for camera, values in zip(cameras, np.asarray(table[figure]).T, strict=True):
-            known = np.isfinite(values) & (values > 0)
-            change = lasting_change(transform(values[known]))
+        for camera, values in zip(cameras, transform(np.asarray(table[figure])).T, strict=True):
+            known = np.isfinite(values)
+            change = lasting_change(values[known])
             if change is None:
                 continue
             place, size = change
@@ -189,8 +193,9 @@ def _spikes(residuals: NDArray, numbers: NDArray, cameras: Sequence[str]) -> Ite
         if len(own) < 2 * SHORTEST:
             continue
         ratios = own / median_filter(own, 2 * NEIGHBOURS + 1)
-        at = np.flatnonzero(ratios > SPIKE)
-        if not len(at) or len(at) > len(own) // 4:  # that many are no exceptions
+        usual = RARE * 1.4826 * float(np.median(np.abs(np.log(ratios))))
+        at = np.flatnonzero(ratios > max(SPIKE, math.exp(usual)))
+        if not len(at):
             continue
         where = numbers[known][at]
         line = (
@@ -198,6 +203,23 @@ def _spikes(residuals: NDArray, numbers: NDArray, cameras: Sequence[str]) -> Ite
             f"that of their neighbours: {_listed(where)}"
         )
         yield Finding("spikes", camera, int(where[0]), float(len(at)), line)
+
+
+def _logarithm(values: NDArray) -> NDArray:
+    """Return logarithms; NaN where there is none."""
+    return np.log(np.where(values > 0, values, np.nan))
+
+
+def _against_the_others(values: NDArray) -> NDArray:
+    """Return logarithms ``(frames, cameras)`` less what the cameras have in common in each frame.
+
+    A volume follows a camera whose gain drifts, and so is wrong for the others. Each camera's own
+    level, the median over the frames, is taken away first.
+    """
+    logarithms = np.ma.masked_invalid(_logarithm(values))
+    for axis in (0, 1):
+        logarithms = logarithms - np.ma.median(logarithms, axis=axis, keepdims=True)
+    return logarithms.filled(np.nan)
 
 
 def _count(count: int) -> str:
@@ -211,17 +233,17 @@ def _listed(numbers: NDArray, most: int = 6) -> str:
 
 _CHANGES = {
     "gain": (
-        "view_gain",
-        np.log,
+        "view_light",
+        _against_the_others,
         DRIFT,
         lambda camera, size, frame: (
-            f"{camera}: gain drifts {size:+.1%} from frame {frame}: its exposure, aperture or "
+            f"{camera}: gain drifts {size:+.0%} from frame {frame}: its exposure, aperture or "
             "window changed; reconstruct the frames before and after by themselves"
         ),
     ),
     "residual": (
         "view_residual",
-        np.log,
+        _logarithm,
         math.log(WORSE),
         lambda camera, size, frame: (
             f"{camera}: residual jumps to {math.exp(size):.1f} times from frame {frame}: the "

@@ -29,7 +29,7 @@ def test_the_answer_comes_first_then_warnings_then_figures(page):
     text = page.read_text("utf-8")
     order = [text.index(one) for one in ("all 19 frames are explained", "gain drifts", "31 dB")]
     assert order == sorted(order)
-    for title in ("Held-out PSNR", "Relative residual", "Gain against", "Total emission"):
+    for title in ("Held-out PSNR", "Relative residual", "Light over", "Total emission"):
         assert f"<b>{title}" in text
 
 
@@ -72,6 +72,7 @@ def test_a_store_of_dark_frames_has_a_page(filled, tmp_path):
         [np.zeros((3, 4, 5), np.float32)] * 2,
         view_beyond_noise=[{}, {}],
         view_gain=[{}, {}],
+        view_light=[{}, {}],
         psnr=[{}, {}],
         relative_residual=[np.nan, np.nan],
     )

@@ -19,7 +19,7 @@ def steady(count, seed=0, correlation=0.95):
         return size * noise
 
     return {
-        "view_gain": np.array([0.95, 1.0, 1.08]) * np.exp(scatter(0.008)),
+        "view_light": np.array([0.95, 1.0, 1.08]) * np.exp(scatter(0.004)),
         "view_residual": 0.1 * np.exp(scatter(0.08)),
         "psnr": np.where([False, False, True], 32 + scatter(0.5), np.nan),
         "complete": np.ones(count, np.uint8),
@@ -34,17 +34,17 @@ def test_steady_series_raise_no_alarm(count):
 
 def test_a_gain_that_drifts_is_named_with_its_size_and_first_frame():
     table = steady(600)
-    table["view_gain"][300:, 1] *= 1.04
+    table["view_light"][300:, 1] *= 1.04
     (one,) = watch(table, range(1000, 1600), CAMERAS)
     assert (one.kind, one.camera) == ("gain", "cam01")
     assert one.size == pytest.approx(0.04, abs=0.01)
     assert abs(one.frame - 1300) <= 5
-    assert one.line.startswith("cam01: gain drifts +4")
+    assert one.line.startswith("cam01: gain drifts +4% from frame ")
 
 
 def test_a_steady_drift_is_said_in_full():
     table = steady(400)
-    table["view_gain"][:, 0] *= np.linspace(1, 0.9, 400)
+    table["view_light"][:, 0] *= np.linspace(1, 0.9, 400)
     (one,) = watch(table, range(400), CAMERAS)
     assert one.size == pytest.approx(-0.1, abs=0.015)
     assert 100 < one.frame < 300
@@ -83,19 +83,29 @@ def test_residuals_that_jump_and_a_prediction_that_falls_are_named():
 def test_frames_left_out_are_listed_and_many_cameras_share_a_line():
     table = steady(100, correlation=0)
     table["complete"][[3, 7]] = 2
-    for name in ("view_gain", "view_residual", "psnr"):
+    for name in ("view_light", "view_residual", "psnr"):
         table[name][[3, 7]] = np.nan
-    table["view_gain"][50:] *= [1.1, 0.8, 1.3]
+    table["view_residual"][50:] *= [2, 3, 4]
     lines = in_words(watch(table, range(100), CAMERAS))
     assert len(lines) == 2
     assert lines[0].startswith("2 frames could not be read and left out: 3, 7")
-    assert lines[1].startswith("cam02: gain drifts +")
-    assert "cam00" in lines[1]
+    assert lines[1].startswith("cam02: residual jumps to 4.0 times from frame 5")
+    assert "less so cam01 (frame 5" in lines[1]
 
 
 def test_dark_frames_count_for_nothing():
     table = steady(100)
-    for name in ("view_gain", "view_residual"):
+    for name in ("view_light", "view_residual"):
         table[name][::2] = np.nan
     table["view_residual"][1::4] = 0
     assert watch(table, range(100), CAMERAS) == []
+
+
+def test_gains_are_those_against_the_other_cameras():
+    """All become brighter where the volume follows one that does."""
+    table = steady(200, correlation=0)
+    table["view_light"][100:] *= [1.1, 1.0, 1.0]
+    table["view_light"][100:] /= 1.05
+    (one,) = watch(table, range(200), CAMERAS)
+    assert one.camera == "cam00"
+    assert one.size == pytest.approx(0.1, abs=0.01)
