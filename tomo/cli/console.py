@@ -52,6 +52,8 @@ def frames_bar() -> Iterator[Callable[[int, int, str], None]]:
         def render(self, task: Task) -> Text:
             if task.description != FRAMES:
                 return Text(f"{task.elapsed or 0:.1f} s")
+            if task.finished:
+                return Text(f"{task.completed:.0f} in {clock(task.finished_time or 0)}")
             if not task.speed:
                 return Text("")
             left = "" if task.time_remaining is None else f", {clock(task.time_remaining)} left"
@@ -70,9 +72,10 @@ def frames_bar() -> Iterator[Callable[[int, int, str], None]]:
             stage, step = stage_of(step)
             stage = stage or FRAMES
             if stage not in tasks:
-                for other in tasks.values():
-                    progress.update(other, completed=1, total=1, step="")
-                    progress.stop_task(other)
+                if tasks:
+                    last = [*tasks.values()][-1]
+                    progress.update(last, completed=1, total=1, step="")
+                    progress.stop_task(last)
                 tasks[stage] = progress.add_task(stage, total=None, step="")
             progress.update(tasks[stage], completed=done, total=total or None, step=step)
 

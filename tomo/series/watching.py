@@ -30,7 +30,7 @@ frame no better, which is looked for by itself."""
 
 DRIFT = 0.03
 """Change of a camera's light against the others', as a fraction. It is some 0.8 of the change of
-the gain, as the volume follows. Lower: a plume that grows, whose views drift by 1.6 %."""
+the gain, as the volume follows. Lower: a plume that grows, one of whose views drifts by 2.5 %."""
 
 WORSE = 1.5
 """Ratio of residuals after and before. Lower: flames of which more and more is fine structure."""
@@ -170,7 +170,10 @@ def in_words(findings: Sequence[Finding]) -> list[str]:
             lines += [one.line for one in own]
             continue
         first, *rest = sorted(own, key=lambda one: -abs(one.size))
-        others = ", ".join(f"{one.camera} (frame {one.frame})" for one in rest)
+        others = ", ".join(
+            one.camera if one.frame == first.frame else f"{one.camera} (frame {one.frame})"
+            for one in rest
+        )
         lines.append(f"{first.line}; less so {others}")
     return lines
 

@@ -6,6 +6,7 @@ import tifffile
 
 from rigs import ring, save_rig
 from tomo import VoxelGrid
+from tomo.cli.console import clock
 from tomo.operators import LinearSystem
 
 
@@ -53,7 +54,7 @@ def test_films_become_a_store_and_its_figures(made):
     page = out.with_name("out_report.html")
     assert report["page"] == str(page)
     assert "all 3 frames are explained" in page.read_text("utf-8")
-    for stage in ("tracing", "smoothness 3 of 3", "frames/s"):
+    for stage in ("tracing", "smoothness 3 of 3", "3 in 0:0"):
         assert stage in done.stderr
 
 
@@ -128,3 +129,10 @@ def test_wrong_exports_are_one_line(made, run_tool, tmp_path, monkeypatch, argum
     done = run_tool("export", *[made[0] if one == "STORE" else one for one in arguments])
     assert done.exit_code == 2
     assert part in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(0.4, "0:00"), (65, "1:05"), (3599.6, "1 h 00"), (7500, "2 h 05")]
+)
+def test_times_left_are_said_in_minutes_or_hours(seconds, words):
+    assert clock(seconds) == words

@@ -90,7 +90,7 @@ def test_frames_left_out_are_listed_and_many_cameras_share_a_line():
     assert len(lines) == 2
     assert lines[0].startswith("2 frames could not be read and left out: 3, 7")
     assert lines[1].startswith("cam02: residual jumps to 4.0 times from frame 5")
-    assert "less so cam01 (frame 5" in lines[1]
+    assert "less so cam01" in lines[1]
 
 
 def test_dark_frames_count_for_nothing():
