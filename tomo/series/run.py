@@ -168,8 +168,8 @@ def solve_block(
     """Yield the places of a block's frames and their results, the key frame's first.
 
     The key frame is solved from scratch, the others from its solution and together: a block can be
-    done alone, anywhere and in any order, and its bits are the same. Frames that could not be read,
-    which are None, are left out.
+    done alone, anywhere and in any order, and its bits are the same. None stands for a frame that
+    could not be read, which is left out.
     """
     good = {place: one for place, one in zip(block, frames, strict=True) if one is not None}
     yield from ((place, SKIPPED) for place in block if place not in good)
