@@ -38,7 +38,9 @@ def scan(folder, film):
 
 @pytest.fixture(scope="module")
 def options(film):
-    return replace(film.options, key_frames=1, iterations=6)
+    return replace(
+        film.options, key_frames=1, method="mlem", iterations=3, screen=False, align=False
+    )
 
 
 def test_a_bad_frame_ends_the_run_and_is_named_with_what_goes_on(scan, options, tmp_path):

@@ -12,10 +12,11 @@ from tomo import Options, Scan
 from tomo.series import SeriesStore, reconstruct_series
 from tomo.series import run as series_run
 from tomo.series.claims import Claims
-from tomo.series.frames import blocks_of
+from tomo.series.frames import BLOCK, blocks_of
 from tomo.series.run import run_plan
 from tomo.series.same_run import attributes_of_plan, attributes_of_run
 from tomo.series.settle import make_plan
+from tomo.series.store import CAMERA_FIGURES, FIGURES
 
 ROOT = Path(__file__).parents[3]
 
@@ -64,7 +65,8 @@ def test_a_run_that_ends_again_and_again_goes_on_to_the_same_bits(
     plan, store, undisturbed, stop_after, assert_same
 ):
     done = []
-    for count in (1, 8, 14, 17, 3, 8):  # the files of a block: 8 volumes, 8 figures, its record
+    block = BLOCK + len(FIGURES) + len(CAMERA_FIGURES) + 1  # files: volumes, figures, its record
+    for count in (1, 8, 14, block, 3, 8):
         stop_after(count)
         with pytest.raises(StoppedError):
             run_plan(plan, store)
