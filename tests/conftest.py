@@ -10,6 +10,10 @@ import hypothesis
 import pytest
 from typer.testing import CliRunner
 
+# Before numpy is loaded: on small matrices BLAS's threads spin longer than they work, five times
+# the processor time of a calibration, and the tests already run on all cores.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 ROOT = Path(__file__).resolve().parent.parent
 SECONDS = 2.0  # of processor time for a reader's refusal of one small file
 MEMORY = 260 << 20  # bytes that a refusal may take: twice what the size guard allows to any file
