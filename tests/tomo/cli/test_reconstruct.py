@@ -163,7 +163,7 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
         "frame_000",
         "--no-screen",
     )
-    done = run_tool("reconstruct", scan, *options, "--json", "-o", tmp_path)
+    done = run_tool("reconstruct", scan, *options, "--no-pictures", "--json", "-o", tmp_path)
     assert done.exit_code == 0, done.stderr
     report = json.loads(done.stdout)
     expected = {
@@ -193,7 +193,7 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
 
 def test_a_rig_and_a_folder_of_images(run_tool, scan, tmp_path):
     given = ("--rig", scan / "rig.yaml", "--images", scan / "images")
-    options = ("--method", "sirt", "--iterations", "3")
+    options = ("--method", "sirt", "--iterations", "3", "--no-pictures")
     box = ("--grid", "8x14x8", "--spacing", "1,1,1.2", "--center", "10,0,-3")
     done = run_tool("reconstruct", *given, *box, *options, "-o", tmp_path)
     assert done.exit_code == 0, done.stderr
@@ -233,14 +233,15 @@ def test_a_reconstruction_can_be_simulated_again(run_tool, done, scan, tmp_path)
 
 
 def test_in_a_process_of_its_own(scan, tmp_path):
-    command = [sys.executable, TOOL, scan, "-o", tmp_path, "--method", "sirt", "--json"]
+    options = ("--method", "sirt", "--iterations", "2", "--no-pictures", "--json")
+    command = [sys.executable, TOOL, scan, "-o", tmp_path, *options]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["method"] == "sirt"
     assert "Traceback" not in done.stderr
 
 
-WERNET = ("--method", "wernet", "--seed", "3", "--iterations", "2")
+WERNET = ("--method", "wernet", "--seed", "3", "--iterations", "2", "--no-pictures")
 
 
 def test_wernet_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, monkeypatch):
