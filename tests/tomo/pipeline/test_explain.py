@@ -104,7 +104,7 @@ def test_gains_are_not_taken_for_absorption():
 def test_the_gas_is_found_and_corrected_on_the_fly(absorbing):
     how = {"method": "mlem", "iterations": 30, "fit_gain": False, "projector": "on-the-fly"}
     fitted, plain = (
-        reconstruct(absorbing, options=Options(fit_absorption=wanted, **how))
+        reconstruct(absorbing.scaled(2), options=Options(fit_absorption=wanted, **how))
         for wanted in (True, False)
     )
     assert fitted.explanation["causes"] == ["self-absorption"]

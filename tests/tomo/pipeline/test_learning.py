@@ -58,13 +58,18 @@ def test_wernet_learns_gains_and_predicts_the_held_out_view(unequal):
 
 
 @pytest.mark.parametrize(
-    ("effects", "better"),
-    [(Effects(gain_spread=0.1), -0.2), (Effects(absorption=0.063), 0.2)],
+    ("effects", "better", "shape", "image_size"),
+    [
+        (Effects(gain_spread=0.1), -0.2, (16, 26, 16), (40, 60)),
+        (Effects(absorption=0.063), 0.2, (24, 38, 24), (60, 88)),
+    ],
     ids=["gains", "absorption"],
 )
-def test_few_views_teach_shared_effects_and_not_their_own(tmp_path, effects, better):
-    grid = VoxelGrid((24, 38, 24), 1.0)
-    look = {"image_size": (60, 88), "footprint": 0.5, "pitch_degrees": 10.0}
+def test_few_views_teach_shared_effects_and_not_their_own(
+    tmp_path, effects, better, shape, image_size
+):
+    grid = VoxelGrid(shape, 1.0)
+    look = {"image_size": image_size, "footprint": 0.5, "pitch_degrees": 10.0}
     rig = ring(5, distance=300.0, center=grid.center, start_degrees=5.0, **look)
     flame = create("turbulent", 13, grid.extent, grid.center)
     made = simulate_images(rig, flame, grid, supersample=2, refine=2, effects=effects, seed=13)
