@@ -16,7 +16,7 @@ from tomo.simulation import simulate_images
 
 ROOT = Path(__file__).parents[3]
 GRID = VoxelGrid((6, 10, 6), 1.0)
-QUICK = ("--method", "sirt", "--iterations", "2")
+QUICK = ("--method", "sirt", "--iterations", "2", "--no-pictures")
 
 
 @pytest.fixture(scope="module")
