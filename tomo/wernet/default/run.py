@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tomo.operators import VOXEL
 from tomo.solvers import Iteration
 from tomo.solvers.solution import Callback
-from tomo.wernet.default.checkpoint import Checkpoint, JudgedWeights
+from tomo.wernet.default.checkpoint import Checkpoint, JudgedWeights, State
 from tomo.wernet.default.outer_iterations import OuterIterations
 
 
@@ -35,17 +35,17 @@ def run(
     outer: OuterIterations,
     record: Record,
     saved: Checkpoint | None,
+    state: State | None,
     *,
-    resume: bool,
     train: bool,
     terms: bool,
 ) -> None:
     """Find parametric terms and do the outer iterations, until one of them says why they end.
 
-    ``terms`` says whether parametric terms and the views' gains are looked for.
+    It goes on from ``state``, where there is one, unless nothing is to be learned. ``terms`` says
+    whether parametric terms and the views' gains are looked for.
     """
-    state = saved.load() if saved and resume and not outer.stop_reason else None
-    if state is not None:
+    if state is not None and not outer.stop_reason:
         with saved.damages():
             outer.restore(state)
     elif terms and outer.limit and not outer.stop_reason:

@@ -147,6 +147,8 @@ def wernet(
     settings |= own.settings
     view_parameters = ViewParameters(projector.n_views, own.channels).to(place)
 
+    saved = Checkpoint.of(checkpoint, settings, projector, measured)
+    state = saved.load() if saved and resume else None  # refused, if at all, before the work
     weights = check_weights(projector, weights)
     pixels = LeftOut.of(projector, measured, pixel_blocks, weights)
     how = {"blocks": pixels.blocks, "weights": weights}
@@ -175,10 +177,9 @@ def wernet(
             volume=None if start is None else additive_start(projector, start, nonnegative=True),
             stop_reason=stop_reason or _nothing_to_learn(pixels, views, baseline),
         )
-        saved = Checkpoint.of(checkpoint, settings, projector, measured)
         # few views say too little of terms of their own; another encoder has its own
         terms = many and own.is_zero
-        run(outer, record, saved, resume=resume, train=not freeze_encoder, terms=terms)
+        run(outer, record, saved, state, train=not freeze_encoder, terms=terms)
     return _solution(outer, record, classic, settings, choose_anew=not freeze_encoder)
 
 
