@@ -62,7 +62,7 @@ def test_a_step_of_the_evaluation_may_fail(
     assert "\n" not in warning
     if not isinstance(error, ValueError):
         assert type(error).__name__ in warning
-    write_outcome(tmp_path / "out", found)
+    write_outcome(tmp_path / "out", found, with_pictures=False)
     warnings = json.loads((tmp_path / "out" / "report.json").read_text())["warnings"]
     assert warning in warnings
 

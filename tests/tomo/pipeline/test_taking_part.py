@@ -98,7 +98,6 @@ def test_unseen_voxels_are_counted_and_reported(folder, grid):
     assert any(w.startswith(f"{share:.1%} of the voxels are seen by no") for w in found.warnings)
 
 
-@pytest.mark.usefixtures("coarse_scenes")
 def test_unseen_voxels_are_marked_on_request(folder, tmp_path, grid):
     wide = VoxelGrid((60, 20, 10), 1.0, grid.center)
     zero = reconstruct(load_scan(folder), wide, Options(**SIRT))
@@ -108,7 +107,7 @@ def test_unseen_voxels_are_marked_on_request(folder, tmp_path, grid):
     assert unseen.sum() == active - marked.counts["active_voxels"] > 0
     np.testing.assert_array_equal(marked.volume[~unseen], zero.volume[~unseen])
     assert not zero.volume[unseen].any()
-    write_outcome(tmp_path, marked)
+    write_outcome(tmp_path, marked, with_pictures=False)
     for name in VOLUME_FILES:
         written, _, _ = read_volume(tmp_path / name, allow_nan=True)
         np.testing.assert_array_equal(np.isnan(written), unseen)
