@@ -11,7 +11,7 @@ from tomo.scan import Scan
 from tomo.selfcal.refine.search import FEWEST
 from tomo.uncertainty import AUTO_REPEATS
 
-_ALL, _NOMINAL = "all", "nominal"
+_ALL, _NOMINAL, _NONE = "all", "nominal", "none"
 
 
 def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
@@ -83,7 +83,7 @@ def repeats_of(options: Options) -> int:
 
 def cameras_to_refine(options: Options, scan: Scan) -> tuple[str, ...]:
     """Return the cameras to refine: those asked for that are not held out."""
-    if options.refine_cameras is None:
+    if options.refine_cameras is None or _refuses(options, scan):
         if options.refine_prior is not None:
             raise ValueError(
                 f"refine_prior: found {options.refine_prior:g}, expected none without cameras to "
@@ -104,6 +104,11 @@ def cameras_to_refine(options: Options, scan: Scan) -> tuple[str, ...]:
             f"least {FEWEST}"
         )
     return left
+
+
+def _refuses(options: Options, scan: Scan) -> bool:
+    """Return whether no camera is to be refined, in so many words."""
+    return options.refine_cameras == (_NONE,) and _NONE not in scan.rig.names
 
 
 def _named_cameras(names: tuple[str, ...], scan: Scan) -> tuple[str, ...]:

@@ -78,6 +78,14 @@ class Options:
         expert=True,
         metavar="N",
     )
+    refine_frames: int = _option(
+        4,
+        "With frames: from how many of them, spread evenly, cameras are refined together; as many "
+        "others judge.",
+        whole(1, 100, "100"),
+        expert=True,
+        metavar="N",
+    )
     choose_each: bool = _option(
         False,
         "With frames: whether each block of frames chooses by itself how smooth volumes are.",
@@ -124,7 +132,8 @@ class Options:
     refine_cameras: tuple[str, ...] | None = _option(
         None,
         "Cameras whose poses are refined from the images; kept only where held-out rays are "
-        "predicted better. all: every camera; nominal: those that the rig calls nominal.",
+        "predicted better. all: every camera; nominal: those that the rig calls nominal; none. By "
+        "default all with frames, if there are enough, and none with one frame.",
         names(optional=True),
         metavar="CAMERAS",
     )

@@ -1,4 +1,4 @@
-"""The cameras of a series: shifts that key frames agree on, poses refined by the middle one.
+"""The cameras of a series: refined from many frames together, or shifted as key frames agree.
 
 Not from the mean of the key frames: it has little fine structure, by which views are compared. On
 a plume the shifts of its mean were a third larger than those that its frames agreed on.
@@ -11,46 +11,59 @@ from dataclasses import replace
 
 import numpy as np
 
+from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.operators.system import Progress
+from tomo.pipeline.check_options import cameras_to_refine
 from tomo.pipeline.options import Options
 from tomo.pipeline.register import Registered, register_screened, shift_warnings
 from tomo.pipeline.screen import ScreenedScan
-from tomo.pipeline.stage import Record
+from tomo.pipeline.stage import Record, timed
+from tomo.selfcal.refine import Moment, Refinement, refine_over_moments
+from tomo.selfcal.refine.search import FEWEST
 from tomo.selfcal.shifts import Alignment, align_views
 from tomo.series.images import FrameImages
+
+FEWEST_FRAMES = 8
+"""Frames of a film from which all cameras are refined without being asked for. Fewer: a few
+seconds of planning are much for them. More: short films keep a wrong rig."""
 
 
 def register_key_frames(
     screened: ScreenedScan,
     frames: Sequence[FrameImages],
+    others: Sequence[FrameImages],
     grid: VoxelGrid,
     options: Options,
-    refine: Sequence[str],
     progress: Progress | None = None,
 ) -> Registered:
-    """Return the cameras as key frames show them.
+    """Return the cameras as frames of the film show them.
 
     Parameters
     ----------
     screened : ScreenedScan
         The cameras that take part.
     frames : sequence of FrameImages
-        The key frames.
+        The key frames, from which shifts come.
+    others : sequence of FrameImages
+        The frames that refine cameras and those that judge, in turn; none: nothing is refined.
     grid : VoxelGrid
     options : Options
-    refine : sequence of str
-        The cameras to refine, if they take part.
     progress : callable, optional
     """
-    rig = screened.scan.rig
-    refine = tuple(name for name in refine if name in rig.names)
-    alignment, warnings = None, []
-    if options.align and not set(refine) >= set(rig.names):  # refinement finds shifts too
-        found = [align_views(rig, one.images, grid, masks=one.masks) for one in frames]
-        alignment = agreed(found)
-        rig = alignment.rig(rig)
-        warnings = shift_warnings(alignment, rig, screened.unmodelled_light)
+    rig, refine = screened.scan.rig, _to_refine(screened, options)
+    alignment = refinement = None
+    with timed() as stage:
+        everything = set(refine) >= set(rig.names)  # refinement finds shifts too
+        if options.align and not everything:
+            alignment, rig = _aligned(screened, frames, grid, stage.warnings)
+        if refine and others:
+            refinement = refine_from_frames(rig, others, grid, options, refine, progress)
+            rig = refinement.rig
+            stage.warnings.append(_of_refinement(refinement, options))
+        left = refinement is not None and not refinement.accepted and not options.refine_cameras
+        if options.align and everything and left:  # nobody asked to refine
+            alignment, rig = _aligned(screened, frames, grid, stage.warnings)
     middle = frames[len(frames) // 2]
     one = replace(
         screened,
@@ -59,10 +72,73 @@ def register_key_frames(
         masks=middle.masks,
         screening=None,  # its noise is that of the mean
     )
-    registered = register_screened(one, grid, replace(options, align=False), refine, progress)
-    lines = (*warnings, *registered.record.warnings)
-    record = Record(registered.record.seconds, lines)
-    return replace(registered, alignment=alignment, record=record)
+    registered = register_screened(one, grid, replace(options, align=False), (), progress)
+    record = Record(
+        stage.record.seconds + registered.record.seconds,
+        (*stage.record.warnings, *registered.record.warnings),
+    )
+    return replace(registered, alignment=alignment, refinement=refinement, record=record)
+
+
+def refine_from_frames(
+    rig: Rig,
+    frames: Sequence[FrameImages],
+    grid: VoxelGrid,
+    options: Options,
+    cameras: Sequence[str],
+    progress: Progress | None = None,
+) -> Refinement:
+    """Refine cameras from every other frame, the first among them; the others judge."""
+    moments = [Moment(frame.images, frame.masks) for frame in frames]
+    return refine_over_moments(
+        rig,
+        moments[::2],
+        grid,
+        judges=moments[1::2],
+        cameras=cameras,
+        prior_pixels=options.refine_prior,
+        skip=options.skip,
+        progress=progress,
+    )
+
+
+def refines(options: Options, count: int) -> bool:
+    """Return whether cameras of a film of so many frames are refined, asked for or not."""
+    return bool(options.refine_cameras) or count >= FEWEST_FRAMES
+
+
+def _to_refine(screened: ScreenedScan, options: Options) -> tuple[str, ...]:
+    """Return the cameras to refine: those asked for, or all that can be, if they take part."""
+    rig = screened.scan.rig
+    if options.refine_cameras is None:
+        able = tuple(camera.name for camera in rig if camera.has_lens_model)
+        return able if len(rig) >= FEWEST else ()
+    asked = cameras_to_refine(options, screened.scan)
+    return tuple(name for name in asked if name in rig.names)
+
+
+def _aligned(
+    screened: ScreenedScan, frames: Sequence[FrameImages], grid: VoxelGrid, warnings: list[str]
+) -> tuple[Alignment, Rig]:
+    """Return the shifts that key frames agree on, and the rig shifted by them."""
+    rig = screened.scan.rig
+    alignment = agreed([align_views(rig, one.images, grid, masks=one.masks) for one in frames])
+    rig = alignment.rig(rig)
+    warnings += shift_warnings(alignment, rig, screened.unmodelled_light)
+    return alignment, rig
+
+
+def _of_refinement(found: Refinement, options: Options) -> str:
+    names = ", ".join(found.cameras)
+    if found.accepted:
+        farthest = int(np.nanargmax(found.moved_pixels))
+        return (
+            f"cameras refined from {options.refine_frames} frames together: {names}: "
+            f"{found.reason} in other frames; {found.given.names[farthest]} moves farthest, "
+            f"by {found.moved_pixels[farthest]:.1f} pixels. The plan in the store holds them; to "
+            "keep the rig as it is, --refine-cameras none"
+        )
+    return f"cameras stay as the rig says: {names}: {found.reason}"
 
 
 def agreed(found: Sequence[Alignment]) -> Alignment:

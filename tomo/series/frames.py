@@ -100,3 +100,8 @@ def spread(count: int, wanted: int) -> tuple[int, ...]:
 def key_places(places: Sequence[int], options: Options) -> tuple[int, ...]:
     """Return the places in the scan of the key frames of a series."""
     return tuple(places[one] for one in spread(len(places), options.key_frames))
+
+
+def refining_places(places: Sequence[int], options: Options) -> tuple[int, ...]:
+    """Return the places in the scan of the frames that refine cameras, and that judge, in turn."""
+    return tuple(places[one] for one in spread(len(places), 2 * options.refine_frames))

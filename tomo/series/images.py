@@ -146,30 +146,39 @@ def reader_of(
 
 
 def readable_keys(scan: Scan, places: Sequence[int], options: Options) -> tuple[int, ...]:
-    """Return the places of the key frames; each bad one gives way to the next that is readable.
+    """Return the places of the key frames, see `readable`."""
+    return readable(scan, key_places(places, options), places, options.skip_bad)
+
+
+def readable(
+    scan: Scan, wanted: Sequence[int], places: Sequence[int], skip_bad: bool
+) -> tuple[int, ...]:
+    """Return some of the frames; each bad one gives way to the next that is readable.
 
     Parameters
     ----------
     scan : Scan
+    wanted : sequence of int
+        Those frames, by their places in the scan, ascending.
     places : sequence of int
-        The frames, by their places in the scan.
-    options : Options
+        All frames.
+    skip_bad : bool
+        Whether frames may be left out; all are returned otherwise.
 
     Raises
     ------
     ValueError
-        If one cannot be read, and frames may not be left out or none is left.
+        If no frame can be read.
     """
-    keys = key_places(places, options)
-    if not options.skip_bad:
-        return keys
+    if not skip_bad:
+        return tuple(wanted)
     found: list[int] = []
-    for key, end in zip(keys, (*keys[1:], places[-1] + 1), strict=True):
+    for key, end in zip(wanted, (*wanted[1:], places[-1] + 1), strict=True):
         stretch = [place for place in places if key <= place < end]
         good = (place for place in stretch if read_frame(scan, place, True) is not None)
         found += itertools.islice(good, 1)
     if not found:
-        read_frame(scan, keys[0], False)  # raises, with the reason
+        read_frame(scan, wanted[0], False)  # raises, with the reason
         raise ValueError(f"{scan.source}: frames: found none that can be read, expected one")
     return tuple(found)
 

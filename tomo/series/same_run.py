@@ -16,8 +16,8 @@ from tomo.grid import VoxelGrid
 from tomo.pipeline.options import Options
 from tomo.pipeline.report_json import plain, versions
 from tomo.scan import Scan
-from tomo.series.frames import BLOCK
-from tomo.series.images import naming, readable_keys
+from tomo.series.frames import BLOCK, refining_places
+from tomo.series.images import naming, readable, readable_keys
 from tomo.series.plan import Plan
 from tomo.series.store import SeriesStore
 
@@ -42,6 +42,7 @@ def attributes_of_run(
         The frames, by their places in the scan.
     """
     rate, keys = scan.frame_rate, readable_keys(scan, places, options)
+    refining = readable(scan, refining_places(places, options), places, options.skip_bad)
     return plain(
         {
             # a run that a bad frame ended goes on with --skip-bad: good frames have the same bits
@@ -51,7 +52,9 @@ def attributes_of_run(
                 "scale": scan.shrink,
                 "frame_rate": rate,
                 "corrections": _corrections(scan),
-                "key_images": _checksum(scan.without(*options.hold_out), keys),
+                "key_images": _checksum(
+                    scan.without(*options.hold_out), sorted({*keys, *refining})
+                ),
             },
             "rig": yaml.safe_load(rig_to_yaml(scan.rig)),
             "grid": grid.to_mapping(),

@@ -17,7 +17,7 @@ from tomo.measurement import NoiseModel, estimate_noise
 from tomo.operators.system import Progress
 from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import WeightedSystem, build
-from tomo.pipeline.check_options import cameras_to_refine, check_options
+from tomo.pipeline.check_options import check_options
 from tomo.pipeline.evaluate import data_range, system_apart, trace_apart
 from tomo.pipeline.explain import explain_images
 from tomo.pipeline.first_use import warm_up_stages
@@ -29,15 +29,17 @@ from tomo.pipeline.trace import trace_views
 from tomo.scan import Scan
 from tomo.selection import Choice, choose_by_left_out_pixels
 from tomo.series.block_system import BlockSystem
-from tomo.series.cameras import register_key_frames
-from tomo.series.frames import spread
+from tomo.series.cameras import refines, register_key_frames
+from tomo.series.frames import refining_places, spread
 from tomo.series.hulls import hull_of_frames, rule_of
 from tomo.series.images import (
     FrameImages,
     images_of,
     mean_of_frames,
     read_frame,
+    readable,
     readable_keys,
+    reader_of,
     usable_in_all,
 )
 from tomo.series.plan import Plan
@@ -120,9 +122,11 @@ def make_plan(
         scale=options.fit_gain is not False,
     )
     frames = [images_of(one, screened) for one in loaded]
-    refine = cameras_to_refine(options, scan)
-    tell = stage("where cameras look")
-    registered = register_key_frames(screened, frames, grid, options, refine, tell)
+    tell, others = stage("where cameras look"), []
+    if refines(options, len(places)):
+        refining = readable(scan, refining_places(places, options), places, options.skip_bad)
+        others = list(map(reader_of(scan, screened), refining))
+    registered = register_key_frames(screened, frames, others, grid, options, tell)
     stage("carving")
     noise = noise_of_frames(frames)
     rule = rule_of(registered.rig, frames, grid, options, noise)

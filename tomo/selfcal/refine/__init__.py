@@ -5,8 +5,9 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "prior": ["prior_lengths"],
         "refinement": ["Refinement"],
-        "search": ["refine_cameras"],
+        "moment": ["Moment"],
+        "prior": ["prior_lengths"],
+        "search": ["refine_cameras", "refine_over_moments"],
     },
 )

@@ -12,6 +12,7 @@ from rigs import Rig
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.selfcal.refine.first_volume import first_volume
+from tomo.selfcal.refine.moment import Moment, usable_in_all
 
 EVERY = 5
 """One tile in this many is held out of each image. Fewer tiles make the comparison noisy; more
@@ -43,6 +44,13 @@ def held_out_tiles(shapes: Sequence[tuple[int, int]]) -> list[NDArray[np.bool_]]
         rows, columns = np.indices(shape) // _side(shape)
         found.append((rows + 2 * columns + view) % EVERY == 0)
     return found
+
+
+def training_pixels(moments: Sequence[Moment]) -> list[NDArray[np.bool_]]:
+    """Return the pixels that are usable at every moment and not held out, one image a camera."""
+    masks = usable_in_all(moments)
+    tiles = held_out_tiles([mask.shape for mask in masks])
+    return [mask & ~held for mask, held in zip(masks, tiles, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,51 +88,48 @@ class HeldOutErrors:
 
 
 def predict_held_out(
-    rig: Rig,
-    images: Sequence[NDArray[np.float32]],
-    masks: Sequence[NDArray[np.bool_]],
-    grid: VoxelGrid,
-    active: ActiveVoxels,
+    rig: Rig, moments: Sequence[Moment], grid: VoxelGrid, active: ActiveVoxels
 ) -> HeldOutErrors:
     """Predict the held-out rays of left-out views from the training rays of the other views.
 
     The prediction of a view is scaled by the gain that fits its training rays best, so that a
-    brighter camera is not taken for a displaced one.
+    brighter camera is not taken for a displaced one. The errors are summed over the moments.
 
     Parameters
     ----------
     rig : Rig
-    images, masks : sequence of (rows, columns)
+    moments : sequence of Moment
+        Pixels count that are usable at all of them.
     grid : VoxelGrid
     active : ActiveVoxels
     """
-    held = held_out_tiles([image.shape for image in images])
+    masks, training = usable_in_all(moments), training_pixels(moments)
     # pixels whose rays miss the volume count as predicted dark
     system = LinearSystem.from_rig(rig, grid, masks=masks, active=active)
-    measured = system.flatten(images)
-    training = ~system.flatten([tiles.astype(np.float32) for tiles in held]).astype(bool)
+    trained = system.flatten([each.astype(np.float32) for each in training]).astype(bool)
     pointer, views = system.projector.view_ptr, len(rig)
     groups = views if views <= 6 else GROUPS
     errors, light = np.zeros((views, 0)), 0.0
     for group in range(groups):
         left_out = range(group, views, groups)
-        chosen = training.copy()
+        chosen = trained.copy()
         for view in left_out:
             chosen[pointer[view] : pointer[view + 1]] = False
         rays = np.flatnonzero(chosen)
-        volume = first_volume(system.projector.take(rays), measured[rays])
-        reprojected = system.images(system.projector @ volume.values)
-        for view in left_out:
-            image, mask, tiles = images[view], masks[view], held[view]
-            gain = _gain(reprojected[view][mask & ~tiles], image[mask & ~tiles])
-            residual = np.where(mask & tiles, image - gain * reprojected[view], 0).astype(
-                np.float64
-            )
-            sums = _by_tile(residual**2)
-            if errors.shape[1] < len(sums):
-                errors = np.pad(errors, ((0, 0), (0, len(sums) - errors.shape[1])))
-            errors[view, : len(sums)] = sums
-            light += float(np.sum(np.square(image[mask & tiles], dtype=np.float64)))
+        projector = system.projector.take(rays)
+        for moment in moments:
+            measured = system.flatten(moment.images)
+            volume = first_volume(projector, measured[rays])
+            reprojected = system.images(system.projector @ volume.values)
+            for view in left_out:
+                image, held = moment.images[view], masks[view] & ~training[view]
+                gain = _gain(reprojected[view][training[view]], image[training[view]])
+                residual = np.where(held, image - gain * reprojected[view], 0).astype(np.float64)
+                sums = _by_tile(residual**2)
+                if errors.shape[1] < len(sums):
+                    errors = np.pad(errors, ((0, 0), (0, len(sums) - errors.shape[1])))
+                errors[view, : len(sums)] += sums
+                light += float(np.sum(np.square(image[held], dtype=np.float64)))
     return HeldOutErrors(errors, light)
 
 

@@ -1,4 +1,4 @@
-"""One Gauss-Newton step for cameras and volume together.
+"""One Gauss-Newton step for cameras and volumes together.
 
 A volume reconstructed with wrong cameras absorbs a part of the cameras' errors. The residuals then
 understate these errors, and corrections from residuals alone converge slowly. The volume is
@@ -37,27 +37,40 @@ SMALLEST = 1e-9
 singular; higher, the prior holds cameras that fit exactly."""
 
 Vectors = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Coefficients ``(unknowns,)`` and per-view parameters ``(cameras moved, 8)``."""
+"""Coefficients ``(moments, unknowns)`` and per-view parameters ``(cameras moved, 8)``."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenMoment:
+    """The volume of a moment and its images, to first order.
+
+    Attributes
+    ----------
+    free : (unknowns,) bool
+        True for coefficients that may change. A dark voxel stays dark.
+    derivatives : sequence of (8, pixels of the view) float64
+        ``J_v``, one for each of the cameras to move.
+    """
+
+    free: NDArray[np.bool_]
+    derivatives: Sequence[NDArray[np.float64]]
 
 
 @dataclass(frozen=True, eq=False)
 class JointStep:
     """The linear least-squares problem of one step.
 
-    It minimises ``|| r - A G c - sum_v J_v d_v ||² + w_v || d_v + p_v ||² + s || c ||²`` over the
-    change ``c`` of the volume and the change ``d`` of the per-view parameters, in units of the
-    standard deviations of their priors.
+    It minimises ``sum_m ( || r_m - A G c_m - sum_v J_mv d_v ||² + s || c_m ||² ) + sum_v w_v ||
+    d_v + p_v ||²`` over the changes ``c_m`` of the volumes of all moments and the change ``d`` of
+    the per-view parameters, in units of the standard deviations of their priors.
 
     Attributes
     ----------
     operator : ProjectionOperator
         ``A G``.
-    free : (unknowns,) bool
-        True for coefficients that may change. A dark voxel stays dark.
     views : sequence of int
         The cameras to move.
-    derivatives : sequence of (8, pixels of the view) float64
-        ``J_v``, one for each of ``views``.
+    moments : sequence of SeenMoment
     weights : (cameras moved,) float64
         ``w_v``: the weight of the prior, the residual variance per pixel; see `weight_of`.
     departures : (cameras moved, 8) float64
@@ -65,13 +78,12 @@ class JointStep:
     """
 
     operator: ProjectionOperator
-    free: NDArray[np.bool_]
     views: Sequence[int]
-    derivatives: Sequence[NDArray[np.float64]]
+    moments: Sequence[SeenMoment]
     weights: NDArray[np.float64]
     departures: NDArray[np.float64]
 
-    def solve(self, residual: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(self, residuals: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the step of the parameters, ``(cameras moved, 8)``.
 
         The solver is conjugate gradients. The preconditioner is a bound of the normal matrix's
@@ -79,25 +91,27 @@ class JointStep:
 
         Parameters
         ----------
-        residual : (pixels,) float64
+        residuals : sequence of (pixels,) float64
+            One a moment.
         """
-        if not self.free.any():
+        free = np.stack([one.free for one in self.moments])
+        if not free.any():
             return np.zeros_like(self.departures)
         volume = self.operator
         bound = volume.T @ (volume @ np.ones(volume.shape[1]))
         bound = np.maximum(bound, 1e-9 * bound.max(initial=0.0))
-        stiffness = STIFFNESS * float(np.median(bound[self.free]))
+        stiffness = STIFFNESS * float(np.median(np.broadcast_to(bound, free.shape)[free]))
         blocks = [
-            np.linalg.inv(_products(own) + weight * np.eye(len(own)))
-            for own, weight in zip(self.derivatives, self.weights, strict=True)
+            np.linalg.inv(sum(map(_products, own)) + weight * np.eye(len(own[0])))
+            for own, weight in zip(self._of_views(), self.weights, strict=True)
         ]
 
         def preconditioned(g: Vectors) -> Vectors:
             parts = [block @ own for block, own in zip(blocks, g[1], strict=True)]
             return g[0] / (bound + stiffness), np.stack(parts)
 
-        c, d = np.zeros(volume.shape[1]), np.zeros_like(self.departures)
-        gradient = self._adjoint(residual)
+        c, d = np.zeros(free.shape), np.zeros_like(self.departures)
+        gradient = self._adjoint(residuals)
         g = gradient[0], gradient[1] - self.weights[:, None] * self.departures
         z = preconditioned(g)
         direction, size = z, _dot(g, z)
@@ -119,18 +133,27 @@ class JointStep:
             direction = z[0] + beta * direction[0], z[1] + beta * direction[1]
         return d
 
-    def _forward(self, x: Vectors) -> NDArray[np.float64]:
-        pixels = np.asarray(self.operator @ (self.free * x[0]), np.float64)
-        for view, derivatives, own in zip(self.views, self.derivatives, x[1], strict=True):
-            pixels[self._span(view)] += np.sum(own[:, None] * derivatives, axis=0)
-        return pixels
+    def _forward(self, x: Vectors) -> list[NDArray[np.float64]]:
+        found = []
+        for moment, own in zip(self.moments, x[0], strict=True):
+            pixels = np.asarray(self.operator @ (moment.free * own), np.float64)
+            for view, derivatives, step in zip(self.views, moment.derivatives, x[1], strict=True):
+                pixels[self._span(view)] += np.sum(step[:, None] * derivatives, axis=0)
+            found.append(pixels)
+        return found
 
-    def _adjoint(self, y: NDArray[np.float64]) -> Vectors:
-        own = [
-            np.sum(derivatives * y[self._span(view)], axis=1)
-            for view, derivatives in zip(self.views, self.derivatives, strict=True)
-        ]
-        return self.free * (self.operator.T @ y), np.stack(own)
+    def _adjoint(self, y: Sequence[NDArray[np.float64]]) -> Vectors:
+        volumes, cameras = [], np.zeros_like(self.departures)
+        for moment, pixels in zip(self.moments, y, strict=True):
+            volumes.append(moment.free * (self.operator.T @ pixels))
+            for number, view in enumerate(self.views):
+                own = moment.derivatives[number] * pixels[self._span(view)]
+                cameras[number] += np.sum(own, axis=1)
+        return np.stack(volumes), cameras
+
+    def _of_views(self) -> list[list[NDArray[np.float64]]]:
+        """Return the derivatives of each view at all moments."""
+        return [list(own) for own in zip(*(m.derivatives for m in self.moments), strict=True)]
 
     def _span(self, view: int) -> slice:
         return slice(*self.operator.view_ptr[view : view + 2])
@@ -169,4 +192,4 @@ def _products(derivatives: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _dot(a: Vectors, b: Vectors) -> float:
-    return dot(a[0], b[0]) + dot(a[1], b[1])
+    return dot(a[0].ravel(), b[0].ravel()) + dot(a[1], b[1])

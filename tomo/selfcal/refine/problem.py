@@ -13,7 +13,8 @@ from rigs import Rig, box_points
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
 from tomo.scan.downsample import Coarser
-from tomo.selfcal.refine.held_out import HeldOutErrors, held_out_tiles
+from tomo.selfcal.refine.held_out import HeldOutErrors, training_pixels
+from tomo.selfcal.refine.moment import Moment
 from tomo.selfcal.refine.parameters import COUNT, GEOMETRY, moved_rig
 from tomo.selfcal.refine.prior import GAIN_PRIOR, units
 from tomo.selfcal.refine.refinement import Refinement
@@ -27,7 +28,10 @@ class Task:
     Attributes
     ----------
     rig : Rig
-    images, masks : tuple of (height, width)
+    moments : tuple of Moment
+        Those that the cameras are refined from, each with a volume of its own.
+    judges : tuple of Moment
+        Those whose held-out rays decide: others, or the same where there are no others.
     grid : VoxelGrid
     chosen : tuple of int
         Indices of the cameras to refine.
@@ -38,8 +42,8 @@ class Task:
     """
 
     rig: Rig
-    images: tuple[NDArray[np.float32], ...]
-    masks: tuple[NDArray[np.bool_], ...]
+    moments: tuple[Moment, ...]
+    judges: tuple[Moment, ...]
     grid: VoxelGrid
     chosen: tuple[int, ...]
     prior_pixels: NDArray[np.float64]
@@ -56,14 +60,17 @@ class Task:
 
     def level(self, factor: int) -> Level:
         """Return the problem with pixels and voxels ``factor`` times as coarse."""
-        coarse = Coarser.of(self.rig, self.images, self.masks, self.grid, factor)
-        rig, images, masks = coarse.rig, coarse.images, coarse.masks
-        held = held_out_tiles([image.shape for image in images])
-        training = [mask & ~tiles for mask, tiles in zip(masks, held, strict=True)]
+        first = self.moments[0]
+        coarse = Coarser.of(self.rig, first.images, first.masks, self.grid, factor)
+        moments, judges = (
+            tuple(one.coarser(self.rig, self.grid, factor) for one in some)
+            for some in (self.moments, self.judges)
+        )
         active = ActiveVoxels(coarse.grid)
         if self.skip:
-            active = carve(tuple(rig), images, training, coarse.grid).active
-        return Level(rig, images, masks, training, coarse.grid, active, self.chosen, self.lengths)
+            lit = [_hull(coarse.rig, one, coarse.grid) for one in (*moments, *judges)]
+            active = ActiveVoxels.from_mask(coarse.grid, np.logical_or.reduce(lit))
+        return Level(coarse.rig, moments, judges, coarse.grid, active, self.chosen, self.lengths)
 
     def size(self, step: NDArray[np.float64]) -> float:
         """Return the motion of the volume's image by a step, in pixels, RMS over the cameras."""
@@ -117,6 +124,12 @@ class Task:
             accepted,
             reason,
         )
+
+
+def _hull(rig: Rig, moment: Moment, grid: VoxelGrid) -> NDArray[np.bool_]:
+    """Return which voxels may be lit, as the rays that are not held out show."""
+    training = training_pixels([moment])
+    return carve(tuple(rig), moment.images, training, grid).active.mask
 
 
 def _moves(rig: Rig, other: Rig, grid: VoxelGrid) -> NDArray[np.float64]:

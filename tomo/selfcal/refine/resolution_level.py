@@ -12,8 +12,14 @@ from rigs import Rig
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.selfcal.refine.first_volume import first_volume
-from tomo.selfcal.refine.held_out import HeldOutErrors, predict_held_out, tiles_of
-from tomo.selfcal.refine.joint_step import JointStep, weight_of
+from tomo.selfcal.refine.held_out import (
+    HeldOutErrors,
+    predict_held_out,
+    tiles_of,
+    training_pixels,
+)
+from tomo.selfcal.refine.joint_step import JointStep, SeenMoment, weight_of
+from tomo.selfcal.refine.moment import Moment
 from tomo.selfcal.refine.parameters import GAIN, image_derivatives, moved_rig, volume_gradient
 
 COARSE_TILES = 8
@@ -33,9 +39,8 @@ class Level:
     ----------
     rig : Rig
         The cameras as given, before they are moved by parameters.
-    images, masks : sequence of (height, width)
-    trains : sequence of (height, width) bool
-        The usable pixels that are not held out.
+    moments, judges : sequence of Moment
+        Those that the cameras are refined from, and those whose held-out rays decide.
     grid : VoxelGrid
     active : ActiveVoxels
     chosen : tuple of int
@@ -45,9 +50,8 @@ class Level:
     """
 
     rig: Rig
-    images: Sequence[NDArray[np.float32]]
-    masks: Sequence[NDArray[np.bool_]]
-    training: Sequence[NDArray[np.bool_]]
+    moments: Sequence[Moment]
+    judges: Sequence[Moment]
     grid: VoxelGrid
     active: ActiveVoxels
     chosen: tuple[int, ...]
@@ -56,41 +60,65 @@ class Level:
     def held_out_errors(self, parameters: NDArray[np.float64]) -> HeldOutErrors:
         """Return the errors of held-out rays with the cameras moved."""
         rig = moved_rig(self.rig, parameters)
-        return predict_held_out(rig, self.images, self.masks, self.grid, self.active)
+        return predict_held_out(rig, self.judges, self.grid, self.active)
 
     def step(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the change of the parameters, ``(cameras, 8)``; zero for cameras not chosen."""
         rig = moved_rig(self.rig, parameters)
-        system = LinearSystem.from_rig(rig, self.grid, masks=self.training, active=self.active)
-        projector = system.projector
-        counts = np.diff(projector.view_ptr)
-        gain = np.repeat(np.exp(parameters[:, GAIN]), counts)
-        measured = (system.flatten(self.images) / gain).astype(np.float32)
-        volume = first_volume(projector, measured)
-        values = volume.values
-        predicted = np.asarray(projector @ values, np.float64)
-        residual = measured - predicted
-        gradient = volume_gradient(self.active.expand(values), self.grid)
-        centers = self.grid.centers().reshape(-1, 3)[self.active.mask.ravel()]
-        gradient = gradient[self.active.mask.ravel()]
-        derivatives, weights, departures = [], [], []
-        for view in self.chosen:
-            block = projector.view(view)
-            span = slice(*projector.view_ptr[view : view + 2])
-            geometry = image_derivatives(lambda f, A=block: A @ f, rig[view], gradient, centers)
-            scaled = np.vstack([geometry, predicted[span]]) * self.lengths[view][:, None]
-            tiles = tiles_of(self.images[view].shape, COARSE_TILES).ravel()[system.pixels[view]]
-            derivatives.append(scaled)
-            weights.append(weight_of(scaled, residual[span], tiles))
-            departures.append(parameters[view] / self.lengths[view])
+        masks = training_pixels(self.moments)
+        system = LinearSystem.from_rig(rig, self.grid, masks=masks, active=self.active)
+        gain = np.repeat(np.exp(parameters[:, GAIN]), np.diff(system.projector.view_ptr))
+        basis, seen, residuals = None, [], []
+        for moment in self.moments:
+            measured = (system.flatten(moment.images) / gain).astype(np.float32)
+            volume = first_volume(system.projector, measured)
+            predicted = np.asarray(system.projector @ volume.values, np.float64)
+            basis, residual = volume.basis, measured - predicted
+            free = volume.coefficients > DARK * volume.coefficients.max(initial=0.0)
+            seen.append(SeenMoment(free, self._derivatives(rig, system, volume.values, predicted)))
+            residuals.append(residual)
+        own = list(self.chosen)
+        weights = [self._weight(system, number, seen, residuals) for number in range(len(own))]
         found = JointStep(
-            volume.basis,
-            volume.coefficients > DARK * volume.coefficients.max(initial=0.0),
-            self.chosen,
-            derivatives,
-            np.array(weights),
-            np.stack(departures),
-        ).solve(residual)
+            basis, self.chosen, seen, np.array(weights), (parameters / self.lengths)[own]
+        ).solve(residuals)
         step = np.zeros_like(parameters)
-        step[list(self.chosen)] = found * self.lengths[list(self.chosen)]
+        step[own] = found * self.lengths[own]
         return step
+
+    def _derivatives(
+        self,
+        rig: Rig,
+        system: LinearSystem,
+        values: NDArray[np.float32],
+        predicted: NDArray[np.float64],
+    ) -> list[NDArray[np.float64]]:
+        """Return the scaled derivatives ``(8, pixels)`` of each chosen view's prediction."""
+        lit = self.active.mask.ravel()
+        gradient = volume_gradient(self.active.expand(values), self.grid)[lit]
+        centers = self.grid.centers().reshape(-1, 3)[lit]
+        found = []
+        for view in self.chosen:
+            block = system.projector.view(view)
+            span = slice(*system.projector.view_ptr[view : view + 2])
+            geometry = image_derivatives(lambda f, A=block: A @ f, rig[view], gradient, centers)
+            found.append(np.vstack([geometry, predicted[span]]) * self.lengths[view][:, None])
+        return found
+
+    def _weight(
+        self,
+        system: LinearSystem,
+        number: int,
+        seen: Sequence[SeenMoment],
+        residuals: Sequence[NDArray[np.float64]],
+    ) -> float:
+        """Return the weight of a chosen view's prior; a tile counts as one at all moments."""
+        view = self.chosen[number]
+        span = slice(*system.projector.view_ptr[view : view + 2])
+        shape = self.moments[0].images[view].shape
+        tiles = tiles_of(shape, COARSE_TILES).ravel()[system.pixels[view]]
+        return weight_of(
+            np.hstack([each.derivatives[number] for each in seen]),
+            np.concatenate([residual[span] for residual in residuals]),
+            np.tile(tiles, len(seen)),
+        )

@@ -1,8 +1,8 @@
 """Refinement of cameras in outer iterations, accepted only if held-out rays are predicted better.
 
-Each outer iteration predicts the images from a quick volume of all cameras. The residuals are
-fitted by changes of each camera's position, rotation, focal length and gain, together with a
-change of the volume (`tomo.selfcal.refine.joint_step`) and under a prior
+Each outer iteration predicts the images from a quick volume of all cameras, one a moment. The
+residuals are fitted by changes of each camera's position, rotation, focal length and gain,
+together with changes of the volumes (`tomo.selfcal.refine.joint_step`) and under a prior
 (`tomo.selfcal.refine.prior`). Iterations continue while they help. A fifth of all rays, in tiles,
 is held out. Predicted from other views before and after, the held-out rays decide which rig is
 better and whether it is accepted.
@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from tomo.grid import VoxelGrid
 from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.downsample import coarsening
 from tomo.selfcal.refine.common_motion import without_common_motion
+from tomo.selfcal.refine.moment import Moment
 from tomo.selfcal.refine.parameters import COUNT
 from tomo.selfcal.refine.prior import prior_lengths
 from tomo.selfcal.refine.problem import Task
@@ -57,13 +59,10 @@ def refine_cameras(
     images: Sequence[NDArray[np.float32]],
     grid: VoxelGrid,
     *,
-    cameras: Sequence[str] | None = None,
     masks: Sequence[NDArray[np.bool_]] | None = None,
-    prior_pixels: float | None = None,
-    skip: bool = True,
-    progress: Progress | None = None,
+    **how: Any,
 ) -> Refinement:
-    """Refine position, rotation, focal length and gain of some cameras.
+    """Refine position, rotation, focal length and gain of some cameras from one moment.
 
     Parameters
     ----------
@@ -71,10 +70,38 @@ def refine_cameras(
     images : sequence of (height, width)
         One image a camera, of the cameras that the reconstruction uses; held-out views excluded.
     grid : VoxelGrid
-    cameras : sequence of str, optional
-        Names of the cameras to refine; all when None. The others stay as given.
     masks : sequence of (height, width) bool, optional
         True where a pixel is usable.
+    how
+        Further arguments of `refine_over_moments`, which says what is raised.
+    """
+    _check(rig, images, masks)
+    return refine_over_moments(rig, [Moment.of(images, masks)], grid, **how)
+
+
+def refine_over_moments(
+    rig: Rig,
+    moments: Sequence[Moment],
+    grid: VoxelGrid,
+    *,
+    judges: Sequence[Moment] = (),
+    cameras: Sequence[str] | None = None,
+    prior_pixels: float | None = None,
+    skip: bool = True,
+    progress: Progress | None = None,
+) -> Refinement:
+    """Refine some cameras from several moments together, each with a volume of its own.
+
+    Parameters
+    ----------
+    rig : Rig
+    moments : sequence of Moment
+        The images that the cameras are refined from; a dark moment says nothing.
+    grid : VoxelGrid
+    judges : sequence of Moment
+        Other moments, whose held-out rays decide; those of ``moments`` where there are none.
+    cameras : sequence of str, optional
+        Names of the cameras to refine; all when None. The others stay as given.
     prior_pixels : float, optional
         Standard deviation of the prior in pixels for every camera. When None it follows from
         the rig's calibration, see `prior_lengths`.
@@ -90,14 +117,15 @@ def refine_cameras(
         if images do not fit the cameras, or if the prior is not positive.
     """
     chosen = _chosen(rig, cameras)
-    _check(rig, images, masks, prior_pixels)
-    masks = [np.isfinite(image) for image in images] if masks is None else list(masks)
+    for moment in (*moments, *judges):
+        _check(rig, moment.images, moment.masks)
+    _check_prior(prior_pixels)
     pixels = prior_lengths(rig, grid) if prior_pixels is None else np.full(len(rig), prior_pixels)
-    brightest = max(
-        float(np.max(i, initial=0, where=m)) for i, m in zip(images, masks, strict=True)
+    lit, judging = (
+        tuple(one for one in some if one.brightest > 0) for some in (moments, judges or moments)
     )
-    task = Task(rig, tuple(images), tuple(masks), grid, chosen, pixels, skip)
-    if brightest <= 0:
+    task = Task(rig, lit, judging, grid, chosen, pixels, skip)
+    if not (lit and judging):
         return task.unchanged("the images are dark")
     factor = coarsening(rig, grid, SEGMENTS)
     parameters = best = np.zeros((len(rig), COUNT))
@@ -146,12 +174,7 @@ def _chosen(rig: Rig, cameras: Sequence[str] | None) -> tuple[int, ...]:
     return tuple(view for view, name in enumerate(rig.names) if name in cameras)
 
 
-def _check(
-    rig: Rig,
-    images: Sequence[NDArray],
-    masks: Sequence[NDArray] | None,
-    prior_pixels: float | None,
-) -> None:
+def _check(rig: Rig, images: Sequence[NDArray], masks: Sequence[NDArray] | None) -> None:
     for what, found in (("images", images), ("masks", masks)):
         if found is None:
             continue
@@ -163,5 +186,8 @@ def _check(
                     f"{what}: camera {camera.name}: found shape {np.shape(own)}, "
                     f"expected {camera.image_size[::-1]}"
                 )
-    if prior_pixels is not None and not (math.isfinite(prior_pixels) and prior_pixels > 0):
-        raise ValueError(f"prior_pixels: found {prior_pixels}, expected pixels above 0")
+
+
+def _check_prior(pixels: float | None) -> None:
+    if pixels is not None and not (math.isfinite(pixels) and pixels > 0):
+        raise ValueError(f"prior_pixels: found {pixels}, expected pixels above 0")

@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import rigs
 from tomo import LinearSystem, VoxelGrid
 from tomo.selfcal.refine.held_out import HeldOutErrors, held_out_tiles, tiles_of
-from tomo.selfcal.refine.joint_step import STIFFNESS, JointStep, weight_of
+from tomo.selfcal.refine.joint_step import STIFFNESS, JointStep, SeenMoment, weight_of
 
 GRID = VoxelGrid((3, 4, 3), 1.0)
 
@@ -16,15 +18,21 @@ def step(seed, views=(0, 2)):
     operator = LinearSystem.from_rig(rig, GRID).projector
     random = np.random.default_rng(seed)
     counts = np.diff(operator.view_ptr)
+    moments = [
+        SeenMoment(
+            random.random(GRID.size) < 0.7,
+            [random.normal(size=(8, counts[view])) for view in views],
+        )
+        for _ in range(2)
+    ]
     joint = JointStep(
         operator,
-        random.random(GRID.size) < 0.7,
         views,
-        [random.normal(size=(8, counts[view])) for view in views],
+        moments,
         random.uniform(0.5, 2.0, len(views)),
         random.normal(size=(len(views), 8)),
     )
-    return joint, random.normal(size=operator.shape[0])
+    return joint, random.normal(size=(2, operator.shape[0]))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -33,42 +41,36 @@ def test_the_step_is_that_of_dense_least_squares(seed, monkeypatch):
 
     monkeypatch.setattr(module, "ITERATIONS", 500)
     monkeypatch.setattr(module, "TOLERANCE", 1e-12)
-    joint, residual = step(seed)
-    A = (joint.operator @ np.eye(GRID.size))[:, joint.free]  # (pixels, free)
+    joint, residuals = step(seed)
+    A = joint.operator @ np.eye(GRID.size)  # (pixels, unknowns)
     bound = joint.operator.T @ (joint.operator @ np.ones(GRID.size))
-    stiffness = STIFFNESS * np.median(bound[joint.free])
-    moves = np.zeros((len(A), 16))
-    for number, view in enumerate(joint.views):
-        span = slice(*joint.operator.view_ptr[view : view + 2])
-        moves[span, 8 * number : 8 * number + 8] = joint.derivatives[number].T
-    roots = np.sqrt(np.r_[np.full(A.shape[1], stiffness), np.repeat(joint.weights, 8)])
-    rows = np.vstack([np.hstack([A, moves]), np.diag(roots)])
-    wanted = np.r_[residual, np.zeros(A.shape[1]), -roots[A.shape[1] :] * joint.departures.ravel()]
-    dense = np.linalg.lstsq(rows, wanted, rcond=None)[0][A.shape[1] :]
-    assert joint.solve(residual).ravel() == pytest.approx(dense, abs=1e-5)
+    free = np.concatenate([one.free for one in joint.moments])
+    stiffness = STIFFNESS * np.median(np.tile(bound, 2)[free])
+    moves = np.zeros((2, len(A), 16))
+    for moment, own in zip(joint.moments, moves, strict=True):
+        for number, view in enumerate(joint.views):
+            span = slice(*joint.operator.view_ptr[view : view + 2])
+            own[span, 8 * number : 8 * number + 8] = moment.derivatives[number].T
+    volumes = np.kron(np.eye(2), A)[:, free]  # each moment has a volume of its own
+    roots = np.sqrt(np.r_[np.full(free.sum(), stiffness), np.repeat(joint.weights, 8)])
+    rows = np.vstack([np.hstack([volumes, np.vstack(moves)]), np.diag(roots)])
+    prior = -roots[free.sum() :] * joint.departures.ravel()
+    wanted = np.r_[residuals.ravel(), np.zeros(free.sum()), prior]
+    dense = np.linalg.lstsq(rows, wanted, rcond=None)[0][free.sum() :]
+    assert joint.solve(residuals).ravel() == pytest.approx(dense, abs=1e-5)
 
 
 def test_residuals_that_another_volume_explains_move_no_camera():
     joint, _ = step(0)
-    settled = JointStep(
-        joint.operator,
-        np.ones(GRID.size, bool),
-        joint.views,
-        joint.derivatives,
-        joint.weights,
-        np.zeros_like(joint.departures),
-    )
     volume = np.random.default_rng(5).random(GRID.size)
-    moved = settled.solve(np.asarray(joint.operator @ volume, np.float64))
-    alone = JointStep(
-        joint.operator,
-        np.arange(GRID.size) == 0,
-        joint.views,
-        joint.derivatives,
-        joint.weights,
-        np.zeros_like(joint.departures),
-    ).solve(np.asarray(joint.operator @ volume, np.float64))
-    assert np.linalg.norm(moved) < 0.05 * np.linalg.norm(alone)
+    residuals = [np.asarray(joint.operator @ volume, np.float64)] * 2
+
+    def moved(free):
+        moments = tuple(replace(one, free=free) for one in joint.moments)
+        settled = replace(joint, moments=moments, departures=np.zeros_like(joint.departures))
+        return np.linalg.norm(settled.solve(residuals))
+
+    assert moved(np.ones(GRID.size, bool)) < 0.05 * moved(np.arange(GRID.size) == 0)
 
 
 def test_noise_weighs_each_pixel_and_an_error_in_common_each_tile():
