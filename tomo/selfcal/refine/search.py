@@ -50,6 +50,10 @@ PATIENCE = 2
 """Outer iterations without a better prediction of held-out rays, after which they end. Fewer stop
 at a setback by chance; more take longer."""
 
+BETTER = 0.02
+"""Fraction of the squared error of held-out rays by which an iteration has to improve to count as
+better. Larger, slow progress is given up; smaller, iterations are spent on chance."""
+
 FEWEST = 3
 """Views that a refinement needs at least: two views agree with nearly any cameras."""
 
@@ -142,8 +146,11 @@ def refine_over_moments(
                 parameters = without_common_motion(rig, grid, parameters, task.lengths)
             found = level.held_out_errors(parameters)
             errors_by_round.append(found.relative_error)
-            if found.squared_errors.sum() < after.squared_errors.sum():
-                best, after, best_round = parameters, found, number
+            error, least = found.squared_errors.sum(), after.squared_errors.sum()
+            if error < (1 - BETTER) * least:
+                best_round = number
+            if error < least:
+                best, after = parameters, found
             if task.size(step) < SETTLED * factor or number - best_round >= PATIENCE:
                 break
     except VolumeNotSeenError:
