@@ -108,4 +108,4 @@ def test_few_frames_and_none_leave_the_rig_as_it_is(film):
     asked = replace(OPTIONS, refine_cameras="cam00,cam01", refine_frames=2)
     plan = make_plan(Scan.from_arrays(wrong, short, GRID), GRID, asked, (0, 1, 2))
     assert plan.registered.refinement.cameras == ("cam00", "cam01")
-    assert plan.registered.rig["cam03"].R == pytest.approx(wrong["cam03"].R)
+    assert np.allclose(plan.registered.rig["cam03"].R, wrong["cam03"].R)
