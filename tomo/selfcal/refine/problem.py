@@ -13,7 +13,12 @@ from rigs import Rig, box_points
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
 from tomo.scan.downsample import Coarser
-from tomo.selfcal.refine.held_out import HeldOutErrors, training_pixels
+from tomo.selfcal.refine.held_out import (
+    SIGNIFICANT,
+    SURE_ELSEWHERE,
+    HeldOutErrors,
+    training_pixels,
+)
 from tomo.selfcal.refine.moment import Moment
 from tomo.selfcal.refine.parameters import COUNT, GEOMETRY, moved_rig
 from tomo.selfcal.refine.prior import GAIN_PRIOR, units
@@ -86,8 +91,10 @@ class Task:
     ) -> Refinement:
         """Return the refinement with the best parameters found."""
         errors = before.relative_error, after.relative_error
-        moved = len(self.chosen) / len(self.rig)
-        accepted = bool(parameters.any()) and before.is_improved_by(after, moved)
+        elsewhere = self.judges != self.moments
+        moved = 0.0 if elsewhere else len(self.chosen) / len(self.rig)
+        sure = SURE_ELSEWHERE if elsewhere else SIGNIFICANT
+        accepted = bool(parameters.any()) and before.is_improved_by(after, moved, sure)
         reason = (
             f"the relative error of held-out rays falls from {errors[0]:.4f} to {errors[1]:.4f}"
             if accepted
