@@ -26,7 +26,7 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.downsample import coarsening
-from tomo.selfcal.refine.common_motion import without_common_motion
+from tomo.selfcal.refine.common_motion import where_most_see_it, without_common_motion
 from tomo.selfcal.refine.moment import Moment
 from tomo.selfcal.refine.parameters import COUNT
 from tomo.selfcal.refine.prior import prior_lengths
@@ -50,7 +50,7 @@ PATIENCE = 2
 """Outer iterations without a better prediction of held-out rays, after which they end. Fewer stop
 at a setback by chance; more take longer."""
 
-BETTER = 0.02
+BETTER = 0.005
 """Fraction of the squared error of held-out rays by which an iteration has to improve to count as
 better. Larger, slow progress is given up; smaller, iterations are spent on chance."""
 
@@ -153,6 +153,9 @@ def refine_over_moments(
                 best, after = parameters, found
             if task.size(step) < SETTLED * factor or number - best_round >= PATIENCE:
                 break
+        if best.any() and len(chosen) == len(rig):
+            best = where_most_see_it(rig, grid, best, task.lengths)
+            after = level.held_out_errors(best)
     except VolumeNotSeenError:
         return task.unchanged("the cameras do not see the volume")
     if progress:
