@@ -70,7 +70,14 @@ def attributes_of_run(
 
 def attributes_of_plan(plan: Plan) -> dict[str, Any]:
     """Return the attributes of a store that say what was settled for all frames."""
-    return plain({"plan": plan.report(), "plan_warnings": list(plan.warnings)})
+    found = plan.registered.recorded_rig(plan.scan)
+    return plain(
+        {
+            "plan": plan.report(),
+            "plan_warnings": list(plan.warnings),
+            "corrected_rig": found and yaml.safe_load(rig_to_yaml(found)),
+        }
+    )
 
 
 def check_same_run(store: SeriesStore, attributes: Mapping[str, Any]) -> None:

@@ -14,6 +14,7 @@ from tomo.selfcal.refine.parameters import COUNT, moved_rig
 from tomo.selfcal.refine.prior import units
 from tomo.series.images import reader_of
 from tomo.series.run import solve_block
+from tomo.series.same_run import attributes_of_plan
 from tomo.series.settle import make_plan
 from tomo.simulation import simulate_images
 
@@ -82,6 +83,9 @@ def test_a_film_puts_its_cameras_right_without_being_asked(film, plan):
     line = next(one for one in plan.warnings if one.startswith("cameras refined"))
     assert "from 4 frames together: cam00, cam01, cam03" in line
     assert "--refine-cameras none" in line
+    found = attributes_of_plan(plan)["corrected_rig"]
+    assert [camera["name"] for camera in found["cameras"]] == list(rig.names)
+    assert found["calibration"]["refined_from_images"]["accepted"] is True
 
 
 def test_exact_cameras_lose_nothing(film):
