@@ -135,8 +135,8 @@ def _of_refinement(found: Refinement, options: Options) -> str:
         return (
             f"cameras refined from {options.refine_frames} frames together: {names}: "
             f"{found.reason} in other frames; {found.given.names[farthest]} moves farthest, "
-            f"by {found.moved_pixels[farthest]:.1f} pixels. They are the store's corrected_rig; to "
-            "keep the rig as it is, --refine-cameras none"
+            f"by {found.moved_pixels[farthest]:.1f} pixels. They are the store's corrected_rig; "
+            "to keep the rig as it is, --refine-cameras none"
         )
     return f"cameras stay as the rig says: {names}: {found.reason}"
 
