@@ -14,7 +14,6 @@ import numpy as np
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.operators.system import Progress
-from tomo.pipeline.check_options import cameras_to_refine
 from tomo.pipeline.options import Options
 from tomo.pipeline.register import Registered, register_screened, shift_warnings
 from tomo.pipeline.screen import ScreenedScan
@@ -35,6 +34,7 @@ def register_key_frames(
     others: Sequence[FrameImages],
     grid: VoxelGrid,
     options: Options,
+    asked: Sequence[str],
     progress: Progress | None = None,
 ) -> Registered:
     """Return the cameras as frames of the film show them.
@@ -49,9 +49,13 @@ def register_key_frames(
         The frames that refine cameras and those that judge, in turn; none: nothing is refined.
     grid : VoxelGrid
     options : Options
+    asked : sequence of str
+        The cameras that are to be refined, if they take part; all where options ask for none.
     progress : callable, optional
     """
-    rig, refine = screened.scan.rig, _to_refine(screened, options)
+    rig = screened.scan.rig
+    refine = _able(rig) if options.refine_cameras is None else asked
+    refine = tuple(name for name in refine if name in rig.names)
     alignment = refinement = None
     with timed() as stage:
         everything = set(refine) >= set(rig.names)  # refinement finds shifts too
@@ -60,9 +64,10 @@ def register_key_frames(
         if refine and others:
             refinement = refine_from_frames(rig, others, grid, options, refine, progress)
             rig = refinement.rig
-            stage.warnings.append(_of_refinement(refinement, options))
-        left = refinement is not None and not refinement.accepted and not options.refine_cameras
-        if options.align and everything and left:  # nobody asked to refine
+            if refinement.accepted or asked:
+                stage.warnings.append(_of_refinement(refinement, -(-len(others) // 2)))
+        refined = refinement is not None and (refinement.accepted or asked)
+        if options.align and everything and not refined:
             alignment, rig = _aligned(screened, frames, grid, stage.warnings)
     middle = frames[len(frames) // 2]
     one = replace(
@@ -102,19 +107,15 @@ def refine_from_frames(
     )
 
 
-def refines(options: Options, count: int) -> bool:
+def refines(options: Options, asked: Sequence[str], count: int) -> bool:
     """Return whether cameras of a film of so many frames are refined, asked for or not."""
-    return bool(options.refine_cameras) or count >= FEWEST_FRAMES
+    return bool(asked) or (options.refine_cameras is None and count >= FEWEST_FRAMES)
 
 
-def _to_refine(screened: ScreenedScan, options: Options) -> tuple[str, ...]:
-    """Return the cameras to refine: those asked for, or all that can be, if they take part."""
-    rig = screened.scan.rig
-    if options.refine_cameras is None:
-        able = tuple(camera.name for camera in rig if camera.has_lens_model)
-        return able if len(rig) >= FEWEST else ()
-    asked = cameras_to_refine(options, screened.scan)
-    return tuple(name for name in asked if name in rig.names)
+def _able(rig: Rig) -> tuple[str, ...]:
+    """Return the cameras that can be refined: none of too few, no tables of rays."""
+    able = tuple(camera.name for camera in rig if camera.has_lens_model)
+    return able if len(rig) >= FEWEST else ()
 
 
 def _aligned(
@@ -128,12 +129,12 @@ def _aligned(
     return alignment, rig
 
 
-def _of_refinement(found: Refinement, options: Options) -> str:
+def _of_refinement(found: Refinement, frames: int) -> str:
     names = ", ".join(found.cameras)
     if found.accepted:
         farthest = int(np.nanargmax(found.moved_pixels))
         return (
-            f"cameras refined from {options.refine_frames} frames together: {names}: "
+            f"cameras refined from {frames} frames together: {names}: "
             f"{found.reason} in other frames; {found.given.names[farthest]} moves farthest, "
             f"by {found.moved_pixels[farthest]:.1f} pixels. They are the store's corrected_rig; "
             "to keep the rig as it is, --refine-cameras none"

@@ -17,7 +17,7 @@ from tomo.measurement import NoiseModel, estimate_noise
 from tomo.operators.system import Progress
 from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import WeightedSystem, build
-from tomo.pipeline.check_options import check_options
+from tomo.pipeline.check_options import cameras_to_refine, check_options
 from tomo.pipeline.evaluate import data_range, system_apart, trace_apart
 from tomo.pipeline.explain import explain_images
 from tomo.pipeline.first_use import warm_up_stages
@@ -122,11 +122,11 @@ def make_plan(
         scale=options.fit_gain is not False,
     )
     frames = [images_of(one, screened) for one in loaded]
-    tell, others = stage("where cameras look"), []
-    if refines(options, len(places)):
+    asked, tell, others = cameras_to_refine(options, scan), stage("where cameras look"), []
+    if refines(options, asked, len(places)):
         refining = readable(scan, refining_places(places, options), places, options.skip_bad)
         others = list(map(reader_of(scan, screened), refining))
-    registered = register_key_frames(screened, frames, others, grid, options, tell)
+    registered = register_key_frames(screened, frames, others, grid, options, asked, tell)
     stage("carving")
     noise = noise_of_frames(frames)
     rule = rule_of(registered.rig, frames, grid, options, noise)

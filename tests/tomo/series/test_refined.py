@@ -109,7 +109,7 @@ def test_few_frames_and_none_leave_the_rig_as_it_is(film):
     short = {name: each[:3] for name, each in images.items()}
     plan = make_plan(Scan.from_arrays(wrong, short, GRID), GRID, OPTIONS, (0, 1, 2))
     assert plan.registered.refinement is None
-    asked = replace(OPTIONS, refine_cameras="cam00,cam01", refine_frames=2)
+    asked = replace(OPTIONS, refine_cameras=f"cam00,cam01,{HELD_OUT}", refine_frames=2)
     plan = make_plan(Scan.from_arrays(wrong, short, GRID), GRID, asked, (0, 1, 2))
     assert plan.registered.refinement.cameras == ("cam00", "cam01")
     assert np.allclose(plan.registered.rig["cam03"].R, wrong["cam03"].R)
