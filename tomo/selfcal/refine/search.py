@@ -26,7 +26,7 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.downsample import coarsening
-from tomo.selfcal.refine.common_motion import where_most_see_it, without_common_motion
+from tomo.selfcal.refine.common_motion import without_common_motion
 from tomo.selfcal.refine.moment import Moment
 from tomo.selfcal.refine.parameters import COUNT
 from tomo.selfcal.refine.prior import prior_lengths
@@ -153,12 +153,6 @@ def refine_over_moments(
                 best, after = parameters, found
             if task.size(step) < SETTLED * factor or number - best_round >= PATIENCE:
                 break
-        if best.any() and len(chosen) == len(rig):
-            moved = where_most_see_it(rig, grid, best, task.lengths)
-            found = level.held_out_errors(moved)
-            # cameras agree as before: rays are predicted worse only where the grid cuts light off
-            if found.squared_errors.sum() < (1 + BETTER) * after.squared_errors.sum():
-                best, after = moved, found
     except VolumeNotSeenError:
         return task.unchanged("the cameras do not see the volume")
     if progress:
