@@ -13,9 +13,11 @@ import yaml
 
 from rigs.files.rig_yaml import rig_to_yaml
 from tomo.grid import VoxelGrid
+from tomo.pipeline.check_options import cameras_to_refine
 from tomo.pipeline.options import Options
 from tomo.pipeline.report_json import plain, versions
 from tomo.scan import Scan
+from tomo.series.cameras import refines
 from tomo.series.frames import BLOCK, refining_places
 from tomo.series.images import naming, readable, readable_keys
 from tomo.series.plan import Plan
@@ -42,7 +44,9 @@ def attributes_of_run(
         The frames, by their places in the scan.
     """
     rate, keys = scan.frame_rate, readable_keys(scan, places, options)
-    refining = readable(scan, refining_places(places, options), places, options.skip_bad)
+    refining = ()
+    if refines(options, cameras_to_refine(options, scan), len(places)):
+        refining = readable(scan, refining_places(places, options), places, options.skip_bad)
     return plain(
         {
             # a run that a bad frame ended goes on with --skip-bad: good frames have the same bits
