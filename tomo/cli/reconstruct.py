@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -85,6 +86,21 @@ def reconstruct(
         typer.Option(metavar="r|g|b", help="The colour to reconstruct of images in colour."),
     ] = None,
     scale: Annotated[int, typer.Option(help="Shrink the images by area means.", min=1)] = 1,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="With --frames: solve blocks of frames in N processes of one thread each.",
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="With --frames: solve blocks of frames on the Dask cluster at an address like "
+            "tcp://host:8786.",
+        ),
+    ] = None,
     pictures: Annotated[
         bool, typer.Option("--pictures/--no-pictures", help="Draw the report's pictures.")
     ] = True,
@@ -107,13 +123,17 @@ def reconstruct(
             loaded = loaded.of_channel(channel and channel.lower(), bayer and bayer.upper())
         loaded = loaded.scaled(scale)
         if options.frames is None:
+            for name, value in (("workers", workers), ("scheduler", scheduler)):
+                if value is not None:
+                    raise ValueError(f"--{name}: found {value}, expected it with --frames alone")
             check_output_volume(out, loaded.rig, loaded.source)
         given = (grid, spacing, center, lower, upper)
         voxels = None
         if any(option is not None for option in given):
             voxels = parse_grid(*given, default=loaded.grid)
         if options.frames is not None:
-            return _series(loaded, voxels, options, out, pictures, json)
+            cluster = _cluster(workers, scheduler)
+            return _series(loaded, voxels, options, out, pictures, json, cluster)
         with progress_bar("reconstruct") as progress:
             outcome = run(loaded, voxels, options, progress=progress)
         report = write_outcome(out, outcome, with_pictures=pictures)
@@ -125,6 +145,15 @@ def reconstruct(
         print_json(report)
 
 
+def _cluster(workers: int | None, scheduler: str | None) -> AbstractContextManager | None:
+    """Return where blocks of frames are solved; None for this process."""
+    from tomo.series import on_cluster
+
+    if workers is None and scheduler is None:
+        return None
+    return on_cluster(workers, scheduler)
+
+
 def _series(
     scan: Scan,
     grid: VoxelGrid | None,
@@ -132,6 +161,7 @@ def _series(
     out: Path,
     pictures: bool,
     json: bool,
+    cluster: AbstractContextManager | None,
 ) -> None:
     """Reconstruct frames into a store, and say what became of them."""
     from tomo.cli.series import (
@@ -146,7 +176,7 @@ def _series(
 
     check_output_store(out, scan.rig, scan.source)
     with frames_bar() as progress:
-        store = reconstruct_series(scan, out, grid, options, progress=progress)
+        store = reconstruct_series(scan, out, grid, options, progress=progress, cluster=cluster)
     table = SeriesTable.of(store)
     report = series_report(table)
     report["warnings"] += reasons_left_out(report["left_out"], scan)

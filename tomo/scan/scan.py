@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -178,6 +179,11 @@ class Scan:
         """The names of the frames, in order."""
         return tuple(frame.name for frame in self.frames)
 
+    @cached_property
+    def _by_name(self) -> dict[str, Frame]:
+        """Frames by their names: a film of ten thousand is not searched for each."""
+        return {frame.name: frame for frame in self.frames}
+
     @property
     def _where(self) -> str:
         return "" if self.source is None else f"{self.source}: "
@@ -195,7 +201,7 @@ class Scan:
         """
         if name is None:
             return self.frames[0]
-        found = find_frame(self.frames, name)
+        found = self._by_name.get(name) or find_frame(self.frames, name)
         if found is None:
             known = ", ".join(self.frame_names)
             raise ValueError(f"{self._where}frame: found {name!r}, expected one of {known}")

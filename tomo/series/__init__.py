@@ -5,6 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "cluster": ["on_cluster"],
         "frames": ["choose_frames"],
         "plan": ["Plan"],
         "settle": ["make_plan"],

@@ -6,7 +6,8 @@ import errno
 import gc
 import itertools
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
@@ -38,6 +39,9 @@ from tomo.series.systems import system_of_block
 if TYPE_CHECKING:
     from os import PathLike
 
+Execute = Callable[[Plan, SeriesStore, Progress | None], None]
+"""Solves every block that is not complete, like `run_plan`."""
+
 BEHIND = 2
 """Volumes that wait to be written: more take memory, none leaves solver or writer waiting."""
 
@@ -49,6 +53,7 @@ def reconstruct_series(
     options: Options = Options(frames=":"),
     *,
     progress: Progress | None = None,
+    cluster: AbstractContextManager[Execute] | None = None,
 ) -> SeriesStore:
     """Reconstruct many frames of a scan into a store; go on with one that was begun.
 
@@ -64,13 +69,17 @@ def reconstruct_series(
         ``frames`` are those to reconstruct.
     progress : callable, optional
         ``progress(done, total, where)``.
+    cluster : context manager, optional
+        Gives what solves the blocks that are missing, see `tomo.series.cluster.on_cluster`; this
+        process does when None.
 
     Raises
     ------
     ValueError
         One line that names what is wrong with the input, or what differs from the store's.
     OSError
-        If the store does not fit on the disk.
+        If the store does not fit on the disk, before the first frame or when that is full. Frames
+        that are complete stay.
     """
     grid = scan.grid if grid is None else grid
     check_series_options(options, scan, grid)
@@ -82,15 +91,17 @@ def reconstruct_series(
         check_same_run(known, attributes)
         if known.finished:
             return known
-    plan = make_plan(scan, grid, options, places, progress)
-    attributes |= attributes_of_plan(plan)
-    if known is None:
-        _check_room(Path(path), plan)
-        rate = scan.frame_rate or 1.0
-        times = [place / rate for place in places]
-        known = SeriesStore.create(path, grid, times, places, attributes)
-    check_same_run(known, attributes)
-    run_plan(plan, known, progress)
+    with cluster or nullcontext(run_plan) as execute:
+        plan = make_plan(scan, grid, options, places, progress)
+        attributes |= attributes_of_plan(plan)
+        if known is None:
+            _check_room(Path(path), plan)
+            rate = scan.frame_rate or 1.0
+            times = [place / rate for place in places]
+            known = SeriesStore.create(path, grid, times, places, attributes)
+        check_same_run(known, attributes)
+        with _no_room_in_one_line(known):
+            execute(plan, known, progress)
     return known
 
 
@@ -103,12 +114,12 @@ def run_plan(plan: Plan, store: SeriesStore, progress: Progress | None = None) -
     with Claims(store.path) as claims:
         for wait in (False, True):
             missing = [block for block in blocks if not store.is_complete(block)]
-            _run_blocks(plan, store, claims, missing, wait, progress)
+            run_blocks(plan, store, claims, missing, wait, progress)
     if progress:
         progress(len(plan.places), len(plan.places), "")
 
 
-def _run_blocks(
+def run_blocks(
     plan: Plan,
     store: SeriesStore,
     claims: Claims,
@@ -116,7 +127,7 @@ def _run_blocks(
     wait: bool,
     progress: Progress | None,
 ) -> None:
-    """Solve and write those of some blocks that can be had."""
+    """Solve and write those of some blocks that can be had: that are not in another run's hand."""
     read = reader_of(plan.scan, plan.screened, plan.options.skip_bad)
 
     def in_turn() -> Iterator[tuple[range, FrameImages | None]]:
@@ -224,3 +235,18 @@ def _check_room(path: Path, plan: Plan) -> None:
             f"{len(plan.places)} frames",
             str(path),
         )
+
+
+@contextmanager
+def _no_room_in_one_line(store: SeriesStore) -> Iterator[None]:
+    """Say of a disk that is full which frames stay."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        raise OSError(
+            error.errno,
+            f"{error.strerror}; {store.done()}: make room, and give the same command again",
+            str(store.path),
+        ) from None

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 import os
-import secrets
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from rigs.files import atomic_path
 from tomo.grid import VoxelGrid
 from tomo.series.frames import BLOCK
 from tomo.series.solving import FrameResult
@@ -107,19 +106,13 @@ class SeriesStore:
             known; plain values.
         """
         path = Path(path)
-        if path.exists():
-            return cls(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        staging = path.with_name(f".{path.name}.partial-{os.getpid()}-{secrets.token_hex(4)}")
-        try:
-            _write_empty(staging, grid, times, frames, attributes)
+        if not path.exists():
             try:
-                os.rename(staging, path)
+                with atomic_path(path) as staging:
+                    _write_empty(staging, grid, times, frames, attributes)
             except OSError:  # another run was faster
                 if not path.is_dir():
                     raise
-        finally:
-            shutil.rmtree(staging, ignore_errors=True)
         return cls(path)
 
     @property
@@ -146,6 +139,10 @@ class SeriesStore:
     def finished(self) -> bool:
         """Whether nothing is left to do: every frame is complete or was left out."""
         return bool(self.group["complete"][:].all())
+
+    def done(self) -> str:
+        """Return in words how many frames are complete, for messages of a run that ends early."""
+        return f"{int(self.complete.sum())} of {self.n_frames} frames are complete and stay"
 
     def is_complete(self, block: range) -> bool:
         """Return whether nothing is left to do of a block."""

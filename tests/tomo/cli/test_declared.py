@@ -17,7 +17,7 @@ from tomo.pipeline.options import _option
 from tomo.simulation import simulate_images
 
 OWN = {"out", "rig", "images", "grid", "spacing", "center", "lower", "upper", "scale"}
-OWN |= {"pattern", "bayer", "channel", "pictures", "json", "help"}
+OWN |= {"pattern", "bayer", "channel", "workers", "scheduler", "pictures", "json", "help"}
 
 
 def names_in(help_text):

@@ -96,6 +96,8 @@ def test_a_store_is_drawn_as_a_page_that_plays(made, run_tool, tmp_path):
         (["--frames", ":", "--frame", "3", "-o", "out.zarr"], "frame: found '3' with frames"),
         (["--frames", ":", "--compare", "mlem", "-o", "out.zarr"], "compare: found"),
         (["--frames", ":", "--key-frames", "0", "-o", "out.zarr"], "--key-frames: found '0'"),
+        (["--frames", ":", "--workers", "0", "-o", "out.zarr"], "workers: found 0, expected"),
+        (["--workers", "2", "-o", "out"], "--workers: found 2, expected it with --frames"),
     ],
 )
 def test_wrong_requests_are_one_line(films, run_tool, tmp_path, monkeypatch, arguments, part):

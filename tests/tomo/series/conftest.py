@@ -47,6 +47,26 @@ def film():
 
 
 @pytest.fixture(scope="session")
+def plan(film):
+    """Return the plan of the film."""
+    from tomo.series import make_plan
+
+    return make_plan(film.scan, film.grid, film.options, tuple(range(COUNT)))
+
+
+@pytest.fixture
+def store(plan, tmp_path):
+    """Return a store for the plan, without a frame."""
+    from tomo.series import SeriesStore
+    from tomo.series.same_run import attributes_of_plan, attributes_of_run
+
+    attributes = attributes_of_run(plan.scan, plan.grid, plan.options, plan.places)
+    attributes |= attributes_of_plan(plan)
+    frames = list(plan.places)
+    return SeriesStore.create(tmp_path / "out.zarr", plan.grid, frames, frames, attributes)
+
+
+@pytest.fixture(scope="session")
 def undisturbed(film, tmp_path_factory):
     """Return the store of the film, made in one go."""
     from tomo.series import reconstruct_series

@@ -1,3 +1,4 @@
+import errno
 import os
 import subprocess
 import sys
@@ -14,8 +15,6 @@ from tomo.series import run as series_run
 from tomo.series.claims import Claims
 from tomo.series.frames import BLOCK, blocks_of
 from tomo.series.run import run_plan
-from tomo.series.same_run import attributes_of_plan, attributes_of_run
-from tomo.series.settle import make_plan
 from tomo.series.store import CAMERA_FIGURES, FIGURES
 
 ROOT = Path(__file__).parents[3]
@@ -23,22 +22,6 @@ ROOT = Path(__file__).parents[3]
 
 class StoppedError(Exception):
     """The run ended here."""
-
-
-@pytest.fixture(scope="module")
-def plan(film):
-    return make_plan(film.scan, film.grid, film.options, tuple(range(len(film.truths))))
-
-
-def attributes(plan):
-    run = attributes_of_run(plan.scan, plan.grid, plan.options, plan.places)
-    return run | attributes_of_plan(plan)
-
-
-@pytest.fixture
-def store(plan, tmp_path):
-    frames = list(plan.places)
-    return SeriesStore.create(tmp_path / "out.zarr", plan.grid, frames, frames, attributes(plan))
 
 
 @pytest.fixture
@@ -92,39 +75,6 @@ def test_what_is_complete_is_right_wherever_a_run_ends(
         assert np.array_equal(store.volume(place), undisturbed.volume(place))
     run_plan(plan, store)
     assert_same(store, undisturbed)
-
-
-KILLED = """
-import os, signal, sys
-import numpy as np
-import rigs
-from tomo import Options, Scan, VoxelGrid
-from tomo.series import SeriesStore, reconstruct_series
-with np.load(sys.argv[1]) as file:
-    images = dict(file)
-rig = rigs.ring(5, distance=200.0, image_size=(24, 26), footprint=0.8, pitch_degrees=12.0)
-scan = Scan.from_arrays(rig, images, VoxelGrid((12, 14, 12), 1.0))
-write, left = SeriesStore.write_volume, [int(sys.argv[3])]
-def killing(self, place, volume):
-    write(self, place, volume)
-    left[0] -= 1
-    if not left[0]:
-        os.kill(os.getpid(), signal.SIGKILL)
-SeriesStore.write_volume = killing
-reconstruct_series(scan, sys.argv[2],
-                   options=Options(frames=":", hold_out=(rig.names[2],), key_frames=2))
-"""
-
-
-def test_a_killed_process_goes_on_to_the_same_bits(film, undisturbed, tmp_path, assert_same):
-    np.savez(tmp_path / "images.npz", **film.images)
-    path = tmp_path / "out.zarr"
-    command = [sys.executable, "-c", KILLED, str(tmp_path / "images.npz"), str(path)]
-    ends = [subprocess.run([*command, count], cwd=ROOT).returncode for count in ("9", "99")]
-    assert ends == [-9, 0]
-    assert_same(SeriesStore(path), undisturbed)
-    assert not list(path.rglob("*.partial"))
-    assert not [one for one in os.listdir(tmp_path) if "partial" in one]
 
 
 def test_a_finished_store_is_left_as_it_is(film, undisturbed, monkeypatch):
@@ -221,6 +171,28 @@ def test_a_store_that_does_not_fit_on_the_disk_is_refused(film, tmp_path, monkey
     with pytest.raises(OSError, match="GB free, expected"):
         reconstruct_series(film.scan, tmp_path / "out.zarr", options=film.options)
     assert not (tmp_path / "out.zarr").exists()
+
+
+def test_a_disk_that_becomes_full_is_one_line_and_the_run_goes_on(
+    film, tmp_path, monkeypatch, assert_same
+):
+    options = replace(film.options, method="sirt", iterations=9)
+    whole = reconstruct_series(film.scan, tmp_path / "whole.zarr", options=options)
+    put, path = local_store._put, tmp_path / "out.zarr"
+
+    def full(file, *arguments, **settings):
+        if file.relative_to(path.parent).parts[1:4] == ("emission", "c", "9"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
+        return put(file, *arguments, **settings)
+
+    monkeypatch.setattr(local_store, "_put", full)
+    with pytest.raises(
+        OSError, match="No space left on device; 8 of 11 frames are complete"
+    ) as no:
+        reconstruct_series(film.scan, path, options=options)
+    assert no.value.filename == str(path)
+    monkeypatch.setattr(local_store, "_put", put)
+    assert_same(reconstruct_series(film.scan, path, options=options), whole)
 
 
 def test_a_frame_that_cannot_be_read_ends_the_run_and_leaves_what_is_done(

@@ -1,0 +1,162 @@
+"""One worker of a cluster: the plan that it holds, and the blocks that it is given."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import io
+import os
+import pickle
+import threading
+from collections.abc import Mapping
+from pathlib import Path, PurePath
+
+import numba
+from distributed import WorkerPlugin, get_worker
+
+from tomo.series.claims import Claims
+from tomo.series.plan import Plan
+from tomo.series.run import run_blocks
+from tomo.series.same_run import COMPARED_VERSIONS
+from tomo.series.store import SeriesStore
+
+
+class HeldPlan(WorkerPlugin):
+    """A plan that Dask's scheduler gives to every worker once, also to those that come later.
+
+    Dask calls ``setup`` where it listens for messages: the plan is unpacked by the first block.
+
+    Parameters
+    ----------
+    plan : Plan
+    store : SeriesStore
+        Its folder is on a disk that all workers share.
+    versions : mapping
+        Package to version, of the process that made the plan.
+    """
+
+    def __init__(self, plan: Plan, store: SeriesStore, versions: Mapping[str, str]) -> None:
+        self._plan: bytes | Plan = pickled(plan)
+        self._path = store.path.absolute()
+        self._store: SeriesStore | None = None
+        self._stamp = stamp_of(os.stat(self._path / "zarr.json"))
+        self._versions = dict(versions)
+
+    def __getstate__(self) -> dict:
+        """Return what is sent."""
+        return {name: value for name, value in vars(self).items() if name != "_lock"}
+
+    def setup(self, worker: object) -> None:
+        """Take the plan as a worker."""
+        self._lock = threading.Lock()
+        self._name = getattr(worker, "address", "this one")
+
+    def teardown(self, worker: object) -> None:
+        """Let the store and the plan go."""
+        if self._store is not None:
+            self._claims.__exit__(None, None, None)
+        self._plan = b""
+
+    def solve(self, block: range, wait: bool) -> bool:
+        """Solve and write a block; return whether it is complete.
+
+        Raises
+        ------
+        ValueError
+            If this worker has other versions, or sees another store or none.
+        """
+        with self._lock:
+            if self._store is None:
+                self._open()
+        bound_threads()
+        run_blocks(self._plan, self._store, self._claims, [block], wait, None)
+        return self._store.is_complete(block)
+
+    def _open(self) -> None:
+        check_versions(self._name, self._versions, own_versions())
+        check_store(self._name, self._path, self._stamp, _stat(self._path / "zarr.json"))
+        self._plan = pickle.loads(self._plan)
+        store = SeriesStore(self._path)
+        self._claims = Claims(self._path)
+        self._store = store
+
+
+def solve_block_of(name: str, start: int, stop: int, wait: bool) -> bool:
+    """Solve a block by the plan of a name that this worker holds: the task of a cluster."""
+    return get_worker().plugins[name].solve(range(start, stop), wait)
+
+
+def bound_threads() -> None:
+    """Solve a block on one thread, or as many as NUMBA_NUM_THREADS says.
+
+    Dask starts as many workers, or threads of workers, as there are to be used: each has a block.
+    No other library's threads solve frames.
+    """
+    threads = int(os.environ.get("NUMBA_NUM_THREADS", "1"))
+    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+
+
+class _Pickler(pickle.Pickler):
+    """A pickler that makes paths absolute: workers may run in another folder."""
+
+    def reducer_override(self, value: object) -> object:
+        """Return how a path is made again; anything else as usual."""
+        if isinstance(value, PurePath):
+            return Path, (os.path.abspath(value),)
+        return NotImplemented
+
+
+def pickled(plan: Plan) -> bytes:
+    """Return a plan as bytes. Open films are not in it: they are opened where it is used."""
+    packed = io.BytesIO()
+    _Pickler(packed, pickle.HIGHEST_PROTOCOL).dump(plan)
+    return packed.getvalue()
+
+
+def own_versions() -> dict[str, str]:
+    """Return the versions of the packages that decide the bits."""
+    return {name: importlib.metadata.version(name) for name in COMPARED_VERSIONS}
+
+
+def check_versions(worker: str, expected: Mapping[str, str], found: Mapping[str, object]) -> None:
+    """Refuse a worker that has other versions than the process that made the plan.
+
+    Raises
+    ------
+    ValueError
+        One line that names worker, package and both versions.
+    """
+    for name, version in expected.items():
+        if found[name] != version:
+            theirs = found[name] if isinstance(found[name], str) else "none"
+            raise ValueError(
+                f"worker {worker}: {name}: found {theirs}, expected {version} as here: its "
+                "volumes may differ in their last bits. Install the same versions everywhere"
+            )
+
+
+def stamp_of(found: os.stat_result) -> tuple[int, int]:
+    """Return what is the same of a file on one disk from wherever it is seen: size and time."""
+    return found.st_size, int(found.st_mtime)
+
+
+def check_store(worker: str, path: Path, expected: tuple[int, int], found: object) -> None:
+    """Refuse a worker that does not see the store, or sees another one at its place.
+
+    Raises
+    ------
+    ValueError
+        One line that names worker and store.
+    """
+    if not isinstance(found, os.stat_result) or stamp_of(found) != expected:
+        what = "another store" if isinstance(found, os.stat_result) else "no such store"
+        raise ValueError(
+            f"{path}: worker {worker} found {what} there, expected this one: write it on a disk "
+            "that all workers share, under the same path"
+        )
+
+
+def _stat(path: Path) -> os.stat_result | OSError:
+    try:
+        return os.stat(path)
+    except OSError as error:
+        return error
