@@ -11,9 +11,10 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "blobs": ["GaussianBlobs"],
         "catalogue": ["create", "names"],
-        "field": ["BoxField", "Field", "FlameField"],
+        "field": ["BoxField", "Field", "FlameField", "MovingField", "field_at"],
         "homogeneous": ["RandomHomogeneous"],
         "jet": ["JetFlame"],
+        "plume": ["Plume"],
         "sampling": ["SampledField", "sample"],
         "turbulent": ["TurbulentFlame"],
     },

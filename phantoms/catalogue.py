@@ -10,12 +10,14 @@ from phantoms.blobs import GaussianBlobs
 from phantoms.field import REFERENCE_EXTENT, Field
 from phantoms.homogeneous import RandomHomogeneous
 from phantoms.jet import JetFlame
+from phantoms.plume import Plume
 from phantoms.turbulent import TurbulentFlame
 
 _CATALOGUE: dict[str, Callable[..., Field]] = {
     "blobs": GaussianBlobs.random,
     "homogeneous": RandomHomogeneous,
     "jet": JetFlame,
+    "plume": Plume,
     "turbulent": TurbulentFlame,
 }
 
@@ -50,7 +52,7 @@ def create(
     Examples
     --------
     >>> create("jet", seed=3)
-    JetFlame(seed=3, extent=(15.0, 70.0, 15.0), center=(0.0, 0.0, 0.0))
+    JetFlame(seed=3, extent=(15.0, 70.0, 15.0), center=(0.0, 0.0, 0.0), time=0.0)
     """
     if name not in _CATALOGUE:
         raise ValueError(f"phantom: found {name!r}, expected one of {', '.join(names())}")

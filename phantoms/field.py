@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,20 @@ class Field(Protocol):
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the values ``(...)`` at ``points`` ``(..., 3)`` in world coordinates."""
         ...
+
+
+@runtime_checkable
+class MovingField(Field, Protocol):
+    """A field that changes with time."""
+
+    def at(self, time: float) -> Field:
+        """Return the field at a time in seconds."""
+        ...
+
+
+def field_at(field: Field, time: float) -> Field:
+    """Return a field at a time in seconds; one that does not move is the same at all times."""
+    return field.at(time) if isinstance(field, MovingField) else field
 
 
 @dataclass(frozen=True)
@@ -68,12 +82,38 @@ class BoxField(ABC):
         return (points - self.center) / self.extent
 
 
+@dataclass(frozen=True)
 class FlameField(BoxField):
-    """A smooth field in a box that fades to zero before it reaches the faces.
+    """A smooth field in a box that fades to zero before it reaches the faces, and that moves.
 
     The emission is multiplied by a C² window that is exactly zero outside the box and within 1/30
     of the extent from each face, and one from 7/60 of the extent inwards.
+
+    Parameters
+    ----------
+    seed, extent, center
+        As in `BoxField`.
+    time : float
+        Seconds; the still phantom is that of time 0. The field is smooth in time.
+
+    Raises
+    ------
+    ValueError
+        As of `BoxField`, or if the time is not finite.
     """
+
+    time: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the time too."""
+        super().__post_init__()
+        if not np.isfinite(self.time):
+            raise ValueError(f"{type(self).__name__} time: found {self.time}, expected a number")
+        object.__setattr__(self, "time", float(self.time))
+
+    def at(self, time: float) -> Self:
+        """Return the same flame at another time, in seconds."""
+        return replace(self, time=time)
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the emission ``(...)``, float64, at ``points`` ``(..., 3)``."""

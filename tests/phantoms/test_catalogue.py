@@ -9,10 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import phantoms
-from phantoms import GaussianBlobs, JetFlame, RandomHomogeneous, TurbulentFlame  # noqa: F401
+from phantoms import (  # noqa: F401
+    GaussianBlobs,
+    JetFlame,
+    Plume,
+    RandomHomogeneous,
+    TurbulentFlame,
+)
 from tomo.grid import VoxelGrid
 
-NAMES = ("blobs", "homogeneous", "jet", "turbulent")
+NAMES = ("blobs", "homogeneous", "jet", "plume", "turbulent")
 EXTENT = np.array([15.0, 70.0, 15.0])
 
 
@@ -45,7 +51,7 @@ def test_is_dark_at_the_faces_and_outside(name, points):
             assert field(face).max() < 1e-6
 
 
-@pytest.mark.parametrize("name", ["jet", "turbulent"])
+@pytest.mark.parametrize("name", ["jet", "plume", "turbulent"])
 def test_flames_fade_continuously_towards_the_faces(name, points):
     """No jump anywhere: the greatest change over a step shrinks in proportion to the step."""
     field = phantoms.create(name)
@@ -60,7 +66,7 @@ def test_flames_fade_continuously_towards_the_faces(name, points):
     assert changes[2] / changes[1] == pytest.approx(0.5, abs=0.05)
 
 
-@pytest.mark.parametrize("name", ["jet", "turbulent"])
+@pytest.mark.parametrize("name", ["jet", "plume", "turbulent"])
 def test_flames_are_exactly_dark_in_a_good_part_of_the_box(name, points):
     dark = (phantoms.create(name)(points) == 0).mean()
     assert 0.4 < dark < 0.9

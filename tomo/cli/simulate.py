@@ -31,6 +31,8 @@ EXAMPLES = """
 flametomo simulate --rig paper33_pitch --phantom turbulent -o scan
 flametomo simulate --rig rig.yaml --phantom jet --grid 30x140x30
     --spacing 0.5 --photons 2000 --seed 3 -o scan
+flametomo simulate --rig paper11_22deg --phantom turbulent --grid 30x140x30
+    --spacing 0.5 --photons 300 --frames 200 -o film
 """
 
 
@@ -78,16 +80,27 @@ def simulate(
         int, typer.Option(help="Seed of the phantom, the gains and the noise.", min=0)
     ] = 0,
     tracer: Annotated[str, typer.Option(help="march, raycast or reference.")] = "march",
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", help="Frames of a film; one still frame by default.", min=1, max=10**6
+        ),
+    ] = None,
+    frame_rate: Annotated[
+        float | None, typer.Option(help="Frames a second, with --frames; 10000 by default.")
+    ] = None,
     json: JsonFlag = False,
 ) -> None:
     """Simulate the images that a rig's cameras take of a phantom.
 
-    Writes a scan folder: scan.yaml, rig.yaml, the images, and the phantom as the truth.
+    Writes a scan folder: scan.yaml, rig.yaml, the images, and the phantom as the truth. With
+    --frames, a film of the moving phantom: a TIFF stack a camera, and the truth of every frame.
     """
     started = time.perf_counter()
     with bad_input_in_one_line():
-        from tomo.simulation import simulate_images
+        from tomo.simulation import simulate_film, simulate_images
         from tomo.simulation.effects import Effects
+        from tomo.simulation.film import FRAME_RATE
 
         effects = Effects(
             gain_spread=gain_spread,
@@ -104,20 +117,22 @@ def simulate(
         field = _field(phantom, volume, voxels, seed)
         rays = {"supersample": supersample, "refine": refine, "tracer": tracer}
         noises = {"noise": noise, "photons": photons, "read_noise": read_noise, "bits": bits}
+        settings = {"effects": effects, "seed": seed, **rays, **noises}
+        if frames is None and frame_rate is not None:
+            raise ValueError(f"--frame-rate: found {frame_rate}, expected --frames with it")
         with progress_bar("simulate") as progress:
-            scan = simulate_images(
-                loaded,
-                field,
-                voxels,
-                effects=effects,
-                seed=seed,
-                progress=progress,
-                **rays,
-                **noises,
-            )
-        written = scan.save(out)
+            settings["progress"] = progress
+            if frames is None:
+                scan = simulate_images(loaded, field, voxels, **settings)
+                summary = _summary(scan, voxels, scan.save(out))
+            else:
+                rate = FRAME_RATE if frame_rate is None else frame_rate
+                timing = {"frames": frames, "frame_rate": rate}
+                written = simulate_film(loaded, field, voxels, out, **timing, **settings)
+                summary = {"scan": str(written), "cameras": list(loaded.names), **timing}
+                summary["grid"] = voxels.to_mapping()
     if json:
-        print_json({**_summary(scan, voxels, written), "seconds": time.perf_counter() - started})
+        print_json({**summary, "seconds": time.perf_counter() - started})
 
 
 def _summary(scan: Scan, voxels: VoxelGrid, folder: Path) -> dict[str, Any]:

@@ -5,6 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "volume_film": ["VolumeFilm"],
         "volumes": ["read_volume", "write_volume"],
     },
 )

@@ -85,11 +85,11 @@ class Evaluated:
     record: Record = Record()
 
 
-def read_reference(scan: Scan, grid: VoxelGrid) -> Reference:
-    """Read the scan's truth and effects; a truth on another grid is a warning."""
+def read_reference(scan: Scan, grid: VoxelGrid, frame: str | None = None) -> Reference:
+    """Read the scan's effects and a frame's truth; a truth on another grid is a warning."""
     with timed() as stage:
         effects, truth = true_effects(scan), None
-        known = scan.read_truth()
+        known = scan.read_truth(frame)
         if known is not None:
             data, truth_grid = known
             apart = np.abs([truth_grid.lower - grid.lower, truth_grid.upper - grid.upper]).max()

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo.grid import VoxelGrid
-from tomo.io import read_volume
+from tomo.io import VolumeFilm, read_volume
+from tomo.io.volume_film import SUFFIX
 from tomo.scan.arrays import all_of_area, area_means, stacks_of
 from tomo.scan.corrections import Corrections, holds_integers
 from tomo.scan.films import FilmFrame
@@ -44,7 +45,8 @@ class Scan:
     grid : VoxelGrid, optional
         Where a volume is worth reconstructing.
     truth : Path or (nx, ny, nz) array, optional
-        The volume that the images were simulated from; an array lies on ``grid``.
+        The volume that the images were simulated from; an array lies on ``grid``. A film of
+        volumes, ``.zarr``, has one a frame.
     source : Path, optional
         The file or folder that the scan came from; errors name it.
     shrink : int
@@ -367,10 +369,16 @@ class Scan:
         own = self.corrections.gain is None and self.holds_integers(frame)
         return f"{'full scales' if own else 'image units'} per {self.rig.length_unit}"
 
-    def read_truth(self) -> tuple[NDArray[np.float32], VoxelGrid] | None:
-        """Return the true volume and the grid that it lies on; None without one."""
+    def read_truth(self, frame: str | None = None) -> tuple[NDArray[np.float32], VoxelGrid] | None:
+        """Return the true volume of a frame and the grid that it lies on; None without one.
+
+        A film of volumes has one a frame, anything else is the same for all frames.
+        """
         if not isinstance(self.truth, Path):
             return None if self.truth is None else (self.truth, self.grid)
+        if self.truth.suffix == SUFFIX:
+            film = VolumeFilm(self.truth)
+            return film.read(self.frames.index(self.frame(frame))), film.grid
         data, grid, _ = read_volume(self.truth)
         return data, grid
 

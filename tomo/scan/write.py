@@ -69,7 +69,7 @@ def save_scan(
         check_length_unit(rig.length_unit)
     for frame, images in frames.items():
         for camera, image in images.items():
-            _check_image(folder, frame, camera, np.shape(image), rig)
+            check_image(folder, frame, camera, np.shape(image), rig)
     content: dict[str, Any] = {"format": "emission-scan", "version": 1, "rig": "rig.yaml"}
     if grid is not None:
         content["grid"] = grid.to_mapping()
@@ -79,7 +79,7 @@ def save_scan(
     ]
     images_of_corrections: dict[str, NDArray] = {}
     if corrections is not None:
-        content["corrections"], images_of_corrections = _plain_corrections(folder, corrections)
+        content["corrections"], images_of_corrections = plain_corrections(folder, corrections)
     if truth is not None:
         content["truth"] = "truth.npz"
     if effects is not None:
@@ -99,7 +99,8 @@ def save_scan(
     return folder / SCAN_FILE
 
 
-def _check_image(folder: Path, frame: str, camera: str, shape: tuple, rig: Rig) -> None:
+def check_image(folder: Path, frame: str, camera: str, shape: tuple, rig: Rig) -> None:
+    """Refuse names that no file can have, and images that are not of their camera's size."""
     check_cameras(folder, f"frame {frame!r}", [camera], rig)
     for name in (frame, camera):
         if not name or name.startswith(".") or set(name) & set('/\\:*?"<>|\0'):
@@ -112,7 +113,7 @@ def _check_image(folder: Path, frame: str, camera: str, shape: tuple, rig: Rig) 
         )
 
 
-def _plain_corrections(
+def plain_corrections(
     folder: Path, corrections: Corrections
 ) -> tuple[dict[str, Any], dict[str, NDArray]]:
     """Return corrections as a scan.yaml holds them, and the images to write, by their paths."""

@@ -19,7 +19,12 @@ Images = TypeVar("Images", NDArray, Sequence[NDArray])
 
 
 def gaussian(
-    images: Images, fraction: float, rng: np.random.Generator, *, clip: bool = False
+    images: Images,
+    fraction: float,
+    rng: np.random.Generator,
+    *,
+    clip: bool = False,
+    maximum: float | None = None,
 ) -> Images:
     """Return the images plus white noise whose sigma is ``fraction`` of their maximum.
 
@@ -32,6 +37,8 @@ def gaussian(
     clip : bool
         Cut negative values to zero, as a camera without a pedestal does. The mean of dark pixels
         is then 0.4 sigma instead of zero: reconstructions are biased.
+    maximum : float, optional
+        Counts as the maximum, for frames of one film; that of the images when None.
 
     Raises
     ------
@@ -43,7 +50,7 @@ def gaussian(
     _check_generator(rng)
     _check_number("noise fraction", fraction, fraction >= 0, ">= 0")
     parts, finish = _open(images)
-    sigma = fraction * _maximum(parts)
+    sigma = fraction * (_maximum(parts) if maximum is None else maximum)
     noisy = [part + sigma * rng.standard_normal(part.shape) for part in parts]
     return finish([np.maximum(part, 0) for part in noisy] if clip else noisy)
 
@@ -53,6 +60,8 @@ def poisson(
     photons_at_maximum: float,
     read_noise_electrons: float,
     rng: np.random.Generator,
+    *,
+    maximum: float | None = None,
 ) -> Images:
     """Return the images with the noise of counted photons and of the read-out.
 
@@ -69,6 +78,8 @@ def poisson(
     read_noise_electrons : float
         Standard deviation of the read-out in electrons, >= 0.
     rng : numpy.random.Generator
+    maximum : float, optional
+        See `gaussian`.
 
     Raises
     ------
@@ -84,7 +95,7 @@ def poisson(
     lowest = min(float(part.min()) for part in parts)
     if lowest < 0:
         raise ValueError(f"images: found a negative value, {lowest:g}, expected photons, >= 0")
-    maximum = _maximum(parts)
+    maximum = _maximum(parts) if maximum is None else maximum
     if maximum == 0:
         raise ValueError("images: found only zeros, expected a maximum to scale photons by")
     gain = photons_at_maximum / maximum
@@ -92,6 +103,24 @@ def poisson(
     return finish(
         [(n + read_noise_electrons * rng.standard_normal(n.shape)) / gain for n in counts]
     )
+
+
+def noisy(
+    images: Images,
+    rng: np.random.Generator,
+    fraction: float = 0.0,
+    photons: float | None = None,
+    read_noise: float = 0.0,
+    *,
+    maximum: float | None = None,
+) -> Images:
+    """Return the images with photon and read noise, where ``photons`` are given, then white noise.
+
+    Arguments as of `poisson` and `gaussian`.
+    """
+    if photons is not None:
+        images = poisson(images, photons, read_noise, rng, maximum=maximum)
+    return gaussian(images, fraction, rng, maximum=maximum) if fraction else images
 
 
 def quantise(images: Images, bits: int, full_scale: float) -> Images:

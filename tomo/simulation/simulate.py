@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from numbers import Integral
 from os import PathLike
@@ -15,20 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phantoms import Field, sample
-from tomo._compute.memory import available_memory
 from tomo.grid import VoxelGrid
-from tomo.operators import Projector
 from tomo.scan import Corrections, Scan
 from tomo.simulation import camera_noise as noises
 from tomo.simulation.effects import Effects
+from tomo.simulation.project import check_memory, project_volumes
 
 if TYPE_CHECKING:
     from rigs import Rig
 
-_SEGMENTS_AT_ONCE = 8_000_000  # 100 MiB of segments, 300 with absorption, for any image size
-_RAYS_AT_ONCE = 2**19
-_BYTES_PER_VOXEL = 12  # the volume, and the double-precision means of the truth
-_SMALLEST_REFINEMENT = 2  # sub-points along a fine voxel's edge for its mean
+SMALLEST_REFINEMENT = 2
+"""Sub-points along a fine voxel's edge for its mean."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,33 +152,15 @@ def simulate_images(
     ValueError
         If an argument is out of range, or no camera sees the grid.
     """
-    _check(supersample, noise, photons, read_noise, bits, seed)
+    check(supersample, noise, photons, read_noise, bits, seed)
     effects = Effects() if effects is None else effects
     fine_grid = grid.refined(refine)
-    _check_memory(fine_grid)
-    seen = {camera.name: effects.pixels_that_see(camera, grid) for camera in rig}
-    total = sum(len(pixels) for pixels in seen.values())
-    if not total:
-        raise ValueError(
-            f"rig: found no camera that sees the grid from {grid.lower.tolist()} to "
-            f"{grid.upper.tolist()}, expected at least one"
-        )
-    fine = sample(field, fine_grid, _SMALLEST_REFINEMENT)  # (nx R, ny R, nz R)
+    check_memory(fine_grid)
     gains = effects.gains(len(rig), seed)
-    images, done = {}, 0
-    for camera, gain in zip(rig, gains, strict=True):
-        width, height = camera.image_size
-        flat = np.zeros(width * height, np.float32)
-        for pixels in _chunks(seen[camera.name], fine_grid, effects.rays_per_pixel(supersample)):
-            rays = effects.rays(camera, pixels, supersample)
-            segments = effects.trace(rays, fine_grid, fine, tracer)
-            centres = np.stack([pixels % width, pixels // width], axis=-1)
-            light = gain * effects.falloff(camera, centres)  # 1 where there is neither
-            flat[pixels] = (Projector(segments, fine_grid) @ fine.ravel()) * light
-            done += len(pixels)
-            if progress is not None:
-                progress(done, total, camera.name)
-        images[camera.name] = flat.reshape(height, width)
+    fine = sample(field, fine_grid, SMALLEST_REFINEMENT)  # (nx R, ny R, nz R)
+    (images,) = project_volumes(
+        rig, [fine], grid, fine_grid, effects, gains, supersample, tracer, progress
+    )
 
     settings: dict[str, Any] = {
         "field": repr(field),
@@ -197,12 +176,8 @@ def simulate_images(
     }
     if effects.gain_spread > 0:
         settings["gains"] = dict(zip(rig.names, gains.tolist(), strict=True))
-    recorded = list(images.values())
     random = np.random.default_rng(seed)
-    if photons is not None:
-        recorded = noises.poisson(recorded, photons, read_noise, random)
-    if noise:
-        recorded = noises.gaussian(recorded, noise, random)
+    recorded = noises.noisy(list(images.values()), random, noise, photons, read_noise)
     if bits is not None:
         full_scale = max(float(image.max()) for image in recorded)
         if full_scale <= 0:
@@ -220,30 +195,7 @@ def simulate_images(
     )
 
 
-def _chunks(pixels: NDArray, grid: VoxelGrid, rays_per_pixel: int) -> Iterator[NDArray]:
-    """Cut ``pixels`` into chunks whose rays cross a bounded number of voxels."""
-    rays = min(_SEGMENTS_AT_ONCE // sum(grid.shape), _RAYS_AT_ONCE)
-    size = max(1, rays // rays_per_pixel)
-    for start in range(0, len(pixels), size):
-        yield pixels[start : start + size]
-
-
-def _check_memory(fine_grid: VoxelGrid) -> None:
-    """Refuse voxels that the memory cannot hold, before anything is allocated."""
-    needed, available = _BYTES_PER_VOXEL * fine_grid.size, available_memory()
-    if needed > available:
-        shrink = (0.8 * available / needed) ** (1 / 3)
-        shape, fits = (
-            "x".join(str(n) for n in counts)
-            for counts in (fine_grid.shape, (max(int(n * shrink), 1) for n in fine_grid.shape))
-        )
-        raise ValueError(
-            f"grid {shape}, refinement included: would take about {needed / 1e9:,.1f} GB, found "
-            f"{available / 1e9:,.1f} GB free; {fits} voxels would fit"
-        )
-
-
-def _check(
+def check(
     supersample: int,
     noise: float,
     photons: float | None,

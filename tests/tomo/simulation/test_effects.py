@@ -315,7 +315,7 @@ def test_the_ratio_needs_midpoints_and_for_self_absorption_the_emission():
 
 def test_chunks_do_not_show_and_seeds_repeat(monkeypatch):
     whole = simulate_images(RIG, BLOBS, GRID, supersample=2, effects=EVERYTHING, seed=2)
-    monkeypatch.setattr(sys.modules["tomo.simulation.simulate"], "_SEGMENTS_AT_ONCE", 20_000)
+    monkeypatch.setattr(sys.modules["tomo.simulation.project"], "_SEGMENTS_AT_ONCE", 20_000)
     parts = simulate_images(RIG, BLOBS, GRID, supersample=2, effects=EVERYTHING, seed=2)
     for name, image in whole.images.items():
         np.testing.assert_array_equal(parts.images[name], image)

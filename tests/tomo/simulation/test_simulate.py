@@ -90,7 +90,7 @@ def test_no_pixel_that_sees_the_box_is_left_out():
 
 def test_chunks_do_not_show(monkeypatch):
     whole = simulate_images(RIG, BLOBS, GRID, supersample=2)
-    monkeypatch.setattr(sys.modules["tomo.simulation.simulate"], "_SEGMENTS_AT_ONCE", 5000)
+    monkeypatch.setattr(sys.modules["tomo.simulation.project"], "_SEGMENTS_AT_ONCE", 5000)
     calls = []
     parts = simulate_images(RIG, BLOBS, GRID, supersample=2, progress=lambda *a: calls.append(a))
     for name in whole.images:

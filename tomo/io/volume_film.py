@@ -1,0 +1,126 @@
+"""A film of volumes on disk: a Zarr v3 group that xarray reads, a chunk a frame."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.files.size_guard import check_claim, errors_of_libraries
+from tomo.grid import VoxelGrid
+
+FORMAT, VERSION = "emission-film", 1
+SUFFIX = ".zarr"
+
+
+class VolumeFilm:
+    """Volumes of one grid, one a frame, read and written one at a time.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is nothing at ``path``.
+    ValueError
+        If it is no film of volumes.
+    """
+
+    def __init__(self, path: str | os.PathLike) -> None:
+        import zarr  # slow to import
+
+        self.path = Path(path)
+        if not self.path.is_dir():
+            raise FileNotFoundError(f"{self.path}: no such film of volumes")
+        with errors_of_libraries(f"{self.path}: not a readable film of volumes"):
+            group = zarr.open_group(self.path, mode="r+", zarr_format=3)
+            found = group.attrs.get("format"), group.attrs.get("version")
+            if found != (FORMAT, VERSION):
+                raise ValueError(f"format: found {found}, expected {(FORMAT, VERSION)}")
+            self.grid = VoxelGrid(**group.attrs["grid"])
+            self.length_unit = str(group.attrs["length_unit"])
+            self._values = group["emission"]
+            if self._values.shape[1:] != self.grid.shape or self._values.dtype != np.float32:
+                raise ValueError(
+                    f"emission: found {self._values.dtype} {self._values.shape}, expected "
+                    f"float32 (frames, {', '.join(map(str, self.grid.shape))})"
+                )
+            if self._values.chunks != (1, *self.grid.shape):
+                raise ValueError(f"emission: found chunks {self._values.chunks}, expected a frame")
+
+    def __repr__(self) -> str:
+        return f"VolumeFilm({str(self.path)!r})"
+
+    @classmethod
+    def create(
+        cls,
+        path: str | os.PathLike,
+        grid: VoxelGrid,
+        times: Sequence[float],
+        length_unit: str = "mm",
+    ) -> VolumeFilm:
+        """Make a film without frames; ``times`` are those of its frames in seconds."""
+        import zarr
+
+        about = {"format": FORMAT, "version": VERSION, "grid": grid.to_mapping()}
+        group = zarr.create_group(
+            Path(path), zarr_format=3, attributes=about | {"length_unit": length_unit}
+        )
+        group.create_array(
+            "emission",
+            shape=(len(times), *grid.shape),
+            chunks=(1, *grid.shape),
+            dtype="f4",
+            fill_value=math.nan,
+            dimension_names=("time", "x", "y", "z"),
+            attributes={"long_name": "mean emission of a voxel"},
+        )
+        coordinates = {"time": (np.asarray(times, np.float64), "s")}
+        coordinates |= {
+            name: (values, length_unit) for name, values in zip("xyz", grid.axes(), strict=True)
+        }
+        for name, (values, unit) in coordinates.items():
+            group.create_array(
+                name,
+                shape=values.shape,
+                chunks=values.shape,
+                dtype="f8",
+                dimension_names=(name,),
+                attributes={"units": unit},
+            )[:] = values
+        return cls(path)
+
+    @property
+    def n_frames(self) -> int:
+        """Frames that the film is for."""
+        return self._values.shape[0]
+
+    def read(self, number: int) -> NDArray[np.float32]:
+        """Return the volume of a frame, ``(nx, ny, nz)``.
+
+        Raises
+        ------
+        ValueError
+            If there is no such frame, or it is damaged or not written.
+        """
+        if not 0 <= number < self.n_frames:
+            raise ValueError(
+                f"{self.path}: frame {number}: found {self.n_frames} frames, expected more"
+            )
+        with errors_of_libraries(f"{self.path}: frame {number}: not readable"):
+            stored = (self.path / "emission" / "c" / f"{number}/0/0/0").stat().st_size
+            check_claim(4 * self.grid.size, stored)
+            volume = self._values[number]
+        if not np.isfinite(volume).all():
+            raise ValueError(f"{self.path}: frame {number}: found NaN or infinity, expected none")
+        return volume
+
+    def write(self, number: int, volume: NDArray[np.float32]) -> None:
+        """Write the volume of a frame."""
+        self._values[number] = volume

@@ -1,0 +1,118 @@
+"""From volumes to the images of them without noise: traced once for several volumes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo._compute.memory import available_memory
+from tomo.grid import VoxelGrid
+from tomo.operators import Projector
+from tomo.simulation.effects import Effects
+
+if TYPE_CHECKING:
+    from rigs import Rig
+
+_SEGMENTS_AT_ONCE = 8_000_000  # 100 MiB of segments, 300 with absorption, for any image size
+_RAYS_AT_ONCE = 2**19
+_BYTES_PER_VOXEL = 12  # the volume, and the double-precision means of the truth
+
+
+def project_volumes(
+    rig: Rig,
+    volumes: Sequence[NDArray[np.float32]],
+    grid: VoxelGrid,
+    fine_grid: VoxelGrid,
+    effects: Effects,
+    gains: NDArray[np.float64],
+    supersample: int,
+    tracer: str,
+    progress: Callable[[int, int, str], None] | None = None,
+) -> list[dict[str, NDArray[np.float32]]]:
+    """Return the images of some volumes, camera name to ``(h, w)``, one mapping a volume.
+
+    Rays are traced once for all volumes, unless the gas absorbs its own light.
+
+    Parameters
+    ----------
+    rig : Rig
+    volumes : sequence of (nx, ny, nz) float32
+        On ``fine_grid``.
+    grid, fine_grid : VoxelGrid
+        One box, in coarse and in fine voxels.
+    effects : Effects
+    gains : (cameras,)
+    supersample, tracer, progress
+        See `tomo.simulation.simulate_images`.
+
+    Raises
+    ------
+    ValueError
+        If no camera sees the grid.
+    """
+    seen = {camera.name: effects.pixels_that_see(camera, grid) for camera in rig}
+    total = sum(len(pixels) for pixels in seen.values())
+    if not total:
+        raise ValueError(
+            f"rig: found no camera that sees the grid from {grid.lower.tolist()} to "
+            f"{grid.upper.tolist()}, expected at least one"
+        )
+    found: list[dict[str, NDArray[np.float32]]] = [{} for _ in volumes]
+    done = 0
+    for camera, gain in zip(rig, gains, strict=True):
+        width, height = camera.image_size
+        flat = np.zeros((len(volumes), width * height), np.float32)
+        for pixels in _chunks(seen[camera.name], fine_grid, effects.rays_per_pixel(supersample)):
+            rays = effects.rays(camera, pixels, supersample)
+            centres = np.stack([pixels % width, pixels // width], axis=-1)
+            light = gain * effects.falloff(camera, centres)  # 1 where there is neither
+            projector = None
+            for volume, image in zip(volumes, flat, strict=True):
+                if projector is None or effects.self_absorption:
+                    segments = effects.trace(rays, fine_grid, volume, tracer)
+                    projector = Projector(segments, fine_grid)
+                image[pixels] = (projector @ volume.ravel()) * light
+            done += len(pixels)
+            if progress is not None:
+                progress(done, total, camera.name)
+        for images, image in zip(found, flat, strict=True):
+            images[camera.name] = image.reshape(height, width)
+    return found
+
+
+def check_memory(fine_grid: VoxelGrid) -> None:
+    """Refuse voxels that the memory cannot hold, before anything is allocated.
+
+    Raises
+    ------
+    ValueError
+        With the grid that would fit.
+    """
+    needed, available = _BYTES_PER_VOXEL * fine_grid.size, available_memory()
+    if needed > available:
+        shrink = (0.8 * available / needed) ** (1 / 3)
+        shape, fits = (
+            "x".join(str(n) for n in counts)
+            for counts in (fine_grid.shape, (max(int(n * shrink), 1) for n in fine_grid.shape))
+        )
+        raise ValueError(
+            f"grid {shape}, refinement included: would take about {needed / 1e9:,.1f} GB, found "
+            f"{available / 1e9:,.1f} GB free; {fits} voxels would fit"
+        )
+
+
+def volumes_at_once(fine_grid: VoxelGrid, most: int) -> int:
+    """Return how many volumes fit into a quarter of the free memory: 1 to ``most``."""
+    room = available_memory() / 4 / (_BYTES_PER_VOXEL * fine_grid.size)
+    return int(min(max(room, 1), most))
+
+
+def _chunks(pixels: NDArray, grid: VoxelGrid, rays_per_pixel: int) -> Iterator[NDArray]:
+    """Cut ``pixels`` into chunks whose rays cross a bounded number of voxels."""
+    rays = min(_SEGMENTS_AT_ONCE // sum(grid.shape), _RAYS_AT_ONCE)
+    size = max(1, rays // rays_per_pixel)
+    for start in range(0, len(pixels), size):
+        yield pixels[start : start + size]
