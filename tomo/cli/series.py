@@ -79,6 +79,11 @@ def series_report(table: SeriesTable) -> dict[str, Any]:
         "left_out": table.frames[complete == LEFT_OUT].tolist(),
         "relative_residual": means["relative_residual"],
         "seconds_a_frame": means["seconds"],
+        "quality": {
+            name: float(values.mean())
+            for name in ("nrmse", "cosine_distance")
+            if len(values := table.known(name))
+        },
         "views": views,
         "held_out": {
             name: {figure: each[figure] for figure in ("psnr", "ssim") if figure in each}
@@ -104,9 +109,11 @@ def series_summary(report: dict[str, Any]) -> str:
     )
     known = [words.format(report[name]) for name, words in figures if report[name] is not None]
     lines = [", ".join([f"{report['complete']} of {report['frames']} frames", *known])]
-    for camera, figures in report["held_out"].items():
-        shown = ", ".join(f"{name} {value:.4g}" for name, value in figures.items())
-        lines.append(f"held out {camera}, mean: {shown}")
+    compared = {"against the truth": report["quality"]} if report["quality"] else {}
+    compared |= {f"held out {camera}": each for camera, each in report["held_out"].items()}
+    for name, figures in compared.items():
+        shown = ", ".join(f"{figure} {value:.4g}" for figure, value in figures.items())
+        lines.append(f"{name}, mean: {shown}")
     lines.append(
         f"open {report['page']}; {report['store']} opens with xarray.open_zarr, and flametomo "
         "export writes it for other programs"

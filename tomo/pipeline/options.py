@@ -98,6 +98,14 @@ class Options:
         "instead of ending the run.",
         switch(),
     )
+    temporal: float | str = _option(
+        AUTO,
+        "With frames: how much neighbouring frames count. auto chooses by predicting views "
+        "that are left out, off keeps every frame for itself, a number is the standard deviation "
+        "of Gaussian weights in frames.",
+        number(above=0, words=(AUTO, OFF)),
+        metavar="STRENGTH",
+    )
     hold_out: tuple[str, ...] = _option(
         (),
         "Cameras that are predicted from the volume and compared with their images, and that take "

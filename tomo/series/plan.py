@@ -18,6 +18,8 @@ from tomo.scan import Scan
 from tomo.selection import Choice
 from tomo.series.block_system import BlockSystem
 from tomo.series.hulls import HullRule
+from tomo.series.temporal import with_neighbours
+from tomo.series.temporal_choice import TemporalChoice
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +56,8 @@ class Plan:
     warnings : tuple of str
     explanation : mapping, optional
         What the images as a whole asked to be corrected.
+    temporal : TemporalChoice, optional
+        Whether and how frames are filtered in time.
     """
 
     scan: Scan
@@ -72,6 +76,16 @@ class Plan:
     data_range: float
     warnings: tuple[str, ...]
     explanation: dict[str, Any] | None = None
+    temporal: TemporalChoice | None = None
+
+    @property
+    def is_filtered(self) -> bool:
+        """Whether frames are filtered in time."""
+        return self.temporal is not None and self.temporal.filter is not None
+
+    def solved_with(self, block: range) -> range:
+        """Return the places of the frames that a block is solved from: its own and neighbours."""
+        return with_neighbours(block, len(self.places)) if self.is_filtered else block
 
     def report(self) -> dict[str, Any]:
         """Return what was settled, as plain numbers and words for the store's attributes."""
@@ -83,6 +97,7 @@ class Plan:
                 "key_frames": [self.scan.frames[place].name for place in self.keys],
                 "choice": self.choice and self.choice.setting._asdict(),
                 "choices": [one.setting._asdict() for one in self.choices],
+                "temporal": self.temporal and self.temporal.report(),
                 "basis": built.basis.report(),
                 "carving": self.rule and {"margin": self.rule.margin, "votes": self.rule.votes},
                 "active_voxels": self.system.active.size,

@@ -35,6 +35,7 @@ from tomo.series.solving import (
 )
 from tomo.series.store import SeriesStore
 from tomo.series.systems import system_of_block
+from tomo.series.temporal_solve import solve_filtered
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -138,7 +139,7 @@ def run_blocks(
                 claims.release(block)
                 continue
             store.remove_partial(block)
-            for place in block:
+            for place in plan.solved_with(block):
                 yield block, read(plan.places[place])
 
     written: dict[range, list[FrameResult]] = {}
@@ -163,7 +164,7 @@ def run_blocks(
             if not found:
                 break
             block = found[0][0]
-            found += itertools.islice(frames, len(block) - 1)
+            found += itertools.islice(frames, len(plan.solved_with(block)) - 1)
             for place, result in solve_block(plan, block, [images for _, images in found]):
                 put((block, place, result))
                 done += 1
@@ -178,19 +179,25 @@ def solve_block(
 ) -> Iterator[tuple[int, FrameResult]]:
     """Yield the places of a block's frames and their results, the key frame's first.
 
-    The key frame is solved from scratch, the others from its solution and together: a block can be
-    done alone, anywhere and in any order, and its bits are the same. None stands for a frame that
-    could not be read, which is left out.
+    ``frames`` are those that the block is solved with (`Plan.solved_with`). The key frame is
+    solved from scratch, the others from its solution and together: a block can be done alone,
+    anywhere and in any order, and its bits are the same. None stands for a frame that could not be
+    read, which is left out.
     """
-    good = {place: one for place, one in zip(block, frames, strict=True) if one is not None}
+    both = zip(plan.solved_with(block), frames, strict=True)
+    good = {place: one for place, one in both if one is not None}
+    own = [place for place in block if place in good]
     yield from ((place, SKIPPED) for place in block if place not in good)
-    if not good:
+    if not own:
         return
     system = system_of_block(plan, list(good.values()))
-    key = key_of(list(good))
+    key = key_of(own)
     choice = plan.choice
     if choice is None and uses_choice(plan):
         choice = choose(plan, system, good[key])
+    if plan.is_filtered:
+        yield from solve_filtered(plan, system, key, own, good, choice)
+        return
     first = solve_frame(plan, system, good[key], choice)
     yield key, first
     del good[key]

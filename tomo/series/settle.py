@@ -18,11 +18,11 @@ from tomo.operators.system import Progress
 from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import WeightedSystem, build
 from tomo.pipeline.check_options import cameras_to_refine, check_options
-from tomo.pipeline.evaluate import data_range, system_apart, trace_apart
+from tomo.pipeline.evaluate import data_range, read_reference, system_apart, trace_apart
 from tomo.pipeline.explain import explain_images
 from tomo.pipeline.first_use import warm_up_stages
 from tomo.pipeline.methods import AUTO, method_named
-from tomo.pipeline.options import Options
+from tomo.pipeline.options import OFF, Options
 from tomo.pipeline.screen import screen
 from tomo.pipeline.solve import solve
 from tomo.pipeline.trace import trace_views
@@ -45,6 +45,7 @@ from tomo.series.images import (
 from tomo.series.plan import Plan
 from tomo.series.stages import planning
 from tomo.series.systems import weighted
+from tomo.series.temporal_plan import settle_filter
 
 CHOOSING = 3
 """Key frames of which each says how smooth volumes are to be. More: planning takes long, though
@@ -81,6 +82,13 @@ def check_series_options(options: Options, scan: Scan, grid: VoxelGrid | None) -
         raise ValueError(
             f"uncertainty: found {options.uncertainty} repeats with frames, expected 0 or auto: "
             "reconstruct single frames, --frame, for their uncertainty"
+        )
+    alone = "choose_each" if options.choose_each else f"method {options.method}"
+    is_alone = options.choose_each or method_named(options.method).name != AUTO
+    if is_alone and options.temporal not in (AUTO, OFF):
+        raise ValueError(
+            f"temporal: found {options.temporal:g} with {alone}, expected it with method auto, "
+            "settled once: frames are solved by themselves otherwise"
         )
     if method_named(options.method).needs_midpoints:
         raise ValueError(
@@ -144,6 +152,7 @@ def make_plan(
         apart = system_apart(apart, explained.built, emission, options)
     system = BlockSystem(explained.built, apart, registered.active, tuple(registered.masks))
     records = screened.record, registered.record, traced.record, built.record, explained.record
+    records += (read_reference(scan, grid, scan.frames[keys[0]].name).record,)
     plan = Plan(
         scan, grid, options, tuple(places), keys, screened, registered, noise, rule, system,
         emission, None, (), data_range(scan, scan.frames[keys[0]].name, screened.not_excluded),
@@ -156,7 +165,8 @@ def make_plan(
         choose(plan, system, frame, stage(f"smoothness {number} of {len(telling)}"))
         for number, frame in enumerate(telling, 1)
     )
-    return replace(plan, choices=choices, choice=middle(choices))
+    plan = replace(plan, choices=choices, choice=middle(choices))
+    return replace(plan, temporal=settle_filter(plan, stage))
 
 
 def choose(

@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.pipeline.evaluate import views_of
+from tomo.pipeline.build import WeightedSystem
+from tomo.pipeline.evaluate import read_reference, views_of
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.self_absorption import with_own_absorption
 from tomo.pipeline.solve import Solved, solve_by, voxel_means_of
 from tomo.pipeline.trace import through_gas
-from tomo.pipeline.view import View
+from tomo.pipeline.view import View, quality
 from tomo.selection import Choice, solve_as_chosen, solve_several_smoothly
 from tomo.series.block_system import BlockSystem
 from tomo.series.images import FrameImages
@@ -70,8 +71,18 @@ def solve_frame(
         How smooth; None for a method that is named.
     """
     began = time.perf_counter()
-    options, built, unknowns = plan.options, weighted(plan, system, frame), None
-    projector = built.system.projector
+    found, unknowns = solved_alone(plan, weighted(plan, system, frame), choice)
+    return compared(plan, system, frame, found, unknowns, began)
+
+
+def solved_alone(
+    plan: Plan, built: WeightedSystem, choice: Choice | None
+) -> tuple[Solved, NDArray[np.float32] | None]:
+    """Return the solution of one frame's pixels from scratch, and its unknowns by a choice.
+
+    The volume of the solution holds the voxels' means.
+    """
+    options, unknowns, projector = plan.options, None, built.system.projector
     if choice is None:
         found = solve_by(method_named(options.method), options.iterations, built, options)
     else:
@@ -80,7 +91,7 @@ def solve_frame(
         found = solve_as_chosen(projector, built.measured, choice, weights=built.weights)
         unknowns = projector.active.compress(found.volume)
         found = replace(found, volume=voxel_means_of(projector, unknowns))
-    return _compared(plan, system, frame, Solved(found, built), unknowns, began)
+    return Solved(found, built), unknowns
 
 
 def solve_together(
@@ -107,8 +118,18 @@ def solve_together(
     if not frames:
         return
     began = time.perf_counter()
-    options, built = plan.options, [weighted(plan, system, frame) for frame in frames]
-    projector = built[0].system.projector
+    built = [weighted(plan, system, frame) for frame in frames]
+    results = solved_together(plan, built, choice, key)
+    shared = (time.perf_counter() - began) / len(frames)
+    for frame, (found, unknowns) in zip(frames, results, strict=True):
+        yield compared(plan, system, frame, found, unknowns, time.perf_counter() - shared)
+
+
+def solved_together(
+    plan: Plan, built: Sequence[WeightedSystem], choice: Choice, key: NDArray[np.float32]
+) -> list[tuple[Solved, NDArray[np.float32]]]:
+    """Return the solutions of several frames' pixels, see `solve_together`, and the unknowns."""
+    began, options, projector = time.perf_counter(), plan.options, built[0].system.projector
     measured = np.stack([one.measured for one in built], axis=1)  # (pixels, frames)
     weights = None
     if built[0].weights is not None:
@@ -124,11 +145,10 @@ def solve_together(
         start=start,
         weights=weights,
     )  # (unknowns, frames)
-    shared = (time.perf_counter() - began) / len(frames)
-    for number, frame in enumerate(frames):
-        began = time.perf_counter() - shared
+    shared, results = (time.perf_counter() - began) / len(built), []
+    for number, one in enumerate(built):
         if dark[number]:
-            yield solve_frame(plan, system, frame, choice)
+            results.append(solved_alone(plan, one, choice))
             continue
         unknowns = np.ascontiguousarray(found[:, number])
         solution = Solution(
@@ -137,10 +157,11 @@ def solve_together(
             (Iteration(iterations, math.nan, shared),),
             {"method": AUTO, "strength": choice.strength, "smooth_width": choice.width},
         )
-        yield _compared(plan, system, frame, Solved(solution, built[number]), unknowns, began)
+        results.append((Solved(solution, one), unknowns))
+    return results
 
 
-def _compared(
+def compared(
     plan: Plan,
     system: BlockSystem,
     frame: FrameImages,
@@ -179,7 +200,17 @@ def _figures(
         "view_beyond_noise": {view.name: view.beyond_noise for view in views},
         "psnr": {name: each["psnr"] for name, each in alike.items()},
         "ssim": {name: each.get("ssim", math.nan) for name, each in alike.items()},
+        **_against_the_truth(plan, frame, volume),
     }
+
+
+def _against_the_truth(
+    plan: Plan, frame: FrameImages, volume: NDArray[np.float32]
+) -> dict[str, float]:
+    """Return the errors of a volume, NaN where no truth is on its grid."""
+    truth = read_reference(plan.scan, plan.grid, frame.name).truth
+    figures = quality(volume, truth)
+    return {name: figures.get(name, math.nan) for name in ("nrmse", "cosine_distance")}
 
 
 def _relative_residual(views: list[View]) -> float:

@@ -25,8 +25,15 @@ FORMAT = "emission-series"
 VERSION = 1
 SUFFIX = ".zarr"
 
-FIGURES = ("relative_residual", "total_emission", "seconds", "warnings")
-"""Figures of a frame, each an array over time."""
+FIGURES = (
+    "relative_residual",
+    "total_emission",
+    "nrmse",
+    "cosine_distance",
+    "seconds",
+    "warnings",
+)
+"""Figures of a frame, each an array over time; NaN where there is none."""
 
 CAMERA_FIGURES = (
     "view_residual",

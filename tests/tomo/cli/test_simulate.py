@@ -144,3 +144,32 @@ def test_a_volume_in_another_unit_is_refused(run_tool, rig, tmp_path):
     done = run_tool("simulate", *arguments)
     assert done.exit_code == 2
     assert "length_unit: found 'm', expected 'mm'" in done.stderr
+
+
+def test_a_film_is_written_and_its_frames_are_scored(run_tool, rig, tmp_path):
+    arguments = ("--rig", rig, "--phantom", "plume", *BOX, "--photons", 500, "--seed", 2)
+    done = run_tool(
+        "simulate", *arguments, "--frames", 3, "--frame-rate", 2000, "-o", tmp_path / "film",
+        "--json",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["frames"] == 3
+    scan = load_scan(tmp_path / "film")
+    assert len(scan.frames) == 3
+    assert scan.frame_rate == 2000
+    assert np.abs(scan.images("0")[0] - scan.images("2")[0]).max() > 0
+    done = run_tool(
+        "reconstruct", tmp_path / "film", "--frames", ":", "--method", "mlem", "--iterations", 3,
+        "-o", tmp_path / "out.zarr", "--json",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.stderr
+    assert 0 < json.loads(done.stdout)["quality"]["nrmse"] < 1.5
+    assert "against the truth, mean: nrmse" in done.stderr
+
+
+def test_a_frame_rate_belongs_to_a_film(run_tool, rig, tmp_path):
+    done = run_tool(
+        "simulate", "--rig", rig, "--phantom", "jet", *BOX, "--frame-rate", 5, "-o", tmp_path
+    )
+    assert done.exit_code == 2
+    assert "--frame-rate: found 5.0, expected --frames with it" in done.stderr

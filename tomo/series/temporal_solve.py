@@ -1,0 +1,63 @@
+"""The frames of a block, each from its own solution and those of its neighbours."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from tomo.pipeline.solve import voxel_means_of
+from tomo.selection import Choice
+from tomo.series.block_system import BlockSystem
+from tomo.series.images import FrameImages
+from tomo.series.plan import Plan
+from tomo.series.solving import FrameResult, compared, solved_alone, solved_together
+from tomo.series.systems import weighted
+from tomo.series.temporal import growth
+
+
+def solve_filtered(
+    plan: Plan,
+    system: BlockSystem,
+    key: int,
+    own: Sequence[int],
+    frames: Mapping[int, FrameImages],
+    choice: Choice,
+) -> Iterator[tuple[int, FrameResult]]:
+    """Yield the places of a block's frames and their results, filtered in time.
+
+    Parameters
+    ----------
+    plan : Plan
+    system : BlockSystem
+    key : int
+        The place of the frame that the others start from.
+    own : sequence of int
+        The places of the block's frames.
+    frames : mapping
+        Place to the images: of the block's frames, and of neighbours.
+    choice : Choice
+        How smooth.
+    """
+    began = time.perf_counter()
+    built = {place: weighted(plan, system, frame) for place, frame in frames.items()}
+    found = {key: solved_alone(plan, built[key], choice)}
+    others = [place for place in frames if place != key]
+    if others:
+        rest = solved_together(plan, [built[place] for place in others], choice, found[key][1])
+        found |= zip(others, rest, strict=True)
+    solutions = {place: unknowns for place, (_, unknowns) in found.items()}
+    projector = system.built.system.projector
+    spent = (time.perf_counter() - began) / len(own)
+    for place in own:
+        now = time.perf_counter() - spent
+        result, alone = found[place]
+        unknowns, one = (
+            plan.temporal.filter.apply(projector.active, solutions, place),
+            built[place],
+        )
+        grown = growth(projector, one.measured, one.weights, alone, unknowns)
+        if grown <= plan.temporal.filter.most:
+            volume = voxel_means_of(projector, unknowns)
+            result = replace(result, solution=replace(result.solution, volume=volume))
+        yield place, compared(plan, system, frames[place], result, alone, now)
