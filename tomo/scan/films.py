@@ -48,10 +48,6 @@ class Film:
     offset: int = 0
     raw: RawLayout | None = None
 
-    def __reduce__(self) -> tuple:
-        """Leave the open file behind: who takes a copy, also in another process, opens its own."""
-        return type(self), (self.path, self.first, self.step, self.offset)
-
     @cached_property
     def recording(self) -> Recording:
         """The file, opened once."""
