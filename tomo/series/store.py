@@ -238,9 +238,7 @@ def _write_empty(
         math.nan, units=unit, long_name="mean emission of a voxel",
     )  # fmt: skip
     coordinates = {"time": (np.asarray(times, np.float64), attributes["time_unit"])}
-    for axis, name in enumerate("xyz"):
-        places = grid.origin[axis] + grid.spacing[axis] * np.arange(grid.shape[axis])
-        coordinates[name] = places, length
+    coordinates |= {name: (one, length) for name, one in zip("xyz", grid.axes(), strict=True)}
     for name, (values, units) in coordinates.items():
         array(name, (len(values),), (len(values),), "f8", (name,), units=units)[:] = values
     array("frame", (count,), (count,), "i8", ("time",), long_name="number in the scan")[:] = frames
