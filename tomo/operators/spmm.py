@@ -1,9 +1,9 @@
 """Products of a sparse matrix and of its transpose with several vectors at once.
 
-A product with one vector spends its time on reading the matrix. `LANES` vectors that lie side by
-side, ``(n, LANES)``, share each entry that is read: a place in the matrix meets one cache line of
-them. Rows, parts and private volumes are those of `tomo.operators.spmv`, and each vector's result
-has the same bits whatever the others hold and on any number of threads.
+A product with one vector spends its time on reading the matrix. `COLUMNS` vectors that lie side by
+side, ``(n, COLUMNS)``, share each entry that is read: a place in the matrix meets one cache line
+of them. Rows, parts and private volumes are those of `tomo.operators.spmv`, and each vector's
+result has the same bits whatever the others hold and on any number of threads.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from tomo._compute.threads import threads_worth
 from tomo.operators.operator import Matrix, as_float
 from tomo.operators.spmv import ADDED_AT_ONCE, parts_at_once
 
-LANES = 8
-"""Vectors that share a product: their float32 values at one unknown fill a vector register. More
-leave the cache: on a plume's matrix 16 were no faster a vector than 8."""
+COLUMNS = 8
+"""Vectors that share a product: their float32 values at one unknown fill a vector register, and a
+block of frames has as many. Fewer read the matrix more often, more need a larger cache."""
 
 ENTRY_NANOSECONDS = 1.8
-"""Time of an entry and all lanes on one thread: less work stays on one thread."""
+"""Time of an entry and all columns on one thread: less work stays on one thread."""
 
 PIECE = 16
 """Entries that are added up in the vectors' own type before the sum goes on in double precision:
@@ -31,7 +31,7 @@ more round more, fewer take longer."""
 
 @compiled(parallel=True)
 def _products(starts, stops, voxel, length, volumes, images):
-    """Write ``A X`` to ``images`` (P, LANES) of ``volumes`` (n, LANES)."""
+    """Write ``A X`` to ``images`` (P, COLUMNS) of ``volumes`` (n, COLUMNS)."""
     zero = np.zeros(1, volumes.dtype)[0]
     for row in numba.prange(len(images)):
         s, end = np.uint64(starts[row]), np.uint64(stops[row])
@@ -70,7 +70,7 @@ def _products(starts, stops, voxel, length, volumes, images):
 
 @compiled(inline=True)
 def _add_row(pixels, voxel, length, start, stop, volumes) -> None:
-    """Add ``pixels`` (LANES,) times one row, entries ``start:stop``, to ``volumes`` (n, LANES)."""
+    """Add ``pixels`` (COLUMNS,) times one row, ``start:stop``, to ``volumes`` (n, COLUMNS)."""
     p0, p1, p2, p3, p4, p5, p6, p7 = (
         pixels[0], pixels[1], pixels[2], pixels[3], pixels[4], pixels[5], pixels[6], pixels[7],
     )  # fmt: skip
@@ -98,7 +98,7 @@ def _add_row(pixels, voxel, length, start, stop, volumes) -> None:
 
 @compiled(parallel=True)
 def _transposed_products(starts, stops, voxel, length, images, bounds, private, volumes):
-    """Add ``A^T Y`` of ``images`` (P, LANES) to ``volumes``, by ``private`` ones."""
+    """Add ``A^T Y`` of ``images`` (P, COLUMNS) to ``volumes``, by ``private`` ones."""
     parts, at_once = len(bounds) - 1, len(private)
     for first in range(0, parts, at_once):
         last = min(first + at_once, parts)
@@ -112,8 +112,8 @@ def _transposed_products(starts, stops, voxel, length, images, bounds, private, 
             stop = min(start + ADDED_AT_ONCE, len(volumes))
             for part in range(last - first):
                 for i in range(start, stop):
-                    for lane in range(LANES):
-                        volumes[i, lane] += private[part, i, lane]
+                    for column in range(COLUMNS):
+                        volumes[i, column] += private[part, i, column]
 
 
 def products(matrix: Matrix, vectors: NDArray[np.floating], entries: int) -> NDArray[np.floating]:
@@ -129,12 +129,12 @@ def products(matrix: Matrix, vectors: NDArray[np.floating], entries: int) -> NDA
     """
     vectors = as_float(vectors)
     result = np.zeros((len(matrix[0]), vectors.shape[1]), vectors.dtype)
-    for first in range(0, vectors.shape[1], LANES):
-        lanes = _lanes(vectors, first)
-        images = np.zeros((len(result), LANES), vectors.dtype)
+    for first in range(0, vectors.shape[1], COLUMNS):
+        group = _columns_from(vectors, first)
+        images = np.zeros((len(result), COLUMNS), vectors.dtype)
         with threads_worth(ENTRY_NANOSECONDS * entries):
-            _products(*matrix, lanes, images)
-        result[:, first : first + LANES] = images[:, : vectors.shape[1] - first]
+            _products(*matrix, group, images)
+        result[:, first : first + COLUMNS] = images[:, : vectors.shape[1] - first]
     return result
 
 
@@ -157,22 +157,22 @@ def transposed_products(
     """
     images = as_float(images)
     result = np.zeros((n_unknowns, images.shape[1]), images.dtype)
-    at_once = parts_at_once(len(bounds) - 1, LANES * n_unknowns * images.itemsize)
-    private = np.zeros((at_once, n_unknowns, LANES), images.dtype)
+    at_once = parts_at_once(len(bounds) - 1, COLUMNS * n_unknowns * images.itemsize)
+    private = np.zeros((at_once, n_unknowns, COLUMNS), images.dtype)
     rounds = -(-(len(bounds) - 1) // at_once)
-    for first in range(0, images.shape[1], LANES):
-        volumes = np.zeros((n_unknowns, LANES), images.dtype)
+    for first in range(0, images.shape[1], COLUMNS):
+        volumes = np.zeros((n_unknowns, COLUMNS), images.dtype)
         with threads_worth(ENTRY_NANOSECONDS * entries / rounds):
-            _transposed_products(*matrix, _lanes(images, first), bounds, private, volumes)
-        result[:, first : first + LANES] = volumes[:, : images.shape[1] - first]
+            _transposed_products(*matrix, _columns_from(images, first), bounds, private, volumes)
+        result[:, first : first + COLUMNS] = volumes[:, : images.shape[1] - first]
     return result
 
 
-def _lanes(vectors: NDArray[np.floating], first: int) -> NDArray[np.floating]:
+def _columns_from(vectors: NDArray[np.floating], first: int) -> NDArray[np.floating]:
     """Return columns from ``first`` on, side by side, with zeros where there are too few."""
-    if vectors.shape[1] == LANES:
+    if vectors.shape[1] == COLUMNS:
         return vectors
-    lanes = np.zeros((len(vectors), LANES), vectors.dtype)
-    taken = vectors[:, first : first + LANES]
-    lanes[:, : taken.shape[1]] = taken
-    return lanes
+    group = np.zeros((len(vectors), COLUMNS), vectors.dtype)
+    taken = vectors[:, first : first + COLUMNS]
+    group[:, : taken.shape[1]] = taken
+    return group

@@ -1,4 +1,4 @@
-"""Progress of a series: the stages of planning, told apart from frames by how a step begins."""
+"""Progress of a series: stages of planning and frames differ by how a step begins."""
 
 from __future__ import annotations
 

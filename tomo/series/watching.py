@@ -262,4 +262,4 @@ _CHANGES = {
         ),
     ),
 }
-"""Of each change: the figure, what makes changes of it differences, the least, and the words."""
+"""For each change: the figure, what makes changes of it differences, the least, and the words."""

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import rigs
 from tomo.grid import VoxelGrid
 from tomo.operators import GaussianBasis, LinearSystem
-from tomo.operators.spmm import LANES, PIECE
+from tomo.operators.spmm import COLUMNS, PIECE
 from tomo.pipeline.basis import in_basis
 
 
@@ -33,7 +33,7 @@ KINDS = ["stored", "some pixels", "linear", "voxel means", "blobs"]
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=12)
 @given(
-    columns=st.integers(1, 2 * LANES + 1),
+    columns=st.integers(1, 2 * COLUMNS + 1),
     dtype=st.sampled_from([np.float32, np.float64]),
     seed=st.integers(0, 2**32 - 1),
 )

@@ -21,7 +21,7 @@ COLOURS = (
     "#1f6fb2", "#b3480c", "#2e7d4f", "#8a3ca5", "#a58a00", "#c2255c",
     "#0b7285", "#5f3dc4", "#66740a", "#845032", "#495057", "#d6336c",
 )  # fmt: skip
-"""Colours of curves, told apart on white; more curves repeat them."""
+"""Colours of curves that differ clearly on white; more curves repeat them."""
 
 
 @dataclass(frozen=True)
