@@ -1,0 +1,15 @@
+"""What stands in the light's way: windows, hardware, mirrors; lines of sight through them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "materials": ["INDICES", "Glass", "Material", "Opaque", "Reflecting", "index_of"],
+        "mesh": ["Mesh"],
+        "paths": ["Paths"],
+        "scene": ["Scene"],
+        "scene_camera": ["SceneCamera"],
+        "solids": ["Cylinder", "Mirror", "Solid", "Sphere", "Window"],
+    },
+)

@@ -1,0 +1,121 @@
+"""What stands in the light's way between the flame and the cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.geometry.image_checks import rows_of
+from rigs.scene.materials import index_of
+from rigs.scene.mesh import Mesh
+from rigs.scene.paths import Paths, trace_paths
+from rigs.scene.solids import Solid
+from rigs.scene.tracing import OPEN
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Windows, hardware and mirrors around a flame.
+
+    Parameters
+    ----------
+    solids : sequence of Solid
+        `Window`, `Cylinder`, `Sphere`, `Mirror` and `Mesh`; no two have one name.
+    medium : float or str
+        Refractive index of what surrounds them, or its name in `rigs.scene.materials.INDICES`.
+    fresnel : bool
+        Whether glass takes the fraction of light that it reflects.
+
+    Raises
+    ------
+    ValueError
+        If two solids have one name or overlap, or an index is out of range.
+
+    Examples
+    --------
+    >>> quartz = Window("quartz", (0, 0, 50), (0, 0, 1), 10, Glass("quartz"))
+    >>> paths = Scene((quartz,), medium="vacuum").paths([[0, 0, 100]], [[0.5, 0, -1]])
+    >>> paths.lengths.round(3).tolist()
+    [55.902, 10.524, inf]
+    """
+
+    solids: tuple[Solid, ...] = ()
+    medium: float | str = 1.0
+    fresnel: bool = False
+
+    def __post_init__(self) -> None:
+        """Check names and overlaps."""
+        object.__setattr__(self, "solids", tuple(self.solids))
+        object.__setattr__(self, "medium", index_of(self.medium, "scene: medium"))
+        names = set()
+        for solid in self.solids:
+            if solid.name in names:
+                raise ValueError(f"scene: solid {solid.name}: found twice, expected once")
+            names.add(solid.name)
+        for solid in self.solids:
+            points = solid.samples()
+            for other in self.solids:
+                if other is not solid and other.contains(points).any():
+                    raise ValueError(
+                        f"scene: solids {solid.name} and {other.name}: found one in the other, "
+                        "expected solids apart: light could not tell which medium it is in"
+                    )
+
+    def __bool__(self) -> bool:
+        """Whether anything is in the way."""
+        return bool(self.solids)
+
+    @cached_property
+    def _tables(self) -> tuple[NDArray, list[tuple[int, Mesh]]]:
+        """All faces, and the meshes with the number of the row that stands for each."""
+        parts, meshes, first = [], [], 0
+        for number, solid in enumerate(self.solids):
+            rows = solid.faces(self.medium)
+            rows["solid"] = number
+            if isinstance(solid, Mesh):
+                meshes.append((first, solid))
+            parts.append(rows)
+            first += len(rows)
+        return np.concatenate(parts), meshes
+
+    def paths(self, origins: ArrayLike, directions: ArrayLike) -> Paths:
+        """Return the paths of rays, from the camera on.
+
+        Parameters
+        ----------
+        origins : (N, 3) array_like
+            Outside all solids, in the medium.
+        directions : (N, 3) array_like
+            Unit vectors.
+
+        Notes
+        -----
+        A ray ends at an opaque face, at total reflection, or after
+        `rigs.scene.paths.MOST_FACES` faces. It goes on for ever where nothing is ahead.
+        """
+        origins = rows_of(origins, 3, "origins of rays")
+        directions = rows_of(directions, 3, "directions of rays")
+        norms = np.linalg.norm(directions, axis=1, keepdims=True)
+        if not (np.isfinite(directions).all() and (norms > 0).all()):
+            raise ValueError("directions of rays: found NaN or a zero vector, expected directions")
+        if not self.solids:
+            n = len(origins)
+            open_ahead = (np.full(n, np.inf), np.ones(n), np.full(n, -1))
+            ends = np.full(n, OPEN)
+            return Paths(origins, directions / norms, *open_ahead, np.arange(n + 1), ends)
+        faces, meshes = self._tables
+        return trace_paths(
+            faces, meshes, self.medium, origins, directions / norms, fresnel=self.fresnel
+        )
+
+    def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
+        """Return the scene after the rigid motion ``x_new = R @ x_old + t`` of the world."""
+        return replace(self, solids=tuple(solid.transformed(R, t) for solid in self.solids))
+
+    def with_lengths_scaled(self, factor: float) -> Self:
+        """Return the scene of a world whose lengths are ``factor`` times as large."""
+        return replace(self, solids=tuple(s.with_lengths_scaled(factor) for s in self.solids))

@@ -1,0 +1,241 @@
+"""A camera that looks through a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.camera_protocol import CameraLike
+from rigs.geometry.image_checks import OnImage, pixel_centres, rows_of
+from rigs.geometry.rotation import numbers, rotation
+from rigs.optics import Optics
+from rigs.ray_table.nearest_pinhole import fitted_pinhole
+from rigs.scene.materials import Reflecting
+from rigs.scene.paths import Paths
+from rigs.scene.projection import pixels_that_pass
+from rigs.scene.scene import Scene
+from rigs.scene.tracing import OPEN
+
+_LATTICE = 64
+"""Pixels along each side of an image that are asked how many mirrors they look by."""
+
+
+@dataclass(frozen=True)
+class SceneCamera(OnImage):
+    """A camera whose light comes through windows, past hardware and by mirrors.
+
+    Parameters
+    ----------
+    camera : CameraLike
+        The camera itself, in the scene's medium.
+    scene : Scene
+    middle : (3,)
+        Where the flame is. `rays` are the pieces of the paths that pass nearest to it.
+
+    Notes
+    -----
+    `position`, `R`, `t` and `camera_matrix` are those of the pinhole nearest to the rays that
+    reach the middle, as of `rigs.RayTable`: behind a mirror that is the virtual camera. They
+    serve drawings, footprints and start values; `rays`, `paths` and `project` are exact.
+    """
+
+    camera: CameraLike
+    scene: Scene
+    middle: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that the camera does not stand in a solid."""
+        middle = numbers(self.middle, (3,), f"camera {self.camera.name}: middle")
+        object.__setattr__(self, "middle", tuple(middle.tolist()))
+        if not isinstance(self.scene, Scene):
+            raise ValueError(f"camera {self.name}: scene: found {self.scene!r}, expected a Scene")
+        for solid in self.scene.solids:
+            if solid.contains(np.array(self.camera.position)[None])[0]:
+                raise ValueError(
+                    f"camera {self.name}: stands inside solid {solid.name}, expected outside: "
+                    "check the poses and the units of both"
+                )
+
+    has_lens_model = False
+    is_pinhole = False
+
+    @property
+    def name(self) -> str:
+        """The camera's name."""
+        return self.camera.name
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.camera.image_size
+
+    @property
+    def status(self) -> str:
+        """How the camera's parameters are known."""
+        return self.camera.status
+
+    @property
+    def optics(self) -> Optics | None:
+        """The lens's figures."""
+        return self.camera.optics
+
+    @cached_property
+    def _pinhole(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Camera matrix, R and position of the pinhole nearest to the rays."""
+        return fitted_pinhole(self.name, self.image_size, self.rays, self._in_main_view)
+
+    @property
+    def camera_matrix(self) -> NDArray[np.float64]:
+        """Intrinsics of the nearest pinhole, ``(3, 3)``; see the notes."""
+        return self._pinhole[0]
+
+    @property
+    def R(self) -> NDArray[np.float64]:  # noqa: N802
+        """Rotation from world to camera axes of the nearest pinhole, ``(3, 3)``."""
+        return self._pinhole[1]
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Translation of the nearest pinhole, ``(3,)``."""
+        return -self.R @ self.position
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """The point nearest to all rays, ``(3,)``."""
+        return self._pinhole[2]
+
+    @cached_property
+    def sees_once(self) -> bool:
+        """Whether all pixels look by the same number of mirrors: else a point may appear twice."""
+        width, height = self.image_size
+        u, v = (np.unique(np.linspace(0, side - 1, _LATTICE).round()) for side in (width, height))
+        mirrors = self._mirrors(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
+        return len(np.unique(mirrors[mirrors >= 0])) <= 1
+
+    def _mirrors(self, uv: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return by how many mirrors pixels see the middle, ``(N,)``; -1 without a ray."""
+        paths, pixels = self.paths(uv)
+        counts = np.full(len(uv), -1)
+        is_mirror = [isinstance(solid.material, Reflecting) for solid in self.scene.solids]
+        reflects = np.append(is_mirror, False)[paths.solids]  # number -1: no solid
+        before = np.concatenate([[0], np.cumsum(reflects)])
+        piece = paths.nearest_pieces(np.array(self.middle))
+        counts[pixels] = before[piece] - before[paths.ray_ptr[:-1]]
+        return counts
+
+    def _in_main_view(self, uv: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether pixels look by as many mirrors as most pixels do, ``(N,)``."""
+        mirrors = self._mirrors(uv)
+        known = mirrors[mirrors >= 0]
+        return mirrors == np.bincount(known).argmax() if len(known) else mirrors >= 0
+
+    def paths(self, uv: ArrayLike | None = None) -> tuple[Paths, NDArray[np.int64]]:
+        """Return the paths of pixels, and which pixel each belongs to.
+
+        Parameters
+        ----------
+        uv : (N, 2) array_like, optional
+            Pixel coordinates (column, row); by default every pixel's centre, row by row.
+
+        Returns
+        -------
+        paths : Paths
+        pixels : (rays,) int64
+            Number of the pixel in ``uv`` of each ray: those without a direction have none.
+        """
+        uv = pixel_centres(self.image_size) if uv is None else rows_of(uv, 2, "pixel coordinates")
+        origins, directions = self.camera.rays(uv)
+        pixels = np.flatnonzero(np.isfinite(directions).all(axis=1))
+        return self.scene.paths(origins[pixels], directions[pixels]), pixels
+
+    def rays(self, uv: ArrayLike | None = None) -> tuple[NDArray, NDArray]:
+        """Return the pieces of pixels' paths that pass nearest to the middle.
+
+        Parameters
+        ----------
+        uv : (N, 2) array_like, optional
+            Pixel coordinates (column, row); by default every pixel's centre, row by row.
+
+        Returns
+        -------
+        origins, directions : (N, 3) float64
+            Start and unit direction of the piece; NaN directions where the path ends before it
+            comes nearest to the middle, or the lens has no direction for the pixel.
+        """
+        uv = pixel_centres(self.image_size) if uv is None else rows_of(uv, 2, "pixel coordinates")
+        origins, directions = self.camera.rays(uv)
+        pixels = np.flatnonzero(np.isfinite(directions).all(axis=1))
+        paths = self.scene.paths(origins[pixels], directions[pixels])
+        piece = paths.nearest_pieces(np.array(self.middle))
+        origin, direction = paths.origins[piece], paths.directions[piece]
+        ahead = np.einsum("ij,ij->i", np.array(self.middle) - origin, direction)
+        stopped = (ahead > paths.lengths[piece]) & (paths.ends != OPEN)
+        stopped &= piece == paths.ray_ptr[1:] - 1
+        direction[stopped] = np.nan
+        origins[pixels], directions[pixels] = origin, direction
+        return origins, directions
+
+    def project(self, points: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
+        """Return the pixel coordinates of world points, seen through the scene.
+
+        Parameters
+        ----------
+        points : (N, 3) array_like
+
+        Returns
+        -------
+        uv : (N, 2) float64
+            Pixel coordinates (column, row), inside the image or not; NaN where not valid. One of
+            them where a point has several images.
+        depth : (N,) float64
+            Distance along the optical axis of the nearest pinhole.
+        valid : (N,) bool
+            True where a pixel's path passes through the point.
+        """
+        points = rows_of(points, 3, "points to project")
+        uv = pixels_that_pass(self.camera, self.scene, points)
+        with np.errstate(invalid="ignore", over="ignore"):
+            depth = (points - self.position) @ self.R[2]
+        return uv, depth, np.isfinite(uv).all(axis=1)
+
+    def _changed(self, change: Callable[[CameraLike], CameraLike]) -> Self:
+        return replace(self, camera=change(self.camera))
+
+    def scaled(self, scale: float) -> Self:
+        """Return the camera of the image resized by ``scale``: see `Camera.scaled`."""
+        return self._changed(lambda camera: camera.scaled(scale))
+
+    def cropped(self, x: int, y: int, width: int, height: int) -> Self:
+        """Return the camera of the window whose top-left pixel was column ``x``, row ``y``."""
+        return self._changed(lambda camera: camera.cropped(x, y, width, height))
+
+    def rotated(self, degrees: int) -> Self:
+        """Return the camera of the image turned clockwise by 90, 180 or 270 degrees."""
+        return self._changed(lambda camera: camera.rotated(degrees))
+
+    def shifted(self, right: float, down: float) -> Self:
+        """Return the camera whose image lies that many pixels further right and down."""
+        return self._changed(lambda camera: camera.shifted(right, down))
+
+    def transformed(self, R: ArrayLike, t: ArrayLike) -> Self:
+        """Return the camera and its scene after the rigid motion ``x_new = R @ x_old + t``."""
+        R = rotation(R, f"camera {self.name}: motion R")
+        t = numbers(t, (3,), f"camera {self.name}: motion t")
+        return SceneCamera(
+            self.camera.transformed(R, t),
+            self.scene.transformed(R, t),
+            tuple(R @ np.array(self.middle) + t),
+        )
+
+    def with_lengths_scaled(self, factor: float) -> Self:
+        """Return the camera of a world whose lengths are ``factor`` times as large."""
+        return SceneCamera(
+            self.camera.with_lengths_scaled(factor),
+            self.scene.with_lengths_scaled(factor),
+            tuple(factor * x for x in self.middle),
+        )

@@ -1,0 +1,473 @@
+"""Solids of closed form: windows, cylinders and tubes, spheres, plane mirrors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.geometry.rotation import numbers
+from rigs.scene.materials import Glass, Material, Opaque, Reflecting, index_of
+from rigs.scene.surfaces import CYLINDER, PLANE, SPHERE, face, perpendicular
+
+Vector = tuple[float, float, float]
+
+_AROUND = 24
+"""Samples round a solid; twice as many find no other overlap of solids wider than their fortieth."""
+
+
+class Solid(Protocol):
+    """What stands in the light's way.
+
+    Attributes
+    ----------
+    name : str
+        Unique in a scene.
+    material : Material
+    """
+
+    name: str
+    material: Material
+
+    def faces(self, medium: float) -> NDArray:
+        """Return the table of its faces, `rigs.scene.surfaces.FACE`, in a medium of that index."""
+
+    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether points ``(N, 3)`` are inside, ``(N,)``."""
+
+    def samples(self) -> NDArray[np.float64]:
+        """Return points on its surface, ``(N, 3)``; of an endless one those near its point."""
+
+    @property
+    def size(self) -> float:
+        """Its diameter; the thickness of an endless one."""
+
+    def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
+        """Return the solid after the motion ``x_new = R @ x_old + t``."""
+
+    def with_lengths_scaled(self, factor: float) -> Self:
+        """Return the solid of a world whose lengths are ``factor`` times as large."""
+
+
+class _Analytic:
+    """Checks and motions that solids of closed form share; fields say which they have."""
+
+    _POINTS, _DIRECTIONS, _LENGTHS = (), (), ()
+
+    def __post_init__(self) -> None:
+        """Check every field and make vectors plain tuples."""
+        if not isinstance(self.name, str) or not self.name.strip():
+            raise ValueError(f"solid name: found {self.name!r}, expected text")
+        for name in self._POINTS:
+            point = numbers(getattr(self, name), (3,), f"{self.what}: {name}")
+            object.__setattr__(self, name, tuple(point.tolist()))
+        for name in self._DIRECTIONS:
+            if getattr(self, name) is None:
+                continue
+            vector = numbers(getattr(self, name), (3,), f"{self.what}: {name}")
+            length = np.linalg.norm(vector)
+            if not length > 0:
+                raise ValueError(
+                    f"{self.what}: {name}: found {vector.tolist()}, expected a direction"
+                )
+            object.__setattr__(self, name, tuple((vector / length).tolist()))
+        for name in self._LENGTHS:
+            length = getattr(self, name)
+            if length is None:
+                continue
+            found = np.atleast_1d(np.asarray(length, float))
+            if isinstance(length, bool) or not (found > 0).all():
+                raise ValueError(f"{self.what}: {name}: found {length!r}, expected above 0")
+
+    @property
+    def what(self) -> str:
+        """How messages call the solid."""
+        return f"solid {self.name}"
+
+    def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
+        """Return the solid after the motion ``x_new = R @ x_old + t``."""
+        points = {name: tuple(R @ getattr(self, name) + t) for name in self._POINTS}
+        turned = {
+            name: tuple(R @ getattr(self, name))
+            for name in self._DIRECTIONS
+            if getattr(self, name) is not None
+        }
+        return replace(self, **points, **turned)
+
+    def with_lengths_scaled(self, factor: float) -> Self:
+        """Return the solid of a world whose lengths are ``factor`` times as large."""
+        scaled = {}
+        for name in (*self._POINTS, *self._LENGTHS):
+            value = getattr(self, name)
+            if value is not None:
+                scaled[name] = (
+                    tuple(np.multiply(value, factor)) if np.ndim(value) else value * factor
+                )
+        material = self.material
+        if isinstance(material, Glass):
+            scaled["material"] = replace(material, extinction=material.extinction / factor)
+        return replace(self, **scaled)
+
+
+@dataclass(frozen=True)
+class Window(_Analytic):
+    """A plane-parallel plate; its rim is opaque.
+
+    Parameters
+    ----------
+    name : str
+    point : (3,)
+        The middle of its first face.
+    normal : (3,)
+        Out of that face, away from the plate.
+    thickness : float
+        The second face lies ``thickness`` against the normal.
+    material : Glass
+    beyond : float or str, optional
+        Refractive index of the medium beyond the second face; by default the scene's.
+    size : float or (float, float), optional
+        Diameter of a round window, or the sides of a rectangular one; endless by default.
+    across : (3,), optional
+        Direction of a rectangular window's first side, made perpendicular to the normal.
+    """
+
+    name: str
+    point: Vector
+    normal: Vector
+    thickness: float
+    material: Glass
+    beyond: float | str | None = None
+    size: float | tuple[float, float] | None = None
+    across: Vector | None = None
+
+    _POINTS, _DIRECTIONS = ("point",), ("normal", "across")
+    _LENGTHS = ("thickness", "size")
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        super().__post_init__()
+        if not isinstance(self.material, Glass):
+            raise ValueError(f"{self.what}: material: found {self.material!r}, expected glass")
+        if not math.isfinite(self.thickness):
+            raise ValueError(
+                f"{self.what}: thickness: found {self.thickness!r}, expected a length"
+            )
+        if self.beyond is not None:
+            index = index_of(self.beyond, f"{self.what}: beyond")
+            object.__setattr__(self, "beyond", index)
+        _check_across(self)
+
+    @property
+    def diameter(self) -> float:
+        """Its diameter; the thickness of an endless one."""
+        return self.thickness if self.size is None else float(np.linalg.norm(self.size))
+
+    def faces(self, medium: float) -> NDArray:
+        """Return the table of its faces; see `Solid`."""
+        normal, point = np.array(self.normal), np.array(self.point)
+        second = point - self.thickness * normal
+        outline = _outline(self)
+        glass = (self.material.index, self.material.extinction)
+        beyond = (medium if self.beyond is None else self.beyond, 0.0)
+        table = [
+            face(PLANE, self.material, point, normal, front=(medium, 0.0), **outline),
+            face(PLANE, self.material, second, normal, front=glass, behind=beyond, **outline),
+        ]
+        middle = (point + second) / 2
+        if self.size is not None and np.ndim(self.size) == 0:
+            half = (self.thickness / 2, np.inf)
+            table.append(face(CYLINDER, Opaque(), middle, normal, radius=self.size / 2, half=half))
+        elif self.size is not None:
+            sides = (outline["across"], np.cross(normal, outline["across"]))
+            for side, length, other in zip(sides, self.size, self.size[::-1], strict=True):
+                for sign in (-1, 1):
+                    table.append(
+                        face(
+                            PLANE, Opaque(), middle + sign * length / 2 * side, sign * side,
+                            across=normal, half=(self.thickness / 2, other / 2),
+                        )
+                    )  # fmt: skip
+        return np.concatenate(table)
+
+    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether points are in the glass; see `Solid`."""
+        away = points - np.array(self.point)
+        depth = -(away @ np.array(self.normal))
+        return (depth > 0) & (depth < self.thickness) & _inside_outline(self, away)
+
+    def samples(self) -> NDArray[np.float64]:
+        """Return points on both faces; see `Solid`."""
+        first = _on_plane(self)
+        return np.concatenate([first, first - self.thickness * np.array(self.normal)])
+
+
+@dataclass(frozen=True)
+class Mirror(_Analytic):
+    """A plane mirror; its back is opaque.
+
+    Parameters
+    ----------
+    name : str
+    point : (3,)
+        The middle of its face.
+    normal : (3,)
+        Out of the face that reflects.
+    material : Reflecting
+    size : float or (float, float), optional
+        Diameter of a round mirror, or the sides of a rectangular one; endless by default.
+    across : (3,), optional
+        Direction of a rectangular mirror's first side, made perpendicular to the normal.
+    """
+
+    name: str
+    point: Vector
+    normal: Vector
+    material: Reflecting = Reflecting()
+    size: float | tuple[float, float] | None = None
+    across: Vector | None = None
+
+    _POINTS, _DIRECTIONS, _LENGTHS = ("point",), ("normal", "across"), ("size",)
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        super().__post_init__()
+        if not isinstance(self.material, Reflecting):
+            raise ValueError(f"{self.what}: material: found {self.material!r}, expected mirror")
+        _check_across(self)
+
+    @property
+    def diameter(self) -> float:
+        """Its diameter; infinite for an endless one."""
+        return math.inf if self.size is None else float(np.linalg.norm(self.size))
+
+    def faces(self, medium: float) -> NDArray:
+        """Return the table of its face; see `Solid`."""
+        return face(
+            PLANE, self.material, self.point, self.normal, front=(medium, 0.0), **_outline(self)
+        )
+
+    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return False for all: it has no inside."""
+        return np.zeros(len(points), bool)
+
+    def samples(self) -> NDArray[np.float64]:
+        """Return points on its face; see `Solid`."""
+        return _on_plane(self)
+
+
+@dataclass(frozen=True)
+class Cylinder(_Analytic):
+    """A rod, or the wall of a tube.
+
+    Parameters
+    ----------
+    name : str
+    point : (3,)
+        The middle of its axis.
+    axis : (3,)
+    radius, length : float
+    material : Material
+    inner_radius : float
+        The tube's inner radius; 0 for a rod.
+    inside : float or str, optional
+        Refractive index of what fills the tube; its ends are then closed by opaque caps. By
+        default the scene's medium, and the ends are open.
+    """
+
+    name: str
+    point: Vector
+    axis: Vector
+    radius: float
+    length: float
+    material: Material
+    inner_radius: float = 0.0
+    inside: float | str | None = None
+
+    _POINTS, _DIRECTIONS, _LENGTHS = ("point",), ("axis",), ("radius", "length", "inner_radius")
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        if self.inner_radius == 0:
+            object.__setattr__(self, "inner_radius", None)
+        super().__post_init__()
+        if self.inner_radius is not None and not self.inner_radius < self.radius:
+            raise ValueError(
+                f"{self.what}: inner_radius: found {self.inner_radius!r}, expected below the "
+                f"radius {self.radius!r}"
+            )
+        object.__setattr__(self, "inner_radius", self.inner_radius or 0.0)
+        if self.inside is not None:
+            index = index_of(self.inside, f"{self.what}: inside")
+            object.__setattr__(self, "inside", index)
+
+    @property
+    def diameter(self) -> float:
+        """Its diameter, or its length where that is more."""
+        return float(max(2 * self.radius, self.length if math.isfinite(self.length) else 0))
+
+    def faces(self, medium: float) -> NDArray:
+        """Return the table of its faces; see `Solid`."""
+        axis, middle = np.array(self.axis), np.array(self.point)
+        around, half = (medium, 0.0), (self.length / 2, np.inf)
+        table = [
+            face(
+                CYLINDER, self.material, middle, axis, radius=self.radius, half=half, front=around
+            )
+        ]
+        glass = (
+            (self.material.index, self.material.extinction)
+            if isinstance(self.material, Glass)
+            else around
+        )
+        filled = (medium if self.inside is None else self.inside, 0.0)
+        if self.inner_radius > 0:
+            table.append(
+                face(
+                    CYLINDER, self.material, middle, axis, radius=self.inner_radius, half=half,
+                    front=glass, behind=filled,
+                )
+            )  # fmt: skip
+        if not math.isfinite(self.length):
+            return np.concatenate(table)
+        for sign in (-1, 1):
+            end = {"point": middle + sign * self.length / 2 * axis, "axis": sign * axis}
+            table.append(
+                face(
+                    PLANE, self.material, **end, radius=self.radius, hole=self.inner_radius,
+                    front=around,
+                )
+            )  # fmt: skip
+            if self.inner_radius > 0 and self.inside is not None:
+                table.append(face(PLANE, Opaque(), **end, radius=self.inner_radius))
+        return np.concatenate(table)
+
+    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether points are in the wall or rod; see `Solid`."""
+        along, out = self._cylindrical(points)
+        return (np.abs(along) < self.length / 2) & (out < self.radius) & (out > self.inner_radius)
+
+    def samples(self) -> NDArray[np.float64]:
+        """Return points on the wall, outside and inside; see `Solid`."""
+        axis = np.array(self.axis)
+        first = perpendicular(axis)
+        second = np.cross(axis, first)
+        turn = np.linspace(0, 2 * np.pi, _AROUND, endpoint=False)
+        circle = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
+        length = self.length if math.isfinite(self.length) else 4 * self.radius
+        along = np.linspace(-0.5, 0.5, _AROUND)[:, None, None] * length * axis
+        radii = {self.radius, self.inner_radius} - {0.0}
+        return np.array(self.point) + np.concatenate(
+            [(along + radius * circle).reshape(-1, 3) for radius in sorted(radii)]
+        )
+
+    def _cylindrical(self, points: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return positions along the axis and distances from it, ``(N,)`` each."""
+        away = points - np.array(self.point)
+        along = away @ np.array(self.axis)
+        return along, np.linalg.norm(away - along[:, None] * np.array(self.axis), axis=1)
+
+
+@dataclass(frozen=True)
+class Sphere(_Analytic):
+    """A ball.
+
+    Parameters
+    ----------
+    name : str
+    center : (3,)
+    radius : float
+    material : Material
+    """
+
+    name: str
+    center: Vector
+    radius: float
+    material: Material
+
+    _POINTS, _LENGTHS = ("center",), ("radius",)
+
+    @property
+    def diameter(self) -> float:
+        """Its diameter."""
+        return 2 * self.radius
+
+    def faces(self, medium: float) -> NDArray:
+        """Return the table of its face; see `Solid`."""
+        return face(SPHERE, self.material, self.center, radius=self.radius, front=(medium, 0.0))
+
+    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether points are inside; see `Solid`."""
+        return np.linalg.norm(points - np.array(self.center), axis=1) < self.radius
+
+    def samples(self) -> NDArray[np.float64]:
+        """Return points on the surface (Fibonacci lattice); see `Solid`."""
+        n = _AROUND**2
+        z = 1 - (2 * np.arange(n) + 1) / n
+        turn = np.pi * (3 - math.sqrt(5)) * np.arange(n)
+        out = np.sqrt(1 - z**2)
+        unit = np.stack([out * np.cos(turn), out * np.sin(turn), z], axis=1)
+        return np.array(self.center) + self.radius * unit
+
+
+def _check_across(plate: Window | Mirror) -> None:
+    """Check the size of a plate, and make ``across`` perpendicular to its normal."""
+    if plate.size is not None and np.shape(plate.size) not in ((), (2,)):
+        raise ValueError(
+            f"{plate.what}: size: found {plate.size!r}, expected a diameter or two sides"
+        )
+    if plate.size is not None and np.ndim(plate.size):
+        object.__setattr__(plate, "size", tuple(float(side) for side in plate.size))
+    if plate.across is None:
+        return
+    normal = np.array(plate.normal)
+    across = np.array(plate.across) - (np.array(plate.across) @ normal) * normal
+    length = np.linalg.norm(across)
+    if not length > 1e-6:  # a direction along the normal leaves rounding alone
+        raise ValueError(
+            f"{plate.what}: across: found {list(plate.across)}, along the normal, expected a "
+            "direction along the first side"
+        )
+    object.__setattr__(plate, "across", tuple((across / length).tolist()))
+
+
+def _outline(plate: Window | Mirror) -> dict:
+    """Return the extent of a plate's face, as `rigs.scene.surfaces.face` takes it."""
+    normal = np.array(plate.normal)
+    across = perpendicular(normal) if plate.across is None else np.array(plate.across)
+    if plate.size is None:
+        return {"across": across}
+    if np.ndim(plate.size) == 0:
+        return {"across": across, "radius": plate.size / 2}
+    return {"across": across, "half": (plate.size[0] / 2, plate.size[1] / 2)}
+
+
+def _inside_outline(plate: Window | Mirror, away: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether points ``(N, 3)`` from a plate's middle are before or behind its face."""
+    outline = _outline(plate)
+    normal, across = np.array(plate.normal), outline["across"]
+    flat = np.stack([away @ across, away @ np.cross(normal, across)], axis=1)
+    half = outline.get("half", (np.inf, np.inf))
+    inside = np.linalg.norm(flat, axis=1) <= outline.get("radius", np.inf)
+    return inside & (np.abs(flat) <= half).all(axis=1)
+
+
+def _on_plane(plate: Window | Mirror) -> NDArray[np.float64]:
+    """Return points on a plate's face, ``(N, 3)``; of an endless one its middle."""
+    point = np.array(plate.point)
+    if plate.size is None:
+        return point[None]
+    outline = _outline(plate)
+    normal, across = np.array(plate.normal), outline["across"]
+    half = np.array(outline.get("half", (outline.get("radius"),) * 2))
+    steps = np.linspace(-1, 1, _AROUND)
+    u, v = np.meshgrid(steps * half[0], steps * half[1])
+    points = u.ravel()[:, None] * across + v.ravel()[:, None] * np.cross(normal, across)
+    return point + points[_inside_outline(plate, points)]
+
+
+def as_vector(value: ArrayLike) -> Vector:
+    """Return three plain floats."""
+    return tuple(np.asarray(value, float).tolist())
