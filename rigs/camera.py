@@ -127,6 +127,7 @@ class Camera(OnImage):
 
     has_lens_model = True
     sees_once = True
+    is_straight = True
 
     @property
     def position(self) -> NDArray[np.float64]:

@@ -64,6 +64,10 @@ class CameraLike(Protocol):
     def sees_once(self) -> bool:
         """Whether no point has two images."""
 
+    @property
+    def is_straight(self) -> bool:
+        """Whether every pixel sees along one straight ray; else ``paths`` gives its pieces."""
+
     def project(self, points: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
         """Return pixel coordinates ``(N, 2)``, depth ``(N,)`` and validity ``(N,)`` of points."""
 

@@ -6,7 +6,7 @@ import copy
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.camera_protocol import CameraLike
 from rigs.geometry.points import box_points
 from rigs.geometry.rotation import numbers, rotation
+
+if TYPE_CHECKING:
+    from rigs.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -153,6 +156,27 @@ class Rig(Sequence[CameraLike]):
     def names(self) -> tuple[str, ...]:
         """The cameras' names, in order."""
         return tuple(camera.name for camera in self.cameras)
+
+    @property
+    def scene(self) -> Scene | None:
+        """What the cameras look through; None where nothing is in the way."""
+        scenes = [camera.scene for camera in self.cameras if hasattr(camera, "scene")]
+        return scenes[0] if scenes else None
+
+    def through(self, scene: Scene) -> Rig:
+        """Return the rig whose cameras look through ``scene``, in place of any they had.
+
+        They look at the volume's centre; without a volume, where their middle rays meet.
+        """
+        from rigs.geometry.rays import point_in_view
+        from rigs.scene.scene_camera import SceneCamera, own_camera
+
+        cameras = tuple(own_camera(camera) for camera in self.cameras)
+        middle = self.volume.center if self.volume else point_in_view(cameras)
+        middle = (0.0, 0.0, 0.0) if middle is None else tuple(middle)
+        return replace(
+            self, cameras=tuple(SceneCamera(camera, scene, middle) for camera in cameras)
+        )
 
     def without(self, *names: str) -> Rig:
         """Return the rig of all other cameras."""

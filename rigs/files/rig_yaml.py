@@ -12,13 +12,17 @@ import yaml
 
 from rigs.camera import Camera, look_at, pinhole_matrix
 from rigs.camera_protocol import CameraLike
-from rigs.files.schema import CameraEntry, RigEntry, parse_rig
+from rigs.files.schema import CameraEntry, RigEntry, SceneEntry, parse_rig
 from rigs.files.text import breaks_a_line, read_yaml_mapping, write_text
 from rigs.lens import Distortion
 from rigs.optics import Optics
 from rigs.ray_table import RayTable
 from rigs.ray_table.ray_file import load_ray_table, save_ray_table
 from rigs.rig import Rig, Volume
+from rigs.scene.entry import scene_data, scene_of
+from rigs.scene.mesh import Mesh
+from rigs.scene.mesh_file import write_mesh
+from rigs.scene.scene_camera import own_camera
 
 FORMAT = "emission-rig"
 VERSION = 1
@@ -30,7 +34,8 @@ def load_rig(path: str | os.PathLike) -> Rig:
     A camera's pose is ``R`` and ``t``, or ``position``, ``look_at`` and ``up``; its intrinsics
     are ``camera_matrix``, or ``focal_length`` and ``pixel_pitch`` in one unit (with
     ``principal_point`` in pixels, by default the image's middle). Instead of both it may name a
-    ``ray_table``, an ``.npz`` in the file's folder (`rigs.RayTable`).
+    ``ray_table``, an ``.npz`` in the file's folder (`rigs.RayTable`). With a ``scene`` the cameras
+    look through it (`rigs.scene.SceneCamera`).
 
     Raises
     ------
@@ -60,7 +65,8 @@ def save_rig(rig: Rig, path: str | os.PathLike) -> None:
 
     Poses are written as ``R`` and ``t``, intrinsics as ``camera_matrix``. ``cv2.FileStorage``
     reads the file too, as long as the keys in ``rig.calibration`` are plain words. Tables of rays
-    are written into the same folder, as ``<stem>_rays_<camera>.npz``.
+    are written into the same folder, as ``<stem>_rays_<camera>.npz``, meshes of the scene as
+    ``<stem>_solid_<number>.obj``.
 
     Raises
     ------
@@ -68,9 +74,13 @@ def save_rig(rig: Rig, path: str | os.PathLike) -> None:
         If ``rig.calibration`` holds something other than plain data.
     """
     text = rig_to_yaml(rig, Path(path).stem)
-    for camera in rig:
+    stem = Path(path).stem
+    for camera in map(own_camera, rig):
         if isinstance(camera, RayTable):
-            save_ray_table(camera, Path(path).with_name(_table_name(camera, Path(path).stem)))
+            save_ray_table(camera, Path(path).with_name(_table_name(camera, stem)))
+    for number, solid in enumerate(rig.scene.solids if rig.scene else ()):
+        if isinstance(solid, Mesh):
+            write_mesh(solid, Path(path).with_name(_mesh_name(number, stem)))
     write_text(path, text)
 
 
@@ -82,7 +92,7 @@ def rig_to_yaml(rig: Rig, stem: str = "rig") -> str:
         "length_unit": rig.length_unit,
         "convention": "opencv",
         "world_frame": rig.world_frame,
-        "cameras": [_camera_data(camera, stem) for camera in rig.cameras],
+        "cameras": [_camera_data(own_camera(camera), stem) for camera in rig.cameras],
     }
     if rig.volume is not None:
         data["volume"] = {
@@ -90,6 +100,9 @@ def rig_to_yaml(rig: Rig, stem: str = "rig") -> str:
             "spacing": list(rig.volume.spacing),
             "center": list(rig.volume.center),
         }
+    if rig.scene is not None:
+        solids = rig.scene.solids
+        data["scene"] = scene_data(rig.scene, lambda mesh: _mesh_name(solids.index(mesh), stem))
     if rig.calibration is not None:
         _check_plain(rig.calibration, "calibration")
         data["calibration"] = rig.calibration
@@ -123,7 +136,17 @@ def _rig(entry: RigEntry, folder: Path) -> Rig:
         raise ValueError("cameras: found none, expected at least one")
     volume = entry.volume and Volume(entry.volume.shape, entry.volume.spacing, entry.volume.center)
     cameras = tuple(_camera(camera, folder) for camera in entry.cameras)
-    return Rig(cameras, entry.length_unit, entry.world_frame, volume, entry.calibration)
+    rig = Rig(cameras, entry.length_unit, entry.world_frame, volume, entry.calibration)
+    return rig if entry.scene is None else _in_scene(rig, entry.scene, folder)
+
+
+def _in_scene(rig: Rig, entry: SceneEntry, folder: Path) -> Rig:
+    """Return the rig whose cameras look through the scene of a checked entry."""
+    from rigs.scene.checks import check_scene
+
+    scene = scene_of(entry, folder, rig.length_unit)
+    check_scene(scene, rig)
+    return rig.through(scene)
 
 
 def _camera(entry: CameraEntry, folder: Path) -> CameraLike:
@@ -163,6 +186,11 @@ def _ray_table(entry: CameraEntry, folder: Path) -> RayTable:
 def _table_name(camera: RayTable, stem: str) -> str:
     """Return the name of the file of a camera's rays, for a rig of that stem."""
     return f"{stem}_rays_{camera.name}.npz"
+
+
+def _mesh_name(number: int, stem: str) -> str:
+    """Return the name of the file of a scene's mesh, for a rig of that stem."""
+    return f"{stem}_solid_{number}.obj"
 
 
 def _intrinsics(entry: CameraEntry) -> Any:

@@ -95,6 +95,42 @@ class VolumeEntry(_Entry):
     center: Vector = (0.0, 0.0, 0.0)
 
 
+class SolidEntry(_Entry):
+    """One of a scene's ``solids:``, with the fields of all types; see `rigs.scene.entry`."""
+
+    name: Text
+    type: Text
+    material: Text | None = None
+    index: Number | Text | None = None
+    extinction: Number | None = None
+    reflectivity: Number | None = None
+    point: Vector | None = None
+    normal: Vector | None = None
+    axis: Vector | None = None
+    across: Vector | None = None
+    center: Vector | None = None
+    radius: Number | None = None
+    inner_radius: Number | None = None
+    length: Number | None = None
+    thickness: Number | None = None
+    size: Number | tuple[Number, Number] | None = None
+    beyond: Number | Text | None = None
+    inside: Number | Text | None = None
+    file: Text | None = None
+    unit: Text | None = None
+    R: Matrix | None = None
+    t: Vector | None = None
+    smooth: bool = False
+
+
+class SceneEntry(_Entry):
+    """``scene:`` of a rig: what stands in the light's way."""
+
+    medium: Number | Text = 1.0
+    fresnel: bool = False
+    solids: list[SolidEntry] = []
+
+
 class RigEntry(_Entry):
     """The whole file."""
 
@@ -105,6 +141,7 @@ class RigEntry(_Entry):
     world_frame: Text = ""
     cameras: list[CameraEntry]
     volume: VolumeEntry | None = None
+    scene: SceneEntry | None = None
     calibration: dict[str, Any] | None = None
 
 
@@ -130,4 +167,8 @@ def _where(path: list[str | int], data: Mapping[str, Any]) -> str:
         if isinstance(entry.get("name"), str):
             return f"camera {entry['name']}: {dotted(path[2:])}"
         return f"{dotted(path[:2])}: {dotted(path[2:])}"
+    if path[:2] == ["scene", "solids"] and len(path) > 3:
+        entry = data["scene"]["solids"][path[2]]
+        if isinstance(entry.get("name"), str):
+            return f"scene: solid {entry['name']}: {dotted(path[3:])}"
     return dotted(path)

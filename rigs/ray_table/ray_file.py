@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from rigs.files.archives import read_arrays
-from rigs.files.text import breaks_a_line, shortened, write_bytes
+from rigs.files.inside import path_inside
+from rigs.files.text import write_bytes
 from rigs.optics import Optics
 from rigs.ray_table.ray_table import RayTable
 
@@ -44,7 +45,7 @@ def load_ray_table(
         In one line: the camera, the file, the array, what was found, what was expected.
     """
     where = f"camera {name}: ray_table"
-    path = _inside(file, Path(folder), where)
+    path = path_inside(file, Path(folder), where)
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file, which camera {name} has for ray_table")
     try:
@@ -79,18 +80,3 @@ def save_ray_table(camera: RayTable, path: str | os.PathLike) -> None:
         offset=np.array(camera.offset),
     )
     write_bytes(path, file.getvalue())
-
-
-def _inside(file: str, folder: Path, where: str) -> Path:
-    """Return the path of a file, or raise if it leaves the folder."""
-    message = f"{where}: found {shortened(file)}, expected a path inside the rig's folder"
-    if not file.strip() or "\0" in file or breaks_a_line(file) or Path(file).is_absolute():
-        raise ValueError(message)
-    path = folder / file.replace("\\", "/")
-    try:
-        inside = path.resolve().is_relative_to(folder.resolve())
-    except (OSError, RuntimeError):
-        inside = False
-    if not inside:
-        raise ValueError(message)
-    return path

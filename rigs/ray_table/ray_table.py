@@ -156,6 +156,7 @@ class RayTable(OnImage):
 
     has_lens_model = False
     is_pinhole = False
+    is_straight = True
 
     @cached_property
     def _pinhole(self) -> tuple[NDArray, NDArray, NDArray]:

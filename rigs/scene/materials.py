@@ -16,8 +16,8 @@ INDICES = {
 }
 """Indices at the yellow sodium line (589 nm), at 20 degrees Celsius; sapphire's ordinary ray.
 
-Sources: Malitson 1965 (fused quartz), Malitson 1962 (sapphire), Schott's data sheet (BK7), Sultanova
-2009 (acrylic), IAPWS 1997 (water), Ciddor 1996 (air).
+Sources: Malitson 1965 (fused quartz), Malitson 1962 (sapphire), Schott's data sheet (BK7),
+Sultanova 2009 (acrylic), IAPWS 1997 (water), Ciddor 1996 (air).
 """
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Self
 
@@ -70,7 +70,7 @@ class Mesh:
         if len(triangles) > LARGEST:
             raise ValueError(
                 f"{what}: found {len(triangles)} triangles (some "
-                f"{len(triangles) * 380 / 1e9:.1f} GB), expected at most {LARGEST}: simplify the mesh"
+                f"{len(triangles) * 380 / 1e9:.1f} GB), expected at most {LARGEST}: simplify it"
             )
         if triangles.min() < 0 or triangles.max() >= len(vertices):
             raise ValueError(
@@ -113,6 +113,10 @@ class Mesh:
 
     def __hash__(self) -> int:
         return hash((self.name, self.material, len(self.triangles)))
+
+    def __getstate__(self) -> dict:
+        """Return the fields: what Open3D made of them cannot be sent to another process."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     def what(self) -> str:
@@ -217,7 +221,7 @@ class Mesh:
         """
         import open3d as o3d
 
-        ahead = np.empty(len(origins))
+        ahead = np.zeros(len(origins))
         _to_box(origins, directions, self._box, within, ahead)
         rays = np.flatnonzero(np.isfinite(ahead))
         if not len(rays):

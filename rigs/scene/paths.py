@@ -121,7 +121,7 @@ def _trace_block(
     weight, ends = np.ones(count), np.full(count, OPEN)
     steps, counts, all_ends = [], np.zeros(count, np.int64), np.full(count, TRAPPED)
     for _ in range(MOST_FACES + 1):
-        length, found, normal = np.full(len(ray), np.inf), last.copy(), np.empty((len(ray), 3))
+        length, found, normal = np.full(len(ray), np.inf), last.copy(), np.zeros((len(ray), 3))
         nearest_face(origin, direction, last, faces, length, found)
         for row, mesh in meshes:
             met, distance, own = mesh.nearest(origin, direction, last == row, length)
@@ -139,7 +139,7 @@ def _trace_block(
         last, media = found[goes_on], media[goes_on]
         weight, ends = weight[goes_on], ends[goes_on]
     first, total = np.cumsum(counts) - counts, int(counts.sum())
-    columns = [np.empty((total, *column.shape[1:]), column.dtype) for column in steps[0][1]]
+    columns = [np.zeros((total, *column.shape[1:]), column.dtype) for column in steps[0][1]]
     for number, (ray, own) in enumerate(steps):
         for column, values in zip(columns, own, strict=True):
             column[first[ray] + number] = values

@@ -147,7 +147,7 @@ def _missed(
 def _least_squares(
     right: NDArray[np.float64], down: NDArray[np.float64], aim: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the steps ``(N, 2)`` with the least ``|a right + b down - aim|``, NaN if undetermined."""
+    """Return the steps ``(N, 2)`` a, b with the least ``|a right + b down - aim|``, or NaN."""
     aa, ab, bb = ((x * y).sum(axis=1) for x, y in ((right, right), (right, down), (down, down)))
     a, b = (right * aim).sum(axis=1), (down * aim).sum(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -63,6 +63,7 @@ class SceneCamera(OnImage):
 
     has_lens_model = False
     is_pinhole = False
+    is_straight = False
 
     @property
     def name(self) -> str:
@@ -239,3 +240,8 @@ class SceneCamera(OnImage):
             self.scene.with_lengths_scaled(factor),
             tuple(factor * x for x in self.middle),
         )
+
+
+def own_camera(camera: CameraLike) -> CameraLike:
+    """Return the camera itself of one that looks through a scene; any other as it is."""
+    return camera.camera if isinstance(camera, SceneCamera) else camera

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rigs.geometry.rotation import numbers
 from rigs.scene.materials import Glass, Material, Opaque, Reflecting, index_of
@@ -16,7 +16,7 @@ from rigs.scene.surfaces import CYLINDER, PLANE, SPHERE, face, perpendicular
 Vector = tuple[float, float, float]
 
 _AROUND = 24
-"""Samples round a solid; twice as many find no other overlap of solids wider than their fortieth."""
+"""Samples round a solid: they find overlaps wider than a twentieth of it."""
 
 
 class Solid(Protocol):
@@ -42,7 +42,7 @@ class Solid(Protocol):
         """Return points on its surface, ``(N, 3)``; of an endless one those near its point."""
 
     @property
-    def size(self) -> float:
+    def diameter(self) -> float:
         """Its diameter; the thickness of an endless one."""
 
     def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
@@ -225,7 +225,7 @@ class Mirror(_Analytic):
     name: str
     point: Vector
     normal: Vector
-    material: Reflecting = Reflecting()
+    material: Reflecting = field(default_factory=Reflecting)
     size: float | tuple[float, float] | None = None
     across: Vector | None = None
 
@@ -466,8 +466,3 @@ def _on_plane(plate: Window | Mirror) -> NDArray[np.float64]:
     u, v = np.meshgrid(steps * half[0], steps * half[1])
     points = u.ravel()[:, None] * across + v.ravel()[:, None] * np.cross(normal, across)
     return point + points[_inside_outline(plate, points)]
-
-
-def as_vector(value: ArrayLike) -> Vector:
-    """Return three plain floats."""
-    return tuple(np.asarray(value, float).tolist())

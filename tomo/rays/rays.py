@@ -14,6 +14,7 @@ from tomo.rays.pinhole import BAD_LENGTH, FINE, NOT_FINITE, NOT_UNIT, first_faul
 
 if TYPE_CHECKING:
     from rigs import CameraLike
+    from rigs.scene import Paths
 
 _WRONG = {
     NOT_FINITE: "rays origins: found NaN or infinity, expected finite coordinates",
@@ -157,7 +158,10 @@ class Rays:
                 row[:, None] + positions[:, 0],
                 column[:, None] + positions[:, 1],
             )  # (pixels, K²)
-            origins, directions = camera.rays(np.stack([u, v], axis=-1).reshape(-1, 2))
+            uv = np.stack([u, v], axis=-1).reshape(-1, 2)
+            if not camera.is_straight:
+                return cls._along_paths(*camera.paths(uv), len(pixels), supersample**2)
+            origins, directions = camera.rays(uv)
         weight = np.full(len(origins), 1.0 / supersample**2)
         pixel_ptr = supersample**2 * np.arange(len(pixels) + 1)
         if not np.isfinite(directions).all():
@@ -167,6 +171,27 @@ class Rays:
             weight = np.repeat(1.0 / np.maximum(per_pixel, 1), per_pixel)
             pixel_ptr = np.concatenate([[0], np.cumsum(per_pixel)]).astype(np.int64)
         return cls(origins, directions, np.full(len(origins), np.inf), weight, pixel_ptr)
+
+    @classmethod
+    def _along_paths(
+        cls, paths: Paths, owners: NDArray[np.int64], n_pixels: int, several: int
+    ) -> Rays:
+        """Return the pieces of paths as rays of pixels, each of which has ``several`` paths.
+
+        Parameters
+        ----------
+        paths : Paths
+        owners : (paths,) int64
+            Which of the ``n_pixels * several`` rays each path belongs to: those that the lens
+            maps from no direction have none.
+        """
+        pixel = owners // several
+        existing = np.bincount(pixel, minlength=n_pixels)
+        pieces = np.diff(paths.ray_ptr)
+        weight = paths.weight / np.repeat(existing[pixel], pieces)
+        counts = np.bincount(pixel, weights=pieces, minlength=n_pixels).astype(np.int64)
+        pixel_ptr = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
+        return cls(paths.origins, paths.directions, paths.lengths, weight, pixel_ptr)
 
     def take(self, pixels: NDArray[np.integer]) -> Rays:
         """Return the rays of some pixels, in the order given."""

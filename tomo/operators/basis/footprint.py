@@ -105,12 +105,25 @@ def _kernel_of(camera: CameraLike, grid: VoxelGrid, supersample: int) -> Kernel:
             for step in np.diag(np.asarray(grid.spacing) / 2)
         ]
     )  # (3, 2): the image of each edge of a voxel
+    if not np.isfinite(edges).all():  # hidden by hardware, or by the edge of a mirror
+        edges = _by_pinhole(camera, centre, np.asarray(grid.spacing))
     if not np.isfinite(edges).all():
         raise ValueError(
             f"basis: camera {camera.name}: found the grid's centre out of its sight, expected it "
             "ahead"
         )
     return footprint_kernel(edges, supersample)
+
+
+def _by_pinhole(
+    camera: CameraLike, centre: NDArray[np.float64], spacing: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the image of each edge of a voxel in the nearest pinhole, (3, 2); NaN from behind."""
+    seen = camera.camera_matrix @ (camera.R @ centre + camera.t)
+    if not seen[2] > 0:
+        return np.full((3, 2), np.nan)
+    along = camera.camera_matrix @ camera.R * spacing  # (3, edges)
+    return ((along[:2] - np.outer(seen[:2] / seen[2], along[2])) / seen[2]).T
 
 
 def footprint_kernel(edges: NDArray[np.float64], supersample: int = 1) -> Kernel:
