@@ -183,10 +183,17 @@ class Mesh:
 
     @cached_property
     def _vertex_normals(self) -> NDArray[np.float64]:
-        """Unit normals at vertices, means over triangles by area, ``(V, 3)``."""
+        """Unit normals at vertices, ``(V, 3)``.
+
+        Means over triangles, each normal over the product of its edges' squared lengths: exact
+        for vertices on a sphere (Max, "Weights for computing vertex normals", 1999).
+        """
         total = np.zeros_like(self.vertices)
+        corners = self.vertices[self.triangles]  # (T, 3 corners, 3)
+        squares = ((np.roll(corners, -1, axis=1) - corners) ** 2).sum(axis=2)  # of edges, (T, 3)
         for corner in range(3):
-            np.add.at(total, self.triangles[:, corner], self._crosses)
+            weight = 1 / (squares[:, corner] * squares[:, corner - 1])
+            np.add.at(total, self.triangles[:, corner], weight[:, None] * self._crosses)
         length = np.linalg.norm(total, axis=1, keepdims=True)
         return total / np.where(length > 0, length, 1)
 

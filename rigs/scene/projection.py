@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera_protocol import CameraLike
+from rigs.geometry.image_checks import on_image
 from rigs.scene.paths import Paths
 from rigs.scene.scene import Scene
 
@@ -35,7 +36,8 @@ def pixels_that_pass(
     -----
     Newton's method solves for the pixel at which the path's piece nearest to the point misses
     it by nothing. It starts from the camera's own projection, which windows move by few pixels,
-    then from the nearest points on paths all over the image, which mirrors need.
+    then from the nearest points on paths all over the image, which mirrors need. Of several
+    images of a point one on the image goes before those beyond its border.
     """
     found = np.full((len(points), 2), np.nan)
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))
@@ -44,8 +46,12 @@ def pixels_that_pass(
     straight, _, ahead = camera.project(points[finite])
     found[finite[ahead]] = _newton(camera, scene, points[finite[ahead]], straight[ahead])
     waiting = finite[np.isnan(found[finite, 0])]
+    if scene.has_mirrors:  # what is beyond the image directly may be on it by a mirror
+        waiting = finite[~on_image(found[finite], camera.image_size)]
     if len(waiting):
-        found[waiting] = _from_lattice(camera, scene, points[waiting])
+        other = _from_lattice(camera, scene, points[waiting])
+        better = on_image(other, camera.image_size) | np.isnan(found[waiting, 0])
+        found[waiting[better]] = other[better]
     return found
 
 

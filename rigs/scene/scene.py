@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.geometry.image_checks import rows_of
-from rigs.scene.materials import index_of
+from rigs.scene.materials import Reflecting, index_of
 from rigs.scene.mesh import Mesh
 from rigs.scene.paths import Paths, trace_paths
 from rigs.scene.solids import Solid
@@ -68,6 +68,11 @@ class Scene:
     def __bool__(self) -> bool:
         """Whether anything is in the way."""
         return bool(self.solids)
+
+    @property
+    def has_mirrors(self) -> bool:
+        """Whether a solid reflects, so that a point may have several images."""
+        return any(isinstance(solid.material, Reflecting) for solid in self.solids)
 
     @cached_property
     def _tables(self) -> tuple[NDArray, list[tuple[int, Mesh]]]:
