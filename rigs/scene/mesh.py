@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rigs.compiled import compiled
 from rigs.scene.materials import Glass, Material
 from rigs.scene.surfaces import TRIANGLE, face
+from rigs.scene.tracing import into_box
 
 if TYPE_CHECKING:
     import open3d as o3d
@@ -145,7 +146,7 @@ class Mesh:
         a = self.vertices[self.triangles[:, 0]] - self.vertices.mean(axis=0)
         return float((a * self._crosses).sum() / 6)
 
-    @property
+    @cached_property
     def diameter(self) -> float:
         """The diagonal of its box."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
@@ -229,7 +230,7 @@ class Mesh:
         import open3d as o3d
 
         ahead = np.zeros(len(origins))
-        _to_box(origins, directions, self._box, within, ahead)
+        _to_box(origins, directions, self.box, within, ahead)
         rays = np.flatnonzero(np.isfinite(ahead))
         if not len(rays):
             return rays, np.zeros(0), np.zeros((0, 3))
@@ -263,7 +264,7 @@ class Mesh:
         return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
     @cached_property
-    def _box(self) -> NDArray[np.float64]:
+    def box(self) -> NDArray[np.float64]:
         """Lower and upper corner, wider by what float32 rounds, ``(2, 3)``."""
         margin = _AHEAD * self.diameter
         return np.stack([self.vertices.min(axis=0) - margin, self.vertices.max(axis=0) + margin])
@@ -284,14 +285,4 @@ class Mesh:
 def _to_box(origins, directions, box, within, ahead) -> None:
     """Write how far ahead each ray enters a box, infinity where it does not before ``within``."""
     for n in range(len(ahead)):
-        near, far = 0.0, within[n]
-        for a in range(3):
-            if directions[n, a] == 0:
-                if not box[0, a] <= origins[n, a] <= box[1, a]:
-                    far = -1.0
-                continue
-            low = (box[0, a] - origins[n, a]) / directions[n, a]
-            high = (box[1, a] - origins[n, a]) / directions[n, a]
-            near = max(near, min(low, high))
-            far = min(far, max(low, high))
-        ahead[n] = near if near <= far else np.inf
+        ahead[n] = into_box(origins[n], directions[n], box[0], box[1], within[n])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.scene.mesh import Mesh
-from rigs.scene.tracing import OPEN, TRAPPED, meet, nearest_face
+from rigs.scene.tracing import PIECE, RAY, follow, write_pieces
 
 MOST_FACES = 50
 """Faces that a ray may meet: two mirrors that face each other would reflect it for ever."""
@@ -94,53 +94,61 @@ def trace_paths(
     fresnel : bool
         Whether glass takes the fraction of light that it reflects.
     """
-    blocks = [
-        _trace_block(
-            faces, meshes, medium, origins[first : first + AT_ONCE],
-            directions[first : first + AT_ONCE], fresnel,
-        )
-        for first in range(0, max(len(origins), 1), AT_ONCE)
-    ]  # fmt: skip
-    *columns, counts, ends = (np.concatenate(column) for column in zip(*blocks, strict=True))
-    return Paths(*columns, np.concatenate([[0], np.cumsum(counts)]), ends)
+    boxes = np.array([mesh.box for _, mesh in meshes]).reshape(-1, 2, 3)
+    pieces = np.zeros((MOST_FACES + 1, min(AT_ONCE, len(origins))), PIECE)
+    counts, ends = np.zeros(len(origins), np.int64), np.zeros(len(origins), np.int64)
+    columns, total = _columns(0), 0
+    for first in range(0, len(origins), AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        rays = np.zeros(len(origins[some]), RAY)
+        rays["origin"], rays["direction"] = origins[some], directions[some]
+        rays["index"], rays["weight"], rays["last"] = medium, 1.0, -1
+        _follow_to_ends(rays, pieces, faces, meshes, boxes, fresnel)
+        counts[some], ends[some] = rays["pieces"], rays["end"]
+        starts = total + np.cumsum(rays["pieces"]) - rays["pieces"]
+        total += int(rays["pieces"].sum())
+        if total > len(columns[0]):
+            columns = _grown(columns, total * len(origins) // (first + len(rays)) + total // 16)
+        write_pieces(rays, pieces, starts, columns)
+    ray_ptr = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
+    return Paths(*(column[:total] for column in columns), ray_ptr, ends)
 
 
-def _trace_block(
+def _columns(length: int) -> tuple[NDArray, ...]:
+    """Return the columns of `Paths` for that many pieces: zeros."""
+    shapes = (length, 3), (length, 3), length, length
+    return *(np.zeros(shape) for shape in shapes), np.zeros(length, np.int64)
+
+
+def _grown(columns: tuple[NDArray, ...], length: int) -> tuple[NDArray, ...]:
+    """Return longer columns that begin with those given."""
+    longer = _columns(length)
+    for new, old in zip(longer, columns, strict=True):
+        new[: len(old)] = old
+    return longer
+
+
+def _follow_to_ends(
+    rays: NDArray,
+    pieces: NDArray,
     faces: NDArray,
     meshes: list[tuple[int, Mesh]],
-    medium: float,
-    origins: NDArray[np.float64],
-    directions: NDArray[np.float64],
+    boxes: NDArray[np.float64],
     fresnel: bool,
-) -> tuple[NDArray, ...]:
-    """Return the columns of `Paths` of some rays, but the number of pieces of each ray."""
-    count = len(origins)
-    ray, last = np.arange(count), np.full(count, -1)
-    origin, direction = origins.copy(), directions.copy()
-    media = np.full((count, 2), (medium, 0.0))
-    weight, ends = np.ones(count), np.full(count, OPEN)
-    steps, counts, all_ends = [], np.zeros(count, np.int64), np.full(count, TRAPPED)
-    for _ in range(MOST_FACES + 1):
-        length, found, normal = np.full(len(ray), np.inf), last.copy(), np.zeros((len(ray), 3))
-        nearest_face(origin, direction, last, faces, length, found)
+) -> None:
+    """Follow rays (`rigs.scene.tracing.RAY`) to their ends, and write their pieces."""
+    active, waiting = np.arange(len(rays)), np.zeros(len(rays), np.int64)
+    while True:
+        count = follow(active, rays, pieces, faces, boxes, fresnel, waiting)
+        if not count:
+            return
+        active = waiting[:count].copy()
+        asking = rays[active]
         for row, mesh in meshes:
-            met, distance, own = mesh.nearest(origin, direction, last == row, length)
-            length[met], found[met], normal[met] = distance, row, own
-        ahead = np.isfinite(length)
-        solid = np.where(ahead, faces["solid"][found], -1)
-        steps.append((ray, (origin.copy(), direction.copy(), length, weight.copy(), solid)))
-        counts[ray] += 1
-        meet(origin, direction, length, normal, found, faces, media, weight, fresnel, ends)
-        goes_on = ahead & (ends == OPEN)
-        all_ends[ray[~goes_on]] = ends[~goes_on]
-        if not goes_on.any():
-            break
-        ray, origin, direction = ray[goes_on], origin[goes_on], direction[goes_on]
-        last, media = found[goes_on], media[goes_on]
-        weight, ends = weight[goes_on], ends[goes_on]
-    first, total = np.cumsum(counts) - counts, int(counts.sum())
-    columns = [np.zeros((total, *column.shape[1:]), column.dtype) for column in steps[0][1]]
-    for number, (ray, own) in enumerate(steps):
-        for column, values in zip(columns, own, strict=True):
-            column[first[ray] + number] = values
-    return *columns, counts, all_ends
+            met, distance, normal = mesh.nearest(
+                asking["origin"], asking["direction"], asking["last"] == row, asking["length"]
+            )
+            asking["length"][met], asking["face"][met] = distance, row
+            asking["normal"][met] = normal
+        asking["asked"] = True
+        rays[active] = asking

@@ -7,37 +7,140 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from rigs.compiled import compiled
 from rigs.scene.surfaces import BLOCKS, CYLINDER, PLANE, REFLECTS, TRIANGLE
 
 OPEN, OPAQUE, REFLECTED, TRAPPED, CONTRADICTORY = range(5)
 """How a ray ends: nothing is ahead; hardware; total reflection; too many faces; unlike media."""
 
+RAY = np.dtype(
+    [
+        ("origin", np.float64, (3,)),
+        ("direction", np.float64, (3,)),
+        ("index", np.float64),  # of the medium that the ray is in
+        ("extinction", np.float64),
+        ("weight", np.float64),  # fraction of light that passes to the camera
+        ("last", np.int64),  # the face that the ray comes from, -1 for none
+        ("face", np.int64),  # the face ahead
+        ("length", np.float64),  # to the face ahead
+        ("normal", np.float64, (3,)),  # of the face ahead
+        ("asked", np.bool_),  # whether meshes were asked for the face ahead
+        ("pieces", np.int64),
+        ("end", np.int64),
+    ]
+)
+"""A ray under way."""
+
+PIECE = np.dtype(
+    [
+        ("origin", np.float64, (3,)),
+        ("direction", np.float64, (3,)),
+        ("length", np.float64),
+        ("weight", np.float64),
+        ("solid", np.int64),
+    ]
+)
+"""A straight piece of a path, as in `rigs.scene.Paths`."""
+
 _ALONG = 1e-14
 """Cosine below which a ray is parallel to a plane: its distance would be rounding alone."""
 
 
 @compiled
-def nearest_face(origins, directions, last, faces, distances, found) -> None:
-    """Write the distance to the nearest face ahead of each ray, and its number.
+def follow(active, rays, pieces, faces, boxes, fresnel, waiting) -> int:
+    """Follow rays from face to face; return how many wait for an answer of the meshes.
 
     Parameters
     ----------
-    origins, directions : (N, 3) float64
-    last : (N,) int64
-        The face that the ray comes from, -1 for none: it is met again at the far side alone.
+    active : (K,) int64
+        The rays to follow.
+    rays : (N,) RAY
+        Where they are; changed in place.
+    pieces : (most, N) PIECE
+        Written: the pieces of each ray, which is left when it has ``most``.
     faces : (F,) FACE
-    distances : (N,) float64
-        Infinite on entry, or the distance of what is in the way already.
-    found : (N,) int64
-        Written where a face is nearer.
+    boxes : (meshes, 2, 3) float64
+        Lower and upper corners of the boxes round meshes.
+    fresnel : bool
+        Whether glass keeps the fraction of light that it reflects.
+    waiting : (K,) int64
+        Written: rays whose piece may meet a mesh. Their ``length``, ``face`` and, of a triangle,
+        ``normal`` are to be brought up to date, and ``asked`` set, before they are followed on.
     """
-    for n in range(len(distances)):
-        for f in range(len(faces)):
-            t = _distance(origins[n], directions[n], faces[f], last[n] == f)
-            if t < distances[n]:
-                distances[n] = t
-                found[n] = f
+    count = 0
+    for n in active:
+        ray = rays[n]
+        while ray.end == OPEN:
+            if not ray.asked:
+                _find_face(ray, faces)
+                if _may_meet(ray, boxes):
+                    waiting[count] = n
+                    count += 1
+                    break
+            ray.asked = False
+            piece = pieces[ray.pieces, n]
+            ahead = ray.length < math.inf
+            for a in range(3):
+                piece.origin[a], piece.direction[a] = ray.origin[a], ray.direction[a]
+            piece.length, piece.weight = ray.length, ray.weight
+            piece.solid = faces[ray.face].solid if ahead else -1
+            ray.pieces += 1
+            if not ahead:
+                break
+            _meet(ray, faces[ray.face], fresnel)
+            if ray.end == OPEN and ray.pieces == len(pieces):
+                ray.end = TRAPPED
+    return count
+
+
+@compiled
+def _find_face(ray, faces) -> None:
+    """Set a ray's length and face to those of the nearest face ahead."""
+    ray.length = math.inf
+    for f in range(len(faces)):
+        t = _distance(ray.origin, ray.direction, faces[f], ray.last == f)
+        if t < ray.length:
+            ray.length, ray.face = t, f
+
+
+@compiled
+def _may_meet(ray, boxes):
+    """Return whether a ray's piece passes the box of a mesh."""
+    for box in boxes:
+        if into_box(ray.origin, ray.direction, box[0], box[1], ray.length) < math.inf:
+            return True
+    return False
+
+
+@compiled
+def into_box(origin, direction, lower, upper, length) -> float:
+    """Return how far ahead a ray enters a box, infinity where not within ``length``."""
+    near, far = 0.0, length
+    for a in range(3):
+        if direction[a] == 0:
+            if not lower[a] <= origin[a] <= upper[a]:
+                return math.inf
+            continue
+        low, high = (lower[a] - origin[a]) / direction[a], (upper[a] - origin[a]) / direction[a]
+        near, far = max(near, min(low, high)), min(far, max(low, high))
+    return near if near <= far else math.inf
+
+
+@compiled
+def write_pieces(rays, pieces, first, columns) -> None:
+    """Write rays' pieces one behind the other, from ``first`` (N,) on, into columns.
+
+    ``columns`` are those of `rigs.scene.Paths`: origins, directions, lengths, weight, solids.
+    """
+    origins, directions, lengths, weight, solids = columns
+    for n in range(len(rays)):
+        for k in range(rays[n].pieces):
+            piece, at = pieces[k, n], first[n] + k
+            for a in range(3):
+                origins[at, a], directions[at, a] = piece.origin[a], piece.direction[a]
+            lengths[at], weight[at], solids[at] = piece.length, piece.weight, piece.solid
 
 
 @compiled
@@ -102,30 +205,8 @@ def _to_plane(origin, direction, face):
 
 
 @compiled
-def meet(
-    origins, directions, lengths, normals, found, faces, media, weights, fresnel, ends
-) -> None:
-    """Move rays to the face that each has found, and turn them there.
-
-    Parameters
-    ----------
-    origins, directions : (N, 3) float64
-        Changed in place.
-    lengths : (N,) float64
-        To the face; infinite for a ray that goes on for ever, which is left as it is.
-    normals : (N, 3) float64
-        Unit normals of faces that are triangles; of other faces they are found here.
-    found : (N,) int64
-        Number of the face in ``faces``.
-    faces : (F,) FACE
-    media : (N, 2) float64
-        Index and extinction of the medium that the ray is in; changed in place.
-    weights : (N,) float64
-        Fraction of light that passes; changed in place.
-    fresnel : bool
-        Whether glass keeps the fraction that it reflects.
-    ends : (N,) int64
-        Changed in place where a ray ends.
+def _meet(ray, face, fresnel) -> None:
+    """Move a ray to the face ahead and turn it there.
 
     Notes
     -----
@@ -133,36 +214,33 @@ def meet(
     ratio of indices: ``d' = e d + (e c - sqrt(1 - e² (1 - c²))) n`` (Glassner, "An Introduction
     to Ray Tracing", 1989, chapter 5). The fraction that passes is Fresnel's for unpolarised light.
     """
-    for i in range(len(lengths)):
-        if ends[i] != OPEN or not lengths[i] < math.inf:
-            continue
-        weights[i] *= math.exp(-media[i, 1] * lengths[i])
+    if ray.extinction > 0:
+        ray.weight *= math.exp(-ray.extinction * ray.length)
+    for a in range(3):
+        ray.origin[a] += ray.length * ray.direction[a]
+    if face.kind != TRIANGLE:
+        _normal(ray.origin, face, ray.normal)
+    toward = 0.0
+    for a in range(3):
+        toward += ray.direction[a] * ray.normal[a]
+    ray.last = ray.face
+    front = 0 if toward < 0 else 1  # the side that the ray comes from
+    if face.action == BLOCKS or (face.action == REFLECTS and front == 1):
+        ray.end = OPAQUE
+    elif face.action == REFLECTS:
+        ray.weight *= face.reflectivity
         for a in range(3):
-            origins[i, a] += lengths[i] * directions[i, a]
-        face = faces[found[i]]
-        if face.kind != TRIANGLE:
-            _normal(origins[i], face, normals[i])
-        toward = 0.0
-        for a in range(3):
-            toward += directions[i, a] * normals[i, a]
-        front = 0 if toward < 0 else 1  # the side that the ray comes from
-        if face.action == BLOCKS or (face.action == REFLECTS and front == 1):
-            ends[i] = OPAQUE
-        elif face.action == REFLECTS:
-            weights[i] *= face.reflectivity
-            for a in range(3):
-                directions[i, a] -= 2 * toward * normals[i, a]
-        elif media[i, 0] != face.index[front]:
-            ends[i] = CONTRADICTORY
+            ray.direction[a] -= 2 * toward * ray.normal[a]
+    elif ray.index != face.index[front]:
+        ray.end = CONTRADICTORY
+    else:
+        after = face.index[1 - front]
+        passed = _refract(ray.direction, ray.normal, toward, ray.index, after)
+        if passed < 0:
+            ray.end = REFLECTED
         else:
-            passed = _refract(
-                directions[i], normals[i], toward, face.index[front], face.index[1 - front]
-            )
-            if passed < 0:
-                ends[i] = REFLECTED
-            else:
-                weights[i] *= passed if fresnel else 1.0
-                media[i, 0], media[i, 1] = face.index[1 - front], face.extinction[1 - front]
+            ray.weight *= passed if fresnel else 1.0
+            ray.index, ray.extinction = after, face.extinction[1 - front]
 
 
 @compiled
