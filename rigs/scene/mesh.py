@@ -180,6 +180,8 @@ class Mesh:
             o3d.core.Tensor((self.vertices - self.vertices.mean(axis=0)).astype(np.float32)),
             o3d.core.Tensor(self.triangles.astype(np.uint32)),
         )
+        # the first cast builds the tree: threads that share the scene must find it built
+        caster.cast_rays(o3d.core.Tensor(np.array([[0, 0, 0, 1, 0, 0]], np.float32)))
         return caster
 
     @cached_property
@@ -285,4 +287,4 @@ class Mesh:
 def _to_box(origins, directions, box, within, ahead) -> None:
     """Write how far ahead each ray enters a box, infinity where it does not before ``within``."""
     for n in range(len(ahead)):
-        ahead[n] = into_box(origins[n], directions[n], box[0], box[1], within[n])
+        ahead[n] = into_box(origins[n], directions[n], within[n], box)

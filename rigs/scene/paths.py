@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.scene.mesh import Mesh
-from rigs.scene.tracing import PIECE, RAY, follow, write_pieces
+from rigs.scene.tracing import Pieces, Rays, follow, numbers_of, write_pieces
 
 MOST_FACES = 50
 """Faces that a ray may meet: two mirrors that face each other would reflect it for ever."""
+
+EVERYWHERE = np.array([[-np.inf] * 3, [np.inf] * 3])
+"""A region that leaves no piece out."""
 
 AT_ONCE = 8192
 """Rays that are followed together: their arrays then stay in a processor's cache."""
@@ -62,6 +65,8 @@ class Paths:
             One for each ray, or one for all; of pieces equally near the first is returned.
         """
         counts = np.diff(self.ray_ptr)
+        if not counts.all():
+            raise ValueError("paths: found rays without pieces, expected whole paths")
         away = np.broadcast_to(points, (len(self), 3)).repeat(counts, axis=0) - self.origins
         along = np.clip(np.einsum("ij,ij->i", away, self.directions), 0, self.lengths)
         missed = np.linalg.norm(away - along[:, None] * self.directions, axis=1)
@@ -79,6 +84,7 @@ def trace_paths(
     directions: NDArray[np.float64],
     *,
     fresnel: bool = False,
+    region: NDArray[np.float64] = EVERYWHERE,
 ) -> Paths:
     """Return the paths of rays, all rays from face to face at once.
 
@@ -93,62 +99,76 @@ def trace_paths(
         Unit directions, finite.
     fresnel : bool
         Whether glass takes the fraction of light that it reflects.
+    region : (2, 3) float64
+        Lower and upper corner of a box: pieces that miss it are left out.
     """
     boxes = np.array([mesh.box for _, mesh in meshes]).reshape(-1, 2, 3)
-    pieces = np.zeros((MOST_FACES + 1, min(AT_ONCE, len(origins))), PIECE)
+    numbers = numbers_of(faces)
+    pieces = _pieces(MOST_FACES + 1, min(AT_ONCE, len(origins)))
     counts, ends = np.zeros(len(origins), np.int64), np.zeros(len(origins), np.int64)
-    columns, total = _columns(0), 0
+    columns, total = _pieces(0), 0
     for first in range(0, len(origins), AT_ONCE):
         some = slice(first, first + AT_ONCE)
-        rays = np.zeros(len(origins[some]), RAY)
-        rays["origin"], rays["direction"] = origins[some], directions[some]
-        rays["index"], rays["weight"], rays["last"] = medium, 1.0, -1
-        _follow_to_ends(rays, pieces, faces, meshes, boxes, fresnel)
-        counts[some], ends[some] = rays["pieces"], rays["end"]
-        starts = total + np.cumsum(rays["pieces"]) - rays["pieces"]
-        total += int(rays["pieces"].sum())
-        if total > len(columns[0]):
-            columns = _grown(columns, total * len(origins) // (first + len(rays)) + total // 16)
-        write_pieces(rays, pieces, starts, columns)
+        rays = _rays(origins[some], directions[some], medium)
+        _follow_to_ends(rays, pieces, numbers, meshes, boxes, region, fresnel)
+        counts[some], ends[some] = rays.pieces, rays.end
+        starts = total + np.cumsum(rays.pieces) - rays.pieces
+        total += int(rays.pieces.sum())
+        if total > len(columns.lengths):
+            wanted = total * len(origins) // (first + len(rays.end))
+            columns = _grown(columns, wanted + wanted // 16)
+        write_pieces(rays.pieces, starts, pieces, columns)
     ray_ptr = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
     return Paths(*(column[:total] for column in columns), ray_ptr, ends)
 
 
-def _columns(length: int) -> tuple[NDArray, ...]:
-    """Return the columns of `Paths` for that many pieces: zeros."""
-    shapes = (length, 3), (length, 3), length, length
-    return *(np.zeros(shape) for shape in shapes), np.zeros(length, np.int64)
+def _rays(origins: NDArray[np.float64], directions: NDArray[np.float64], medium: float) -> Rays:
+    """Return rays that set out in a medium."""
+    n = len(origins)
+    zeros, whole = np.zeros(n), np.zeros(n, np.int64)
+    return Rays(
+        origin=origins.copy(), direction=directions.copy(), index=zeros + medium,
+        extinction=zeros.copy(), weight=zeros + 1, last=whole - 1, asked=np.zeros(n, bool),
+        face=whole.copy(), length=zeros, normal=np.zeros((n, 3)), met=whole.copy(),
+        pieces=whole.copy(), end=whole,
+    )  # fmt: skip
 
 
-def _grown(columns: tuple[NDArray, ...], length: int) -> tuple[NDArray, ...]:
+def _pieces(*shape: int) -> Pieces:
+    """Return columns of zeros for pieces of that shape."""
+    vectors = (np.zeros((*shape, 3)), np.zeros((*shape, 3)))
+    return Pieces(*vectors, np.zeros(shape), np.zeros(shape), np.zeros(shape, np.int64))
+
+
+def _grown(columns: Pieces, length: int) -> Pieces:
     """Return longer columns that begin with those given."""
-    longer = _columns(length)
+    longer = _pieces(length)
     for new, old in zip(longer, columns, strict=True):
         new[: len(old)] = old
     return longer
 
 
 def _follow_to_ends(
-    rays: NDArray,
-    pieces: NDArray,
-    faces: NDArray,
+    rays: Rays,
+    pieces: Pieces,
+    faces: tuple[NDArray, NDArray],
     meshes: list[tuple[int, Mesh]],
     boxes: NDArray[np.float64],
+    region: NDArray[np.float64],
     fresnel: bool,
 ) -> None:
-    """Follow rays (`rigs.scene.tracing.RAY`) to their ends, and write their pieces."""
-    active, waiting = np.arange(len(rays)), np.zeros(len(rays), np.int64)
+    """Follow rays to their ends, and write their pieces."""
+    active, waiting = np.arange(len(rays.end)), np.zeros(len(rays.end), np.int64)
     while True:
-        count = follow(active, rays, pieces, faces, boxes, fresnel, waiting)
+        count = follow(active, rays, pieces, *faces, boxes, region, fresnel, waiting)
         if not count:
             return
         active = waiting[:count].copy()
-        asking = rays[active]
+        origin, direction, last = rays.origin[active], rays.direction[active], rays.last[active]
         for row, mesh in meshes:
             met, distance, normal = mesh.nearest(
-                asking["origin"], asking["direction"], asking["last"] == row, asking["length"]
+                origin, direction, last == row, rays.length[active]
             )
-            asking["length"][met], asking["face"][met] = distance, row
-            asking["normal"][met] = normal
-        asking["asked"] = True
-        rays[active] = asking
+            rays.length[active[met]], rays.normal[active[met]] = distance, normal
+            rays.face[active[met]] = row
+        rays.asked[active] = True

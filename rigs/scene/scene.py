@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.geometry.image_checks import rows_of
 from rigs.scene.materials import Reflecting, index_of
 from rigs.scene.mesh import Mesh
-from rigs.scene.paths import Paths, trace_paths
+from rigs.scene.paths import EVERYWHERE, Paths, trace_paths
 from rigs.scene.solids import Solid
 from rigs.scene.tracing import OPEN
 
@@ -87,7 +87,9 @@ class Scene:
             first += len(rows)
         return np.concatenate(parts), meshes
 
-    def paths(self, origins: ArrayLike, directions: ArrayLike) -> Paths:
+    def paths(
+        self, origins: ArrayLike, directions: ArrayLike, region: NDArray[np.float64] = EVERYWHERE
+    ) -> Paths:
         """Return the paths of rays, from the camera on.
 
         Parameters
@@ -96,6 +98,8 @@ class Scene:
             Outside all solids, in the medium.
         directions : (N, 3) array_like
             Unit vectors.
+        region : (2, 3) float64
+            Lower and upper corner of a box: pieces that miss it are left out.
 
         Notes
         -----
@@ -114,8 +118,9 @@ class Scene:
             return Paths(origins, directions / norms, *open_ahead, np.arange(n + 1), ends)
         faces, meshes = self._tables
         return trace_paths(
-            faces, meshes, self.medium, origins, directions / norms, fresnel=self.fresnel
-        )
+            faces, meshes, self.medium, origins, directions / norms,
+            fresnel=self.fresnel, region=region,
+        )  # fmt: skip
 
     def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
         """Return the scene after the rigid motion ``x_new = R @ x_old + t`` of the world."""

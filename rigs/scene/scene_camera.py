@@ -16,7 +16,7 @@ from rigs.geometry.rotation import numbers, rotation
 from rigs.optics import Optics
 from rigs.ray_table.nearest_pinhole import fitted_pinhole
 from rigs.scene.materials import Reflecting
-from rigs.scene.paths import Paths
+from rigs.scene.paths import EVERYWHERE, Paths
 from rigs.scene.projection import pixels_that_pass
 from rigs.scene.scene import Scene
 from rigs.scene.tracing import OPEN
@@ -135,13 +135,17 @@ class SceneCamera(OnImage):
         known = mirrors[mirrors >= 0]
         return mirrors == np.bincount(known).argmax() if len(known) else mirrors >= 0
 
-    def paths(self, uv: ArrayLike | None = None) -> tuple[Paths, NDArray[np.int64]]:
+    def paths(
+        self, uv: ArrayLike | None = None, region: NDArray[np.float64] = EVERYWHERE
+    ) -> tuple[Paths, NDArray[np.int64]]:
         """Return the paths of pixels, and which pixel each belongs to.
 
         Parameters
         ----------
         uv : (N, 2) array_like, optional
             Pixel coordinates (column, row); by default every pixel's centre, row by row.
+        region : (2, 3) float64
+            Lower and upper corner of a box: pieces that miss it are left out.
 
         Returns
         -------
@@ -152,7 +156,7 @@ class SceneCamera(OnImage):
         uv = pixel_centres(self.image_size) if uv is None else rows_of(uv, 2, "pixel coordinates")
         origins, directions = self.camera.rays(uv)
         pixels = np.flatnonzero(np.isfinite(directions).all(axis=1))
-        return self.scene.paths(origins[pixels], directions[pixels]), pixels
+        return self.scene.paths(origins[pixels], directions[pixels], region), pixels
 
     def rays(self, uv: ArrayLike | None = None) -> tuple[NDArray, NDArray]:
         """Return the pieces of pixels' paths that pass nearest to the middle.

@@ -22,6 +22,7 @@ FACE = np.dtype(
         ("point", np.float64, (3,)),  # on the plane, on the axis, or the centre
         ("axis", np.float64, (3,)),  # the plane's normal or the cylinder's axis
         ("across", np.float64, (3,)),  # along the first side of a rectangle
+        ("upward", np.float64, (3,)),  # along the second
         ("radius", np.float64),  # of the disc, the cylinder or the sphere
         ("hole", np.float64),  # radius of the hole in a disc
         ("half", np.float64, (2,)),  # half the sides of a rectangle; half a cylinder's length
@@ -62,6 +63,7 @@ def face(
     row["kind"], row["point"], row["axis"] = kind, point, axis
     row["radius"], row["hole"], row["half"] = radius, hole, half
     row["across"] = perpendicular(np.asarray(axis, float)) if across is None else across
+    row["upward"] = np.cross(row["axis"], row["across"])
     if behind is None:
         behind = (material.index, material.extinction) if isinstance(material, Glass) else front
     row["index"] = front[0], behind[0]

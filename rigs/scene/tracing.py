@@ -1,171 +1,219 @@
-"""Compiled: the nearest face ahead of rays, and what the face does to them.
+"""Compiled: rays followed from face to face.
 
-The slow twin is in the tests (`tests.rigs.scene.twin`).
+The slow twin is in the tests (`tests.rigs.scene.twin`). Points and directions are tuples of three
+floats, which stay in registers.
 """
 
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 
 import numpy as np
 
 from rigs.compiled import compiled
-from rigs.scene.surfaces import BLOCKS, CYLINDER, PLANE, REFLECTS, TRIANGLE
+from rigs.scene.surfaces import BLOCKS, CYLINDER, FACE, PLANE, REFLECTS, TRIANGLE
 
 OPEN, OPAQUE, REFLECTED, TRAPPED, CONTRADICTORY = range(5)
 """How a ray ends: nothing is ahead; hardware; total reflection; too many faces; unlike media."""
 
-RAY = np.dtype(
-    [
-        ("origin", np.float64, (3,)),
-        ("direction", np.float64, (3,)),
-        ("index", np.float64),  # of the medium that the ray is in
-        ("extinction", np.float64),
-        ("weight", np.float64),  # fraction of light that passes to the camera
-        ("last", np.int64),  # the face that the ray comes from, -1 for none
-        ("face", np.int64),  # the face ahead
-        ("length", np.float64),  # to the face ahead
-        ("normal", np.float64, (3,)),  # of the face ahead
-        ("asked", np.bool_),  # whether meshes were asked for the face ahead
-        ("pieces", np.int64),
-        ("end", np.int64),
-    ]
-)
-"""A ray under way."""
+POINT, AXIS, ACROSS, UPWARD, RADIUS, HOLE, HALF, INDEX, EXTINCTION, REFLECTIVITY = (
+    0, 3, 6, 9, 12, 13, 14, 16, 18, 20,
+)  # fmt: skip
+"""First columns of a face's numbers: one array passes faster into a function than many do."""
 
-PIECE = np.dtype(
-    [
-        ("origin", np.float64, (3,)),
-        ("direction", np.float64, (3,)),
-        ("length", np.float64),
-        ("weight", np.float64),
-        ("solid", np.int64),
-    ]
+Rays = namedtuple(
+    "Rays",
+    (
+        "origin",  # (N, 3)
+        "direction",  # (N, 3)
+        "index",  # (N,) of the medium that the ray is in
+        "extinction",  # (N,) of it
+        "weight",  # (N,) fraction of light that passes to the camera
+        "last",  # (N,) int64: the face that the ray comes from, -1 for none
+        "asked",  # (N,) bool: whether meshes were asked for what is ahead
+        "face",  # (N,) int64: the face ahead
+        "length",  # (N,) to it
+        "normal",  # (N, 3) of a triangle ahead
+        "met",  # (N,) int64: faces so far
+        "pieces",  # (N,) int64: pieces written so far
+        "end",  # (N,) int64
+    ),
 )
-"""A straight piece of a path, as in `rigs.scene.Paths`."""
+"""Rays under way."""
+
+Pieces = namedtuple("Pieces", ("origins", "directions", "lengths", "weight", "solids"))
+"""Straight pieces, the columns of `rigs.scene.Paths`."""
 
 _ALONG = 1e-14
 """Cosine below which a ray is parallel to a plane: its distance would be rounding alone."""
 
 
+def numbers_of(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a table of faces as two plain ones.
+
+    Parameters
+    ----------
+    table : (F,) `rigs.scene.surfaces.FACE`
+
+    Returns
+    -------
+    kinds : (F, 3) int64
+        Kind, action and solid.
+    numbers : (F, 21) float64
+        The others, in the order of `POINT` and its neighbours.
+    """
+    whole, real = FACE.names[:3], FACE.names[3:]
+    kinds = np.stack([table[name] for name in whole], axis=1)
+    return kinds, np.column_stack([table[name] for name in real])
+
+
 @compiled
-def follow(active, rays, pieces, faces, boxes, fresnel, waiting) -> int:
+def follow(active, rays, pieces, kinds, faces, boxes, region, fresnel, waiting) -> int:
     """Follow rays from face to face; return how many wait for an answer of the meshes.
 
     Parameters
     ----------
     active : (K,) int64
         The rays to follow.
-    rays : (N,) RAY
-        Where they are; changed in place.
-    pieces : (most, N) PIECE
-        Written: the pieces of each ray, which is left when it has ``most``.
-    faces : (F,) FACE
+    rays : Rays
+        Changed in place.
+    pieces : Pieces, of arrays (most, N) and (most, N, 3)
+        Written: the pieces of each ray, which is left at the last of ``most`` faces.
+    kinds, faces : (F, 3) int64, (F, 21) float64
+        From `numbers_of`.
     boxes : (meshes, 2, 3) float64
         Lower and upper corners of the boxes round meshes.
+    region : (2, 3) float64
+        Lower and upper corner of the box whose pieces are wanted.
     fresnel : bool
-        Whether glass keeps the fraction of light that it reflects.
+        Whether glass takes the fraction of light that it reflects.
     waiting : (K,) int64
         Written: rays whose piece may meet a mesh. Their ``length``, ``face`` and, of a triangle,
         ``normal`` are to be brought up to date, and ``asked`` set, before they are followed on.
     """
-    count = 0
+    most, count = len(pieces.lengths), 0
     for n in active:
-        ray = rays[n]
-        while ray.end == OPEN:
-            if not ray.asked:
-                _find_face(ray, faces)
-                if _may_meet(ray, boxes):
+        origin, direction = _vector(rays.origin, n), _vector(rays.direction, n)
+        normal, length, face = _vector(rays.normal, n), rays.length[n], rays.face[n]
+        index, extinction = rays.index[n], rays.extinction[n]
+        weight, last, asked = rays.weight[n], rays.last[n], rays.asked[n]
+        met, written, end = rays.met[n], rays.pieces[n], OPEN
+        while end == OPEN:
+            if not asked:
+                length, face = _nearest(origin, direction, last, kinds, faces)
+                for b in range(len(boxes)):
+                    asked = asked or _passes(origin, direction, length, boxes[b])
+                if asked:
                     waiting[count] = n
                     count += 1
                     break
-            ray.asked = False
-            piece = pieces[ray.pieces, n]
-            ahead = ray.length < math.inf
-            for a in range(3):
-                piece.origin[a], piece.direction[a] = ray.origin[a], ray.direction[a]
-            piece.length, piece.weight = ray.length, ray.weight
-            piece.solid = faces[ray.face].solid if ahead else -1
-            ray.pieces += 1
-            if not ahead:
+            asked = False
+            if _passes(origin, direction, length, region):
+                for a in range(3):
+                    pieces.origins[written, n, a] = origin[a]
+                    pieces.directions[written, n, a] = direction[a]
+                pieces.lengths[written, n], pieces.weight[written, n] = length, weight
+                pieces.solids[written, n] = kinds[face, 2] if length < math.inf else -1
+                written += 1
+            if length == math.inf:
                 break
-            _meet(ray, faces[ray.face], fresnel)
-            if ray.end == OPEN and ray.pieces == len(pieces):
-                ray.end = TRAPPED
+            met += 1
+            weight *= math.exp(-extinction * length)
+            origin = _along(origin, length, direction)
+            if kinds[face, 0] != TRIANGLE:
+                normal = _normal(origin, kinds[face, 0], faces, face)
+            toward = _dot(direction, normal)
+            front = 0 if toward < 0 else 1  # the side that the ray comes from
+            action, last = kinds[face, 1], face
+            if action == BLOCKS or (action == REFLECTS and front == 1):
+                end = OPAQUE
+            elif action == REFLECTS:
+                weight *= faces[face, REFLECTIVITY]
+                direction = _along(direction, -2 * toward, normal)
+            elif index != faces[face, INDEX + front]:
+                end = CONTRADICTORY
+            else:
+                after = faces[face, INDEX + 1 - front]
+                direction, passed = _refracted(direction, normal, toward, index, after)
+                if passed < 0:
+                    end = REFLECTED
+                elif fresnel:
+                    weight *= passed
+                index, extinction = after, faces[face, EXTINCTION + 1 - front]
+            if end == OPEN and met == most:
+                end = TRAPPED
+        for a in range(3):
+            rays.origin[n, a], rays.direction[n, a] = origin[a], direction[a]
+        rays.index[n], rays.extinction[n], rays.weight[n] = index, extinction, weight
+        rays.last[n], rays.face[n], rays.length[n] = last, face, length
+        rays.met[n], rays.pieces[n], rays.end[n] = met, written, end
     return count
 
 
 @compiled
-def _find_face(ray, faces) -> None:
-    """Set a ray's length and face to those of the nearest face ahead."""
-    ray.length = math.inf
+def _vector(array, n):
+    """Return a row of an array ``(N, 3)``."""
+    return array[n, 0], array[n, 1], array[n, 2]
+
+
+@compiled
+def _three(faces, f, first):
+    """Return three numbers of a face, from column ``first`` on."""
+    return faces[f, first], faces[f, first + 1], faces[f, first + 2]
+
+
+@compiled
+def _dot(a, b):
+    """Return the scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
+def _along(start, length, direction):
+    """Return the point so far along a line."""
+    x, y, z = direction
+    return start[0] + length * x, start[1] + length * y, start[2] + length * z
+
+
+@compiled
+def _nearest(origin, direction, last, kinds, faces):
+    """Return the distance to the nearest face ahead, infinity if there is none, and the face."""
+    length, face = math.inf, -1
     for f in range(len(faces)):
-        t = _distance(ray.origin, ray.direction, faces[f], ray.last == f)
-        if t < ray.length:
-            ray.length, ray.face = t, f
-
-
-@compiled
-def _may_meet(ray, boxes):
-    """Return whether a ray's piece passes the box of a mesh."""
-    for box in boxes:
-        if into_box(ray.origin, ray.direction, box[0], box[1], ray.length) < math.inf:
-            return True
-    return False
-
-
-@compiled
-def into_box(origin, direction, lower, upper, length) -> float:
-    """Return how far ahead a ray enters a box, infinity where not within ``length``."""
-    near, far = 0.0, length
-    for a in range(3):
-        if direction[a] == 0:
-            if not lower[a] <= origin[a] <= upper[a]:
-                return math.inf
+        kind = kinds[f, 0]
+        if kind == TRIANGLE or (kind == PLANE and f == last):
             continue
-        low, high = (lower[a] - origin[a]) / direction[a], (upper[a] - origin[a]) / direction[a]
-        near, far = max(near, min(low, high)), min(far, max(low, high))
-    return near if near <= far else math.inf
+        away = _along(origin, -1.0, _three(faces, f, POINT))
+        if kind == PLANE:
+            t = _to_plane(away, direction, faces, f)
+        else:
+            t = _to_round(away, direction, kind, faces, f, f == last)
+        if t < length:
+            length, face = t, f
+    return length, face
 
 
 @compiled
-def write_pieces(rays, pieces, first, columns) -> None:
-    """Write rays' pieces one behind the other, from ``first`` (N,) on, into columns.
+def _to_round(away, direction, kind, faces, f, leaves):
+    """Return the distance to a cylinder or a sphere, infinity where the ray does not meet it.
 
-    ``columns`` are those of `rigs.scene.Paths`: origins, directions, lengths, weight, solids.
+    ``away`` is the ray's origin from the face's point. A ray that leaves the face meets it at the
+    other side alone.
     """
-    origins, directions, lengths, weight, solids = columns
-    for n in range(len(rays)):
-        for k in range(rays[n].pieces):
-            piece, at = pieces[k, n], first[n] + k
-            for a in range(3):
-                origins[at, a], directions[at, a] = piece.origin[a], piece.direction[a]
-            lengths[at], weight[at], solids[at] = piece.length, piece.weight, piece.solid
-
-
-@compiled
-def _distance(origin, direction, face, leaves):
-    """Return the distance to a face, infinity where the ray does not meet it."""
-    if face.kind == TRIANGLE:
-        return math.inf
-    if face.kind == PLANE:
-        return math.inf if leaves else _to_plane(origin, direction, face)
-    wx, wy, wz = origin[0] - face.point[0], origin[1] - face.point[1], origin[2] - face.point[2]
-    dx, dy, dz = direction[0], direction[1], direction[2]
     along = slope = 0.0
-    if face.kind == CYLINDER:  # what is across the axis remains
-        ax, ay, az = face.axis[0], face.axis[1], face.axis[2]
-        along = wx * ax + wy * ay + wz * az
-        slope = dx * ax + dy * ay + dz * az
-        wx, wy, wz = wx - along * ax, wy - along * ay, wz - along * az
-        dx, dy, dz = dx - slope * ax, dy - slope * ay, dz - slope * az
-    square = dx * dx + dy * dy + dz * dz
+    across, ahead = away, direction
+    if kind == CYLINDER:  # what is across the axis remains
+        axis = _three(faces, f, AXIS)
+        along, slope = _dot(away, axis), _dot(direction, axis)
+        across, ahead = _along(away, -along, axis), _along(direction, -slope, axis)
+    square = _dot(ahead, ahead)
     if square < _ALONG * _ALONG:
         return math.inf
     # from the point nearest to the axis on: far origins cost no digits
-    middle = -(wx * dx + wy * dy + wz * dz) / square
-    wx, wy, wz = wx + middle * dx, wy + middle * dy, wz + middle * dz
-    depth = face.radius * face.radius - (wx * wx + wy * wy + wz * wz)
+    middle = -_dot(across, ahead) / square
+    across = _along(across, middle, ahead)
+    depth = faces[f, RADIUS] * faces[f, RADIUS] - _dot(across, across)
     if not depth > 0:
         return math.inf
     half = math.sqrt(depth / square)
@@ -173,40 +221,74 @@ def _distance(origin, direction, face, leaves):
         t = middle - half if side == 0 else middle + half
         if leaves and (side == 0) == (middle > 0):  # the root at the origin: rounding alone
             continue
-        if t > 0 and abs(along + t * slope) <= face.half[0]:
+        if t > 0 and abs(along + t * slope) <= faces[f, HALF]:
             return t
     return math.inf
 
 
 @compiled
-def _to_plane(origin, direction, face):
+def _to_plane(away, direction, faces, f):
     """Return the distance to a plane face, infinity where the ray does not meet it."""
-    toward = height = 0.0
-    for a in range(3):
-        toward += direction[a] * face.axis[a]
-        height += (face.point[a] - origin[a]) * face.axis[a]
+    axis = _three(faces, f, AXIS)
+    toward = _dot(direction, axis)
     if abs(toward) < _ALONG:
         return math.inf
-    t = height / toward
+    t = -_dot(away, axis) / toward
     if not t > 0:
         return math.inf
-    u = v = square = 0.0
-    for a in range(3):
-        at = origin[a] + t * direction[a] - face.point[a]
-        b, c = (a + 1) % 3, (a + 2) % 3
-        other = face.axis[b] * face.across[c] - face.axis[c] * face.across[b]
-        u += at * face.across[a]
-        v += at * other
-        square += at * at
-    if abs(u) > face.half[0] or abs(v) > face.half[1]:
+    at = _along(away, t, direction)
+    out = math.sqrt(_dot(at, at))
+    if out > faces[f, RADIUS] or out < faces[f, HOLE]:
         return math.inf
-    out = math.sqrt(square)
-    return math.inf if out > face.radius or out < face.hole else t
+    if faces[f, HALF] < math.inf or faces[f, HALF + 1] < math.inf:
+        u, v = _dot(at, _three(faces, f, ACROSS)), _dot(at, _three(faces, f, UPWARD))
+        if abs(u) > faces[f, HALF] or abs(v) > faces[f, HALF + 1]:
+            return math.inf
+    return t
 
 
 @compiled
-def _meet(ray, face, fresnel) -> None:
-    """Move a ray to the face ahead and turn it there.
+def _passes(origin, direction, length, box):
+    """Return whether a piece passes a box ``(2, 3)``."""
+    return into_box(origin, direction, length, box) < math.inf
+
+
+@compiled
+def into_box(origin, direction, length, box) -> float:
+    """Return how far ahead a ray enters a box ``(2, 3)``, infinity where not within ``length``."""
+    near, far = 0.0, length
+    for a in range(3):
+        if direction[a] == 0:
+            if not box[0, a] <= origin[a] <= box[1, a]:
+                return math.inf
+            continue
+        low = (box[0, a] - origin[a]) / direction[a]
+        high = (box[1, a] - origin[a]) / direction[a]
+        near, far = max(near, min(low, high)), min(far, max(low, high))
+    return near if near <= far else math.inf
+
+
+@compiled
+def _normal(point, kind, faces, f):
+    """Return the unit normal of a face at a point on it."""
+    if kind == PLANE:
+        return _three(faces, f, AXIS)
+    out = _along(point, -1.0, _three(faces, f, POINT))
+    if kind == CYLINDER:
+        axis = _three(faces, f, AXIS)
+        out = _along(out, -_dot(out, axis), axis)
+    return _unit(out)
+
+
+@compiled
+def _unit(vector):
+    """Return the vector at length one."""
+    return _along((0.0, 0.0, 0.0), 1 / math.sqrt(_dot(vector, vector)), vector)
+
+
+@compiled
+def _refracted(direction, normal, toward, before, after):
+    """Return the direction behind glass and the fraction that passes, -1 for total reflection.
 
     Notes
     -----
@@ -214,69 +296,33 @@ def _meet(ray, face, fresnel) -> None:
     ratio of indices: ``d' = e d + (e c - sqrt(1 - e² (1 - c²))) n`` (Glassner, "An Introduction
     to Ray Tracing", 1989, chapter 5). The fraction that passes is Fresnel's for unpolarised light.
     """
-    if ray.extinction > 0:
-        ray.weight *= math.exp(-ray.extinction * ray.length)
-    for a in range(3):
-        ray.origin[a] += ray.length * ray.direction[a]
-    if face.kind != TRIANGLE:
-        _normal(ray.origin, face, ray.normal)
-    toward = 0.0
-    for a in range(3):
-        toward += ray.direction[a] * ray.normal[a]
-    ray.last = ray.face
-    front = 0 if toward < 0 else 1  # the side that the ray comes from
-    if face.action == BLOCKS or (face.action == REFLECTS and front == 1):
-        ray.end = OPAQUE
-    elif face.action == REFLECTS:
-        ray.weight *= face.reflectivity
-        for a in range(3):
-            ray.direction[a] -= 2 * toward * ray.normal[a]
-    elif ray.index != face.index[front]:
-        ray.end = CONTRADICTORY
-    else:
-        after = face.index[1 - front]
-        passed = _refract(ray.direction, ray.normal, toward, ray.index, after)
-        if passed < 0:
-            ray.end = REFLECTED
-        else:
-            ray.weight *= passed if fresnel else 1.0
-            ray.index, ray.extinction = after, face.extinction[1 - front]
-
-
-@compiled
-def _normal(point, face, normal) -> None:
-    """Write the unit normal of a face at a point on it."""
-    along = 0.0
-    for a in range(3):
-        along += (point[a] - face.point[a]) * face.axis[a]
-    square = 0.0
-    for a in range(3):
-        if face.kind == PLANE:
-            normal[a] = face.axis[a]
-        else:
-            axial = along * face.axis[a] if face.kind == CYLINDER else 0.0
-            normal[a] = point[a] - face.point[a] - axial
-        square += normal[a] * normal[a]
-    for a in range(3):
-        normal[a] /= math.sqrt(square)
-
-
-@compiled
-def _refract(direction, normal, toward, before, after):
-    """Turn a direction at glass; return the fraction that passes, -1 for total reflection."""
-    ratio = before / after
-    cosine = abs(toward)
+    ratio, cosine = before / after, abs(toward)
     rest = 1 - ratio * ratio * (1 - cosine * cosine)
     if rest < 0:
-        return -1.0
+        return direction, -1.0
     inside = math.sqrt(rest)
-    step = (inside - ratio * cosine) if toward > 0 else (ratio * cosine - inside)
-    square = 0.0
-    for a in range(3):
-        direction[a] = ratio * direction[a] + step * normal[a]
-        square += direction[a] * direction[a]
-    for a in range(3):
-        direction[a] /= math.sqrt(square)
+    step = inside - ratio * cosine if toward > 0 else ratio * cosine - inside
+    bent = _along(_along((0.0, 0.0, 0.0), ratio, direction), step, normal)
     across = (before * cosine - after * inside) / (before * cosine + after * inside)
     within = (after * cosine - before * inside) / (after * cosine + before * inside)
-    return 1 - (across * across + within * within) / 2
+    return _unit(bent), 1 - (across * across + within * within) / 2
+
+
+@compiled
+def write_pieces(counts, first, pieces, columns) -> None:
+    """Write the pieces of each ray one behind the other, from ``first`` (N,) on, into columns.
+
+    Parameters
+    ----------
+    counts, first : (N,) int64
+    pieces : Pieces, of arrays (most, N) and (most, N, 3)
+    columns : Pieces, of arrays (total,) and (total, 3)
+    """
+    for n in range(len(counts)):
+        for k in range(counts[n]):
+            at = first[n] + k
+            for a in range(3):
+                columns.origins[at, a] = pieces.origins[k, n, a]
+                columns.directions[at, a] = pieces.directions[k, n, a]
+            columns.lengths[at], columns.weight[at] = pieces.lengths[k, n], pieces.weight[k, n]
+            columns.solids[at] = pieces.solids[k, n]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo._compute.threads import run_chunks
-from tomo.grid import ActiveVoxels
+from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.on_the_fly.counting_pass import count_crossings
 from tomo.operators.on_the_fly.ray_sources import PixelSource, pixel_source
 from tomo.rays import Rays
@@ -27,6 +27,7 @@ calls."""
 
 def trace_cameras(
     rig: Rig,
+    grid: VoxelGrid,
     usable: Sequence[NDArray[np.int64]],
     tracers: list[Callable[[Rays], Segments]],
     skip: bool,
@@ -38,6 +39,8 @@ def trace_cameras(
     Parameters
     ----------
     rig : Rig
+    grid : VoxelGrid
+        That of the tracers.
     usable : sequence of (P_v,) int64
         For each camera the flat numbers of its usable pixels.
     tracers : sequence of callable
@@ -67,7 +70,7 @@ def trace_cameras(
                     number = next(begun)
                     progress(number, len(rig), rig[number].name)
             some = usable[view][first : first + at_once]
-            part = find(Rays.from_camera(rig[view], some, supersample))
+            part = find(Rays.from_camera(rig[view], some, supersample, grid))
             if skip:
                 part, seeing = part.without_empty()
                 some = some[seeing]
@@ -100,7 +103,7 @@ def camera_sources(
     for view, (camera, pixels) in enumerate(zip(rig, usable, strict=True)):
         if progress:
             progress(view, len(rig), camera.name)
-        source = pixel_source(camera, pixels, supersample)
+        source = pixel_source(camera, pixels, supersample, active.grid)
         if skip:
             seeing = np.flatnonzero(count_crossings(source, active.grid).meets)
             source, pixels = source.take(seeing), pixels[seeing]

@@ -116,7 +116,7 @@ class LinearSystem:
             how = {"midpoints": midpoints, "active": active, "in_storage_order": in_storage_order}
             threads = numba.get_num_threads() if tracer == "march" else 1  # raycast has its own
             tracers = [tracing(grid, tracer, **how) for _ in range(threads)]
-            parts, pixels = trace_cameras(rig, usable, tracers, skip, supersample, progress)
+            parts, pixels = trace_cameras(rig, grid, usable, tracers, skip, supersample, progress)
         else:
             parts, pixels = camera_sources(rig, usable, active, skip, supersample, progress)
         if progress:
@@ -205,7 +205,7 @@ class LinearSystem:
             )
             for _ in range(numba.get_num_threads() if tracer == "march" else 1)
         ]
-        parts, _ = trace_cameras(self.rig, self.pixels, tracers, False, supersample, None)
+        parts, _ = trace_cameras(self.rig, grid, self.pixels, tracers, False, supersample, None)
         length = np.concatenate([part.length for part in parts])
         return replace(self, projector=self.projector.with_lengths(length))
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo._compute.grouping import take_groups
+from tomo.grid import VoxelGrid
 from tomo.rays.pinhole import BAD_LENGTH, FINE, NOT_FINITE, NOT_UNIT, first_fault, lines_of_sight
 
 if TYPE_CHECKING:
@@ -125,7 +126,11 @@ class Rays:
 
     @classmethod
     def from_camera(
-        cls, camera: CameraLike, pixels: NDArray[np.integer] | None = None, supersample: int = 1
+        cls,
+        camera: CameraLike,
+        pixels: NDArray[np.integer] | None = None,
+        supersample: int = 1,
+        grid: VoxelGrid | None = None,
     ) -> Rays:
         """Return the rays of a camera's pixels, ``supersample`` x ``supersample`` for each.
 
@@ -139,6 +144,8 @@ class Rays:
             Flat pixel numbers ``row * width + column``; all pixels when None.
         supersample : int
             Rays along each side of a pixel.
+        grid : VoxelGrid, optional
+            Pieces of bent lines of sight that miss it are left out.
 
         Notes
         -----
@@ -160,7 +167,9 @@ class Rays:
             )  # (pixels, K²)
             uv = np.stack([u, v], axis=-1).reshape(-1, 2)
             if not camera.is_straight:
-                return cls._along_paths(*camera.paths(uv), len(pixels), supersample**2)
+                region = () if grid is None else (np.stack([grid.lower, grid.upper]),)
+                found = camera.paths(uv, *region)
+                return cls._along_paths(*found, len(pixels), supersample**2)
             origins, directions = camera.rays(uv)
         weight = np.full(len(origins), 1.0 / supersample**2)
         pixel_ptr = supersample**2 * np.arange(len(pixels) + 1)

@@ -253,11 +253,17 @@ class CameraPixels(PixelSource):
 
 
 def pixel_source(
-    camera: CameraLike, pixels: NDArray[np.integer] | None = None, supersample: int = 1
+    camera: CameraLike,
+    pixels: NDArray[np.integer] | None = None,
+    supersample: int = 1,
+    grid: VoxelGrid | None = None,
 ) -> PixelSource:
-    """Return the source of some pixels of a camera, or of all; a table's rays are stored."""
+    """Return the source of some pixels of a camera, or of all.
+
+    The rays of a table and those through a scene are stored; pieces that miss ``grid`` are not.
+    """
     if not camera.has_lens_model:
-        return RayPixels(Rays.from_camera(camera, pixels, supersample))
+        return RayPixels(Rays.from_camera(camera, pixels, supersample, grid))
     return CameraPixels.of(camera, pixels, supersample)
 
 
