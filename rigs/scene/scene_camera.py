@@ -87,7 +87,12 @@ class SceneCamera(OnImage):
 
     @cached_property
     def _pinhole(self) -> tuple[NDArray, NDArray, NDArray]:
-        """Camera matrix, R and position of the pinhole nearest to the rays."""
+        """Camera matrix, R and position of the pinhole nearest to the rays.
+
+        Those of the camera itself where hardware hides all.
+        """
+        if not np.isfinite(self.rays()[1]).any():
+            return self.camera.camera_matrix, self.camera.R, self.camera.position
         return fitted_pinhole(self.name, self.image_size, self.rays, self._in_main_view)
 
     @property
