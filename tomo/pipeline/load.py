@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rigs.recordings import image_notes
+from tomo.grid import VoxelGrid
 from tomo.pipeline.stage import Record, timed
+from tomo.rays.visible_pixels import pixels_of_hardware
 from tomo.scan import Scan
 from tomo.scan.corrections import correction_line
 from tomo.scan.scan import Images, Masks
@@ -40,8 +45,11 @@ class LoadedScan:
     record: Record = Record()
 
 
-def load(scan: Scan, frame: str | None) -> LoadedScan:
-    """Read a frame's images; the first frame's when None."""
+def load(scan: Scan, frame: str | None, grid: VoxelGrid | None = None) -> LoadedScan:
+    """Read a frame's images; the first frame's when None.
+
+    Pixels that see hardware of the rig's scene alone, and nothing of ``grid``, are not usable.
+    """
     with timed() as stage:
         name = scan.frame(frame).name
         images, masks, saturated = scan.read_with_saturation(name)
@@ -54,7 +62,23 @@ def load(scan: Scan, frame: str | None) -> LoadedScan:
                 if camera in scan.rig.names and isinstance(image, Path)
             }
         )
+        if grid is not None and scan.rig.scene is not None:
+            hidden = [pixels_of_hardware(camera, grid) for camera in scan.rig]
+            stage.warnings += _of_hardware(scan.rig.names, hidden)
+            masks = [usable & ~ended for usable, ended in zip(masks, hidden, strict=True)]
     return LoadedScan(scan, name, images, masks, stage.record)
+
+
+def _of_hardware(names: Sequence[str], hidden: Sequence[NDArray[np.bool_]]) -> list[str]:
+    """Return the line on cameras of which pixels see hardware alone."""
+    shares = {name: ended.mean() for name, ended in zip(names, hidden, strict=True) if ended.any()}
+    if not shares:
+        return []
+    listed = ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
+    return [
+        f"scene: pixels see hardware alone and take no part: {listed}. Where a camera loses much, "
+        "move the hardware or the camera; check the pose of the solid where it should lose nothing"
+    ]
 
 
 def _of_saturation(saturated: Mapping[str, float]) -> list[str]:

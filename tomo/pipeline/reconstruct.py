@@ -52,7 +52,7 @@ def reconstruct(
     began, grid = time.perf_counter(), scan.grid if grid is None else grid
     check_options(options, scan, grid)
     reference = read_reference(scan, grid, options.frame)  # evaluate's; it may be unreadable
-    loaded = load(scan, options.frame)
+    loaded = load(scan, options.frame, grid)
     first_use = warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)
     screened = screen(
         loaded,

@@ -1,4 +1,4 @@
-"""The pixels of a camera that may see a box: none that does is missing."""
+"""The pixels of a camera that may see a box, and those that see hardware alone."""
 
 from __future__ import annotations
 
@@ -29,6 +29,8 @@ def pixels_that_see(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.int64]:
     between a pixel's central ray, where it begins, and those at its corners: none that sees the
     box is lost, some that miss it narrowly stay.
     """
+    if not camera.is_straight:  # its pieces may see the box one behind the other
+        return np.arange(math.prod(camera.image_size))
     origins, directions = camera.rays()
     width = camera.image_size[0]
     known = np.flatnonzero(np.isfinite(directions).all(axis=1))
@@ -49,6 +51,19 @@ def pixels_that_see(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.int64]:
         crossing = enter_box(Rays.from_lines(origins[some], directions[some]), grown)
         kept.append(some[crossing.length > 0])
     return np.concatenate([np.zeros(0, np.int64), *kept])
+
+
+def pixels_of_hardware(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.bool_]:
+    """Return which pixels' lines of sight end without having met the grid, ``(height, width)``.
+
+    They end at hardware, at total reflection or between mirrors, see `rigs.scene.Paths`.
+    """
+    width, height = camera.image_size
+    ended = np.zeros(width * height, bool)
+    if not camera.is_straight:
+        paths, pixels = camera.paths(region=np.stack([grid.lower, grid.upper]))
+        ended[pixels] = (paths.ends != 0) & (np.diff(paths.ray_ptr) == 0)
+    return ended.reshape(height, width)
 
 
 def _largest_step(vectors: NDArray[np.float64], width: int) -> float:
