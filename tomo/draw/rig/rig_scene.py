@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig, nearest_point
+from rigs.scene.scene_camera import own_camera
 from tomo.draw import shapes
 from tomo.draw.frame import EYE, Up
 from tomo.draw.scene import Colour, Label, Mesh, Scene, rgb
@@ -114,8 +115,8 @@ def rig_scene(
 ) -> Scene:
     """Return the cameras' symbols and lines of sight, the box of voxels, and the volume in it.
 
-    Groups: ``cameras, names, sight lines, field of view, arrows, arrow names, box, isosurface N%``
-    and ``stems`` (each camera's plumb line, for still pictures).
+    Groups: ``cameras, names, sight lines, field of view, arrows, arrow names, box, isosurface N%,
+    solids`` and ``stems`` (each camera's plumb line, for still pictures).
 
     Raises
     ------
@@ -132,8 +133,10 @@ def rig_scene(
     typical = typical_distance(rig, target)
     scene = Scene(length_unit=rig.length_unit)
     for camera in rig:
-        scene += _camera_scene(camera, target, typical, up)
+        scene += _camera_scene(own_camera(camera), target, typical, up)
     scene += _stems(rig, target, typical, up)
+    if rig.scene is not None:
+        scene = scene.without("sight lines") + through_scene(rig, target, typical, up)
     if grid is not None:
         scene += volume_scene(grid, rig.length_unit)
         for camera in rig:
@@ -226,10 +229,22 @@ def _camera_scene(camera: CameraLike, target: Target, typical: float, up: Up) ->
     )
 
 
+def through_scene(rig: Rig, target: Target, typical: float, up: Up) -> Scene:
+    """Return the solids of a rig's scene, and the lines of sight that they bend."""
+    from tomo.draw.rig.solids import sight_line, solids_scene
+
+    lines = []
+    for camera in rig:
+        _, colour = colour_of(own_camera(camera), target, up)
+        pale = tuple(0.45 + 0.55 * c for c in colour)
+        lines.append(Mesh(camera.name, "sight lines", *sight_line(camera, target, typical), pale))
+    return Scene(tuple(lines)) + solids_scene(rig.scene, target, typical)
+
+
 def _stems(rig: Rig, target: Target, typical: float, up: Up) -> Scene:
     """Return plumb lines from the cameras to the floor beneath the lowest of them."""
     floor = floor_height(rig, target, typical, up)
-    feet = np.array([camera.position for camera in rig])
+    feet = np.array([own_camera(camera).position for camera in rig])
     tops = feet.copy()
     feet[:, up.axis] = floor
     dots = shapes.tubes(feet, feet + up.vector * 1e-4 * typical, 0.008 * typical, sides=12)
@@ -239,7 +254,7 @@ def _stems(rig: Rig, target: Target, typical: float, up: Up) -> Scene:
 
 def floor_height(rig: Rig, target: Target, typical: float, up: Up) -> float:
     """Return the coordinate, along the upward axis, of a floor that is clear of all cameras."""
-    heights = [camera.position @ up.vector for camera in rig]
+    heights = [own_camera(camera).position @ up.vector for camera in rig]
     lowest = min(*heights, target.center @ up.vector) if heights else 0.0
     return up.sign * float(lowest - 0.28 * typical)
 

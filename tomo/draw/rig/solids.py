@@ -1,0 +1,113 @@
+"""Solids of a rig's scene, and lines of sight that they bend."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import CameraLike
+from rigs import scene as optics
+from tomo.draw import shapes
+from tomo.draw.rig.rig_scene import Target
+from tomo.draw.scene import Mesh, Scene, rgb
+
+_LOOKS = {
+    optics.Glass: (rgb("#6aa9c9"), 0.28),
+    optics.Reflecting: (rgb("#8d99a6"), 0.75),
+    optics.Opaque: (rgb("#4a4f57"), 1.0),
+}
+"""Colour and opacity of materials."""
+
+_SECTIONS = 48  # sides of a drawn cylinder
+
+
+def solids_scene(scene: optics.Scene, target: Target, typical: float) -> Scene:
+    """Return the solids of a scene; group ``solids``.
+
+    Parameters
+    ----------
+    scene : rigs.scene.Scene
+    target : Target
+        Endless plates are drawn around their point, as wide as the target is far from them.
+    typical : float
+        Typical distance of the cameras from the target.
+    """
+    meshes = []
+    for solid in scene.solids:
+        colour, opacity = _LOOKS[type(solid.material)]
+        width = min(2 * target.radius + 0.2 * typical, typical)
+        meshes.append(Mesh(solid.name, "solids", *triangles_of(solid, width), colour, opacity))
+    return Scene(tuple(meshes))
+
+
+def triangles_of(solid: optics.Solid, width: float) -> tuple[NDArray[np.float64], NDArray]:
+    """Return vertices ``(V, 3)`` and triangles ``(T, 3)`` of a solid.
+
+    Parameters
+    ----------
+    solid : Solid
+    width : float
+        Drawn extent of one that has no end.
+    """
+    import trimesh
+
+    if isinstance(solid, optics.Mesh):
+        return solid.vertices, solid.triangles
+    if isinstance(solid, optics.Sphere):
+        ball = trimesh.creation.icosphere(subdivisions=3, radius=solid.radius)
+        return ball.vertices + np.array(solid.center), ball.faces
+    if isinstance(solid, optics.Cylinder):
+        length = solid.length if math.isfinite(solid.length) else width
+        across = np.array(solid.axis)
+        ring = {"height": length, "sections": _SECTIONS}
+        if solid.inner_radius > 0:
+            made = trimesh.creation.annulus(solid.inner_radius, solid.radius, **ring)
+        else:
+            made = trimesh.creation.cylinder(solid.radius, **ring)
+        return _placed(made, np.array(solid.point), across, None)
+    thickness = getattr(solid, "thickness", 1e-3 * width)  # a mirror has none
+    size = width if solid.size is None else solid.size
+    if np.ndim(size):
+        made = trimesh.creation.box((*size, thickness))
+    else:
+        made = trimesh.creation.cylinder(size / 2, thickness, sections=_SECTIONS)
+    normal = np.array(solid.normal)
+    return _placed(made, np.array(solid.point) - thickness / 2 * normal, normal, solid.across)
+
+
+def _placed(
+    made: object, middle: NDArray, axis: NDArray, across: tuple | None
+) -> tuple[NDArray[np.float64], NDArray]:
+    """Return a shape made along z, with its axis and its first side turned to those given."""
+    from rigs.scene.surfaces import perpendicular
+
+    first = perpendicular(axis) if across is None else np.array(across)
+    turn = np.stack([first, np.cross(axis, first), axis])
+    return made.vertices @ turn + middle, made.faces
+
+
+def bent_line(camera: optics.SceneCamera, target: Target) -> NDArray[np.float64]:
+    """Return the corners of the path of a pixel, from the camera up to the target: ``(N, 3)``.
+
+    The pixel is the one that sees the target's middle; where none does, the image's middle.
+    """
+    uv, _, valid = camera.project(target.center[None])
+    if not valid[0]:
+        uv = (np.array([camera.image_size]) - 1.0) / 2
+    paths, pixels = camera.paths(uv)
+    if not len(pixels):
+        return np.array([camera.camera.position, target.center])
+    last = int(paths.nearest_pieces(target.center)[0])
+    away = float((target.center - paths.origins[last]) @ paths.directions[last])
+    end = min(max(away - 2.2 * target.radius, 0.0), float(paths.lengths[last]))
+    return np.vstack(
+        [paths.origins[: last + 1], paths.origins[last] + end * paths.directions[last]]
+    )
+
+
+def sight_line(camera: CameraLike, target: Target, typical: float) -> shapes.Triangles:
+    """Return the tubes of a line of sight through a scene."""
+    points = bent_line(camera, target)
+    return shapes.polyline(points, 0.0012 * typical)
