@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from rigs import Camera, Distortion, RayTable
+from rigs import Camera, Distortion, RayTable, look_at
+from rigs.scene import Mirror, Scene, SceneCamera
 from tomo.draw.rig.direction_table import DirectionTable
 
 BROWN = Distortion("brown", (-0.25, 0.08, 1e-3, -2e-3, 0.01))
@@ -76,3 +77,15 @@ def test_rays_that_do_not_meet_have_origins_of_their_own():
     off = np.linalg.norm(np.cross(found - true_origins, true), axis=1)
     assert off.max() < 1e-3
     assert DirectionTable.of(seen).origins is None
+
+
+def test_rays_by_a_mirror_are_drawn_from_the_camera_to_the_mirror():
+    R, t = look_at((60.0, 0, 300), (60, 0, 0))
+    own = Camera("side", (40, 30), [[400, 0, 19.5], [0, 400, 14.5], [0, 0, 1]], R=R, t=t)
+    mirror = Mirror("m", (60, 0, 0), (-1, 0, 1))
+    table = DirectionTable.of(SceneCamera(own, Scene((mirror,))))
+    (start,) = table.corners
+    np.testing.assert_allclose(start, np.broadcast_to([60, 0, 300], start.shape), atol=1e-12)
+    bends = table.origins - mirror.point
+    np.testing.assert_allclose(bends @ np.array(mirror.normal), 0, atol=1e-10)
+    assert (table.nodes[..., 0] < 0).all()  # from the mirror towards the origin

@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 
 from rigs import Camera, Distortion, Rig, look_at
+from rigs.scene import Cylinder, Glass, Mesh, Opaque, Sphere, Window
 from tomo.draw.rig import frustum, rig_scene
 from tomo.draw.rig.rig_scene import Target, border_rays, elevation_of, up_of
+from tomo.draw.rig.solids import triangles_of
 from tomo.grid import VoxelGrid
 
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75), (1.0, 2.0, 3.0))
@@ -115,3 +117,23 @@ def test_empty_rig_and_volume_without_grid_are_refused():
         rig_scene(Rig(()))
     with pytest.raises(ValueError, match="without a grid"):
         rig_scene(Rig((camera(),)), volume=np.zeros((2, 2, 2)))
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        Window("s", (0, 0, 40), (0.3, 0, 1), 5, Glass(1.5), size=(30, 20), across=(0, 1, 0)),
+        Window("s", (0, 0, 40), (0.3, 0.2, 1), 5, Glass(1.5), size=30),
+        Cylinder("s", (0, 0, 40), (1, 0.5, 0), 6, 20, Glass(1.5), inner_radius=4),
+        Sphere("s", (0, 0, 40), 6, Opaque()),
+    ],
+    ids=["rectangle", "disc", "tube", "ball"],
+)
+def test_solids_are_drawn_where_they_are(solid):
+    vertices, triangles = triangles_of(solid, 100.0)
+    drawn = Mesh("drawn", vertices, triangles, Glass(1.5))  # checks that it is closed
+    middle, reach = vertices.mean(axis=0), np.ptp(vertices, axis=0) * 0.6
+    points = middle + np.random.default_rng(0).uniform(-1, 1, (3000, 3)) * reach
+    inside = solid.contains(points)
+    assert 0.05 < inside.mean() < 0.6
+    assert (drawn.contains(points) == inside).mean() > 0.99  # but for facets

@@ -53,6 +53,11 @@ class CameraView:
             "nodes": _flat(self.table.nodes),
             "origins": None if origins is None else _flat(origins),
             "missing": np.flatnonzero(missing).tolist(),
+            "corners": [_flat(points) for points in self.table.corners],
+            "straight": [
+                np.flatnonzero(~np.isfinite(points).all(axis=2)).tolist()
+                for points in self.table.corners
+            ],
             "image": self._picture(),
             "outlines": [np.round(line, 2).tolist() for line in self.outlines],
         }

@@ -27,6 +27,9 @@ class DirectionTable:
         where the lens maps none.
     origins : (rows, columns, 3) float64, optional
         ... or where each node's ray does, of a camera whose rays do not meet in a point.
+    corners : tuple of (rows, columns, 3) float64
+        The points, from the camera on, between which each node's ray comes to its origin through
+        a scene. NaN where it does so at another number of faces than most.
 
     Notes
     -----
@@ -38,6 +41,7 @@ class DirectionTable:
     size: tuple[int, int]
     nodes: NDArray[np.float64]
     origins: NDArray[np.float64] | None = None
+    corners: tuple[NDArray[np.float64], ...] = ()
 
     @classmethod
     def of(cls, camera: CameraLike, tolerance: float = 0.05) -> DirectionTable:
@@ -97,8 +101,8 @@ def _lagrange(place: NDArray, nodes: int) -> NDArray[np.float64]:
     return weights
 
 
-def _nodes(camera: CameraLike, cells: int) -> tuple[NDArray, NDArray | None]:
-    """Return directions at a table's nodes, ``(cells + 1, cells + 1, 3)``, and origins if many."""
+def _nodes(camera: CameraLike, cells: int) -> tuple[NDArray, NDArray | None, tuple]:
+    """Return directions, origins if many, and corners at a table's nodes."""
     steps = np.arange(cells + 1) / cells
     u, v = np.meshgrid(steps, steps)
     uv = np.stack([u.ravel(), v.ravel()], axis=-1) * camera.image_size - 0.5
@@ -108,4 +112,21 @@ def _nodes(camera: CameraLike, cells: int) -> tuple[NDArray, NDArray | None]:
         directions = directions / ahead[:, None]
     shape = (cells + 1, cells + 1, 3)
     is_central = (origins == origins[0]).all()
-    return directions.reshape(shape), None if is_central else origins.reshape(shape)
+    corners = () if camera.is_straight else _corners(camera, uv, shape)
+    return directions.reshape(shape), None if is_central else origins.reshape(shape), corners
+
+
+def _corners(camera: CameraLike, uv: NDArray, shape: tuple[int, ...]) -> tuple[NDArray, ...]:
+    """Return the points at which rays through a scene begin and turn; see `DirectionTable`."""
+    paths, pixels = camera.paths(uv)
+    if not len(pixels):
+        return ()
+    before = paths.nearest_pieces(np.array(camera.middle)) - paths.ray_ptr[:-1]
+    most = int(np.bincount(before).argmax())
+    alike = np.flatnonzero(before == most)
+    found = []
+    for turn in range(most):
+        points = np.full((len(uv), 3), np.nan)
+        points[pixels[alike]] = paths.origins[paths.ray_ptr[alike] + turn]
+        found.append(points.reshape(shape))
+    return tuple(found)
