@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rigs.check.convention_errors import find_convention_errors
 from rigs.check.resolved_wavelength import closing_view
 from rigs.check.result import Finding, RigCheck
+from rigs.check.through_scene import glass, hardware
 from rigs.check.words import short
 from rigs.geometry.points import evenly_spread
 
@@ -26,6 +27,8 @@ def findings(check: RigCheck) -> tuple[Finding, ...]:
         _lenses,
         _sees_nothing,
         _cut_off,
+        hardware,
+        glass,
         _unseen,
         _details,
         _same_views,
@@ -122,9 +125,10 @@ def _cut_off(check: RigCheck) -> Iterator[Finding]:
     for figures in sorted(cut, key=lambda figures: figures.sees):
         number = check.coverage.rig.names.index(figures.name)
         where = _where(check, ~check.coverage.seen[number])
+        missing = "cut off" if check.coverage.rig[number].is_straight else "cut off or hidden"
         yield Finding(
             "warning" if figures.sees < 0.95 else "note",
-            f"{figures.sees:.0%} of the volume in the image, cut off {where}",
+            f"{figures.sees:.0%} of the volume in the image, {missing} {where}",
             (figures.name,),
         )
 
