@@ -59,7 +59,7 @@ def test_findings_name_glass_and_hardware_and_are_silent_without():
     cameras = tuple(camera((300 * math.sin(a), 20, 300 * math.cos(a)), f"cam{n:02d}")
                     for n, a in enumerate((0, 0.8, 1.7, 2.5)))  # fmt: skip
     plain = Rig(cameras, volume=Volume((10, 10, 10), 1.0))
-    rod = Cylinder("rod", (0, 0, 150), (0, 1, 0), 1, 50, Opaque())
+    rod = Cylinder("rod", (2, 0, 150), (0, 1, 0), 1, 50, Opaque())
     mirror = Mirror("far", (0, 0, -200), (0, 0, 1), Reflecting(), size=5)
     seen = plain.through(Scene((pane(30, size=40), rod, mirror)))
     texts = [finding.text for finding in check_rig(seen, POINTS, (10, 10, 10), 1.0).findings]
