@@ -77,6 +77,9 @@ class CameraLike(Protocol):
     def inside(self, uv: ArrayLike) -> NDArray:
         """Return whether pixel coordinates ``(N, 2)`` lie on the image, ``(N,)``."""
 
+    def renamed(self, name: str) -> CameraLike:
+        """Return the camera under another name."""
+
     def scaled(self, scale: float) -> CameraLike:
         """Return the camera of the image resized by ``scale``."""
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from rigs.calibration_record import followed
 from rigs.camera_protocol import CameraLike
+from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
 
@@ -98,10 +99,18 @@ def with_cameras(rig: Rig, names: Mapping[str, str]) -> Rig:
     """
     for name in names:
         rig[name]  # raises where there is none
-    kept = tuple(replace(c, name=names[c.name]) for c in rig if c.name in names)
+    kept = tuple(c.renamed(names[c.name]) for c in rig if c.name in names)
     changed = replace(rig, cameras=kept)
     gone = [name for name in rig.names if name not in names]
     lines = [f"{name}: renamed {new}" for name, new in names.items() if new != name]
     if gone:
         lines.append(f"left out: {', '.join(gone)}")
     return replace(changed, calibration=followed(rig, changed, names, lines))
+
+
+def as_ray_tables(rig: Rig) -> Rig:
+    """Return the rig whose cameras are tables of their rays, see `rigs.RayTable.of`.
+
+    A scene is in the rays and needed no longer.
+    """
+    return replace(rig, cameras=tuple(RayTable.of(camera) for camera in rig))

@@ -32,7 +32,13 @@ def from_vector(coefficients: Sequence[float], fisheye: bool, what: str) -> Dist
 
 
 def refuse_tables(rig: Rig, format_name: str) -> None:
-    """Raise if a camera is a table of rays, which foreign formats cannot hold."""
+    """Raise if a camera is a table of rays, or looks through a scene: few formats hold those."""
+    if rig.scene is not None:
+        raise ValueError(
+            f"scene: found {', '.join(solid.name for solid in rig.scene.solids) or 'none'}, which "
+            f"{format_name} lacks: write a rig.yaml, with --ray-tables for programs that know no "
+            "scene"
+        )
     for camera in rig:
         if not camera.has_lens_model:
             raise ValueError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import unicodedata
+from dataclasses import replace
 from typing import Self
 
 import numpy as np
@@ -18,6 +19,10 @@ class OnImage:
     def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
         """Return whether each of ``uv`` ``(N, 2)`` lies on the area of a pixel; NaN does not."""
         return on_image(uv, self.image_size)
+
+    def renamed(self, name: str) -> Self:
+        """Return the camera under another name."""
+        return replace(self, name=name)
 
     def shrunk(self, factor: int) -> Self:
         """Return the camera of the image's area means over ``factor`` x ``factor`` pixels.

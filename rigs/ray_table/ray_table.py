@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.camera import Camera
+from rigs.camera_protocol import CameraLike
 from rigs.geometry.image_checks import (
     OnImage,
     check_name,
@@ -77,6 +77,7 @@ class RayTable(OnImage):
 
     Examples
     --------
+    >>> from rigs import Camera
     >>> camera = Camera("cam00", (9, 9), [[80, 0, 4], [0, 80, 4], [0, 0, 1]], t=[0, 0, 100])
     >>> RayTable.of(camera).project([[10, 0, 0]])[0].round(6)
     array([[12.,  4.]])
@@ -117,13 +118,18 @@ class RayTable(OnImage):
             object.__setattr__(self, name, value)
 
     @classmethod
-    def of(cls, camera: Camera) -> RayTable:
-        """Return the table of a camera's rays, one per pixel."""
+    def of(cls, camera: CameraLike) -> RayTable:
+        """Return the table of a camera's rays, one per pixel.
+
+        Through a scene they are the pieces of the paths that `rigs.scene.SceneCamera.rays` gives;
+        the fraction of light that glass takes, and further pieces behind mirrors, are not kept.
+        """
         width, height = camera.image_size
-        _, directions = camera.rays()
+        origins, directions = camera.rays()
+        is_central = bool((origins == origins[0]).all())
         return cls(
             camera.name,
-            camera.position,
+            origins[0] if is_central else origins.reshape(height, width, 3),
             directions.reshape(height, width, 3),
             optics=camera.optics,
             status=camera.status,

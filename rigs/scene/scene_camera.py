@@ -216,6 +216,10 @@ class SceneCamera(OnImage):
     def _changed(self, change: Callable[[CameraLike], CameraLike]) -> Self:
         return replace(self, camera=change(self.camera))
 
+    def renamed(self, name: str) -> Self:
+        """Return the camera under another name."""
+        return self._changed(lambda camera: camera.renamed(name))
+
     def scaled(self, scale: float) -> Self:
         """Return the camera of the image resized by ``scale``: see `Camera.scaled`."""
         return self._changed(lambda camera: camera.scaled(scale))

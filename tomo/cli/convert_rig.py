@@ -92,10 +92,19 @@ def convert_rig(
     scale: ScaleOption = None,
     world: WorldOption = None,
     rename: RenameOption = None,
+    ray_tables: Annotated[
+        bool,
+        typer.Option(
+            "--ray-tables",
+            help="Write every camera as a table of rays; those through a scene as they are where "
+            "they pass the volume, so that the scene is no longer needed.",
+        ),
+    ] = False,
     as_json: JsonFlag = False,
 ) -> None:
     """Convert a rig from one format into another."""
     from rigs import formats
+    from rigs.changes import as_ray_tables
 
     with bad_input_in_one_line():
         found = from_format or formats.sniff(source)
@@ -103,6 +112,8 @@ def convert_rig(
             source, found, length_unit=length_unit, image_size=_parse_size(image_size)
         )
         rig, notes = RigChanges(keep, drop, crop, rotate, scale, rename, world).of(rig)
+        if ray_tables:
+            rig = as_ray_tables(rig)
         check_output_folder(target.parent)
         formats.save(rig, target, to_format)
     result = {

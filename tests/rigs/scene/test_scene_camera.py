@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from rigs import Camera, Distortion, Rig, Volume, load_rig, look_at, save_rig
+from rigs import Camera, Distortion, Rig, Volume, formats, load_rig, look_at, save_rig
+from rigs.changes import as_ray_tables, with_cameras
 from rigs.scene import Cylinder, Glass, Mesh, Mirror, Opaque, Scene, SceneCamera, Sphere, Window
 from tomo.grid import VoxelGrid
 from tomo.operators.dot_test import dot_test
@@ -144,6 +145,22 @@ def test_a_rig_and_its_scene_come_back_from_the_file_and_from_another_process(tm
     assert again.scene == scene
     again[0].project(points())  # Open3D's tree is made and must not be sent along
     assert pickle.loads(pickle.dumps(again)) == one
+
+
+def test_tables_of_rays_see_what_the_scene_s_cameras_see():
+    one = rig(Scene((GLASS, Mirror("m", (0, 0, -90), (0.1, 0, 1), size=50))))
+    tables = as_ray_tables(one)
+    assert tables.scene is None
+    for camera, table in zip(one, tables, strict=True):
+        (seen, _, known), (there, _, valid) = camera.project(points()), table.project(points())
+        assert (known & valid).mean() > 0.95
+        apart = np.abs(seen - there)[known & valid].max(axis=1)
+        assert np.quantile(apart, 0.95) < 1e-3  # others are seen by the mirror in one of them
+    renamed = with_cameras(one, {"cam01": "front"})
+    assert renamed.names == ("front",)
+    assert renamed.scene == one.scene
+    with pytest.raises(ValueError, match=r"scene: found pane, m, which .* lacks: .*--ray-tables"):
+        formats.save(one, "never.json")
 
 
 @pytest.mark.parametrize("form", ["stored", "on-the-fly"])

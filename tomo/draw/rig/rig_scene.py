@@ -11,6 +11,7 @@ from rigs import CameraLike, Rig, nearest_point
 from rigs.scene.scene_camera import own_camera
 from tomo.draw import shapes
 from tomo.draw.frame import EYE, Up
+from tomo.draw.rig.solids import bent_line, solids_scene
 from tomo.draw.scene import Colour, Label, Mesh, Scene, rgb
 from tomo.draw.volume import isosurface_scene
 from tomo.grid import VoxelGrid, grid_of_rig
@@ -231,14 +232,14 @@ def _camera_scene(camera: CameraLike, target: Target, typical: float, up: Up) ->
 
 def through_scene(rig: Rig, target: Target, typical: float, up: Up) -> Scene:
     """Return the solids of a rig's scene, and the lines of sight that they bend."""
-    from tomo.draw.rig.solids import sight_line, solids_scene
-
     lines = []
     for camera in rig:
         _, colour = colour_of(own_camera(camera), target, up)
         pale = tuple(0.45 + 0.55 * c for c in colour)
-        lines.append(Mesh(camera.name, "sight lines", *sight_line(camera, target, typical), pale))
-    return Scene(tuple(lines)) + solids_scene(rig.scene, target, typical)
+        points = bent_line(camera, target.center, target.radius)
+        line = shapes.polyline(points, 0.0012 * typical)
+        lines.append(Mesh(camera.name, "sight lines", *line, pale))
+    return Scene(tuple(lines)) + solids_scene(rig.scene, target.radius, typical)
 
 
 def _stems(rig: Rig, target: Target, typical: float, up: Up) -> Scene:

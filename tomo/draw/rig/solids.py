@@ -7,10 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import CameraLike
 from rigs import scene as optics
 from tomo.draw import shapes
-from tomo.draw.rig.rig_scene import Target
 from tomo.draw.scene import Mesh, Scene, rgb
 
 _LOOKS = {
@@ -23,21 +21,21 @@ _LOOKS = {
 _SECTIONS = 48  # sides of a drawn cylinder
 
 
-def solids_scene(scene: optics.Scene, target: Target, typical: float) -> Scene:
+def solids_scene(scene: optics.Scene, radius: float, typical: float) -> Scene:
     """Return the solids of a scene; group ``solids``.
 
     Parameters
     ----------
     scene : rigs.scene.Scene
-    target : Target
-        Endless plates are drawn around their point, as wide as the target is far from them.
+    radius : float
+        Of the target: endless plates are drawn around their point, wider than it.
     typical : float
         Typical distance of the cameras from the target.
     """
     meshes = []
     for solid in scene.solids:
         colour, opacity = _LOOKS[type(solid.material)]
-        width = min(2 * target.radius + 0.2 * typical, typical)
+        width = min(2 * radius + 0.2 * typical, typical)
         meshes.append(Mesh(solid.name, "solids", *triangles_of(solid, width), colour, opacity))
     return Scene(tuple(meshes))
 
@@ -88,26 +86,26 @@ def _placed(
     return made.vertices @ turn + middle, made.faces
 
 
-def bent_line(camera: optics.SceneCamera, target: Target) -> NDArray[np.float64]:
+def bent_line(
+    camera: optics.SceneCamera, center: NDArray[np.float64], radius: float
+) -> NDArray[np.float64]:
     """Return the corners of the path of a pixel, from the camera up to the target: ``(N, 3)``.
 
     The pixel is the one that sees the target's middle; where none does, the image's middle.
+
+    Parameters
+    ----------
+    camera : SceneCamera
+    center, radius : (3,) float64, float
+        Of the target; the line ends 2.2 radii before the middle.
     """
-    uv, _, valid = camera.project(target.center[None])
+    uv, _, valid = camera.project(center[None])
     if not valid[0]:
         uv = (np.array([camera.image_size]) - 1.0) / 2
     paths, pixels = camera.paths(uv)
     if not len(pixels):
-        return np.array([camera.camera.position, target.center])
-    last = int(paths.nearest_pieces(target.center)[0])
-    away = float((target.center - paths.origins[last]) @ paths.directions[last])
-    end = min(max(away - 2.2 * target.radius, 0.0), float(paths.lengths[last]))
-    return np.vstack(
-        [paths.origins[: last + 1], paths.origins[last] + end * paths.directions[last]]
-    )
-
-
-def sight_line(camera: CameraLike, target: Target, typical: float) -> shapes.Triangles:
-    """Return the tubes of a line of sight through a scene."""
-    points = bent_line(camera, target)
-    return shapes.polyline(points, 0.0012 * typical)
+        return np.array([camera.camera.position, center])
+    last = int(paths.nearest_pieces(center)[0])
+    origin, direction = paths.origins[last], paths.directions[last]
+    end = min(max(float((center - origin) @ direction) - 2.2 * radius, 0.0), paths.lengths[last])
+    return np.vstack([paths.origins[: last + 1], origin + end * direction])
