@@ -148,18 +148,17 @@ def test_a_rig_and_its_scene_come_back_from_the_file_and_from_another_process(tm
 
 
 def test_tables_of_rays_see_what_the_scene_s_cameras_see():
-    one = rig(Scene((GLASS, Mirror("m", (0, 0, -90), (0.1, 0, 1), size=50))))
+    one = rig(Scene((GLASS,)))
     tables = as_ray_tables(one)
     assert tables.scene is None
     for camera, table in zip(one, tables, strict=True):
         (seen, _, known), (there, _, valid) = camera.project(points()), table.project(points())
-        assert (known & valid).mean() > 0.95
-        apart = np.abs(seen - there)[known & valid].max(axis=1)
-        assert np.quantile(apart, 0.95) < 1e-3  # others are seen by the mirror in one of them
+        assert (known & valid).all()
+        np.testing.assert_allclose(there, seen, atol=1e-3)  # linear between pixels
     renamed = with_cameras(one, {"cam01": "front"})
     assert renamed.names == ("front",)
     assert renamed.scene == one.scene
-    with pytest.raises(ValueError, match=r"scene: found pane, m, which .* lacks: .*--ray-tables"):
+    with pytest.raises(ValueError, match=r"scene: found pane, which .* lacks: .*--ray-tables"):
         formats.save(one, "never.json")
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import scene as optics
-from tomo.draw import shapes
 from tomo.draw.scene import Mesh, Scene, rgb
 
 _LOOKS = {
