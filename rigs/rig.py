@@ -178,6 +178,20 @@ class Rig(Sequence[CameraLike]):
             self, cameras=tuple(SceneCamera(camera, scene, middle) for camera in cameras)
         )
 
+    def with_fresnel(self, fresnel: bool) -> Rig:
+        """Return the rig whose scene's glass takes the light that it reflects, or does not.
+
+        Raises
+        ------
+        ValueError
+            If the cameras look through no scene.
+        """
+        if self.scene is None:
+            raise ValueError(
+                f"fresnel: found {fresnel} without a scene, expected one with windows in rig.yaml"
+            )
+        return self.through(replace(self.scene, fresnel=fresnel))
+
     def without(self, *names: str) -> Rig:
         """Return the rig of all other cameras."""
         left_out = {self._index(name) for name in names}

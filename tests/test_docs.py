@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 import typer
 
 from rigs import load_rig
@@ -143,9 +144,15 @@ def test_the_yaml_examples_of_the_guide_are_a_rig_and_a_scan_of_it(tmp_path):
 
 
 def test_the_yaml_examples_of_the_reference_are_valid(tmp_path):
-    (rig,) = blocks("docs/reference/rig_yaml.md", "yaml")
+    rig, scene = blocks("docs/reference/rig_yaml.md", "yaml")
     (tmp_path / "cam00.yaml").write_text(rig, "utf-8")
     assert load_rig(tmp_path / "cam00.yaml").names == ("cam00",)
+    nozzle = trimesh.creation.box((0.02, 0.01, 0.02))
+    nozzle.apply_translation([0, -0.06, 0])
+    nozzle.export(tmp_path / "nozzle.stl")
+    (tmp_path / "scene.yaml").write_text(rig + scene, "utf-8")
+    solids = load_rig(tmp_path / "scene.yaml").scene.solids
+    assert [solid.name for solid in solids] == ["north pane", "nozzle", "periscope"]
     two, _ = blocks("docs/guide/your_cameras.md", "yaml")
     (tmp_path / "rig.yaml").write_text(two, "utf-8")
     (scan,) = blocks("docs/reference/scan_yaml.md", "yaml")

@@ -76,6 +76,12 @@ def simulate(
     focus_distance: Annotated[
         float | None, typer.Option(help="Distance in focus, with --aperture; the rig's if absent.")
     ] = None,
+    fresnel: Annotated[
+        bool | None,
+        typer.Option(
+            help="Glass of the rig's scene takes what it reflects; as it says if absent."
+        ),
+    ] = None,
     seed: Annotated[
         int, typer.Option(help="Seed of the phantom, the gains and the noise.", min=0)
     ] = 0,
@@ -111,6 +117,8 @@ def simulate(
             focus_distance=focus_distance,
         )
         loaded, default = load_rig_and_grid(rig)
+        if fresnel is not None:
+            loaded = loaded.with_fresnel(fresnel)
         check_output_volume(out, loaded, rig)
         volume = _read_volume(phantom, loaded, spacing, center)
         voxels = parse_grid(grid, spacing, center, default=volume[1] if volume else default)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from tomo.grid import VoxelGrid
 from tomo.operators import LINEAR, VOXEL, choose_form
 from tomo.pipeline.checks import comparison
@@ -51,6 +53,19 @@ def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
         supersample=options.supersample,
         midpoints=any(one.needs_midpoints for one in methods),
     )
+
+
+def as_asked(scan: Scan, options: Options) -> Scan:
+    """Return the scan with what the options say of its rig in place.
+
+    Raises
+    ------
+    ValueError
+        If ``fresnel`` is given and the rig has no scene.
+    """
+    if options.fresnel is None:
+        return scan
+    return replace(scan, rig=scan.rig.with_fresnel(options.fresnel))
 
 
 def methods_of(options: Options) -> list[Method]:

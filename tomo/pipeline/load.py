@@ -74,10 +74,11 @@ def _of_hardware(names: Sequence[str], hidden: Sequence[NDArray[np.bool_]]) -> l
     shares = {name: ended.mean() for name, ended in zip(names, hidden, strict=True) if ended.any()}
     if not shares:
         return []
-    listed = ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
+    worst = max(shares, key=shares.__getitem__)
     return [
-        f"scene: pixels see hardware alone and take no part: {listed}. Where a camera loses much, "
-        "move the hardware or the camera; check the pose of the solid where it should lose nothing"
+        f"scene: up to {shares[worst]:.1%} of an image (camera {worst}) is hardware, whose pixels "
+        f"take no part; {len(shares)} of {len(names)} cameras see some. Where it should be less, "
+        "check the pose of the solid"
     ]
 
 

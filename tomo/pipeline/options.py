@@ -137,6 +137,13 @@ class Options:
     supersample: int = _option(
         1, "K x K rays are traced for each pixel.", whole(1, 64), metavar="K"
     )
+    fresnel: bool | None = _option(
+        None,
+        "Whether the glass of the rig's scene takes the fraction of light that it reflects; by "
+        "default as the scene says.",
+        switch(optional=True),
+        expert=True,
+    )
     refine_cameras: tuple[str, ...] | None = _option(
         None,
         "Cameras whose poses are refined from the images; kept only where held-out rays are "

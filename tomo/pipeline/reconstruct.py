@@ -9,7 +9,7 @@ from tomo.operators.system import Progress
 from tomo.pipeline.assemble import Stages, assemble
 from tomo.pipeline.assess import assess
 from tomo.pipeline.build import build
-from tomo.pipeline.check_options import cameras_to_refine, check_options
+from tomo.pipeline.check_options import as_asked, cameras_to_refine, check_options
 from tomo.pipeline.evaluate import evaluate, read_reference, trace_apart
 from tomo.pipeline.explain import explain_images
 from tomo.pipeline.first_use import warm_up_stages
@@ -51,6 +51,7 @@ def reconstruct(
     """
     began, grid = time.perf_counter(), scan.grid if grid is None else grid
     check_options(options, scan, grid)
+    scan = as_asked(scan, options)
     reference = read_reference(scan, grid, options.frame)  # evaluate's; it may be unreadable
     loaded = load(scan, options.frame, grid)
     first_use = warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)

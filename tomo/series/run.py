@@ -17,6 +17,7 @@ import numpy as np
 
 from tomo.grid import VoxelGrid
 from tomo.operators.system import Progress
+from tomo.pipeline.check_options import as_asked
 from tomo.pipeline.options import Options
 from tomo.scan import Scan
 from tomo.series.claims import Claims
@@ -84,6 +85,7 @@ def reconstruct_series(
     """
     grid = scan.grid if grid is None else grid
     check_series_options(options, scan, grid)
+    scan = as_asked(scan, options)
     places = choose_frames(scan, options.frames or ":")
     _check_images(scan, places)
     attributes = attributes_of_run(scan, grid, options, places)

@@ -198,3 +198,15 @@ def test_chord_sums_are_the_paths_lengths_inside_the_grid():
             inside[pixel] += max(high - low, 0)
     assert (inside > 15).mean() > 0.1  # there and back by the mirror
     np.testing.assert_allclose(sums, inside, atol=1e-10)
+
+
+def test_fresnel_dims_what_is_seen_behind_a_window():
+    plain, dimmed = rig(Scene((GLASS,))), rig(Scene((GLASS,))).with_fresnel(True)
+    sums = [
+        LinearSystem.from_rig(one, VoxelGrid((12, 10, 8), 1.5)).projector.row_sums.sum()
+        for one in (Rig(plain.cameras[:1]), Rig(dimmed.cameras[:1]))
+    ]
+    reflected = ((1.4585 - 1) / (1.4585 + 1)) ** 2  # at normal incidence; twenty degrees differ
+    assert sums[1] / sums[0] == pytest.approx((1 - reflected) ** 2, abs=0.002)
+    with pytest.raises(ValueError, match="fresnel: found True without a scene"):
+        Rig((camera(),)).with_fresnel(True)
