@@ -126,6 +126,7 @@ class Camera(OnImage):
         return self.distortion.model != "fisheye" and not any(self.distortion.coefficients)
 
     has_lens_model = True
+    has_pose = True
     sees_once = True
     is_straight = True
 
@@ -180,6 +181,10 @@ class Camera(OnImage):
         plane = np.stack([(uv[:, 0] - cx - skew * y) / fx, y], axis=-1)
         directions = self.distortion.unproject(plane) @ self.R
         return np.repeat(self.position[None], len(uv), axis=0), directions
+
+    def with_pose(self, camera_matrix: ArrayLike, R: ArrayLike, t: ArrayLike) -> Camera:
+        """Return the camera with other intrinsics and another pose."""
+        return replace(self, camera_matrix=camera_matrix, R=R, t=t)
 
     def scaled(self, scale: float) -> Camera:
         """Return the camera of the image resized by ``scale``, pixels as areas: 0.5 halves it.

@@ -57,6 +57,10 @@ class CameraLike(Protocol):
         """
 
     @property
+    def has_pose(self) -> bool:
+        """Whether the camera can be moved and zoomed by `with_pose`; a table of rays cannot."""
+
+    @property
     def is_pinhole(self) -> bool:
         """Whether ``camera_matrix @ [R | t]`` projects exactly: a lens without distortion."""
 
@@ -76,6 +80,9 @@ class CameraLike(Protocol):
 
     def inside(self, uv: ArrayLike) -> NDArray:
         """Return whether pixel coordinates ``(N, 2)`` lie on the image, ``(N,)``."""
+
+    def with_pose(self, camera_matrix: ArrayLike, R: ArrayLike, t: ArrayLike) -> CameraLike:
+        """Return the camera, where it `has_pose`, with other intrinsics and another pose."""
 
     def renamed(self, name: str) -> CameraLike:
         """Return the camera under another name."""

@@ -161,6 +161,7 @@ class RayTable(OnImage):
         return hash(self._values)
 
     has_lens_model = False
+    has_pose = False
     is_pinhole = False
     is_straight = True
 

@@ -85,6 +85,11 @@ class SceneCamera(OnImage):
         """The lens's figures."""
         return self.camera.optics
 
+    @property
+    def has_pose(self) -> bool:
+        """Whether the camera itself can be moved; by a mirror it would move the other way."""
+        return self.camera.has_pose and not self.scene.has_mirrors
+
     @cached_property
     def _pinhole(self) -> tuple[NDArray, NDArray, NDArray]:
         """Camera matrix, R and position of the pinhole nearest to the rays.
@@ -215,6 +220,10 @@ class SceneCamera(OnImage):
 
     def _changed(self, change: Callable[[CameraLike], CameraLike]) -> Self:
         return replace(self, camera=change(self.camera))
+
+    def with_pose(self, camera_matrix: ArrayLike, R: ArrayLike, t: ArrayLike) -> Self:
+        """Return the camera itself with other intrinsics and another pose, in the same scene."""
+        return self._changed(lambda camera: camera.with_pose(camera_matrix, R, t))
 
     def renamed(self, name: str) -> Self:
         """Return the camera under another name."""

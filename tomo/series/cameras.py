@@ -114,7 +114,7 @@ def refines(options: Options, asked: Sequence[str], count: int) -> bool:
 
 def _able(rig: Rig) -> tuple[str, ...]:
     """Return the cameras that can be refined: none of too few, no tables of rays."""
-    able = tuple(camera.name for camera in rig if camera.has_lens_model)
+    able = tuple(camera.name for camera in rig if camera.has_pose)
     return able if len(rig) >= FEWEST else ()
 
 

@@ -14,6 +14,7 @@ from tomo.grid import VoxelGrid
 from tomo.operators.dot_test import dot_test
 from tomo.operators.system import LinearSystem
 from tomo.rays import Rays
+from tomo.selfcal.refine.parameters import moved
 from tomo.trace import tracing
 
 from . import closed_forms as forms
@@ -210,3 +211,13 @@ def test_fresnel_dims_what_is_seen_behind_a_window():
     assert sums[1] / sums[0] == pytest.approx((1 - reflected) ** 2, abs=0.002)
     with pytest.raises(ValueError, match="fresnel: found True without a scene"):
         Rig((camera(),)).with_fresnel(True)
+
+
+def test_a_camera_moves_behind_its_window_and_not_behind_a_mirror():
+    motion = np.array([0.4, -0.3, 2, 0.001, 0.002, -0.01, 0.02, 0])
+    air = dataclasses.replace(GLASS, material=Glass(1.0))
+    seen = moved(SceneCamera(camera(), Scene((air,))), motion)
+    wanted = moved(camera(), motion).project(points())[0]
+    np.testing.assert_allclose(seen.project(points())[0], wanted, atol=1e-8)
+    assert seen.scene == Scene((air,))
+    assert not SceneCamera(camera(), Scene((Mirror("m", (0, 0, -90), (0, 0, 1)),))).has_pose

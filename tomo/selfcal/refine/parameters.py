@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Camera, Rig
+from rigs import CameraLike, Rig
 from rigs.geometry.rotation import matrix_of_vector
+from rigs.scene.scene_camera import own_camera
 from tomo.grid import VoxelGrid
 
 COUNT = 8
@@ -28,13 +29,17 @@ FOCAL, GAIN = 6, 7
 """Indices of the logarithms of focal length and gain."""
 
 
-def moved(camera: Camera, parameters: NDArray[np.float64]) -> Camera:
-    """Return the camera with its position, rotation and focal length changed."""
-    R = matrix_of_vector(parameters[3:6]) @ camera.R
-    position = camera.position + camera.R.T @ parameters[:3]
-    matrix = np.array(camera.camera_matrix)
+def moved(camera: CameraLike, parameters: NDArray[np.float64]) -> CameraLike:
+    """Return the camera with its position, rotation and focal length changed.
+
+    One that looks through a scene moves in it.
+    """
+    own = own_camera(camera)
+    R = matrix_of_vector(parameters[3:6]) @ own.R
+    position = own.position + own.R.T @ parameters[:3]
+    matrix = np.array(own.camera_matrix)
     matrix[:2, :2] *= np.exp(parameters[FOCAL])
-    return replace(camera, camera_matrix=matrix, R=R, t=-R @ position)
+    return camera.with_pose(matrix, R, -R @ position)
 
 
 def moved_rig(rig: Rig, parameters: NDArray[np.float64]) -> Rig:
@@ -48,7 +53,7 @@ def moved_rig(rig: Rig, parameters: NDArray[np.float64]) -> Rig:
 
 def image_derivatives(
     project: Callable[[NDArray[np.float64]], NDArray],
-    camera: Camera,
+    camera: CameraLike,
     gradient: NDArray[np.float64],
     centers: NDArray[np.float64],
 ) -> NDArray[np.float64]:
@@ -64,7 +69,7 @@ def image_derivatives(
     ----------
     project : callable
         Projects unknowns ``(n,)`` to the pixels of the camera.
-    camera : Camera
+    camera : CameraLike
     gradient : (n, 3)
         Gradient of the emission along the world axes at the ``centers``.
     centers : (n, 3)

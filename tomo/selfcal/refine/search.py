@@ -172,9 +172,10 @@ def _chosen(rig: Rig, cameras: Sequence[str] | None) -> tuple[int, ...]:
             raise ValueError(
                 f"refine_cameras: found camera {name!r}, expected one of {', '.join(rig.names)}"
             )
-        if not rig[name].has_lens_model:
+        if not rig[name].has_pose:
             raise ValueError(
-                f"refine_cameras: camera {name}: found a table of rays, expected a lens model"
+                f"refine_cameras: camera {name}: found a table of rays, or a view by a mirror, "
+                "expected a camera with a lens and a pose"
             )
     if not cameras:
         raise ValueError("refine_cameras: found no camera, expected at least one")
