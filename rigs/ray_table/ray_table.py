@@ -266,6 +266,10 @@ class RayTable(OnImage):
         """Return column and row in the table of pixel coordinates, ``(N, 2)``."""
         return (uv + 0.5) * self.scale - 0.5 + self.offset
 
+    def with_pose(self, camera_matrix: ArrayLike, R: ArrayLike, t: ArrayLike) -> RayTable:
+        """Raise ValueError: a table of rays has no pose, see `transformed` for rigid motions."""
+        raise ValueError(f"camera {self.name}: found a table of rays, expected a lens and a pose")
+
     def scaled(self, scale: float) -> RayTable:
         """Return the camera of the image resized by ``scale``: see `Camera.scaled`."""
         size = scaled_size(self.image_size, scale, f"camera {self.name}")

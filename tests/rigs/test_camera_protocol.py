@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rigs import Camera, CameraLike, RayTable, Rig, check_rig, ring
+from rigs.scene import Scene, SceneCamera
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 BY_KIND = {"rigs/camera.py", "rigs/ray_table/ray_table.py", "rigs/files/rig_yaml.py"}
@@ -37,8 +38,10 @@ def members():
     return fields | {name for name in vars(CameraLike) if not name.startswith("_")}
 
 
-@pytest.mark.parametrize("camera", [CAMERAS[0], RayTable.of(CAMERAS[0])])
-def test_both_kinds_of_camera_satisfy_the_protocol(camera):
+@pytest.mark.parametrize(
+    "camera", [CAMERAS[0], RayTable.of(CAMERAS[0]), SceneCamera(CAMERAS[0], Scene())]
+)
+def test_all_kinds_of_camera_satisfy_the_protocol(camera):
     assert {"project", "rays", "position", "has_lens_model"} <= members()
     for name in members():
         assert getattr(camera, name) is not None or name == "optics"
@@ -50,6 +53,7 @@ def test_both_kinds_of_camera_satisfy_the_protocol(camera):
         camera.shifted(1.0, 2.0),
         camera.transformed(np.eye(3), np.ones(3)),
         camera.with_lengths_scaled(10.0),
+        camera.renamed("other"),
     ):
         assert type(moved) is type(camera)
 
