@@ -16,7 +16,7 @@ HEAVY = ("torch", "open3d", "matplotlib", "plotly", "numba", "cv2", "trimesh", "
 ORDER = (
     "phantoms", "rigs",
     "tomo._compute",
-    "tomo.grid", "tomo.metrics",
+    "tomo.grid", "tomo.metrics", "tomo.radiometry",
     "tomo.rays", "tomo.measurement", "tomo.io",
     "tomo.trace", "tomo.hull", "tomo.scan",
     "tomo.operators",

@@ -7,7 +7,16 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=["draw", "io", "metrics", "report", "simulation", "solvers", "wernet"],
+    submodules=[
+        "draw",
+        "io",
+        "metrics",
+        "radiometry",
+        "report",
+        "simulation",
+        "solvers",
+        "wernet",
+    ],
     submod_attrs={
         "grid": ["ActiveVoxels", "VoxelGrid"],
         "operators": ["LinearSystem", "Projector", "GaussianBasis", "dot_test"],

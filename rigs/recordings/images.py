@@ -62,6 +62,20 @@ def read_image(
     FileNotFoundError
         If there is no such file.
     """
+    how = {"channel": channel, "bayer": bayer, "must_have_channel": must_have_channel}
+    return read_with_full_scale(path, bit_depth, usable, **how)[0]
+
+
+def read_with_full_scale(
+    path: str | os.PathLike,
+    bit_depth: int | None = None,
+    usable: NDArray[np.bool_] | None = None,
+    *,
+    channel: str | None = None,
+    bayer: str | None = None,
+    must_have_channel: bool = True,
+) -> tuple[NDArray[np.float32], int]:
+    """Return what `read_image` does, and the full scale that integers were divided by, or 1."""
     path = Path(path)
     if path.suffix.lower() not in IMAGE_SUFFIXES:
         expected = ", ".join(IMAGE_SUFFIXES)
@@ -107,6 +121,16 @@ def intensities(
     ValueError
         If a usable pixel is NaN or infinite, or the pixels are not of a known type.
     """
+    return intensities_with_full_scale(stored, source, bit_depth, usable)[0]
+
+
+def intensities_with_full_scale(
+    stored: NDArray,
+    source: object,
+    bit_depth: int | None = None,
+    usable: NDArray[np.bool_] | None = None,
+) -> tuple[NDArray[np.float32], int]:
+    """Return what `intensities` does, and the full scale that integers were divided by, or 1."""
     try:
         return _intensities(Still.of(stored), None, bit_depth, usable)
     except ValueError as error:
@@ -131,7 +155,7 @@ def is_integer_image(path: str | os.PathLike) -> bool:
 
 def _intensities(
     still: Still, channel: str | None, bit_depth: int | None, usable: NDArray[np.bool_] | None
-) -> NDArray[np.float32]:
+) -> tuple[NDArray[np.float32], int]:
     stored = still.grey(channel)
     if still.full_scale is not None:
         return _scaled(stored, still.full_scale, bit_depth)
@@ -148,10 +172,12 @@ def _intensities(
             f"found {bad.sum()} NaN or infinite pixels, the first at row {row}, "
             f"column {column}, expected finite single-precision values or a mask over them"
         )
-    return image
+    return image, 1
 
 
-def _scaled(stored: NDArray, full_scale: int, bit_depth: int | None) -> NDArray[np.float32]:
+def _scaled(
+    stored: NDArray, full_scale: int, bit_depth: int | None
+) -> tuple[NDArray[np.float32], int]:
     """Return integers over their full scale; negative ones, of differences, stay negative."""
     stored_bits = 8 * stored.dtype.itemsize
     if bit_depth is not None:
@@ -166,4 +192,4 @@ def _scaled(stored: NDArray, full_scale: int, bit_depth: int | None) -> NDArray[
     exact = np.float64 if stored_bits > 16 else np.float32  # numbers that float32 would round
     image = stored.astype(exact)
     image /= exact(full_scale)
-    return image.astype(np.float32, copy=False)
+    return image.astype(np.float32, copy=False), full_scale

@@ -139,29 +139,29 @@ def read_volume_file(
     *,
     allow_nan: bool = False,
 ) -> tuple:
-    """Return data, grid and unit of a volume; the options are for a .npy, which has no grid."""
-    from tomo.io import read_volume
+    """Return data, grid and both units of a volume; options are for a .npy, which has no grid."""
+    from tomo.io import read_volume_with_unit
 
     given = {
         "spacing": parse_spacing(spacing) if spacing else None,
         "center": parse_triple(center, "--center") if center else None,
         "length_unit": length_unit,
     }
-    return read_volume(path, allow_nan=allow_nan, **given)
+    return read_volume_with_unit(path, allow_nan=allow_nan, **given)
 
 
 def read_volume_in(
     path: str | Path, rig: Rig, spacing: str | None = None, center: str | None = None
 ) -> tuple:
-    """Return data and grid of a volume in a rig's unit; see `read_volume_file`."""
+    """Return data, grid and unit of the values of a volume in a rig's unit of length."""
     if Path(path).suffix.lower() == ".npy":
-        return read_volume_file(path, spacing, center, rig.length_unit)[:2]
-    data, grid, unit = read_volume_file(path)
+        return *read_volume_file(path, spacing, center, rig.length_unit)[:2], ""
+    data, grid, unit, value_unit = read_volume_file(path)
     if unit != rig.length_unit:
         raise ValueError(
             f"{path}: length_unit: found {unit!r}, expected {rig.length_unit!r}, the rig's"
         )
-    return data, grid
+    return data, grid, value_unit
 
 
 def load_rig_or_preset(text: str) -> Rig:

@@ -175,5 +175,5 @@ def _field(phantom: str, volume: tuple | None, voxels: object, seed: int) -> obj
     from phantoms import SampledField, create
 
     if volume is not None:
-        return SampledField(*volume)
+        return SampledField(*volume[:2])
     return create(phantom, seed, voxels.extent, voxels.center)

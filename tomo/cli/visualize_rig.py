@@ -85,7 +85,7 @@ def visualize_rig(
     with bad_input_in_one_line():
         check_output_pictures(out)
         loaded, own = _load(rig)
-        data, voxels = _volume(loaded, own, volume, grid, spacing, center)
+        data, voxels, value_unit = _volume(loaded, own, volume, grid, spacing, center)
         heading = title if title is not None else Path(rig).stem
         difference = _difference(loaded, compare, voxels, align)
         overlays = _overlays(loaded, voxels, difference)
@@ -110,7 +110,8 @@ def visualize_rig(
 
                 names = Path(rig).stem, Path(compare).stem
                 tables.append(difference_table(difference, loaded.length_unit, *names))
-            _write_page(path, loaded, voxels, data, scene, pictures, tables, coverage, heading)
+            shown = data, value_unit
+            _write_page(path, loaded, voxels, shown, scene, pictures, tables, coverage, heading)
     if difference is not None:
         _say_difference(difference, loaded.length_unit)
     if json:
@@ -146,10 +147,11 @@ def _volume(
     spacing: str | None,
     center: str | None,
 ) -> tuple:
-    """Return a volume's data, None without one, and the grid to draw, None without one."""
+    """Return a volume's data and the grid to draw, None without one, and the values' unit."""
     if volume is None:
         asked = grid or spacing or center
-        return None, parse_grid(grid, spacing, center, default=default) if asked else default
+        voxels = parse_grid(grid, spacing, center, default=default) if asked else default
+        return None, voxels, ""
     is_bare = volume.suffix.lower() == ".npy"
     if grid or (not is_bare and (spacing or center)):
         raise ValueError("--volume: has a grid of its own, expected no --grid with it")
@@ -210,7 +212,7 @@ def _write_page(
     path: Path,
     rig: Rig,
     voxels: VoxelGrid | None,
-    data: object,
+    shown: tuple,
     scene: Scene,
     pictures: dict,
     tables: list,
@@ -235,7 +237,8 @@ def _write_page(
         title=heading,
         up=up_of(rig),
         grid=voxels,
-        volume=data,
+        volume=shown[0],
+        value_unit=shown[1],
         views=camera_views(rig, voxels, pictures),
         tables=tables,
         shown=["images"] if pictures else [],

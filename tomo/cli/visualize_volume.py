@@ -65,20 +65,25 @@ def visualize_volume(
         from tomo.draw.rig.rig_scene import volume_scene
         from tomo.draw.volume import isosurface_scene
 
-        data, grid, unit = read_volume_file(volume, spacing, center, length_unit, allow_nan=True)
+        data, grid, unit, value_unit = read_volume_file(
+            volume, spacing, center, length_unit, allow_nan=True
+        )
         heading = title if title is not None else volume.stem
         scene = None
         for path in out:
             if path.suffix.lower() == ".png":
                 from tomo.draw.volume import write_volume_picture
 
-                write_volume_picture(path, data, grid, length_unit=unit, title=heading)
+                units = {"length_unit": unit, "value_unit": value_unit}
+                write_volume_picture(path, data, grid, **units, title=heading)
                 continue
             scene = scene or volume_scene(grid, unit) + isosurface_scene(data, grid, unit)
             if path.suffix.lower() == ".html":
                 from tomo.draw import write_html
 
-                write_html(path, scene, title=heading, volume=data, grid=grid)
+                write_html(
+                    path, scene, title=heading, volume=data, grid=grid, value_unit=value_unit
+                )
             else:
                 from tomo.draw import write_glb
 
@@ -88,6 +93,8 @@ def visualize_volume(
             {
                 "files": [str(path) for path in out],
                 "grid": grid.to_mapping(),
+                "length_unit": unit,
+                "value_unit": value_unit,
             }
         )
 

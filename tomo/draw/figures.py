@@ -40,6 +40,15 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
+def with_unit(quantity: str, unit: str) -> str:
+    """Return the words of an axis or a colour bar: the quantity, and its unit if it is known.
+
+    >>> with_unit("emission", "W/m^3/sr")
+    'emission (W/m^3/sr)'
+    """
+    return f"{quantity} ({unit})" if unit else quantity
+
+
 def png_bytes(figure: Figure) -> bytes:
     """Return the figure as PNG; the same figure always gives the same bytes."""
     buffer = io.BytesIO()

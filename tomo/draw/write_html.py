@@ -69,6 +69,7 @@ def write_html(
     up: Up | None = None,
     grid: VoxelGrid | None = None,
     volume: NDArray | None = None,
+    value_unit: str = "",
     views: Sequence[CameraView] = (),
     tables: Sequence[Table] = (),
     shown: Sequence[str] = (),
@@ -89,6 +90,8 @@ def write_html(
         Adds buttons that show the whole scene or the box alone.
     volume : (nx, ny, nz), optional
         Adds its three middle planes, switched off at first.
+    value_unit : str
+        Of its values; empty if unknown.
     views : sequence of CameraView
         Adds a panel of their pictures; a pixel clicked there shows its ray.
     tables : sequence of Table
@@ -106,6 +109,7 @@ def write_html(
         up=up,
         grid=grid,
         volume=volume,
+        value_unit=value_unit,
         views=views,
         tables=tables,
         shown=shown,
@@ -122,6 +126,7 @@ def html_page(
     up: Up | None = None,
     grid: VoxelGrid | None = None,
     volume: NDArray | None = None,
+    value_unit: str = "",
     views: Sequence[CameraView] = (),
     tables: Sequence[Table] = (),
     shown: Sequence[str] = (),
@@ -133,7 +138,7 @@ def html_page(
 
     up = up or Up()
     if volume is not None and grid is not None:
-        scene = scene + emission_map(volume, grid, scene.length_unit)
+        scene = scene + emission_map(volume, grid, scene.length_unit, value_unit)
     bounds = scene.bounds
     traces, layers = [], []
     for group in scene.groups:

@@ -6,6 +6,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "volume_film": ["VolumeFilm"],
-        "volumes": ["read_volume", "write_volume"],
+        "volumes": ["read_volume", "read_volume_with_unit", "write_volume"],
     },
 )

@@ -24,8 +24,8 @@ _TYPES = {
 _LAST = b"ElementDataFile"  # the key of the last line
 
 
-def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
-    """Return values ``(nx, ny, nz)``, the centre of voxel (0, 0, 0), spacing and length unit."""
+def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str, str]:
+    """Return values ``(nx, ny, nz)``, the centre of voxel (0, 0, 0), spacing and both units."""
     content = path.read_bytes()
     fields, start = _fields(content)
     for key, value in (
@@ -59,9 +59,9 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
     origin = _numbers(fields, ("Offset", "Position", "Origin"), 3, np.zeros(3))
     axes = _numbers(fields, ("TransformMatrix", "Rotation", "Orientation"), 9, np.eye(3).ravel())
     if not (spacing > 0).all():
-        return data, origin, spacing, "mm"  # the grid says what is wrong with it
+        return data, origin, spacing, "mm", ""  # the grid says what is wrong with it
     steps = axes.reshape(3, 3) * spacing[:, None]
-    return *in_order(data, origin, steps, "TransformMatrix"), "mm"
+    return *in_order(data, origin, steps, "TransformMatrix"), "mm", ""
 
 
 def _fields(content: bytes) -> tuple[dict[str, str], int]:

@@ -25,8 +25,8 @@ _DOUBTFUL = 30  # nibabel's level of what it would mend by a guess, as a voxel o
 _UNITS = {"meter": "m", "mm": "mm", "micron": "um", "unknown": "mm"}
 
 
-def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
-    """Return values ``(nx, ny, nz)``, the centre of voxel (0, 0, 0), spacing and length unit."""
+def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str, str]:
+    """Return values ``(nx, ny, nz)``, the centre of voxel (0, 0, 0), spacing and both units."""
     content: bytes | bytearray = path.read_bytes()
     if content.startswith(b"\x1f\x8b"):
         content = decompressed(content, largest_claim(len(content)))
@@ -40,7 +40,7 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
     unit = image.header.get_xyzt_units()[0]
     if unit not in _UNITS:
         raise ValueError(f"xyzt_units: found {unit}, expected one of {', '.join(_UNITS)}")
-    return *in_order(data, origin, steps, "affine"), _UNITS[unit]
+    return *in_order(data, origin, steps, "affine"), _UNITS[unit], ""
 
 
 def _check(content: bytes | bytearray, stored: int) -> None:

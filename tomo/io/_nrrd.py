@@ -49,8 +49,8 @@ def write(
     nrrd.write(str(path), data, header, compression_level=1, index_order="F")
 
 
-def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
-    """Return values ``(nx, ny, nz)``, the centre of voxel (0, 0, 0), spacing and length unit."""
+def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str, str]:
+    """Return values ``(nx, ny, nz)``, the centre of voxel (0, 0, 0), spacing and both units."""
     import nrrd
 
     content = path.read_bytes()
@@ -68,7 +68,7 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
     if len(sizes) != 3 or header["dimension"] != 3:
         raise ValueError(f"sizes: found {sizes[:4]}, expected three whole numbers >= 1")
     data = _values(header, content[file.tell() :], math.prod(sizes))
-    return located(header, data)
+    return *located(header, data), str(header.get("sample units", "")).strip('"')
 
 
 def _sizes(header: bytes) -> list[int]:

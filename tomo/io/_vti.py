@@ -73,8 +73,8 @@ def _text(name: str, text: str) -> str:
     )
 
 
-def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
-    """Return values ``(nx, ny, nz)``, the centre of voxel (0, 0, 0), spacing and length unit."""
+def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str, str]:
+    """Return values ``(nx, ny, nz)``, the centre of voxel (0, 0, 0), spacing and both units."""
     content = path.read_bytes()
     appended = b""
     opening = _OPENING.match(content, max(content.find(b"<AppendedData"), 0))
@@ -107,13 +107,18 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str]:
     values = _values(root, array, appended)
     if (shape < 1).any() or values.size != np.prod(shape):
         raise ValueError(f"found {values.size} values, expected {' x '.join(map(str, shape))}")
-    unit = image.find("FieldData/Array[@Name='length_unit']")
-    codes = [] if unit is None else [int(code) for code in (unit.text or "").split()]
-    length_unit = bytes(code for code in codes if code).decode() or "mm"
+    units = _field_text(image, "length_unit") or "mm", _field_text(image, "value_unit")
     values = values.reshape(shape, order="F")
     if not (spacing > 0).all():
-        return values, origin, spacing, length_unit  # the grid says what is wrong with it
-    return *in_order(values, origin, steps, "Direction"), length_unit
+        return values, origin, spacing, *units  # the grid says what is wrong with it
+    return *in_order(values, origin, steps, "Direction"), *units
+
+
+def _field_text(image: ElementTree.Element, name: str) -> str:
+    """Return a string of the field data; empty without one."""
+    array = image.find(f"FieldData/Array[@Name='{name}']")
+    codes = [] if array is None else [int(code) for code in (array.text or "").split()]
+    return bytes(code for code in codes if code).decode()
 
 
 def _numbers(

@@ -64,6 +64,19 @@ def read_volume(
     FileNotFoundError
         If there is no such file.
     """
+    how = {"spacing": spacing, "center": center, "length_unit": length_unit}
+    return read_volume_with_unit(path, allow_nan=allow_nan, **how)[:3]
+
+
+def read_volume_with_unit(
+    path: str | os.PathLike,
+    *,
+    allow_nan: bool = False,
+    spacing: ArrayLike | None = None,
+    center: ArrayLike | None = None,
+    length_unit: str | None = None,
+) -> tuple[NDArray[np.float32], VoxelGrid, str, str]:
+    """Return what `read_volume` does, and the unit of the values; empty where none is named."""
     path = Path(path)
     reader = _format_of(path, _READERS)
     if not path.is_file():
@@ -84,16 +97,17 @@ def read_volume(
         if is_bare:
             data = _checked(reader(path))
             grid = VoxelGrid(data.shape, spacing, (0.0, 0.0, 0.0) if center is None else center)
-            length_unit = length_unit or "mm"
+            length_unit, value_unit = length_unit or "mm", ""
         else:
-            data, origin, edges, length_unit = reader(path)
+            data, origin, edges, length_unit, value_unit = reader(path)
             data = _checked(data)
             grid = VoxelGrid.from_origin(
                 data.shape, _three(edges, "spacing"), _three(origin, "origin")
             )
         _check_finite(data, allow_nan)
         check_length_unit(length_unit)
-    return data, grid, length_unit
+        _check_value_unit(value_unit)
+    return data, grid, length_unit, value_unit
 
 
 def readable_endings() -> tuple[str, ...]:
@@ -204,8 +218,8 @@ def _read_npz(path: Path) -> tuple:
     missing = [key for key in ("data", "origin", "spacing") if key not in arrays]
     if missing:
         raise ValueError(f"found no {missing[0]!r} in it, expected data, origin and spacing")
-    unit = str(arrays["length_unit"]) if "length_unit" in arrays else "mm"
-    return arrays["data"], arrays["origin"], arrays["spacing"], unit
+    units = str(arrays.get("length_unit", "mm")), str(arrays.get("value_unit", ""))
+    return arrays["data"], arrays["origin"], arrays["spacing"], *units
 
 
 def _write_npz(

@@ -33,6 +33,8 @@ class Gains:
         Standard errors; infinite where nothing could be fitted.
     scale : float
         The brightest pixel that was fitted, which offsets are compared with.
+    reference : (views,) bool, optional
+        The views whose gains have the mean 1, those of calibrated cameras; all when None.
 
     Notes
     -----
@@ -46,12 +48,14 @@ class Gains:
     gain_error: NDArray[np.float64]
     offset_error: NDArray[np.float64]
     scale: float = 1.0
+    reference: NDArray[np.bool_] | None = None
 
     @classmethod
-    def none(cls, n_views: int) -> Gains:
+    def none(cls, n_views: int, reference: ArrayLike | None = None) -> Gains:
         """Return gains of 1 and offsets of 0, known for certain."""
         zero = np.zeros(n_views)
-        return cls(np.ones(n_views), zero, zero, zero)
+        reference = None if reference is None else np.asarray(reference, bool)
+        return cls(np.ones(n_views), zero, zero, zero, reference=reference)
 
     def __repr__(self) -> str:
         """Name the range of the gains."""
@@ -79,12 +83,14 @@ class Gains:
         """Return the gains of images that, corrected by these, have the gains ``further``."""
         known = np.isfinite(further.gain_error)
         gain = self.gain * further.gain
+        sets_scale = known if self.reference is None else known & self.reference
         return Gains(
-            gain / geometric_mean(gain[known]),
+            gain / geometric_mean(gain[sets_scale]),
             self.offset + self.gain * further.offset,
             further.gain_error,
             self.gain * further.offset_error,
             further.scale,
+            self.reference,
         )
 
     @property

@@ -105,6 +105,7 @@ def assemble(
             "scale": scan.shrink,
             **scan.corrections.colours,
             "value_unit": scan.value_unit(stages.load.frame),
+            **({} if scan.radiometry is None else {"radiometry": _radiometry(scan)}),
             "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},
         },
         projector=_projector(system, options.tracer),
@@ -114,6 +115,18 @@ def assemble(
         learned=evaluated.learned,
         uncertainty=stages.assess.uncertainty,
     )
+
+
+def _radiometry(scan: Scan) -> dict[str, Any]:
+    """Return ``report.json``'s ``scan.radiometry``: what a count is worth, and by whom."""
+    names = scan.rig.names
+    return {
+        "radiance_unit": scan.radiometry.unit,
+        "wavelength": scan.radiometry.wavelength,
+        "calibrated": list(scan.radiometry.calibrated(names)),
+        "per_count": {name: scan.per_count[name] for name in names},
+        "per_count_unit": f"{scan.radiometry.value_unit} {scan.rig.length_unit}",
+    }
 
 
 def _projector(system: LinearSystem, tracer: str) -> dict[str, Any]:

@@ -56,7 +56,8 @@ def explain_images(
 ) -> ExplainedScan:
     """Find what the images ask to be corrected, and correct it."""
     with timed() as stage:
-        report, causes, measured = None, _causes(options), built.measured
+        reference = screened.scan.sets_scale
+        report, causes, measured = None, _causes(options, reference), built.measured
         views = built.system.projector.views_with_pixels
         if causes and len(views) >= FEWEST_VIEWS and (measured > 0).any():
             sample = sample_of(built.system, measured, screened.noise, options)
@@ -71,7 +72,8 @@ def explain_images(
             if light:
                 stage.warnings.append(_of_absorption(light, screened.scan.rig.length_unit))
         if options.fit_gain and built.gains is None:
-            built = with_gains(built, estimate_gains(built.system.projector, measured))
+            found = estimate_gains(built.system.projector, measured, reference=reference)
+            built = with_gains(built, found)
         if built.gains is not None and not options.fit_gain:
             stage.warnings.append(_of_gains(built.gains, screened.scan))
     return ExplainedScan(built, report, stage.record)
@@ -132,12 +134,12 @@ def _confirmed(
     return replace(found, best=found.as_given), replace(given, choice=choice)
 
 
-def _causes(options: Options) -> list[Cause]:
+def _causes(options: Options, reference: tuple[bool, ...] | None = None) -> list[Cause]:
     """Return the causes to hear: those asked for, or all with the default method."""
     default = method_named(options.method).name == AUTO
     causes: list[Cause] = []
     if options.fit_gain or (options.fit_gain is None and default):
-        causes.append(CameraGains(GAIN))
+        causes.append(CameraGains(GAIN, reference))
     if options.fit_absorption or (options.fit_absorption is None and default):
         how = options.tracer, options.supersample
         causes.append(AbsorbingGas(MEDIUM, False, *how))

@@ -54,7 +54,7 @@ def load(scan: Scan, frame: str | None, grid: VoxelGrid | None = None) -> Loaded
         name = scan.frame(frame).name
         images, masks, saturated = scan.read_with_saturation(name)
         stage.warnings += _of_saturation(saturated)
-        stage.warnings += scan.notes
+        stage.warnings += scan.remarks
         stage.warnings += image_notes(
             {
                 camera: [image]

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from tomo.pipeline.answer import verdict_of
+from tomo.radiometry.units import unit_of_total
+from tomo.uncertainty.summaries import total
 
 _REPORTED_PACKAGES = ("flametomo", "numpy", "scipy", "numba", "torch", "open3d", "open3d-cpu")
 
@@ -40,7 +42,8 @@ def report_of(outcome: Any) -> dict[str, Any]:
         "gains": outcome.gains,
         "learning": outcome.learning,
         "learned": outcome.learned.report() if outcome.learned else None,
-        "uncertainty": outcome.uncertainty.report() if outcome.uncertainty else None,
+        "uncertainty": _uncertainty(outcome),
+        "emission": _emission(outcome),
         "relative_residual": found.relative_residual,
         "stop_reason": found.stop_reason,
         "quality": dict(found.quality),
@@ -80,6 +83,43 @@ def report_of(outcome: Any) -> dict[str, Any]:
         "solver": dict(found.settings),
     }
     return plain(report)
+
+
+def _emission(outcome: Any) -> dict[str, Any]:
+    """Return the volume's total and largest value with their units.
+
+    An absolute volume's total is a power into a steradian; ``power`` is that into all directions,
+    4 pi times as much, of light that goes everywhere alike.
+    """
+    found = outcome.solution
+    unit, factor = _of_total(outcome)
+    whole = factor * total(found.volume, found.grid)
+    report = {
+        "largest": float(found.volume.max(initial=0.0)),
+        "unit": outcome.value_unit,
+        "total": whole,
+        "total_unit": unit,
+    }
+    if "/sr" in unit:
+        report |= {"power": 4 * math.pi * whole, "power_unit": unit.replace("/sr", "")}
+    return report
+
+
+def _uncertainty(outcome: Any) -> dict[str, Any] | None:
+    """Return ``uncertainty``, its total in the unit of that of ``emission``."""
+    if outcome.uncertainty is None:
+        return None
+    report = outcome.uncertainty.report()
+    intervals = report.get("intervals")
+    if intervals:
+        unit, factor = _of_total(outcome)
+        own = {name: factor * value for name, value in intervals["total"].items()}
+        report["intervals"] = intervals | {"total": own | {"unit": unit}}
+    return report
+
+
+def _of_total(outcome: Any) -> tuple[str, float]:
+    return unit_of_total(outcome.value_unit, outcome.rig.length_unit)
 
 
 def versions() -> dict[str, str]:

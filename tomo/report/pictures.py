@@ -68,6 +68,7 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
     from tomo.report.weights_figure import draw_learned
 
     rig, grid, unit = results.rig, results.grid, results.rig.length_unit
+    units = {"length_unit": unit, "value_unit": results.value_unit}
     learned, truth = results.learned, results.truth
     return [
         (
@@ -82,7 +83,7 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
             True,
             "slices",
             lambda: draw_volume(
-                results.volume, grid, length_unit=unit, title=f"Reconstruction, {results.method}"
+                results.volume, grid, **units, title=f"Reconstruction, {results.method}"
             ),
             f"The reconstructed emission{_in_units(results)}: planes through the middle of the "
             "volume, its integrals along the three axes, and surfaces of equal emission.",
@@ -137,7 +138,7 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
                 results.volume,
                 results.half_width,
                 grid,
-                length_unit=unit,
+                **units,
                 title="Half-width of the 90 % interval",
             ),
             "Planes through the middle of the volume, and of the half-width of each voxel's 90 % "
@@ -147,7 +148,7 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
         (
             results.deviation is not None,
             "condition",
-            lambda: draw_deviations(results.volume, results.deviation, grid, length_unit=unit),
+            lambda: draw_deviations(results.volume, results.deviation, grid, **units),
             "Planes through the middle of the volume, and of the standard deviation that noise "
             "leaves in each voxel, each on its own scale.",
             "Middle planes of the emission and of its standard deviation side by side.",

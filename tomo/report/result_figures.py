@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.draw.figures import INK, MUTED, new_figure, plain, thin_lines
+from tomo.draw.figures import INK, MUTED, new_figure, plain, thin_lines, with_unit
 from tomo.draw.volume.planes import few_ticks, middle_planes, room_of_number, show_plane
 from tomo.metrics import cosine_distance, nrmse
 from tomo.pipeline.answer import worst_view
@@ -235,7 +235,8 @@ def draw_difference(results: Results) -> Figure:
         bar = figure.add_axes(rect)
         figure.colorbar(image, cax=bar)
         bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
-        bar.set_ylabel("difference" if row else "emission", fontsize=7.5, color=INK)
+        words = with_unit("difference" if row else "emission", results.value_unit)
+        bar.set_ylabel(plain(words), fontsize=7.5, color=INK)
     return figure
 
 

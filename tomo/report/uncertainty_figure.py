@@ -24,6 +24,7 @@ def draw_deviations(
     grid: VoxelGrid,
     *,
     length_unit: str = "mm",
+    value_unit: str = "",
     title: str = "Standard deviation",
 ) -> Figure:
     """Return the middle planes of a volume and, beside them, of its standard deviation.
@@ -33,7 +34,7 @@ def draw_deviations(
     volume, deviation : (nx, ny, nz)
         In one unit; each has a colour scale of its own.
     grid : VoxelGrid
-    length_unit : str
+    length_unit, value_unit : str
     title : str
         The name of ``deviation``.
 
@@ -83,4 +84,5 @@ def draw_deviations(
         bar = figure.add_axes(rect)
         figure.colorbar(image, cax=bar)
         bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
+        bar.set_ylabel(plain(value_unit), fontsize=6.5, color=INK)
     return figure

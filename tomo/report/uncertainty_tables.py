@@ -66,7 +66,8 @@ def _of_intervals(found: Mapping | None, length_unit: str) -> list[str]:
         f"squares over the voxels that emit), {voxels['relative_noise']:.1%} by noise and "
         f"{voxels['relative_structure']:.1%} by structure: missing views, smoothing, cameras "
         f"that disagree. ± {voxels['median_half_width']:.3g} in the middle. "
-        f"Total: {total['value']:.4g} ± {share:.1%}. Edges of the emission: "
+        f"Total: {total['value']:.4g} {total.get('unit', '')}".strip()
+        + f" ± {share:.1%}. Edges of the emission: "
         f"± {widest:.2g} {length_unit} at most. They come from new noise, "
         f"from {found['camera_groups']} solves without a group of cameras each, "
         "from a second pass, and from what the images leave unexplained."

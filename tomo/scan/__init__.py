@@ -8,6 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "corrections": ["Corrections"],
         "files": ["load_scan", "scan_of_images"],
         "frames": ["Frame"],
+        "radiometry": ["Calibration", "Radiometry"],
         "scan": ["Scan"],
         "write": ["save_scan"],
     },

@@ -78,20 +78,23 @@ def _film(entry: Any) -> Any:
     return {"path": entry} if isinstance(entry, str) else entry
 
 
-def _one_or_each(expected: str, accepts: Callable[[Any], bool]) -> Any:
+def _one_or_each(
+    expected: str, accepts: Callable[[Any], bool], read: Callable[[Any], Any] = lambda value: value
+) -> Any:
     """Return the type of a correction: one value for all cameras, or a mapping to values."""
 
     def check(value: Any) -> Any:
         if value is None:
             return None
-        each = value if isinstance(value, dict) else {None: value}
+        many = isinstance(value, dict)
+        each = {key: read(one) for key, one in (value if many else {None: value}).items()}
         for camera, one in each.items():
-            if (camera is None and isinstance(value, dict)) or not accepts(one):
+            if (camera is None and many) or not accepts(one):
                 where = "" if camera is None else f"camera {dotted([camera])}: "
                 raise ValueError(
                     f"{where}found {shortened(one)}, expected {expected}, or one per camera"
                 )
-        return value
+        return each if many else each[None]
 
     return Annotated[Any, BeforeValidator(check)]
 
@@ -100,6 +103,14 @@ def _is_number(value: Any) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) < 1e300 and math.isfinite(value)
+
+
+def _number_in_text(value: Any) -> Any:
+    """Return the number of a text like ``1e-3``, which YAML 1.1 reads as text."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def _is_path(value: Any) -> bool:
@@ -114,12 +125,21 @@ def _is_bit_depth(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_BITS
 
 
+def _is_region(value: Any) -> bool:
+    whole = isinstance(value, list) and all(type(one) is int for one in value)
+    return whole and len(value) == 4 and min(value[:2]) >= 0 and min(value[2:]) > 0
+
+
 _Number = _one_or_each("a number or an image's path", lambda v: _is_number(v) or _is_path(v))
-_Positive = _one_or_each("a positive number", _is_positive)
+_Positive = _one_or_each("a positive number", _is_positive, _number_in_text)
 _Flat = _one_or_each(
     "a positive number or an image's path", lambda v: _is_positive(v) or _is_path(v)
 )
-_Mask = _one_or_each("an image's path", _is_path)
+_Mask = _Image = _one_or_each("an image's path", _is_path)
+_Region = _one_or_each("[x, y, width, height] in whole pixels", _is_region)
+_Transmission = _one_or_each(
+    "a number above 0 up to 1", lambda v: _is_positive(v) and v <= 1, _number_in_text
+)
 _BitDepth = _one_or_each(f"a whole number from 1 to {MOST_BITS}", _is_bit_depth)
 _Bayer = _one_or_each(f"one of {', '.join(PATTERNS)}", lambda v: v in PATTERNS)
 _Channel = _one_or_each(f"one of {', '.join(COLOURS)}", lambda v: v in COLOURS)
@@ -134,6 +154,29 @@ class _Corrections(_Strict):
     bit_depth: _BitDepth = None
     bayer: _Bayer = None
     channel: _Channel = None
+
+
+class _Conditions(_Strict):
+    exposure: _Positive = None
+    f_number: _Positive = None
+    transmission: _Transmission = None
+
+
+class _Calibration(_Conditions):
+    factor: _Positive = None
+    image: _Image = None
+    radiance: _Positive = None
+    region: _Region = None
+    dark: _Number = None
+
+
+class _Radiometry(_Conditions):
+    """The fields of `tomo.scan.radiometry.Radiometry`, which checks the units."""
+
+    unit: Text
+    calibration: _Calibration
+    volume_unit: Text | None = None
+    wavelength: Annotated[Number, AfterValidator(_above_zero)] | None = None
 
 
 class _Effects(_Strict):
@@ -158,6 +201,7 @@ class ScanFile(_Strict):
     films: dict[str, Annotated[_Film, BeforeValidator(_film)]] | None = None
     frame_rate: Annotated[Number, AfterValidator(_above_zero)] | None = None
     corrections: _Corrections = _Corrections()
+    radiometry: _Radiometry | None = None
     truth: Text | None = None
     effects: _Effects | None = None
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,8 +63,7 @@ class Corrections:
 
     def of(self, correction: str, camera: str) -> float | Path | None:
         """Return the value of one correction for one camera; None where there is none."""
-        value = getattr(self, correction)
-        return value.get(camera) if isinstance(value, Mapping) else value
+        return for_camera(getattr(self, correction), camera)
 
     @property
     def colours(self) -> dict[str, str | Mapping[str, str]]:
@@ -104,6 +104,7 @@ class Corrections:
         camera: str,
         size: tuple[int, int],
         source: Path | None = None,
+        per_count: float | None = None,
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]:
         """Read a camera's image, unless it is in memory, and correct it.
 
@@ -116,6 +117,9 @@ class Corrections:
             Size of the camera's images and of those of its corrections.
         source : Path, optional
             The file that the corrections stand in; errors about them name it.
+        per_count : float, optional
+            What one count is worth, a number as stored: the image is that many times its counts
+            in place of its fraction of full scale.
 
         Returns
         -------
@@ -136,17 +140,14 @@ class Corrections:
             If an image is missing.
         """
         self._check_scale(image, camera, source)
-        mask, dark, flat, gain = (
-            self._value(name, camera, size) for name in ("mask", "dark", "flat", "gain")
-        )
+        mask = self._value("mask", camera, size)
         usable = np.ones(size[::-1], bool) if mask is None else mask != 0
-        raw = self._read(image, camera, size, self.of("bit_depth", camera), usable, False)
+        bits = self.of("bit_depth", camera)
+        raw, full_scale = self._read(image, camera, size, bits, usable, False)
         mosaic = self.mosaic(camera)
         if mosaic is not None:
-            dark, flat, gain, raw, usable = (
-                mosaic.pixels(one) if np.ndim(one) else one
-                for one in (dark, flat, gain, raw, usable)
-            )
+            raw, usable = mosaic.pixels(raw), mosaic.pixels(usable)
+        dark, flat, gain = (self.pixels(name, camera, size) for name in ("dark", "flat", "gain"))
         full = _plateau(raw >= 1) if holds_integers(image) else np.zeros(raw.shape, bool)
         usable = usable & ~full
         saturation = self.of("saturation", camera)
@@ -159,6 +160,8 @@ class Corrections:
             usable = usable & lit
         if gain is not None:
             values = values * gain
+        if per_count is not None:
+            values = values * np.float64(full_scale * per_count)
         return np.where(usable, values, 0).astype(np.float32), usable, full
 
     def _check_scale(
@@ -175,6 +178,13 @@ class Corrections:
                     f"at most 1, the full scale of integers like those in {place}"
                 )
 
+    def pixels(
+        self, name: str, camera: str, size: tuple[int, int]
+    ) -> NDArray[np.float32] | np.float32 | None:
+        """Return a correction as a number, or as an image of the pixels in use; None without."""
+        value, mosaic = self._value(name, camera, size), self.mosaic(camera)
+        return mosaic.pixels(value) if mosaic is not None and np.ndim(value) else value
+
     def _value(
         self, name: str, camera: str, size: tuple[int, int]
     ) -> NDArray[np.float32] | np.float32 | None:
@@ -184,7 +194,7 @@ class Corrections:
             return None if value is None else np.float32(value)
         # a mask's numbers are no intensities: they have a depth of their own
         bits = None if name == "mask" else self.of("bit_depth", camera)
-        return self._read(value, camera, size, bits)
+        return self._read(value, camera, size, bits)[0]
 
     def _read(
         self,
@@ -194,23 +204,29 @@ class Corrections:
         bit_depth: int | None,
         usable: NDArray[np.bool_] | None = None,
         is_correction: bool = True,
-    ) -> NDArray[np.float32]:
-        """Return a camera's image, of its own size."""
-        from rigs.recordings import FrameError, check_pattern, intensities, read_image
+    ) -> tuple[NDArray[np.float32], int]:
+        """Return a camera's image, of its own size, and its full scale in counts."""
+        from rigs.recordings import (
+            FrameError,
+            check_pattern,
+            intensities_with_full_scale,
+            read_with_full_scale,
+        )
 
         place = f"{image}: " if isinstance(image, Path) else ""
         colours = {name: self.of(name, camera) for name in ("channel", "bayer")}
         try:
             if isinstance(image, Path):
                 colours["must_have_channel"] = not is_correction
-                values = read_image(image, bit_depth, usable, **colours)
+                values, full_scale = read_with_full_scale(image, bit_depth, usable, **colours)
             elif isinstance(image, FilmFrame):
                 place, film = f"{image}: ", image.film.recording
                 check_pattern(image, film.is_mosaic, colours["bayer"])
-                bits = bit_depth or film.bit_depth
-                values = intensities(image.read(), image, bits, usable)
+                found = image.read(), image, bit_depth or film.bit_depth, usable
+                values, full_scale = intensities_with_full_scale(*found)
             else:
-                values = intensities(image, "image in memory", bit_depth, usable)
+                found = image, "image in memory", bit_depth, usable
+                values, full_scale = intensities_with_full_scale(*found)
         except FileNotFoundError as error:
             raise FileNotFoundError(f"camera {camera}: {error}") from error
         except ValueError as error:
@@ -226,7 +242,12 @@ class Corrections:
                 f"{values.shape[0]} pixels, expected {size[0]} x {size[1]}, the camera's "
                 "image_size"
             )
-        return values
+        return values, full_scale
+
+
+def for_camera(value: Any, camera: str) -> Any:
+    """Return one camera's of a value that is one for all, or a mapping from cameras."""
+    return value.get(camera) if isinstance(value, Mapping) else value
 
 
 def _plateau(full: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -17,6 +17,7 @@ from tomo.scan._schema import parse_scan_file
 from tomo.scan.corrections import Corrections
 from tomo.scan.films import Film, films_in, frame_rate_of, frames_of_films, notes_of_films
 from tomo.scan.frames import Frame
+from tomo.scan.radiometry import Calibration, Radiometry
 from tomo.scan.scan import Scan
 from tomo.scan.write import SCAN_FILE, check_cameras
 
@@ -132,16 +133,7 @@ def _load_scan_file(path: Path) -> Scan:
         films = _films_of(path, content.films, rig)
         frames = tuple(Frame(*one) for one in frames_of_films(films).items())
         rate = rate or frame_rate_of(films)
-    corrections = {}
-    for name, value in content.corrections.model_dump().items():
-        if isinstance(value, dict):
-            check_cameras(path, f"corrections.{name}", value, rig)
-            corrections[name] = {
-                camera: _plain(path, one, f"corrections.{name}: camera {camera}")
-                for camera, one in value.items()
-            }
-        else:
-            corrections[name] = _plain(path, value, f"corrections.{name}")
+    corrections = _each(path, content.corrections.model_dump(), "corrections", rig)
     grid = grid_of_rig(rig)
     if content.grid is not None:
         try:
@@ -162,7 +154,36 @@ def _load_scan_file(path: Path) -> Scan:
         effects=effects,
         frame_rate=rate,
         notes=notes_of_films(films) if films else (),
+        radiometry=_radiometry(path, content.radiometry, rig),
     )
+
+
+def _each(path: Path, content: dict[str, Any], field: str, rig: Rig) -> dict[str, Any]:
+    """Return values that are one for all cameras, or one for each, with paths in place of text."""
+    found = {}
+    for name, value in content.items():
+        where = f"{field}.{name}"
+        if isinstance(value, dict):
+            check_cameras(path, where, value, rig)
+            each = {key: _plain(path, one, f"{where}: camera {key}") for key, one in value.items()}
+            found[name] = each
+        else:
+            found[name] = _plain(path, value, where)
+    return found
+
+
+def _radiometry(path: Path, content: Any, rig: Rig) -> Radiometry | None:
+    """Return what a scan.yaml says of absolute light; units that do not fit are refused."""
+    if content is None:
+        return None
+    given = content.model_dump()
+    units = {name: given.pop(name) for name in ("unit", "volume_unit")}
+    known = _each(path, given.pop("calibration"), "radiometry.calibration", rig)
+    rest = _each(path, given, "radiometry", rig)
+    try:
+        return Radiometry(**units, **rest, calibration=Calibration(**known))
+    except ValueError as error:
+        raise ValueError(f"{path}: radiometry.{error}") from None
 
 
 def _films_of(path: Path, entries: dict[str, Any], rig: Rig) -> dict[str, Film]:

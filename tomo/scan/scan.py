@@ -19,6 +19,7 @@ from tomo.scan.arrays import all_of_area, area_means, stacks_of
 from tomo.scan.corrections import Corrections, holds_integers
 from tomo.scan.films import FilmFrame
 from tomo.scan.frames import Frame, find_frame
+from tomo.scan.radiometry import Radiometry
 from tomo.scan.write import save_scan
 
 if TYPE_CHECKING:
@@ -61,6 +62,9 @@ class Scan:
         Frames a second.
     notes : tuple of str
         Lines that a user should know of the films.
+    radiometry : Radiometry, optional
+        What makes radiances of counts; images are then those radiances, in the unit of the volume
+        times that of length.
     """
 
     rig: Rig
@@ -74,6 +78,7 @@ class Scan:
     effects: Mapping[str, Any] | None = None
     frame_rate: float | None = None
     notes: tuple[str, ...] = ()
+    radiometry: Radiometry | None = None
 
     def __post_init__(self) -> None:
         """Check that names belong together; whether files can be read shows when they are."""
@@ -100,6 +105,7 @@ class Scan:
         corrections: Corrections | None = None,
         truth: ArrayLike | None = None,
         effects: Mapping[str, Any] | None = None,
+        radiometry: Radiometry | None = None,
     ) -> Scan:
         """Return the scan of images in memory; it reads as one of files does, bit for bit.
 
@@ -119,6 +125,8 @@ class Scan:
             The true volume on ``grid``.
         effects : mapping, optional
             See `Scan`.
+        radiometry : Radiometry, optional
+            Its images may be arrays too.
 
         Raises
         ------
@@ -145,7 +153,8 @@ class Scan:
         for name in rig.names:
             if corrections.of("channel", name) and not corrections.of("bayer", name):
                 raise ValueError(f"camera {name}: channel: found grey arrays, expected bayer too")
-        return cls(rig, frames, corrections, grid, truth, effects=effects)
+        how = {"effects": effects, "radiometry": radiometry}
+        return cls(rig, frames, corrections, grid, truth, **how)
 
     def save(self, folder: str | PathLike) -> Path:
         """Write a scan in memory as a scan folder, see `save_scan`; return its scan.yaml.
@@ -174,6 +183,7 @@ class Scan:
             truth=self.truth,
             corrections=None if self.corrections == Corrections() else self.corrections,
             effects=self.effects,
+            radiometry=self.radiometry,
         )
 
     @property
@@ -364,10 +374,36 @@ class Scan:
     def value_unit(self, frame: str | None = None) -> str:
         """Return the unit of a volume from these images: theirs over the unit of length.
 
-        Integers are divided by their full scale; other images have a unit of their own.
+        Integers are divided by their full scale; other images have a unit of their own, and those
+        of a scan with `radiometry` one of light.
         """
+        if self.radiometry is not None:
+            return self.radiometry.value_unit
         own = self.corrections.gain is None and self.holds_integers(frame)
         return f"{'full scales' if own else 'image units'} per {self.rig.length_unit}"
+
+    @cached_property
+    def per_count(self) -> dict[str, float] | None:
+        """What a count of each camera is worth, see `Radiometry.per_count`; None without one."""
+        if self.radiometry is None:
+            return None
+        return self.radiometry.per_count(
+            self.recorded_sizes, self.corrections, self.rig.length_unit, self.source
+        )
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Lines that a user should know: of films, and of cameras without a calibration."""
+        known = self.radiometry
+        note = None if known is None else known.note(self.rig.names)
+        return self.notes if note is None else (*self.notes, note)
+
+    @property
+    def sets_scale(self) -> tuple[bool, ...] | None:
+        """Which cameras set the scale, those with a known radiance; None where all are alike."""
+        known = () if self.radiometry is None else self.radiometry.calibrated(self.rig.names)
+        each = tuple(name in known for name in self.rig.names)
+        return each if any(each) and not all(each) else None
 
     def read_truth(self, frame: str | None = None) -> tuple[NDArray[np.float32], VoxelGrid] | None:
         """Return the true volume of a frame and the grid that it lies on; None without one.
@@ -389,7 +425,10 @@ class Scan:
                 "expected one for every camera of the rig"
             )
         path, size = frame.images[camera], self.recorded_sizes[camera]
-        image, usable, full = self.corrections.corrected(path, camera, size, source=self.source)
+        per_count = None if self.per_count is None else self.per_count[camera]
+        image, usable, full = self.corrections.corrected(
+            path, camera, size, self.source, per_count
+        )
         count = np.count_nonzero(full)
         bright = np.count_nonzero(image > 0.5 * image.max(initial=0.0)) if count else 0
         saturated = count / (count + bright) if count else 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from tomo.grid import VoxelGrid
 from tomo.io import write_volume
 from tomo.io.volumes import check_length_unit
 from tomo.scan.corrections import Corrections
+from tomo.scan.radiometry import Radiometry
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -34,6 +36,7 @@ def save_scan(
     truth: ArrayLike | None = None,
     corrections: Corrections | None = None,
     effects: Mapping[str, Any] | None = None,
+    radiometry: Radiometry | None = None,
 ) -> Path:
     """Write a scan folder: ``rig.yaml``, ``images/<camera>/<frame>.tif``, ``scan.yaml``.
 
@@ -52,6 +55,8 @@ def save_scan(
         Paths of images must lie inside ``folder``; arrays are written to ``corrections/``.
     effects : mapping, optional
         The effects that the images were simulated with, see `Scan`.
+    radiometry : Radiometry, optional
+        As ``corrections``; its arrays are written to ``radiometry/``.
 
     Returns
     -------
@@ -80,6 +85,9 @@ def save_scan(
     images_of_corrections: dict[str, NDArray] = {}
     if corrections is not None:
         content["corrections"], images_of_corrections = plain_corrections(folder, corrections)
+    if radiometry is not None:
+        content["radiometry"], images = plain_corrections(folder, radiometry, "radiometry")
+        images_of_corrections |= images
     if truth is not None:
         content["truth"] = "truth.npz"
     if effects is not None:
@@ -114,24 +122,26 @@ def check_image(folder: Path, frame: str, camera: str, shape: tuple, rig: Rig) -
 
 
 def plain_corrections(
-    folder: Path, corrections: Corrections
+    folder: Path, corrections: Corrections | Radiometry, name: str = "corrections"
 ) -> tuple[dict[str, Any], dict[str, NDArray]]:
     """Return corrections as a scan.yaml holds them, and the images to write, by their paths."""
     images: dict[str, NDArray] = {}
 
     def plain(value: Any, place: str) -> Any:
+        if is_dataclass(value):
+            each = {one.name: getattr(value, one.name) for one in fields(value)}
+            found = {key: plain(one, f"{place}/{key}") for key, one in each.items()}
+            return {key: one for key, one in found.items() if one is not None}
         if isinstance(value, Mapping):
             return {camera: plain(one, f"{place}_{camera}") for camera, one in value.items()}
         if isinstance(value, np.ndarray):
             images[f"{place}.tif"] = value.astype(np.uint8) if value.dtype == bool else value
             return f"{place}.tif"
+        if isinstance(value, tuple):
+            return list(value)
         return os.path.relpath(value, folder) if isinstance(value, Path) else value
 
-    given = {
-        name: plain(getattr(corrections, name), f"corrections/{name}")
-        for name in Corrections.__dataclass_fields__
-    }
-    return {name: value for name, value in given.items() if value is not None}, images
+    return plain(corrections, name), images
 
 
 def check_cameras(path: object, field: str, cameras: Mapping[str, Any], rig: Rig) -> None:

@@ -33,15 +33,23 @@ ROUNDS = 2
 
 @dataclass(frozen=True)
 class CameraGains:
-    """Every camera has a gain and a background of its own."""
+    """Every camera has a gain and a background of its own.
+
+    Attributes
+    ----------
+    name : str
+    reference : tuple of bool, optional
+        The views whose gains have the mean 1; all when None.
+    """
 
     name: str = "gain"
+    reference: tuple[bool, ...] | None = None
 
     def fit(self, fitted: Fitted, evidence: Evidence) -> Sequence[Fitted]:
         """Fit both by turns with the volume, where views disagree; see `tomo.selfcal.gains`."""
         projector, training = fitted.model.system.projector, evidence.blocks.training
         part, measured = projector.take(training), evidence.measured[training]
-        gains = Gains.none(projector.n_views)
+        gains = Gains.none(projector.n_views, self.reference)
         model = replace(fitted.model, causes=(*fitted.model.causes, self.name))
         for _ in range(ROUNDS):
             corrected = gains.correct(part, measured)

@@ -7,7 +7,8 @@ volume was solved for with wrong gains. Single pixels cannot show the gain: a vo
 views reproduces every image, wrong gains included. Pixels where the volume is dark show the
 offset alone.
 
-A factor common to all gains is a factor of the volume, so the geometric mean of the gains is 1.
+A factor common to all gains is a factor of the volume, so the geometric mean of the gains is 1:
+that of the calibrated cameras where only some have an absolute scale.
 """
 
 from __future__ import annotations
@@ -139,6 +140,7 @@ def estimate_gains(
     *,
     offsets: bool = True,
     rounds: int = ROUNDS,
+    reference: ArrayLike | None = None,
 ) -> Gains:
     """Estimate gains and offsets from the images alone, with a few iterations of a solver.
 
@@ -150,7 +152,7 @@ def estimate_gains(
     ----------
     projector, measured, offsets
         See `fit_gains`.
-    rounds : int
+    rounds, reference
         See `solve_with_gains`.
 
     Returns
@@ -161,7 +163,7 @@ def estimate_gains(
     """
     measured = check_measured(projector, measured)
     if len(projector.views_with_pixels) < 2 or not measured.any():
-        return Gains.none(projector.n_views)
+        return Gains.none(projector.n_views, reference)
     stride = max(int(min(projector.n_segments // SEGMENTS, projector.shape[0] // 1000)), 1)
     kept = interleaved(projector.shape[0], stride)[0]
     thinned = projector.take(kept).packed() if stride > 1 else projector
@@ -177,7 +179,8 @@ def estimate_gains(
         found = cgls(basis, pixels, iterations=ITERATIONS, nonnegative=False)
         return replace(found, volume=basis.volume(found.volume))
 
-    return solve_with_gains(quick_solution, projector, measured, rounds=rounds, offsets=offsets)[1]
+    how = {"rounds": rounds, "offsets": offsets, "reference": reference}
+    return solve_with_gains(quick_solution, projector, measured, **how)[1]
 
 
 def solve_with_gains(
@@ -187,6 +190,7 @@ def solve_with_gains(
     *,
     rounds: int = ROUNDS,
     offsets: bool = True,
+    reference: ArrayLike | None = None,
 ) -> tuple[Solution, Gains]:
     """Solve for volume and gains by alternating minimisation.
 
@@ -201,6 +205,8 @@ def solve_with_gains(
         See `fit_gains`.
     rounds : int
         Outer iterations, at least 1. Two leave an error of a tenth of a per cent.
+    reference : (views,) bool, optional
+        The views whose gains have the mean 1; all when None.
 
     Returns
     -------
@@ -216,7 +222,7 @@ def solve_with_gains(
     if rounds < 1:
         raise ValueError(f"rounds: found {rounds}, expected at least 1")
     measured = check_measured(projector, measured)
-    gains = Gains.none(projector.n_views)
+    gains = Gains.none(projector.n_views, reference)
     for _ in range(rounds):
         corrected = gains.correct(projector, measured)
         found = solver(corrected)

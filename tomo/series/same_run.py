@@ -56,6 +56,7 @@ def attributes_of_run(
                 "scale": scan.shrink,
                 "frame_rate": rate,
                 "corrections": _corrections(scan),
+                "per_count": scan.per_count,
                 "key_images": _checksum(
                     scan.without(*options.hold_out), sorted({*keys, *refining})
                 ),

@@ -17,6 +17,7 @@ from tomo.pipeline.self_absorption import with_own_absorption
 from tomo.pipeline.solve import Solved, solve_by, voxel_means_of
 from tomo.pipeline.trace import through_gas
 from tomo.pipeline.view import View, quality
+from tomo.radiometry.units import unit_of_total
 from tomo.selection import Choice, solve_as_chosen, solve_several_smoothly
 from tomo.series.block_system import BlockSystem
 from tomo.series.images import FrameImages
@@ -24,6 +25,7 @@ from tomo.series.plan import Plan
 from tomo.series.starts import shortened, starts_from
 from tomo.series.systems import weighted
 from tomo.solvers import Iteration, Solution
+from tomo.uncertainty.summaries import total
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,10 +192,13 @@ def _figures(
             other = through_gas(other, built.absorption, volume, plan.options)
         apart = views_of(other.on_voxel_means, volume, frame.apart_images, frame.apart_masks)
     held_out = [view for view in apart if view.name in plan.options.hold_out]
+    light, per_total = plan.scan.radiometry, 1.0
+    if light is not None:
+        _, per_total = unit_of_total(light.value_unit, plan.scan.rig.length_unit)
     alike = {view.name: view.similarity(plan.data_range) for view in held_out}
     return {
         "relative_residual": _relative_residual(views),
-        "total_emission": float(volume.sum(dtype=np.float64)) * math.prod(plan.grid.spacing),
+        "total_emission": total(volume, plan.grid) * per_total,
         "view_residual": {view.name: view.relative_residual for view in [*views, *apart]},
         "view_gain": {view.name: view.gain for view in [*views, *apart]},
         "view_light": {view.name: view.light for view in [*views, *apart]},

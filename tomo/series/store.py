@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from rigs.files import atomic_path
 from tomo.grid import VoxelGrid
+from tomo.radiometry.units import unit_of_total
 from tomo.series.frames import BLOCK
 from tomo.series.solving import FrameResult
 
@@ -242,7 +243,7 @@ def _write_empty(
     for name, (values, units) in coordinates.items():
         array(name, (len(values),), (len(values),), "f8", (name,), units=units)[:] = values
     array("frame", (count,), (count,), "i8", ("time",), long_name="number in the scan")[:] = frames
-    units = {"total_emission": f"{unit} {length}^3", "seconds": "s", "psnr": "dB"}
+    units = {"total_emission": unit_of_total(unit, length)[0], "seconds": "s", "psnr": "dB"}
     for name in FIGURES:
         dtype, fill = ("i4", 0) if name == "warnings" else ("f8", math.nan)
         array(name, (count,), (BLOCK,), dtype, ("time",), fill, units=units.get(name, "1"))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import frame
-from tomo.draw.figures import INK, MUTED, new_figure, plain, save_figure
+from tomo.draw.figures import INK, MUTED, new_figure, plain, save_figure, with_unit
 from tomo.draw.rig.rig_scene import volume_scene
 from tomo.draw.shapes import box_corners
 from tomo.draw.still import show_scene
@@ -42,6 +42,7 @@ def draw_volume(
     grid: VoxelGrid,
     *,
     length_unit: str = "mm",
+    value_unit: str = "",
     title: str = "",
     supersample: int = 3,
 ) -> Figure:
@@ -56,6 +57,8 @@ def draw_volume(
     grid : VoxelGrid
     length_unit : str
         Of the grid.
+    value_unit : str
+        Of the values; empty if unknown.
     title : str
         Stands above the picture.
     supersample : int
@@ -93,19 +96,19 @@ def draw_volume(
     )
     sizes = " × ".join(f"{length:.4g}" for length in extent)
     counts = " × ".join(str(n) for n in grid.shape)
-    values = f"values {data.min():.3g} to {data.max():.3g}"
+    values = f"values {data.min():.3g} to {data.max():.3g} {value_unit}".strip()
     words = f"{sizes} {length_unit}, {counts} voxels, {values}"
     figure.text(**place, y=1 - 0.47 / height, s=words, fontsize=8, color=MUTED)
     corner = (left, height - top)
     names = [
         f"{frame.NAMES[across]} = {coordinate(at, span)}" for _, (*_, across), span, at in planes
     ]
-    _block(figure, corner, drawn, (gap, gap), planes, names, "Middle planes", "emission",
-           length_unit, (1, 1, 1))  # fmt: skip
+    _block(figure, corner, drawn, (gap, gap), planes, names, "Middle planes",
+           with_unit("emission", value_unit), length_unit, (1, 1, 1))  # fmt: skip
     corner = (left + pitch, height - top)
     names = [f"along {frame.NAMES[across]}" for _, (*_, across), _, _ in integrals]
     _block(figure, corner, drawn, (gap + more, gap), integrals, names, "Line integrals",
-           f"emission × {length_unit}", length_unit, scales)  # fmt: skip
+           f"{value_unit or 'emission'} × {length_unit}", length_unit, scales)  # fmt: skip
     x = width - lone - 0.05
     _surfaces(figure, (x, 0.15, lone, height - top - 0.15), data, grid, length_unit, supersample)
     figure.text(x / width, 1 - (top - 0.16) / height, "Surfaces at 15, 40 and 70 % of the maximum",
