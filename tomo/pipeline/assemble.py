@@ -22,6 +22,7 @@ from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Compared, Solved
 from tomo.pipeline.stage import Record
 from tomo.pipeline.trace import TracedScan
+from tomo.scan import Scan
 
 
 @dataclass(frozen=True, eq=False)
