@@ -1,6 +1,9 @@
 """The pages: links lead somewhere, examples run, and what they name is there."""
 
+import os
 import re
+import subprocess
+import sys
 import textwrap
 from pathlib import Path
 
@@ -155,9 +158,26 @@ def test_the_yaml_examples_of_the_reference_are_valid(tmp_path):
     assert [solid.name for solid in solids] == ["north pane", "nozzle", "periscope"]
     two, _ = blocks("docs/guide/your_cameras.md", "yaml")
     (tmp_path / "rig.yaml").write_text(two, "utf-8")
-    (scan,) = blocks("docs/reference/scan_yaml.md", "yaml")
-    (tmp_path / "scan.yaml").write_text(scan, "utf-8")
+    scan, light = blocks("docs/reference/scan_yaml.md", "yaml")
+    (tmp_path / "scan.yaml").write_text(scan + light, "utf-8")
     assert load_scan(tmp_path).frame_names == ("frame_000",)
+    assert load_scan(tmp_path).value_unit() == "W/m^3/sr"
+
+
+@pytest.mark.parametrize("example", sorted((ROOT / "docs/examples").glob("*.py")), ids=name_of)
+def test_the_examples_run(example, tmp_path):
+    """Each ends with a line of what it found, and is linked from a page."""
+    ran = subprocess.run(
+        [sys.executable, example],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert ran.stdout.strip()
+    assert any(f"({example.name})" in text or f"/{example.name})" in text
+               for text in (page.read_text("utf-8") for page in PAGES))  # fmt: skip
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=name_of)
