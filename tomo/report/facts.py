@@ -35,6 +35,7 @@ def detail_tables(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
     for key, title in (
         ("seconds", "Time (s)"),
         ("quality", "Against the truth"),
+        ("emission", "Emission"),
         ("screening", "Outlier pixels and inconsistent views"),
         ("carving", "Pixels and voxels left out"),
         ("alignment", "Where the cameras look"),

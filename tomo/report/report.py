@@ -101,6 +101,13 @@ def _headline(report: Mapping) -> list[tuple[str, str, str]]:
     if "relative_residual" in report:
         value = f"{report['relative_residual']:.2%}"
         rows.append((value, "relative residual", "of the re-projected images"))
+    emission = report.get("emission") or {}
+    for key, name, words in (
+        ("total", "total emission", "the integral of the volume"),
+        ("power", "power", "into all directions: 4 pi times the total"),
+    ):
+        if "power" in emission:  # of absolute volumes
+            rows.append((f"{emission[key]:.4g} {emission[f'{key}_unit']}", name, words))
     for key, name in (("solve", "to solve"), ("total", "in total")):
         if key in seconds:
             rows.append((f"{seconds[key]:.3g} s", name, "wall time"))

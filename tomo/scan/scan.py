@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo.grid import VoxelGrid
-from tomo.io import VolumeFilm, read_volume
+from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.io.volume_film import SUFFIX
 from tomo.scan.arrays import all_of_area, area_means, stacks_of
 from tomo.scan.corrections import Corrections, holds_integers
@@ -409,13 +409,23 @@ class Scan:
         """Return the true volume of a frame and the grid that it lies on; None without one.
 
         A film of volumes has one a frame, anything else is the same for all frames.
+
+        Raises
+        ------
+        ValueError
+            If a file names another unit of light than volumes of the scan have.
         """
         if not isinstance(self.truth, Path):
             return None if self.truth is None else (self.truth, self.grid)
         if self.truth.suffix == SUFFIX:
             film = VolumeFilm(self.truth)
             return film.read(self.frames.index(self.frame(frame))), film.grid
-        data, grid, _ = read_volume(self.truth)
+        data, grid, _, unit = read_volume_with_unit(self.truth)
+        if self.radiometry is not None and unit not in ("", self.radiometry.value_unit):
+            raise ValueError(
+                f"{self.truth}: value_unit: found {unit}, expected {self.radiometry.value_unit}, "
+                "the scan's"
+            )
         return data, grid
 
     def _read_one(self, frame: Frame, camera: str) -> tuple[NDArray, NDArray, float]:

@@ -101,7 +101,8 @@ def save_scan(
         for place, image in images_of_corrections.items():
             write_image(staging / place, image)
         if truth is not None:
-            write_volume(staging / "truth.npz", truth, grid, rig.length_unit)
+            unit = "" if radiometry is None else radiometry.value_unit
+            write_volume(staging / "truth.npz", truth, grid, rig.length_unit, value_unit=unit)
         text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
         (staging / SCAN_FILE).write_text(text, encoding="utf-8")
     return folder / SCAN_FILE

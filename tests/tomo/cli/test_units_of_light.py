@@ -1,0 +1,100 @@
+"""The unit of light stands in every file and on every page; bad calibrations are one line."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+import tifffile
+import yaml
+
+from rigs import ring, save_rig
+from tomo import VoxelGrid
+from tomo.io.volumes import read_volume_with_unit
+from tomo.operators import LinearSystem
+from tomo.series import SeriesStore
+
+UNIT, PER_COUNT = "W/m^3/sr", 2.0e-4
+GRID = VoxelGrid((10, 10, 10), 1.0)
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory):
+    """Return a scan folder of films with a calibration: scan.yaml, and the light in W/sr."""
+    folder = tmp_path_factory.mktemp("scan")
+    rig = ring(4, distance=200.0, image_size=(20, 20), footprint=0.8, pitch_degrees=10.0)
+    system = LinearSystem.from_rig(rig, GRID, skip=False)
+    volume = 1e3 * np.exp(-((GRID.centers() / 2) ** 2).sum(axis=-1)).astype(np.float32)  # W/m^3/sr
+    images = system.images(system.projector @ volume.ravel())  # times mm: 1e-3 W/m^2/sr
+    for name, image in zip(rig.names, images, strict=True):
+        counts = np.round(image * 1e-3 / PER_COUNT).astype(np.uint16)
+        tifffile.imwrite(folder / f"{name}.tif", np.array([counts] * 2), photometric="minisblack")
+    save_rig(rig, folder / "rig.yaml")
+    content = {
+        "format": "emission-scan", "version": 1, "rig": "rig.yaml", "grid": GRID.to_mapping(),
+        "films": {name: f"{name}.tif" for name in rig.names},
+        "radiometry": {"unit": "W/m^2/sr", "calibration": {"factor": PER_COUNT}},
+    }  # fmt: skip
+    (folder / "scan.yaml").write_text(yaml.safe_dump(content), "utf-8")
+    return folder / "scan.yaml", 1e-9 * float(volume.sum(dtype=np.float64))
+
+
+def test_a_reconstruction_names_its_unit_everywhere(scan, run_tool, tmp_path):
+    path, total = scan
+    done = run_tool("reconstruct", path, "--method", "mlem", "-o", tmp_path / "out", "--json")
+    assert done.exit_code == 0, done.stderr
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    assert report["scan"]["value_unit"] == report["emission"]["unit"] == UNIT
+    assert report["emission"]["total_unit"] == "W/sr"
+    assert report["emission"]["total"] == pytest.approx(total, rel=0.02)
+    assert report["scan"]["radiometry"]["per_count"]["cam00"] == pytest.approx(PER_COUNT * 1000)
+    page = (tmp_path / "out/report.html").read_text("utf-8")
+    assert f"reconstructed emission in {UNIT}" in page
+    assert f"{report['emission']['power']:.4g} W" in page
+    for ending in ("npz", "vti", "nrrd"):
+        data, *_, unit = read_volume_with_unit(tmp_path / f"out/volume.{ending}")
+        assert unit == UNIT
+        assert 1e-9 * data.sum(dtype=np.float64) == pytest.approx(total, rel=0.02)
+    drawn = tmp_path / "drawn.html"
+    done = run_tool("visualize_volume", tmp_path / "out/volume.nrrd", "-o", drawn, "--json")
+    assert json.loads(done.stdout)["value_unit"] == UNIT
+    assert f"emission ({UNIT})" in drawn.read_text("utf-8").replace("\\u002f", "/")
+
+
+def test_a_film_and_its_exports_name_their_unit(scan, run_tool, tmp_path):
+    path, total = scan
+    store = tmp_path / "out.zarr"
+    done = run_tool("reconstruct", path, "--frames", "0:2", "--method", "mlem", "-o", store)
+    assert done.exit_code == 0, done.stderr
+    opened = SeriesStore(store)
+    assert opened.group["emission"].attrs["units"] == opened.attributes["value_unit"] == UNIT
+    assert opened.group["total_emission"].attrs["units"] == "W/sr"
+    np.testing.assert_allclose(opened.group["total_emission"][:], total, rtol=0.02)
+    assert "W/sr" in (tmp_path / "out_report.html").read_text("utf-8")
+    assert run_tool("export", store, "--to", "vtkhdf", "-o", tmp_path / "a.vtkhdf").exit_code == 0
+    with h5py.File(tmp_path / "a.vtkhdf") as file:
+        assert file["VTKHDF/PointData/emission"].attrs["units"] == UNIT
+    assert run_tool("export", store, "--to", "npz", "-o", tmp_path / "files").exit_code == 0
+    for written in (tmp_path / "files").iterdir():
+        assert read_volume_with_unit(written)[3] == UNIT
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"unit": "candela"}, "scan.yaml: radiometry.unit: found 'candela', expected a unit"),
+        ({"exposure": -1e-3}, "scan.yaml: radiometry.exposure: found -0.001, expected a positive"),
+        ({"exposure": 1e-3}, "radiometry.calibration.exposure: camera cam00: missing"),
+        ({"calibration": {"factor": {"cam9": 1.0}}}, "radiometry.calibration.factor: found"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_one_line_and_exit_code_2(scan, run_tool, tmp_path, change, words):
+    content = yaml.safe_load(scan[0].read_text("utf-8"))
+    content["radiometry"] |= change
+    for path in scan[0].parent.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / "scan.yaml").write_text(yaml.safe_dump(content), "utf-8")
+    done = run_tool("reconstruct", tmp_path, "--method", "mlem", "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert sum(words in line for line in done.stderr.splitlines()) == 1
+    assert "Traceback" not in done.stderr
