@@ -203,7 +203,7 @@ def views_of(
 
 def data_range(scan: Scan, frame: str | None, images: Images) -> float:
     """Return 1 where integer images were scaled to 0..1, else the brightest pixel."""
-    if scan.corrections.gain is None and scan.holds_integers(frame):
+    if scan.in_full_scales(frame):
         return 1.0
     return max(max(float(image.max()) for image in images), np.finfo(np.float32).tiny)
 

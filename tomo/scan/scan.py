@@ -379,8 +379,13 @@ class Scan:
         """
         if self.radiometry is not None:
             return self.radiometry.value_unit
-        own = self.corrections.gain is None and self.holds_integers(frame)
-        return f"{'full scales' if own else 'image units'} per {self.rig.length_unit}"
+        unit = "full scales" if self.in_full_scales(frame) else "image units"
+        return f"{unit} per {self.rig.length_unit}"
+
+    def in_full_scales(self, frame: str | None = None) -> bool:
+        """Tell whether 1 is the full scale of all images of a frame, once they are corrected."""
+        is_scaled = self.corrections.gain is not None or self.radiometry is not None
+        return not is_scaled and self.holds_integers(frame)
 
     @cached_property
     def per_count(self) -> dict[str, float] | None:

@@ -7,6 +7,7 @@ import pytest
 
 import rigs
 from tomo import Corrections, Options, Scan, VoxelGrid, reconstruct
+from tomo.pipeline.evaluate import data_range
 from tomo.scan import Calibration, Radiometry
 
 EMISSION, RADIUS = 4.0e4, 8.0  # W/m^3/sr, mm
@@ -72,6 +73,8 @@ def test_the_images_are_the_radiances(lab):
     for camera, image in zip(RIG, scan.images(), strict=True):
         expected = 1000 * radiance(camera)  # W/m^3/sr mm
         np.testing.assert_allclose(image, expected, rtol=5e-5, atol=5e-5 * expected.max())
+    brightest = max(1000 * radiance(camera).max() for camera in RIG)
+    assert data_range(scan, None, scan.images()) == pytest.approx(brightest, rel=1e-4)
 
 
 def test_a_sphere_of_known_emission_comes_back(lab):
