@@ -49,6 +49,12 @@ def with_unit(quantity: str, unit: str) -> str:
     return f"{quantity} ({unit})" if unit else quantity
 
 
+def short_numbers(bar: Axes) -> None:
+    """Write large and small numbers along a colour bar as multiples of a power of ten above it."""
+    bar.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4))
+    bar.yaxis.get_offset_text().set(size=6.5, color=MUTED, x=0.0)
+
+
 def png_bytes(figure: Figure) -> bytes:
     """Return the figure as PNG; the same figure always gives the same bytes."""
     buffer = io.BytesIO()

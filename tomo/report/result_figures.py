@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.draw.figures import INK, MUTED, new_figure, plain, thin_lines, with_unit
+from tomo.draw.figures import INK, MUTED, new_figure, plain, short_numbers, thin_lines, with_unit
 from tomo.draw.volume.planes import few_ticks, middle_planes, room_of_number, show_plane
 from tomo.metrics import cosine_distance, nrmse
 from tomo.pipeline.answer import worst_view
@@ -236,6 +236,7 @@ def draw_difference(results: Results) -> Figure:
         figure.colorbar(image, cax=bar)
         bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
         words = with_unit("difference" if row else "emission", results.value_unit)
+        short_numbers(bar)
         bar.set_ylabel(plain(words), fontsize=7.5, color=INK)
     return figure
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.draw.figures import INK, MUTED, new_figure, plain
+from tomo.draw.figures import INK, MUTED, new_figure, plain, short_numbers
 from tomo.draw.volume.planes import coordinate, middle_planes, show_plane
 from tomo.grid import VoxelGrid
 
@@ -84,5 +84,6 @@ def draw_deviations(
         bar = figure.add_axes(rect)
         figure.colorbar(image, cax=bar)
         bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
+        short_numbers(bar)
         bar.set_ylabel(plain(value_unit), fontsize=6.5, color=INK)
     return figure

@@ -165,8 +165,7 @@ def _each(path: Path, content: dict[str, Any], field: str, rig: Rig) -> dict[str
         where = f"{field}.{name}"
         if isinstance(value, dict):
             check_cameras(path, where, value, rig)
-            each = {key: _plain(path, one, f"{where}: camera {key}") for key, one in value.items()}
-            found[name] = each
+            found[name] = {c: _plain(path, v, f"{where}: camera {c}") for c, v in value.items()}
         else:
             found[name] = _plain(path, value, where)
     return found

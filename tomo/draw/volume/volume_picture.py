@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import frame
-from tomo.draw.figures import INK, MUTED, new_figure, plain, save_figure, with_unit
+from tomo.draw.figures import INK, MUTED, new_figure, plain, save_figure, short_numbers, with_unit
 from tomo.draw.rig.rig_scene import volume_scene
 from tomo.draw.shapes import box_corners
 from tomo.draw.still import show_scene
@@ -108,7 +108,7 @@ def draw_volume(
     corner = (left + pitch, height - top)
     names = [f"along {frame.NAMES[across]}" for _, (*_, across), _, _ in integrals]
     _block(figure, corner, drawn, (gap + more, gap), integrals, names, "Line integrals",
-           f"{value_unit or 'emission'} × {length_unit}", length_unit, scales)  # fmt: skip
+           _of_integral(value_unit, length_unit), length_unit, scales)  # fmt: skip
     x = width - lone - 0.05
     _surfaces(figure, (x, 0.15, lone, height - top - 0.15), data, grid, length_unit, supersample)
     figure.text(x / width, 1 - (top - 0.16) / height, "Surfaces at 15, 40 and 70 % of the maximum",
@@ -180,7 +180,14 @@ def _block(
         bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
         bar.set_ylabel(plain(words), fontsize=7.5, color=INK, labelpad=3)
         bar.yaxis.set_major_locator(MaxNLocator(max(2, int(tall / 0.35))))
+        short_numbers(bar)
     figure.text(x0 / width, (y0 + 0.16) / height, heading, fontsize=8.5, color=INK, va="center")
+
+
+def _of_integral(value_unit: str, length_unit: str) -> str:
+    """Return the unit of integrals along a line."""
+    unit = value_unit.removesuffix(f" per {length_unit}")
+    return unit if unit != value_unit else f"{value_unit or 'emission'} × {length_unit}"
 
 
 def _named(axes: Axes, words: str, thin: bool) -> None:
