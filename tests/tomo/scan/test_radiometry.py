@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from rigs.recordings import write_image
+from rigs.recordings import FrameError, write_image
 from tomo import Scan, load_scan
 from tomo.scan import Calibration, Radiometry
 
@@ -319,3 +319,11 @@ def test_values_show_how_they_are_made_again():
 def test_without_radiometry_nothing_changes(folder, raw):
     (left, _) = load_scan(folder).images("first")
     np.testing.assert_array_equal(left, raw["left"].astype(np.float32) / np.float32(65535))
+
+
+def test_a_damaged_sphere_is_no_bad_frame_to_skip(folder, raw, lit):
+    """A film goes on without a bad frame; without a calibration none is good."""
+    (folder / "sphere.tif").write_bytes(b"II*\0 damaged")
+    with pytest.raises(ValueError, match=r"calibration\.image: .*sphere\.tif") as caught:
+        lit(GOOD).images("first")
+    assert not isinstance(caught.value, FrameError)
