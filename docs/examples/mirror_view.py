@@ -7,15 +7,15 @@ import rigs
 import tomo
 from rigs.scene import Mirror, Scene
 
-grid = tomo.VoxelGrid(shape=(18, 24, 18), spacing=1.0)
+grid = tomo.VoxelGrid(shape=(12, 16, 12), spacing=1.0)
 flame = phantoms.create("turbulent", extent=grid.extent, seed=4)
 
 # 60 mm beside the flame a mirror turns the view by 90 degrees
 mirror = Mirror("side", point=(60, 0, 0), normal=(-1, 0, 1), size=(40, 40))
 R, t = rigs.look_at((30, 0, 500), (30, 0, 0))
-lens = [[1000, 0, 79.5], [0, 1000, 23.5], [0, 0, 1]]
-both = rigs.Camera("both", (160, 48), lens, R=R, t=t)
-others = rigs.ring(4, 45, distance=400, image_size=(40, 48), footprint=0.6)[1::2]
+lens = [[700, 0, 49.5], [0, 700, 15.5], [0, 0, 1]]
+both = rigs.Camera("both", (100, 32), lens, R=R, t=t)
+others = rigs.ring(4, 45, distance=400, image_size=(24, 30), footprint=0.7)[1::2]
 rig = rigs.Rig((both, *others), volume=rigs.Volume(grid.shape, grid.spacing))
 
 for name, seen in (("by the mirror too", rig.through(Scene([mirror]))), ("directly", rig)):

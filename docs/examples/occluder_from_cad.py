@@ -12,15 +12,15 @@ from rigs.scene import Mesh, Opaque, Scene
 from rigs.scene.mesh_file import read_mesh
 
 with TemporaryDirectory() as folder:  # a stand-in for the file of your CAD program
-    holder = trimesh.creation.cylinder(radius=2, height=60, sections=48)
+    holder = trimesh.creation.cylinder(radius=1.5, height=60, sections=48)
     holder.apply_transform(trimesh.transformations.rotation_matrix(1.5708, [1, 0, 0], [0, 0, 0]))
     holder.apply_translation([3, 0, 60])
     holder.export(Path(folder) / "holder.stl")
     vertices, triangles = read_mesh(Path(folder) / "holder.stl")
 
-grid = tomo.VoxelGrid(shape=(18, 24, 18), spacing=1.0)
+grid = tomo.VoxelGrid(shape=(12, 16, 12), spacing=1.0)
 flame = phantoms.create("turbulent", extent=grid.extent, seed=4)
-rig = rigs.ring(10, distance=400, image_size=(40, 48), footprint=0.6)
+rig = rigs.ring(8, 44, distance=400, image_size=(24, 30), footprint=0.7)
 scene = Scene([Mesh("holder", vertices, triangles, Opaque())])
 scan = tomo.simulate(rig.through(scene), flame, grid, supersample=2, refine=2, noise=0.01, seed=1)
 result = tomo.reconstruct(scan, options=tomo.Options(uncertainty=0))
