@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo._compute.threads import run_chunks
 from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.operators.on_the_fly.counting_pass import count_crossings
-from tomo.operators.on_the_fly.ray_sources import PixelSource, pixel_source
+from tomo.operators.on_the_fly.ray_sources import PixelSource
 from tomo.rays import Rays
+from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.trace import Segments
 
 Progress = Callable[[int, int, str], None]
@@ -32,6 +34,7 @@ def trace_cameras(
     tracers: list[Callable[[Rays], Segments]],
     skip: bool,
     supersample: int,
+    aperture_rays: int,
     progress: Progress | None,
 ) -> tuple[list[Segments], list[NDArray[np.int64]]]:
     """Return the segments of the cameras' pixels in active voxels, and each camera's pixels.
@@ -47,11 +50,11 @@ def trace_cameras(
         One a thread, from `tomo.trace.tracing`.
     skip : bool
         Whether to leave out pixels whose rays meet no active voxel.
-    supersample : int
-        Rays along each side of a pixel.
+    supersample, aperture_rays : int
+        Rays along each side of a pixel, and over the aperture: see `tomo.rays.Rays.from_camera`.
     progress : callable, optional
     """
-    at_once = max(RAYS_AT_ONCE // max(supersample, 1) ** 2, 1)
+    at_once = max(RAYS_AT_ONCE // rays_of_pixel(supersample, aperture_rays), 1)
     chunks = [
         (view, first)
         for view, pixels in enumerate(usable)
@@ -70,7 +73,7 @@ def trace_cameras(
                     number = next(begun)
                     progress(number, len(rig), rig[number].name)
             some = usable[view][first : first + at_once]
-            part = find(Rays.from_camera(rig[view], some, supersample, grid))
+            part = find(Rays.from_camera(rig[view], some, supersample, aperture_rays, grid))
             if skip:
                 part, seeing = part.without_empty()
                 some = some[seeing]
@@ -93,6 +96,7 @@ def camera_sources(
     active: ActiveVoxels,
     skip: bool,
     supersample: int,
+    aperture_rays: int,
     progress: Progress | None,
 ) -> tuple[list[PixelSource], list[NDArray[np.int64]]]:
     """Return the rays of the cameras to project at every product, and each camera's pixels.
@@ -103,7 +107,7 @@ def camera_sources(
     for view, (camera, pixels) in enumerate(zip(rig, usable, strict=True)):
         if progress:
             progress(view, len(rig), camera.name)
-        source = pixel_source(camera, pixels, supersample, active.grid)
+        source = pixel_source(camera, pixels, supersample, aperture_rays, active.grid)
         if skip:
             seeing = np.flatnonzero(count_crossings(source, active.grid).meets)
             source, pixels = source.take(seeing), pixels[seeing]

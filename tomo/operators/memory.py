@@ -14,7 +14,9 @@ from tomo._compute.grouping import golden_ratio_sequence
 from tomo._compute.memory import available_memory
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
+from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.rays.ray_box import enter_box
+from tomo.trace import tracing
 
 STORED, ON_THE_FLY = "stored", "on-the-fly"
 """Forms of a projector: the matrix in memory (`tomo.operators.stored`), or segment lengths
@@ -26,6 +28,15 @@ BYTES_PER_RAY = 32  # on the fly: the pixel's number, the lens distortion, and t
 BYTES_PER_VOXEL = 64  # the volume, its updates and sums, and the column pointers
 SAMPLED_RAYS = 2_000
 """Rays of each camera that segments are counted on: fewer err by more than a few per cent."""
+SAMPLED_OVER_APERTURE = 4
+"""Rays over an aperture that are counted of each pixel: the others are much like them."""
+FEWEST = 500
+"""Fewest pixels of each camera that rays are counted on."""
+SAMPLED_PIXELS = 128
+"""Pixels of each camera whose voxels are counted where rays over an aperture share them: fewer err
+by more than a few per cent, more take long."""
+LONGEST_TRACED = 2**14
+"""Voxels along an axis up to which they are: no matrix of longer grids fits in memory."""
 
 
 @dataclass(frozen=True)
@@ -54,37 +65,64 @@ def estimate_memory(
     *,
     form: str = STORED,
     supersample: int = 1,
+    aperture_rays: int = 1,
     midpoints: bool = False,
 ) -> MemoryNeed:
     """Estimate the memory of reconstructing from all pixels of some cameras.
 
     Rays and segments are counted on a sample of the rays; ``form`` is that of the projector.
     """
-    rays = segments = 0.0
+    several = rays_of_pixel(supersample, aperture_rays)
+    over_aperture = min(aperture_rays, SAMPLED_OVER_APERTURE)
+    merged = form == STORED and aperture_rays > 1 and not midpoints
+    merged = merged and max(grid.shape) <= LONGEST_TRACED
+    rays = segments = entries = 0.0
     for camera in cameras:
-        sample, stands_for = _sampled_pixels(math.prod(camera.image_size))
-        box = enter_box(Rays.from_camera(camera, sample), grid)
-        stands_for *= supersample**2
+        count = math.prod(camera.image_size)
+        sample, stands_for = _sampled_pixels(count, max(SAMPLED_RAYS // over_aperture, FEWEST))
+        some = Rays.from_camera(camera, sample, 1, over_aperture)
+        box = enter_box(some, grid)
         inside = box.length > 0
         counts = box.planes_between(grid.shape)[inside] + 1
-        rays += stands_for * inside.sum()
-        segments += stands_for * counts.sum()
+        each = stands_for * several / rays_of_pixel(1, over_aperture)
+        rays += each * inside.sum()
+        segments += each * counts.sum()
+        if merged:
+            entries += stands_for * _entries(camera, grid, sample, supersample, aperture_rays)
+    segments = entries if merged else segments
     per_segment = BYTES_PER_SEGMENT + (BYTES_PER_MIDPOINT if midpoints else 0)
-    matrix = per_segment * segments if form == STORED else BYTES_PER_RAY * rays
+    per_ray = BYTES_PER_RAY * supersample**2 / several  # those over an aperture are made anew
+    matrix = per_segment * segments if form == STORED else per_ray * rays
     nbytes = matrix + BYTES_PER_VOXEL * grid.size
     return MemoryNeed(round(rays), round(segments), grid.size, round(nbytes))
 
 
-def _sampled_pixels(count: int) -> tuple[NDArray[np.int64], float]:
+def _entries(
+    camera: CameraLike,
+    grid: VoxelGrid,
+    sample: NDArray[np.int64],
+    supersample: int,
+    aperture_rays: int,
+) -> float:
+    """Return about how many voxels the rays of the sampled pixels meet, each pixel by itself."""
+    some = sample[:: max(len(sample) // SAMPLED_PIXELS, 1)]
+    find, found = tracing(grid), 0
+    for pixel in some:
+        rays = Rays.from_camera(camera, pixel[None], supersample, aperture_rays)
+        found += len(np.unique(find(rays).voxel))
+    return found * len(sample) / len(some)
+
+
+def _sampled_pixels(count: int, most: int) -> tuple[NDArray[np.int64], float]:
     """Return some of ``count`` pixels spread over the image, and how many each stands for.
 
     Even steps would coincide with the image's width and see a few columns only.
     """
-    if count <= SAMPLED_RAYS:
+    if count <= most:
         return np.arange(count), 1.0
-    positions = (np.arange(SAMPLED_RAYS) + 0.5) / SAMPLED_RAYS * count  # one in each interval
-    jitter = (golden_ratio_sequence(SAMPLED_RAYS) - 0.5) * count / SAMPLED_RAYS
-    return np.clip(positions + jitter, 0, count - 1).astype(np.int64), count / SAMPLED_RAYS
+    positions = (np.arange(most) + 0.5) / most * count  # one in each interval
+    jitter = (golden_ratio_sequence(most) - 0.5) * count / most
+    return np.clip(positions + jitter, 0, count - 1).astype(np.int64), count / most
 
 
 def check_memory(
@@ -93,6 +131,7 @@ def check_memory(
     *,
     form: str = STORED,
     supersample: int = 1,
+    aperture_rays: int = 1,
     midpoints: bool = False,
     available: int | None = None,
 ) -> MemoryNeed:
@@ -108,7 +147,8 @@ def check_memory(
     ValueError
         If the grid would take more than is available; the message names a grid that fits.
     """
-    need = estimate_memory(cameras, grid, form=form, supersample=supersample, midpoints=midpoints)
+    how = {"supersample": supersample, "aperture_rays": aperture_rays}
+    need = estimate_memory(cameras, grid, form=form, **how, midpoints=midpoints)
     available = available_memory() if available is None else available
     _refuse_too_large(need, grid, form, available)
     return need
@@ -136,6 +176,7 @@ def choose_form(
     wanted: str = "auto",
     needs_matrix: bool = False,
     supersample: int = 1,
+    aperture_rays: int = 1,
     midpoints: bool = False,
     available: int | None = None,
 ) -> tuple[str, str]:
@@ -165,24 +206,25 @@ def choose_form(
             "projector: found on-the-fly, expected stored: the method needs the matrix entries"
         )
     available = available_memory() if available is None else available
+    how = {"supersample": supersample, "aperture_rays": aperture_rays}
     if wanted != ON_THE_FLY:
-        most = _most_stored(cameras, grid, supersample, midpoints)
+        most = _most_stored(cameras, grid, rays_of_pixel(**how), midpoints)
         if most <= available:
             return STORED, f"the matrix takes at most {_gigabytes(most)}"
-    stored = estimate_memory(cameras, grid, supersample=supersample, midpoints=midpoints)
+    stored = estimate_memory(cameras, grid, **how, midpoints=midpoints)
     takes = f"the matrix takes about {_gigabytes(stored.nbytes)} of {_gigabytes(available)} free"
     if wanted == STORED or needs_matrix or (wanted == "auto" and stored.nbytes <= available):
         _refuse_too_large(stored, grid, STORED, available)
         return STORED, takes
-    check_memory(cameras, grid, form=ON_THE_FLY, supersample=supersample, available=available)
+    check_memory(cameras, grid, form=ON_THE_FLY, **how, available=available)
     return ON_THE_FLY, takes if wanted == "auto" else "asked for"
 
 
 def _most_stored(
-    cameras: Sequence[CameraLike], grid: VoxelGrid, supersample: int, midpoints: bool
+    cameras: Sequence[CameraLike], grid: VoxelGrid, several: int, midpoints: bool
 ) -> int:
     """Return an upper bound of a stored matrix: a ray has a segment between any two planes."""
-    rays = supersample**2 * sum(math.prod(camera.image_size) for camera in cameras)
+    rays = several * sum(math.prod(camera.image_size) for camera in cameras)
     per_segment = BYTES_PER_SEGMENT + (BYTES_PER_MIDPOINT if midpoints else 0)
     return per_segment * rays * (sum(grid.shape) - 2) + BYTES_PER_VOXEL * grid.size
 

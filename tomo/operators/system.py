@@ -20,7 +20,7 @@ from tomo.operators.memory import STORED, choose_form
 from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.stored import Projector
-from tomo.trace import Segments, tracing
+from tomo.trace import Segments, merging, tracing
 
 
 class VolumeNotSeenError(ValueError):
@@ -60,6 +60,7 @@ class LinearSystem:
         active: ActiveVoxels | None = None,
         skip: bool = True,
         supersample: int = 1,
+        aperture_rays: int = 1,
         midpoints: bool = False,
         form: str = "auto",
         needs_matrix: bool = False,
@@ -81,6 +82,9 @@ class LinearSystem:
             whose rays miss the grid.
         supersample : int
             Rays along each side of a pixel.
+        aperture_rays : int
+            Rays of a pixel over the lens' aperture, see `tomo.rays.Rays.from_camera`; 1 is a
+            pinhole.
         midpoints : bool
             Whether to keep the midpoint of every segment (WERNet needs them).
         form : {"auto", "stored", "on-the-fly"}
@@ -94,7 +98,8 @@ class LinearSystem:
         ------
         ValueError
             If the system would not fit in memory, the form or the tracer is unknown, the form
-            cannot serve the method, or ``supersample`` is below one.
+            cannot serve the method, a number of rays is below one, or a camera's optics name no
+            aperture where there are rays over it.
         VolumeNotSeenError
             If no usable pixel of any camera sees the grid.
         """
@@ -104,8 +109,10 @@ class LinearSystem:
             wanted=form,
             needs_matrix=needs_matrix or midpoints,
             supersample=supersample,
+            aperture_rays=aperture_rays,
             midpoints=midpoints,
         )
+        several = supersample, aperture_rays
         active = ActiveVoxels(grid) if active is None else active
         if masks is None:
             usable = [np.arange(math.prod(camera.image_size)) for camera in rig]
@@ -116,9 +123,11 @@ class LinearSystem:
             how = {"midpoints": midpoints, "active": active, "in_storage_order": in_storage_order}
             threads = numba.get_num_threads() if tracer == "march" else 1  # raycast has its own
             tracers = [tracing(grid, tracer, **how) for _ in range(threads)]
-            parts, pixels = trace_cameras(rig, grid, usable, tracers, skip, supersample, progress)
+            if aperture_rays > 1 and not midpoints:
+                tracers = [merging(find, active.size) for find in tracers]
+            parts, pixels = trace_cameras(rig, grid, usable, tracers, skip, *several, progress)
         else:
-            parts, pixels = camera_sources(rig, usable, active, skip, supersample, progress)
+            parts, pixels = camera_sources(rig, usable, active, skip, *several, progress)
         if progress:
             progress(len(rig), len(rig), "")
         if form == STORED:
@@ -173,6 +182,7 @@ class LinearSystem:
         volume: NDArray[np.floating] | None = None,
         *,
         supersample: int = 1,
+        aperture_rays: int = 1,
         tracer: str = "march",
     ) -> LinearSystem:
         """Return the same equations for gas that absorbs.
@@ -183,7 +193,7 @@ class LinearSystem:
             In place of any that the equations have; none: transparent gas.
         volume : (nx, ny, nz), optional
             The mean emission of every voxel; needed where ``absorption.emission`` is not 0.
-        supersample, tracer
+        supersample, aperture_rays, tracer
             Those that the equations were made with.
 
         Notes
@@ -205,7 +215,10 @@ class LinearSystem:
             )
             for _ in range(numba.get_num_threads() if tracer == "march" else 1)
         ]
-        parts, _ = trace_cameras(self.rig, grid, self.pixels, tracers, False, supersample, None)
+        if aperture_rays > 1 and self.projector.segments.midpoint is None:  # as in `from_rig`
+            tracers = [merging(find, active.size) for find in tracers]
+        several = supersample, aperture_rays
+        parts, _ = trace_cameras(self.rig, grid, self.pixels, tracers, False, *several, None)
         length = np.concatenate([part.length for part in parts])
         return replace(self, projector=self.projector.with_lengths(length))
 

@@ -22,6 +22,7 @@ from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Compared, Solved
 from tomo.pipeline.stage import Record
 from tomo.pipeline.trace import TracedScan
+from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.scan import Scan
 
 
@@ -80,7 +81,7 @@ def assemble(
         truth=stages.reference.truth,
         comparisons=evaluated.comparisons,
         counts={
-            "rays": system.projector.shape[0] * options.supersample**2,
+            "rays": system.projector.shape[0] * rays_of_pixel(**options.rays),
             "segments": system.projector.n_segments,
             "voxels": grid.size,
             "active_voxels": system.projector.active.size - unseen,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from rigs.aperture import check_apertures
 from tomo.grid import VoxelGrid
 from tomo.operators import LINEAR, VOXEL, choose_form
 from tomo.pipeline.checks import comparison
@@ -39,6 +40,8 @@ def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
             "expected auto"
         )
     _check_basis(options, methods)
+    if options.aperture_rays > 1:
+        _check_aperture(options, scan)
     cameras_to_refine(options, scan)
     if grid is None:
         raise ValueError(
@@ -50,7 +53,7 @@ def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
         grid,
         wanted=options.projector,
         needs_matrix=any(one.needs_matrix for one in methods),
-        supersample=options.supersample,
+        **options.rays,
         midpoints=any(one.needs_midpoints for one in methods),
     )
 
@@ -77,7 +80,8 @@ def methods_of(options: Options) -> list[Method]:
 def may_learn(options: Options) -> bool:
     """Return whether weights may be learned in place of segment lengths."""
     method = method_named(options.method)
-    return method.needs_midpoints or (method.name == AUTO and options.learn)
+    in_focus = not options.blur and options.aperture_rays == 1
+    return method.needs_midpoints or (method.name == AUTO and options.learn and in_focus)
 
 
 def repeats_of(options: Options) -> int:
@@ -166,6 +170,21 @@ def _check_basis(options: Options, methods: list[Method]) -> None:
             f"basis: found {LINEAR} with blur {options.blur}, expected {VOXEL}: a lens's blur is "
             "known for voxels alone"
         )
+
+
+def _check_aperture(options: Options, scan: Scan) -> None:
+    """Refuse rays over apertures that the rig does not name, or whose blur is also given."""
+    if options.blur:
+        raise ValueError(
+            f"blur: found {options.blur} with aperture_rays {options.aperture_rays}, expected 0: "
+            "rays over the aperture model the same blur"
+        )
+    try:
+        check_apertures(scan.rig)
+    except ValueError as error:
+        raise ValueError(
+            f"{scan.source}: aperture_rays: found {options.aperture_rays}: {error}"
+        ) from None
 
 
 def _check_device(device: str, methods: list[Method]) -> None:

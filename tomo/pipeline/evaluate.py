@@ -27,6 +27,7 @@ from tomo.pipeline.solve import Compared, Solved, Watch, with_learned_weights
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.pipeline.trace import blind_warnings, through_gas
 from tomo.pipeline.view import View, quality
+from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.scan import Scan
 from tomo.scan.scan import Images, Masks
 from tomo.simulation.true_weights import TrueEffects, true_effects, true_ratios
@@ -124,7 +125,7 @@ def trace_apart(
             active=system.projector.active,
             midpoints=may_learn(options),
             tracer=options.tracer,
-            supersample=options.supersample,
+            **options.rays,
             form=options.projector,
         )
     except VolumeNotSeenError as error:
@@ -155,7 +156,7 @@ def evaluate(
             )
             views += _views_apart(apart, solved, screened, options)
             if found.weights is not None:
-                comparable = options.supersample == 1
+                comparable = rays_of_pixel(**options.rays) == 1
                 ratios = (
                     true_ratios(built.system, reference.effects, reference.truth, built.gains)
                     if comparable

@@ -146,7 +146,7 @@ def _coarser(
             active=_active(system.projector.active, pixels.grid),
             skip=False,
             tracer=options.tracer,
-            supersample=options.supersample,
+            **options.rays,
             form=STORED,
         ),
         options.supersample,

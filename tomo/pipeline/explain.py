@@ -67,7 +67,7 @@ def explain_images(
             if found.best is not found.as_given and not asked:
                 found, corrected = _confirmed(found, built, corrected)
             built = corrected
-            light = _light(found, {"supersample": options.supersample, "tracer": options.tracer})
+            light = _light(found, {**options.rays, "tracer": options.tracer})
             report = {**found.report(), "absorption": light}
             if light:
                 stage.warnings.append(_of_absorption(light, screened.scan.rig.length_unit))
@@ -141,9 +141,9 @@ def _causes(options: Options, reference: tuple[bool, ...] | None = None) -> list
     if options.fit_gain or (options.fit_gain is None and default):
         causes.append(CameraGains(GAIN, reference))
     if options.fit_absorption or (options.fit_absorption is None and default):
-        how = options.tracer, options.supersample
-        causes.append(AbsorbingGas(MEDIUM, False, *how))
-        causes.append(AbsorbingGas(SELF_ABSORPTION, True, *how))
+        how = {**options.rays, "tracer": options.tracer}
+        causes.append(AbsorbingGas(MEDIUM, False, how))
+        causes.append(AbsorbingGas(SELF_ABSORPTION, True, how))
     if options.fit_gain and not options.fit_absorption and not default:
         return []  # fitted alone, nothing to compare with
     return causes

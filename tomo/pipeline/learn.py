@@ -81,7 +81,7 @@ def learn(
 def _not_needed(solved: Solved, screened: ScreenedScan, options: Options) -> str:
     """Return why nothing is to be learned; empty where the images ask for it."""
     system, measured = solved.built.system, solved.built.measured
-    if system.form != STORED or options.blur:
+    if system.form != STORED or options.blur or options.aperture_rays > 1:
         return "weights are learned for stored rays in focus"
     if len(system.projector.views_with_pixels) < FEWEST_VIEWS:
         return "too few views: whatever the weights, some volume reproduces them"
@@ -188,7 +188,7 @@ def _with_midpoints(
         skip=False,
         midpoints=True,
         tracer=options.tracer,
-        supersample=options.supersample,
+        **options.rays,
         form=STORED,
     )
     traced = through_gas(traced, built.absorption, solved.solution.volume, options)

@@ -137,6 +137,14 @@ class Options:
     supersample: int = _option(
         1, "K x K rays are traced for each pixel.", whole(1, 64), metavar="K"
     )
+    aperture_rays: int = _option(
+        1,
+        "N rays of each pixel, in all, start all over the lens' aperture and cross in the plane in "
+        "focus: depth of field is modelled by the f-number, focal length and focus distance of "
+        "each camera's optics in the rig. 1: lenses are pinholes.",
+        whole(1, 4096, "4096"),
+        metavar="N",
+    )
     fresnel: bool | None = _option(
         None,
         "Whether the glass of the rig's scene takes the fraction of light that it reflects; by "
@@ -316,6 +324,11 @@ class Options:
                 raise ValueError(
                     f"{option.name}: found {value!r}, expected {check.expected}"
                 ) from None
+
+    @property
+    def rays(self) -> dict[str, int]:
+        """How many rays a pixel has, as `tomo.LinearSystem.from_rig` takes it."""
+        return {"supersample": self.supersample, "aperture_rays": self.aperture_rays}
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Self:

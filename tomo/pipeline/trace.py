@@ -84,8 +84,7 @@ def through_gas(
     """
     if not absorption:
         return system
-    how = {"supersample": options.supersample, "tracer": options.tracer}
-    return system.with_absorption(absorption, volume, **how)
+    return system.with_absorption(absorption, volume, **options.rays, tracer=options.tracer)
 
 
 def blind_warnings(system: LinearSystem) -> list[str]:
@@ -116,7 +115,7 @@ def _traced(
             midpoints=any(one.needs_midpoints for one in methods),
             needs_matrix=any(one.needs_matrix for one in methods),
             tracer=options.tracer,
-            supersample=options.supersample,
+            **options.rays,
             form=options.projector,
             progress=progress,
         )

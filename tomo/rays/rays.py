@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.aperture import Aperture
 from tomo._compute.grouping import take_groups
 from tomo.grid import VoxelGrid
 from tomo.rays.pinhole import BAD_LENGTH, FINE, NOT_FINITE, NOT_UNIT, first_fault, lines_of_sight
+from tomo.rays.pixel_rays import points_of_aperture, positions_in_pixel, rays_of_pixel
 
 if TYPE_CHECKING:
     from rigs import CameraLike
-    from rigs.scene import Paths
 
 _WRONG = {
     NOT_FINITE: "rays origins: found NaN or infinity, expected finite coordinates",
@@ -24,15 +25,16 @@ _WRONG = {
 }
 
 
-def positions_in_pixel(supersample: int) -> NDArray[np.float64]:
-    """Return the positions of a pixel's rays, down and right of its centre, ``(K², 2)``."""
-    steps = steps_in_pixel(supersample)
-    return np.stack([np.repeat(steps, supersample), np.tile(steps, supersample)], axis=1)
-
-
-def steps_in_pixel(supersample: int) -> NDArray[np.float64]:
-    """Return the positions of a pixel's rays along one side, from its centre, ``(K,)``."""
-    return (np.arange(supersample) + 0.5) / supersample - 0.5
+def _chief_rays(
+    camera: CameraLike, pixels: NDArray[np.int64], supersample: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the rays of pixels through the centre of projection, ``(P * K², 3)`` each."""
+    positions = positions_in_pixel(supersample)
+    if camera.is_pinhole:
+        return lines_of_sight(camera, pixels, positions)
+    row, column = np.divmod(pixels, camera.image_size[0])
+    v, u = row[:, None] + positions[:, 0], column[:, None] + positions[:, 1]  # (P, K²)
+    return camera.rays(np.stack([u, v], axis=-1).reshape(-1, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,8 @@ class Rays:
 
     A pixel's projection is the sum over its pieces of ``weight`` times the line integral from
     ``origins`` along ``directions`` over ``lengths``. One ray a pixel has weight 1; K x K rays a
-    pixel have 1 / K² each; a bent ray is several pieces one behind the other.
+    pixel have 1 / K² each, rays over an aperture those of a quadrature; a bent ray is several
+    pieces one behind the other.
 
     Attributes
     ----------
@@ -130,12 +133,17 @@ class Rays:
         camera: CameraLike,
         pixels: NDArray[np.integer] | None = None,
         supersample: int = 1,
+        aperture_rays: int = 1,
         grid: VoxelGrid | None = None,
+        *,
+        aperture: Aperture | None = None,
     ) -> Rays:
         """Return the rays of a camera's pixels, ``supersample`` x ``supersample`` for each.
 
         Sub-pixel rays sit at the centres of equal squares of the pixel (midpoint rule), so their
-        mean is the mean over the pixel's area to second order.
+        mean is the mean over the pixel's area to second order. With several aperture rays, those
+        at each position start all over the lens' pupil and cross in the plane in focus: their
+        mean is that over the aperture.
 
         Parameters
         ----------
@@ -143,63 +151,55 @@ class Rays:
         pixels : (P,) int, optional
             Flat pixel numbers ``row * width + column``; all pixels when None.
         supersample : int
-            Rays along each side of a pixel.
+            K, rays along each side of a pixel.
+        aperture_rays : int
+            Rays of a pixel in all, over its positions and the aperture: rounded up to a multiple
+            of K², from 2 K² on. 1: the lens is a pinhole, and a pixel has K² rays.
         grid : VoxelGrid, optional
             Pieces of bent lines of sight that miss it are left out.
+        aperture : Aperture, optional
+            That of the camera's optics when None.
+
+        Raises
+        ------
+        ValueError
+            If a number is no whole number from one on, or there are several aperture rays and the
+            camera's optics name no aperture, see `rigs.aperture.Aperture.of`.
 
         Notes
         -----
         A pixel that the lens maps from no direction at all (beyond the fold of its distortion
-        polynomial) keeps its row and owns no ray.
+        polynomial) keeps its row and owns no ray. Rays over the aperture of a camera that looks
+        through a scene leave it as without the scene, which then bends each of them.
         """
-        if supersample < 1:
-            raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
+        total, several = rays_of_pixel(supersample, aperture_rays), supersample**2
         width, height = camera.image_size
         pixels = np.arange(width * height) if pixels is None else np.asarray(pixels, np.int64)
-        positions = positions_in_pixel(supersample)
-        if camera.is_pinhole:
-            origins, directions = lines_of_sight(camera, pixels, positions)
-        else:
-            row, column = np.divmod(pixels, width)
-            v, u = (
-                row[:, None] + positions[:, 0],
-                column[:, None] + positions[:, 1],
-            )  # (pixels, K²)
-            uv = np.stack([u, v], axis=-1).reshape(-1, 2)
-            if not camera.is_straight:
-                region = () if grid is None else (np.stack([grid.lower, grid.upper]),)
-                found = camera.paths(uv, *region)
-                return cls._along_paths(*found, len(pixels), supersample**2)
-            origins, directions = camera.rays(uv)
-        weight = np.full(len(origins), 1.0 / supersample**2)
-        pixel_ptr = supersample**2 * np.arange(len(pixels) + 1)
+        own = camera if camera.is_straight else camera.camera
+        origins, directions = _chief_rays(own, pixels, supersample)
+        weight = np.full(len(origins), 1.0 / several)
+        pixel_ptr = several * np.arange(len(pixels) + 1)
+        seen = slice(None)
         if not np.isfinite(directions).all():
             seen = np.isfinite(directions).all(axis=1)
-            per_pixel = seen.reshape(-1, supersample**2).sum(axis=1)
+            per_pixel = seen.reshape(-1, several).sum(axis=1)
             origins, directions = origins[seen], directions[seen]
             weight = np.repeat(1.0 / np.maximum(per_pixel, 1), per_pixel)
             pixel_ptr = np.concatenate([[0], np.cumsum(per_pixel)]).astype(np.int64)
-        return cls(origins, directions, np.full(len(origins), np.inf), weight, pixel_ptr)
-
-    @classmethod
-    def _along_paths(
-        cls, paths: Paths, owners: NDArray[np.int64], n_pixels: int, several: int
-    ) -> Rays:
-        """Return the pieces of paths as rays of pixels, each of which has ``several`` paths.
-
-        Parameters
-        ----------
-        paths : Paths
-        owners : (paths,) int64
-            Which of the ``n_pixels * several`` rays each path belongs to: those that the lens
-            maps from no direction have none.
-        """
-        pixel = owners // several
-        existing = np.bincount(pixel, minlength=n_pixels)
-        pieces = np.diff(paths.ray_ptr)
-        weight = paths.weight / np.repeat(existing[pixel], pieces)
-        counts = np.bincount(pixel, weights=pieces, minlength=n_pixels).astype(np.int64)
-        pixel_ptr = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
+        if aperture_rays > 1:
+            lens = Aperture.of(camera) if aperture is None else aperture
+            points, shares = points_of_aperture(supersample, aperture_rays)
+            points = np.tile(points, (len(pixels), 1, 1))[seen]
+            starts, towards = lens.rays(own, origins, directions, points)
+            origins, directions = starts.reshape(-1, 3), towards.reshape(-1, 3)
+            weight = (weight[:, None] * shares).ravel()
+            pixel_ptr = pixel_ptr * (total // several)
+        if camera.is_straight:
+            return cls(origins, directions, np.full(len(origins), np.inf), weight, pixel_ptr)
+        region = () if grid is None else (np.stack([grid.lower, grid.upper]),)
+        paths = camera.scene.paths(origins, directions, *region)
+        weight = paths.weight * np.repeat(weight, np.diff(paths.ray_ptr))
+        pixel_ptr = paths.ray_ptr[pixel_ptr]
         return cls(paths.origins, paths.directions, paths.lengths, weight, pixel_ptr)
 
     def take(self, pixels: NDArray[np.integer]) -> Rays:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,14 +69,14 @@ class AbsorbingGas:
     ----------
     name : str
     by_emission : bool
-    tracer, supersample
-        Those that the equations are made with.
+    how : mapping
+        The tracer and the rays a pixel that the equations are made with, as
+        `LinearSystem.with_absorption` takes them.
     """
 
     name: str
     by_emission: bool
-    tracer: str = "march"
-    supersample: int = 1
+    how: Mapping[str, Any] = field(default_factory=dict)
 
     def fit(self, fitted: Fitted, evidence: Evidence) -> Sequence[Fitted]:
         """Search for the coefficient that predicts pixels left out best."""
@@ -107,12 +108,8 @@ class AbsorbingGas:
         own = {"emission" if self.by_emission else "medium": strength}
         absorption = replace(before.model.absorption, **own)
         for _ in range(outer if absorption.emission else 1):
-            system = system.with_absorption(
-                absorption,
-                volume_of(system, near.volume),
-                supersample=self.supersample,
-                tracer=self.tracer,
-            )
+            emission = volume_of(system, near.volume)
+            system = system.with_absorption(absorption, emission, **self.how)
             model = replace(before.model, system=system, absorption=absorption, causes=causes)
             near = evidence.fit(model, near.volume)
         return near

@@ -8,16 +8,18 @@ corners, and no two cameras have the same gain.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.aperture import Aperture
 from tomo.grid import VoxelGrid
 from tomo.operators.absorption import Absorption, attenuating
 from tomo.operators.attenuation import transmission
 from tomo.rays import Rays
+from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.rays.visible_pixels import pixels_that_see
 from tomo.trace import Segments, trace, tracing
 
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
     from rigs import CameraLike
 
 _STRENGTHS = ("gain_spread", "absorption", "self_absorption", "vignetting", "aperture")
-_GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 _GAIN_STREAM = 1  # a stream of its own: gains and noise do not change each other
 
 
@@ -48,13 +49,14 @@ class Effects:
         Fraction of the light that is lost at the image's corners, >= 0 and < 1. The pixel at a
         fraction ``r`` of the way from the image's middle to its corner receives
         ``(1 + c r²)^-2``: the fourth power of the cosine of a field angle.
-    aperture : float
-        Diameter of the entrance pupil, in the rig's length unit; 0 is a pinhole.
+    aperture : float, optional
+        Diameter of the entrance pupil, in the rig's length unit; 0 is a pinhole. None: that of
+        each camera's `rigs.Optics`, focal length over f-number.
     focus_distance : float, optional
         Distance along the optical axis from the centre of projection to the plane in focus; that
         of the camera's `rigs.Optics` when None.
     aperture_rays : int
-        Least number of rays of a pixel where there is an aperture.
+        Rays of a pixel where there is an aperture, see `Rays.from_camera`.
 
     Raises
     ------
@@ -72,7 +74,7 @@ focus_distance=None, aperture_rays=32)
     absorption: float = 0.0
     self_absorption: float = 0.0
     vignetting: float = 0.0
-    aperture: float = 0.0
+    aperture: float | None = 0.0
     focus_distance: float | None = None
     aperture_rays: int = 32
 
@@ -80,6 +82,8 @@ focus_distance=None, aperture_rays=32)
         """Check every value."""
         for name in _STRENGTHS:
             value = getattr(self, name)
+            if value is None and name == "aperture":
+                continue
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: found {value}, expected a number >= 0")
         if self.vignetting >= 1:
@@ -121,60 +125,29 @@ focus_distance=None, aperture_rays=32)
 
     def rays_per_pixel(self, supersample: int = 1) -> int:
         """Return the number of rays of a pixel: a multiple of ``supersample`` squared."""
-        return supersample**2 * self._lens_points(supersample)
+        return rays_of_pixel(supersample, 1 if self.aperture == 0 else self.aperture_rays)
 
     def rays(
         self, camera: CameraLike, pixels: NDArray[np.integer] | None = None, supersample: int = 1
     ) -> Rays:
-        """Return the rays of a camera's pixels, as `Rays.from_camera` but for the aperture.
-
-        A finite lens spreads each line of sight over points of the entrance pupil; all pass
-        through the point where the line meets the plane in focus. The points lie on a sunflower's
-        spiral, each for an equal area of the pupil (Vogel, Mathematical Biosciences 44, 1979).
-        Lines of one pixel take turns along it.
+        """Return the rays of a camera's pixels, see `Rays.from_camera`.
 
         Raises
         ------
         ValueError
-            If no focus distance is known, or a pixel looks along or away from the plane in focus.
+            If no aperture is known, or a pixel looks along or away from the plane in focus.
         """
-        lines = Rays.from_camera(camera, pixels, supersample)
-        if self.aperture == 0:
-            return lines
-        focus = self._focus_distance(camera)
-        axis = camera.R[2]
-        ahead = lines.directions @ axis
-        if (ahead <= 1e-3).any():
-            raise ValueError(
-                f"aperture: camera {camera.name}: found a pixel that does not look at the "
-                "plane in focus, expected all to look ahead"
-            )
-        count = self._lens_points(supersample)
-        first = np.repeat(lines.pixel_ptr[:-1], np.diff(lines.pixel_ptr))
-        turn = np.arange(len(lines)) - first  # (lines,): number within its pixel
-        point = turn[:, None] + supersample**2 * np.arange(count)  # (lines, count)
-        radius = self.aperture / 2 * np.sqrt((point + 0.5) / (supersample**2 * count))
-        angle = _GOLDEN_ANGLE * point
-        lens = np.cos(angle)[..., None] * camera.R[0] + np.sin(angle)[..., None] * camera.R[1]
-        lens *= radius[..., None]  # (lines, count, 3), from the centre of projection
-        directions = (lines.directions * (focus / ahead)[:, None])[:, None] - lens
-        directions = directions.reshape(-1, 3)
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        return Rays(
-            (lines.origins[:, None] + lens).reshape(-1, 3),
-            directions,
-            np.repeat(lines.lengths, count),
-            np.repeat(lines.weight / count, count),
-            lines.pixel_ptr * count,
-        )
+        lens = self._lens(camera)
+        count = 1 if lens is None else self.aperture_rays
+        return Rays.from_camera(camera, pixels, supersample, count, aperture=lens)
 
     def pixels_that_see(self, camera: CameraLike, grid: VoxelGrid) -> NDArray[np.int64]:
         """Return, ascending, the pixels that may see the grid's box, however blurred."""
-        if self.aperture > 0:
+        lens = self._lens(camera)
+        if lens is not None:
             ends = zip(grid.lower, grid.upper, strict=True)
             corners = np.stack(np.meshgrid(*ends), axis=-1).reshape(-1, 3)
-            depth = corners @ camera.R[2] + camera.t[2]
-            blur = self.aperture * np.abs(1 - depth / self._focus_distance(camera)).max()
+            blur = lens.blur(corners @ camera.R[2] + camera.t[2]).max()
             grid = VoxelGrid((1, 1, 1), grid.extent + blur, grid.center)
         return pixels_that_see(camera, grid)
 
@@ -244,16 +217,20 @@ focus_distance=None, aperture_rays=32)
             ratio *= transmission(nonempty, lines, grid, *strengths, emission)
         return ratio
 
-    def _lens_points(self, supersample: int) -> int:
-        return 1 if self.aperture == 0 else -(-self.aperture_rays // supersample**2)
-
-    def _focus_distance(self, camera: CameraLike) -> float:
-        known = self.focus_distance
-        if known is None and camera.optics is not None:
-            known = camera.optics.focus_distance
-        if known is None:
+    def _lens(self, camera: CameraLike) -> Aperture | None:
+        """Return a camera's aperture; None for a pinhole."""
+        if self.aperture == 0:
+            return None
+        if self.aperture is None:
+            known = Aperture.of(camera)
+            focus = self.focus_distance or known.focus_distance
+            return replace(known, focus_distance=focus)
+        focus = self.focus_distance
+        if focus is None and camera.optics is not None:
+            focus = camera.optics.focus_distance
+        if focus is None:
             raise ValueError(
                 f"focus_distance: camera {camera.name}: found none with an aperture of "
                 f"{self.aperture}, expected one"
             )
-        return known
+        return Aperture(self.aperture / 2, focus)

@@ -15,6 +15,7 @@ from rigs import CameraLike
 from tomo._compute.index_types import index_type
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.on_the_fly import kernels
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.operators.on_the_fly.chunks import (
     RAYS_AT_ONCE,
     Chunk,
@@ -31,7 +32,7 @@ from tomo.operators.on_the_fly.counting_pass import (
 )
 from tomo.operators.on_the_fly.nonfinite import adjoint_with_nonfinite
 from tomo.operators.on_the_fly.pixel_runs import pixels_between, pixels_by_source
-from tomo.operators.on_the_fly.ray_sources import Numbers, PixelSource, RayPixels, pixel_source
+from tomo.operators.on_the_fly.ray_sources import Numbers, PixelSource, RayPixels
 from tomo.operators.on_the_fly.running_sums import (
     ORDERS,
     Axes,
@@ -90,6 +91,7 @@ class OnTheFlyProjector(ProjectionOperator):
         grid: VoxelGrid,
         supersample: int = 1,
         active: ActiveVoxels | None = None,
+        aperture_rays: int = 1,
     ) -> OnTheFlyProjector:
         """Return the projector of cameras, one a view.
 
@@ -104,10 +106,12 @@ class OnTheFlyProjector(ProjectionOperator):
         supersample : int
             Rays along each side of a pixel, as in `Rays.from_camera`.
         active : ActiveVoxels, optional
+        aperture_rays : int
+            Rays over each camera's aperture, as there.
         """
         chosen = [None] * len(cameras) if pixels is None else pixels
         sources = tuple(
-            pixel_source(camera, some, supersample)
+            pixel_source(camera, some, supersample, aperture_rays)
             for camera, some in zip(cameras, chosen, strict=True)
         )
         return cls.from_sources(sources, grid, active)

@@ -170,9 +170,22 @@ def _write_plane(numbers, some, width, lens, step_down, step_right, rays):
 
 
 @compiled(inline=True)
-def _write_directions(rays, weights, some, to):
+def _look_past(right, down, rays, some):
+    """Turn lines of sight to the rays from a point of the pupil, that far aside in units of focus.
+
+    A line ``x, y, z`` meets the plane in focus, at the distance one, in ``x / z, y / z``.
+    """
+    for k in range(some):
+        per = 1.0 / rays[2, k]
+        rays[0, k] = rays[0, k] * per - right
+        rays[1, k] = rays[1, k] * per - down
+        rays[2, k] = 1.0
+
+
+@compiled(inline=True)
+def _write_directions(rays, weights, share, some, to, start):
     """Turn right, down and ahead into the rays from one point that `_set_parameters` takes."""
-    a, b, c = to[0, 3], to[1, 3], to[2, 3]
+    a, b, c = start
     a_right, a_down, a_ahead = to[0, 0], to[0, 1], to[0, 2]
     b_right, b_down, b_ahead = to[1, 0], to[1, 1], to[1, 2]
     c_right, c_down, c_ahead = to[2, 0], to[2, 1], to[2, 2]
@@ -183,13 +196,24 @@ def _write_directions(rays, weights, some, to):
         rays[4, k] = right * b_right + down * b_down + ahead * b_ahead
         rays[5, k] = right * c_right + down * c_down + ahead * c_ahead
         rays[6, k] = np.inf
-        rays[7, k] = weights[k] * math.sqrt(right * right + down * down + ahead * ahead)
+        length = math.sqrt(right * right + down * down + ahead * ahead)
+        rays[7, k] = share * weights[k] * length
+
+
+@compiled(inline=True)
+def _start_at(to, right, down):
+    """Return the point that far right and down of the camera, along a, b and c in voxels."""
+    return (
+        to[0, 3] + right * to[0, 0] + down * to[0, 1],
+        to[1, 3] + right * to[1, 0] + down * to[1, 1],
+        to[2, 3] + right * to[2, 0] + down * to[2, 1],
+    )
 
 
 @compiled()
 def of_pixels(
-    first_pixel, ptr, run, start, stop, bend, width, lens, steps, rotation, position, box, shape,
-    axes, parameters,
+    first_pixel, ptr, run, start, stop, bend, width, lens, steps, pupil, shares, focus, rotation,
+    position, box, shape, axes, parameters,
 ) -> None:  # fmt: skip
     """Write the parameters of a camera's pixels with driving axis ``axes[0]``.
 
@@ -210,6 +234,12 @@ def of_pixels(
         fx, skew, cx, fy, cy.
     steps : (K², 2) float64
         Positions of a pixel's rays, down and right of its centre.
+    pupil : (K², M, 2) float64
+        Points of the pupil that each position looks from, right and down of the camera.
+    shares : (M,) float64
+        Their weights.
+    focus : float
+        Distance to the plane in focus; infinite for a pinhole, whose M is one.
     rotation : (3, 3) float64
         From the world to the camera.
     position : (3,) float64
@@ -237,7 +267,8 @@ def of_pixels(
             for part in range(several):
                 seen -= math.isnan(bend[first + k, part, 0])
             weights[k] = 1.0 / max(seen, 1)
-        for part in range(several):
+        for ray in range(several * len(shares)):
+            part, point = ray // len(shares), ray % len(shares)
             _write_plane(numbers, some, width, lens, steps[part, 0], steps[part, 1], rays)
             for k in range(some if bent else 0):
                 if bent == 2:
@@ -246,8 +277,12 @@ def of_pixels(
                 else:
                     rays[0, k], rays[1, k] = bend[first + k, part, 0], bend[first + k, part, 1]
                     rays[2, k] = bend[first + k, part, 2]
-            _write_directions(rays, weights, some, to)
+            right, down = pupil[part, point, 0], pupil[part, point, 1]
+            if focus < np.inf:
+                _look_past(right / focus, down / focus, rays, some)
+            from_there = _start_at(to, right, down)
+            _write_directions(rays, weights, shares[point], some, to, from_there)
             _set_parameters(
-                rays, made, some, shape, before[0], before[1], parameters, first * several + part,
-                several,
+                rays, made, some, shape, before[0], before[1], parameters,
+                first * several * len(shares) + ray, several * len(shares),
             )  # fmt: skip
