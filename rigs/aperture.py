@@ -59,10 +59,11 @@ class Aperture:
                 raise ValueError(f"aperture: {name}: found {value}, expected a positive number")
 
     @classmethod
-    def of(cls, camera: CameraLike) -> Aperture:
+    def of(cls, camera: CameraLike, focus_distance: float | None = None) -> Aperture:
         """Return the aperture that a camera's `rigs.Optics` describe.
 
-        The radius is ``focal_length / (2 f_number)``.
+        The radius is ``focal_length / (2 f_number)``; ``focus_distance`` replaces that of the
+        optics.
 
         Raises
         ------
@@ -71,6 +72,7 @@ class Aperture:
             its focal length.
         """
         known = {name: getattr(camera.optics, name, None) for name in NEEDED}
+        known["focus_distance"] = focus_distance or known["focus_distance"]
         missing = [name for name, value in known.items() if value is None]
         if missing:
             line = ", ".join(

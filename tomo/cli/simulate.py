@@ -31,6 +31,8 @@ EXAMPLES = """
 flametomo simulate --rig paper33_pitch --phantom turbulent -o scan
 flametomo simulate --rig rig.yaml --phantom jet --grid 30x140x30
     --spacing 0.5 --photons 2000 --seed 3 -o scan
+flametomo simulate --rig rig.yaml --phantom turbulent --grid 30x140x30
+    --spacing 0.5 --aperture-rays 64 -o scan
 flametomo simulate --rig paper11_22deg --phantom turbulent --grid 30x140x30
     --spacing 0.5 --photons 300 --frames 200 -o film
 """
@@ -72,9 +74,24 @@ def simulate(
     vignetting: Annotated[
         float, typer.Option(help="Fraction of the light lost in the images' corners.")
     ] = 0.0,
-    aperture: Annotated[float, typer.Option(help="Diameter of the lenses; 0 for pinholes.")] = 0.0,
+    aperture: Annotated[
+        float | None,
+        typer.Option(
+            help="Diameter of the lenses; 0 for pinholes. With --aperture-rays by default that of "
+            "each camera's optics in the rig."
+        ),
+    ] = None,
+    aperture_rays: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Rays of a pixel over the aperture; by default 32 with --aperture, else none.",
+            min=1,
+            max=4096,
+        ),
+    ] = None,
     focus_distance: Annotated[
-        float | None, typer.Option(help="Distance in focus, with --aperture; the rig's if absent.")
+        float | None, typer.Option(help="Distance in focus of lenses; the rig's if absent.")
     ] = None,
     fresnel: Annotated[
         bool | None,
@@ -105,7 +122,7 @@ def simulate(
     started = time.perf_counter()
     with bad_input_in_one_line():
         from tomo.simulation import simulate_film, simulate_images
-        from tomo.simulation.effects import Effects
+        from tomo.simulation.effects import OPTICS, Effects
         from tomo.simulation.film import FRAME_RATE
 
         effects = Effects(
@@ -113,8 +130,9 @@ def simulate(
             absorption=absorption,
             self_absorption=self_absorption,
             vignetting=vignetting,
-            aperture=aperture,
+            aperture=_one_of(aperture, 0.0 if aperture_rays in (None, 1) else OPTICS),
             focus_distance=focus_distance,
+            aperture_rays=_one_of(aperture_rays, Effects.aperture_rays),
         )
         loaded, default = load_rig_and_grid(rig)
         if fresnel is not None:
@@ -141,6 +159,10 @@ def simulate(
                 summary["grid"] = voxels.to_mapping()
     if json:
         print_json({**summary, "seconds": time.perf_counter() - started})
+
+
+def _one_of(asked: float | None, default: float | str) -> float | str:
+    return default if asked is None else asked
 
 
 def _summary(scan: Scan, voxels: VoxelGrid, folder: Path) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from tomo._compute.memory import peak_memory
 from tomo.operators import STORED, LinearSystem
 from tomo.pipeline.assess import Assessed
 from tomo.pipeline.build import WeightedSystem
+from tomo.pipeline.depth_of_field import depth_of_field
 from tomo.pipeline.evaluate import Evaluated, Reference
 from tomo.pipeline.explain import ExplainedScan
 from tomo.pipeline.learn import Learned
@@ -88,6 +89,7 @@ def assemble(
         },
         carving=registered.report(system.projector.shape[0]),
         screening=screening.report() if screening else None,
+        depth_of_field=depth_of_field(scan.rig, grid, options),
         alignment=alignment.report(names) if alignment else None,
         refinement=registered.refinement.report() if registered.refinement else None,
         refined_rig=registered.recorded_rig(scan) if registered.refinement else None,

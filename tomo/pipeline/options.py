@@ -139,8 +139,8 @@ class Options:
     )
     aperture_rays: int = _option(
         1,
-        "N rays of each pixel, in all, start all over the lens' aperture and cross in the plane in "
-        "focus: depth of field is modelled by the f-number, focal length and focus distance of "
+        "N rays of each pixel, in all, start all over the lens' aperture and cross in the plane "
+        "in focus: depth of field is modelled by the f-number, focal length and focus distance of "
         "each camera's optics in the rig. 1: lenses are pinholes.",
         whole(1, 4096, "4096"),
         metavar="N",

@@ -44,6 +44,8 @@ class Reconstruction:
         Pixels and voxels left out of the system, see `tomo.hull.Carving.report`.
     screening : mapping, optional
         See `tomo.screening.Screening.report`; None where they were not looked for.
+    depth_of_field : mapping, optional
+        How it was modelled, see `tomo.pipeline.depth_of_field`; None where lenses were pinholes.
     alignment, refinement, gains : mapping, optional
         See `tomo.selfcal.shifts.Alignment.report`, `tomo.selfcal.refine.Refinement.report` and
         `tomo.selfcal.gains.Gains.report`; None where they were not looked for, or the gains not
@@ -87,6 +89,7 @@ class Reconstruction:
     counts: Mapping[str, int] = field(default_factory=dict)
     carving: Mapping[str, Any] = field(default_factory=dict)
     screening: Mapping[str, Any] | None = None
+    depth_of_field: Mapping[str, Any] | None = None
     alignment: Mapping[str, Any] | None = None
     refinement: Mapping[str, Any] | None = None
     refined_rig: Rig | None = None

@@ -36,6 +36,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
         "pixel_weights": dict(outcome.pixel_weights),
         "carving": dict(outcome.carving),
         "screening": outcome.screening,
+        "depth_of_field": outcome.depth_of_field,
         "alignment": outcome.alignment,
         "refinement": outcome.refinement,
         "explanation": outcome.explanation,

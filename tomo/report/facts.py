@@ -38,6 +38,7 @@ def detail_tables(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
         ("emission", "Emission"),
         ("screening", "Outlier pixels and inconsistent views"),
         ("carving", "Pixels and voxels left out"),
+        ("depth_of_field", "Depth of field"),
         ("alignment", "Where the cameras look"),
         ("gains", "Gains and backgrounds"),
         ("learning", "Segment lengths or learned weights"),

@@ -186,7 +186,7 @@ class _Effects(_Strict):
     absorption: Number = 0.0
     self_absorption: Number = 0.0
     vignetting: Number = 0.0
-    aperture: Number = 0.0
+    aperture: Number | Literal["optics"] = 0.0
     focus_distance: Number | None = None
     aperture_rays: Whole = 32
     gains: dict[str, Annotated[Number, AfterValidator(_above_zero)]] = {}

@@ -8,7 +8,7 @@ corners, and no two cameras have the same gain.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from rigs import CameraLike
 
 _STRENGTHS = ("gain_spread", "absorption", "self_absorption", "vignetting", "aperture")
+OPTICS = "optics"
+"""An `Effects.aperture`: that of each camera's optics in the rig."""
+
 _GAIN_STREAM = 1  # a stream of its own: gains and noise do not change each other
 
 
@@ -49,9 +52,9 @@ class Effects:
         Fraction of the light that is lost at the image's corners, >= 0 and < 1. The pixel at a
         fraction ``r`` of the way from the image's middle to its corner receives
         ``(1 + c r²)^-2``: the fourth power of the cosine of a field angle.
-    aperture : float, optional
-        Diameter of the entrance pupil, in the rig's length unit; 0 is a pinhole. None: that of
-        each camera's `rigs.Optics`, focal length over f-number.
+    aperture : float or "optics"
+        Diameter of the entrance pupil, in the rig's length unit; 0 is a pinhole. ``optics``: that
+        of each camera's `rigs.Optics`, focal length over f-number.
     focus_distance : float, optional
         Distance along the optical axis from the centre of projection to the plane in focus; that
         of the camera's `rigs.Optics` when None.
@@ -74,7 +77,7 @@ focus_distance=None, aperture_rays=32)
     absorption: float = 0.0
     self_absorption: float = 0.0
     vignetting: float = 0.0
-    aperture: float | None = 0.0
+    aperture: float | str = 0.0
     focus_distance: float | None = None
     aperture_rays: int = 32
 
@@ -82,9 +85,9 @@ focus_distance=None, aperture_rays=32)
         """Check every value."""
         for name in _STRENGTHS:
             value = getattr(self, name)
-            if value is None and name == "aperture":
+            if name == "aperture" and value == OPTICS:
                 continue
-            if not (math.isfinite(value) and value >= 0):
+            if isinstance(value, str) or not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: found {value}, expected a number >= 0")
         if self.vignetting >= 1:
             raise ValueError(f"vignetting: found {self.vignetting}, expected a fraction below 1")
@@ -221,10 +224,8 @@ focus_distance=None, aperture_rays=32)
         """Return a camera's aperture; None for a pinhole."""
         if self.aperture == 0:
             return None
-        if self.aperture is None:
-            known = Aperture.of(camera)
-            focus = self.focus_distance or known.focus_distance
-            return replace(known, focus_distance=focus)
+        if self.aperture == OPTICS:
+            return Aperture.of(camera, self.focus_distance)
         focus = self.focus_distance
         if focus is None and camera.optics is not None:
             focus = camera.optics.focus_distance
