@@ -80,7 +80,7 @@ class Aperture:
                 for name, value in known.items()
             )
             raise ValueError(
-                f"camera {camera.name}: optics: found no {' and no '.join(missing)}, expected "
+                f"camera {camera.name}: optics: found no {', '.join(missing)}, expected "
                 f"all three for rays over the aperture: write optics: {{{line}}} in rig.yaml, in "
                 "its length unit"
             )

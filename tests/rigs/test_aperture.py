@@ -92,7 +92,7 @@ def test_a_table_whose_rays_start_further_ahead_has_the_same_rays():
 @pytest.mark.parametrize(
     ("optics", "message"),
     [
-        (None, "found no focal_length and no f_number and no focus_distance"),
+        (None, "found no focal_length, f_number, focus_distance, exp"),
         (
             rigs.Optics(focal_length=50, focus_distance=300),
             "camera cam01: optics: found no f_number, expected all three for rays over the "
