@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rigs
+from rigs.scene import Glass, Scene, SceneCamera, Window
 from tomo import LinearSystem, VoxelGrid
 from tomo.operators import Absorption, dot_test, estimate_memory
 from tomo.operators.lens_blur import disc_kernel
@@ -15,7 +16,7 @@ from tomo.trace import merging, trace, tracing
 
 LENS = rigs.Optics(focal_length=50, f_number=2.8, focus_distance=300)
 GRID = VoxelGrid((14, 11, 17), (3.0, 4.0, 3.5), (2.0, -1.0, 1.0))
-RIG = rigs.ring(3, 300.0, 90.0, image_size=(15, 11), footprint=5.0, pitch_degrees=[0, 20, -50])
+RIG = rigs.ring(3, distance=300.0, image_size=(15, 11), footprint=5.0, pitch_degrees=[0, 20, -50])
 LENSES = {
     "pinhole": rigs.Distortion(),
     "brown": rigs.Distortion("brown", (-0.3, 0.1, 0, 0)),
@@ -167,3 +168,44 @@ def test_a_closed_aperture_is_a_pinhole():
         for n in (1, 5)
     )
     np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5)
+
+
+def through_window(thickness, index, kind="pinhole"):
+    """Return the rig behind plane-parallel windows across its optical axes."""
+    cameras = []
+    for one in lab(kind):
+        point = one.position + 100 * one.R[2]
+        window = Window("w", point, -one.R[2], thickness, Glass(index))
+        cameras.append(SceneCamera(one, Scene((window,)), GRID.center))
+    return rigs.Rig(cameras)
+
+
+def test_a_window_shifts_the_plane_in_focus():
+    """A plate moves the crossing of rays near the axis by ``t (1 - 1 / n)``."""
+    rig = through_window(20.0, 1.5)
+    slow = replace(LENS, f_number=40)
+    camera = replace(rig[0], camera=replace(rig[0].camera, optics=slow))
+    own, middle = camera.camera, np.array([5 * 15 + 7])
+    rays = Rays.from_camera(camera, middle, 1, 24, GRID)
+    assert len(rays) == 24  # the pieces in front of the window and in it miss the grid
+    start = (rays.origins - own.position) @ own.R.T
+    ahead = rays.directions @ own.R.T
+    depth = 300 + 20 * (1 - 1 / 1.5)
+    crossing = start + ahead * ((depth - start[:, 2]) / ahead[:, 2])[:, None]
+    assert np.ptp(crossing, axis=0).max() < 1e-4
+    at_300 = start + ahead * ((300 - start[:, 2]) / ahead[:, 2])[:, None]
+    assert np.ptp(at_300, axis=0).max() > 0.02
+
+
+def test_rays_over_the_aperture_are_one_matrix_through_a_scene_too():
+    rig, how = through_window(20.0, 1.5, "brown"), {"aperture_rays": 8, "skip": False}
+    stored, flying = (
+        LinearSystem.from_rig(rig, GRID, form=form, **how).projector
+        for form in ("stored", "on-the-fly")
+    )
+    x = np.random.default_rng(4).random(GRID.size)
+    assert np.abs(stored @ x - flying @ x).max() < 1e-6 * (stored @ x).max()
+    assert dot_test(flying) < 1e-12
+    thin = LinearSystem.from_rig(through_window(1.0, 1.000001), GRID, **how).projector @ x
+    none = LinearSystem.from_rig(lab("pinhole"), GRID, **how).projector @ x
+    np.testing.assert_allclose(thin, none, rtol=1e-4, atol=1e-3)
