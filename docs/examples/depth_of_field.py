@@ -16,7 +16,7 @@ cameras = rigs.ring(12, distance=300, image_size=(56, 56), footprint=1.5)
 rig = rigs.Rig(tuple(replace(camera, optics=lens) for camera in cameras))
 
 how = {"supersample": 2, "refine": 2, "noise": 0.01, "seed": 1}
-open_lens = Effects(aperture="optics", aperture_rays=128)
+open_lens = Effects(aperture="optics", aperture_rays=64)
 scan = tomo.simulate(rig, flame, grid, effects=open_lens, **how)
 for name, rays in (("depth of field modelled", 32), ("pinholes", 1)):
     options = tomo.Options(supersample=2, aperture_rays=rays, uncertainty=0)
