@@ -46,6 +46,40 @@ def coarse_scenes():
 
 
 @contextmanager
+def one_fold_a_choice():
+    """Choose priors by one fold and few iterations: the choice takes most of a small run's time.
+
+    Every width and strength can still be chosen. Tests of how good the choice is do without this.
+    """
+    from tomo.selection import choose, fits
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fits, "CHECKPOINTS", (5, 10, 20))
+        patch.setattr(choose, "ENOUGH_BLOCKS", 1)
+        yield
+
+
+@pytest.fixture(scope="module")
+def quick_choices():
+    """Priors are chosen quickly in a whole file of tests, see `one_fold_a_choice`."""
+    with one_fold_a_choice():
+        yield
+
+
+@pytest.fixture
+def quick_choice():
+    """Priors are chosen quickly in one test, see `one_fold_a_choice`."""
+    with one_fold_a_choice():
+        yield
+
+
+@pytest.fixture(scope="session")
+def choose_quickly():
+    """Return `one_fold_a_choice`: ``with choose_quickly(): ...``."""
+    return one_fold_a_choice
+
+
+@contextmanager
 def number_of_threads(count):
     """Run kernels on so many threads, or as many as there are, and torch where it is loaded."""
     import numba

@@ -43,8 +43,9 @@ def copy(folder, tmp_path):
 
 
 @pytest.fixture(scope="session")
-def outcome(folder):
-    return reconstruct(load_scan(folder))
+def outcome(folder, choose_quickly):
+    with choose_quickly():
+        return reconstruct(load_scan(folder))
 
 
 @pytest.fixture(scope="session")

@@ -17,6 +17,8 @@ from tomo.simulation.effects import Effects
 from tomo.wernet import save_encoder
 from tomo.wernet.default import CorrectionEncoder
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GRID = VoxelGrid((14, 36, 14), 1.0)
 SMALL = VoxelGrid((10, 26, 10), 1.0)
 QUICK = {"uncertainty": 0}  # which says nothing of the basis

@@ -11,7 +11,7 @@ from tomo.report import result_figures
 from tomo.report.outcome_files import write_outcome
 from tomo.selfcal import shifts
 
-pytestmark = pytest.mark.usefixtures("coarse_scenes")
+pytestmark = pytest.mark.usefixtures("quick_choices", "coarse_scenes")
 
 
 class OfALibraryError(Exception):

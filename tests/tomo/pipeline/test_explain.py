@@ -10,6 +10,8 @@ from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GRID = VoxelGrid((14, 20, 14), 1.0, (1.0, -2.0, 0.5))
 RIG = ring(
     10, distance=200.0, image_size=(48, 60), footprint=0.5, center=GRID.center,

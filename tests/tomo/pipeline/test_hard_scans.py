@@ -16,6 +16,8 @@ from tomo.pipeline import Options, reconstruct
 from tomo.scan import Corrections
 from tomo.simulation import simulate_images
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 PLACE = (20, 12)
 APART = np.zeros((40, 24), bool)
 APART[6:-6:3, 5:-5:3] = True  # no two beside each other

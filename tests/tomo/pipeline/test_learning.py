@@ -17,6 +17,8 @@ from tomo.simulation.effects import Effects
 from tomo.wernet import load_encoder
 from tomo.wernet.paper import WeightEncoder
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 SIRT = {"method": "sirt", "iterations": 5}
 
 

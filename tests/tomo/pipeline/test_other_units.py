@@ -20,6 +20,8 @@ from tomo.selfcal.shifts import align_views
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GAINS = (1.0, 1.2, 0.9)  # of the cameras, in turn
 SHIFT = 2.0  # pixels that one camera is off
 SCALES = {"lengths x 2.9e5": (2.9e5, 1.0), "intensities x 3.7e-6": (1.0, 3.7e-6)}

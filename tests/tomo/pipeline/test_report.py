@@ -10,6 +10,8 @@ from tomo import load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.report.outcome_files import results_of
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 REPORT = {
     "method", "seconds", "first_use_seconds", "peak_memory_mb", "rays", "segments", "voxels",
     "active_voxels", "relative_residual", "stop_reason", "quality", "held_out", "views",

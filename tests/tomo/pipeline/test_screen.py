@@ -10,6 +10,8 @@ from tomo.pipeline import Options, reconstruct
 from tomo.scan import save_scan
 from tomo.simulation import simulate_images
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GRID = VoxelGrid((16, 24, 16), 1.0)
 
 

@@ -12,6 +12,8 @@ from rigs import load_rig
 from tomo import load_scan, scan_of_images
 from tomo.pipeline import Options, reconstruct
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 SIRT = {"method": "sirt", "iterations": 5}
 
 

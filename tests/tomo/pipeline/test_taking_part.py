@@ -10,6 +10,8 @@ from tomo.io import read_volume
 from tomo.pipeline import Options, reconstruct
 from tomo.report.outcome_files import VOLUME_FILES, write_outcome
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 SIRT = {"method": "sirt", "iterations": 5}
 HELD_OUT = Options(hold_out=["cam02"], uncertainty=0)
 

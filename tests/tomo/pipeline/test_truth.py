@@ -10,6 +10,8 @@ from tomo.io import write_volume
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 SIRT = {"method": "sirt", "iterations": 5}
 
 

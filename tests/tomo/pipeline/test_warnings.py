@@ -15,6 +15,8 @@ from tomo.scan import Corrections
 from tomo.scan._schema import _Corrections
 from tomo.scan.corrections import correction_line
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 DEEDS = {
     "add", "aim", "average", "calibrate", "check", "correct", "do", "enlarge", "expose", "give",
     "if", "leave", "let", "mask", "reconstruct", "run", "see", "subtract", "to", "use", "where",

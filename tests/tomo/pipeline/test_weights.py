@@ -9,6 +9,8 @@ from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GRID = VoxelGrid((20, 52, 20), 0.7)
 SMALL = VoxelGrid((14, 38, 14), 0.7)
 PHOTONS = 150
