@@ -47,14 +47,13 @@ def coarse_scenes():
 
 @contextmanager
 def one_fold_a_choice():
-    """Choose priors by one fold and few iterations: the choice takes most of a small run's time.
+    """Choose priors by one fold instead of up to eight: choosing takes most of a small run's time.
 
-    Every width and strength can still be chosen. Tests of how good the choice is do without this.
+    The same choices are weighed. Tests of how well one is chosen do without this.
     """
-    from tomo.selection import choose, fits
+    from tomo.selection import choose
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fits, "CHECKPOINTS", (5, 10, 20))
         patch.setattr(choose, "ENOUGH_BLOCKS", 1)
         yield
 

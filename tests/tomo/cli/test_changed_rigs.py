@@ -13,6 +13,8 @@ from rigs.recordings import write_image
 from tomo import load_scan
 from tomo.io import read_volume
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GRID = ("--grid", "10x12x10", "--spacing", "2")
 LENS = Distortion("brown", (-0.3, 0.1, 0.01, -0.02, 0.0))
 METHOD = ("--method", "sirt", "--iterations", "15", "--no-pictures", "--no-skip")

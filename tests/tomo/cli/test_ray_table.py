@@ -11,6 +11,8 @@ from rigs import RayTable, load_rig, ring
 from tomo import VoxelGrid
 from tomo.simulation import simulate_images
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GRID = VoxelGrid((10, 14, 10), 1.0)
 
 

@@ -18,6 +18,8 @@ from tomo.io import read_volume, write_volume
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 TOOL = Path(__file__).parents[3] / "tools" / "reconstruct.py"
 GRID = VoxelGrid((8, 14, 8), (1.0, 1.0, 1.2), (10.0, 0.0, -3.0))
 VOLUMES = ("volume.npz", "volume.vti", "volume.nrrd")
@@ -99,7 +101,8 @@ def test_report_json_is_written_last(done):
 
 
 def test_an_interrupted_run_leaves_what_was_there(run_tool, scan, tmp_path, monkeypatch):
-    options = ("--method", "sirt", "--iterations", "2", "-o", tmp_path / "out")
+    options = ("--method", "sirt", "--iterations", "2", "--uncertainty", "0")
+    options += ("-o", tmp_path / "out")
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "report.json").write_text("{}")  # of an earlier run
 
@@ -242,6 +245,7 @@ def test_in_a_process_of_its_own(scan, tmp_path):
 
 
 WERNET = ("--method", "wernet", "--seed", "3", "--iterations", "2", "--no-pictures")
+WERNET += ("--uncertainty", "0")
 
 
 def test_wernet_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, monkeypatch):
@@ -260,7 +264,8 @@ def test_wernet_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, monkey
     assert [path.name for path in out.iterdir()] == ["checkpoint.pt"]
     resumed = run_tool("reconstruct", scan, *WERNET, "--resume", "--json", "-o", out)
     assert resumed.exit_code == 0, resumed.stderr
-    whole = reconstruct(load_scan(scan), options=Options(method="wernet", seed=3, iterations=2))
+    settings = {"method": "wernet", "seed": 3, "iterations": 2, "uncertainty": 0}
+    whole = reconstruct(load_scan(scan), options=Options(**settings))
     volume = read_volume(out / "volume.npz")[0]
     np.testing.assert_array_equal(volume, whole.solution.volume)
     report = json.loads(resumed.stdout)
@@ -290,7 +295,8 @@ def test_an_encoder_is_used_as_it_is(run_tool, scan, tmp_path):
     assert report["held_out"]["cam02"]["psnr"] > 25
     assert path.read_bytes() == content
     # one that corrects nothing gives the classic solve
-    classic = reconstruct(load_scan(scan), options=Options(hold_out=["cam02"])).solution.volume
+    settings = {"hold_out": ["cam02"], "uncertainty": 0}
+    classic = reconstruct(load_scan(scan), options=Options(**settings)).solution.volume
     np.testing.assert_array_equal(read_volume(tmp_path / "out" / "volume.npz")[0], classic)
 
 
@@ -363,6 +369,7 @@ def test_names_that_fit_no_layout_are_refused_with_the_pattern_to_write(scan, ru
     pattern = re.search(r"--pattern '([^']*)'", line)[1]
     assert pattern == "run3{camera}x_{frame}_raw.tif"
     box = ("--grid", "8x14x8", "--spacing", "1", "--method", "sirt", "--iterations", "1")
+    box += ("--no-pictures", "--uncertainty", "0")
     assert run_tool("reconstruct", *given, *box, "--pattern", pattern).exit_code == 0
     result = run_tool("reconstruct", *given, *box, "--pattern", "{camera}.tif")
     assert result.exit_code == 2

@@ -9,8 +9,6 @@ from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
 
-pytestmark = pytest.mark.usefixtures("quick_choices")
-
 GRID = VoxelGrid((20, 52, 20), 0.7)
 SMALL = VoxelGrid((14, 38, 14), 0.7)
 PHOTONS = 150
@@ -68,13 +66,13 @@ def test_photons_are_weighed_and_the_volume_comes_nearer_to_the_truth(larger, ba
     assert distance(weighed) < 0.98 * distance(plain)  # left-out pixels smooth either
 
 
-def test_even_noise_is_left_as_it_is_to_the_bit(take):
+def test_even_noise_is_left_as_it_is_to_the_bit(quick_choice, take):
     plain, weighed = both(take(noise=0.05))
     assert "equally noisy" in weighed.pixel_weights["reason"]
     np.testing.assert_array_equal(weighed.solution.volume, plain.solution.volume)
 
 
-def test_few_views_are_weighed_too_and_mlem_which_knows_photons_is_not(take):
+def test_few_views_are_weighed_too_and_mlem_which_knows_photons_is_not(quick_choice, take):
     plain, weighed = both(take(5, photons=PHOTONS), hold_out=["cam02"])
     assert weighed.pixel_weights["used"]
     assert weighed.solution.settings.get("weighted", True) == (
@@ -89,7 +87,7 @@ def test_a_method_asked_for_by_name_counts_pixels_alike_and_says_so(photons):
     np.testing.assert_array_equal(weighed.solution.volume, plain.solution.volume)
 
 
-def test_wernet_starts_from_the_weighed_default(photons):
+def test_wernet_starts_from_the_weighed_default(quick_choice, photons):
     default = reconstruct(photons, options=Options(uncertainty=0))
     learned = reconstruct(photons, options=Options(method="wernet", iterations=1, uncertainty=0))
     assert learned.pixel_weights == default.pixel_weights

@@ -11,10 +11,13 @@ import pytest
 import torch
 
 from tomo.operators import Projector
+from tomo.selection import choose
 from tomo.simulation.effects import Effects
 from tomo.trace import Segments
 from tomo.wernet import save_encoder
 from tomo.wernet.default import CorrectionEncoder, wernet
+
+pytestmark = pytest.mark.usefixtures("quick_choices")
 
 GAINS = Effects(gain_spread=0.1)
 ITERATIONS = 2
@@ -24,6 +27,7 @@ spec = importlib.util.spec_from_file_location("scenes", sys.argv[1])
 scenes = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(scenes)
 import torch
+from tomo.selection import choose
 from tomo.simulation.effects import Effects
 from tomo.wernet import wernet
 
@@ -32,6 +36,7 @@ def kill(index, volume, residual):
         os.kill(os.getpid(), signal.SIGKILL)
 
 torch.set_num_threads(1)
+choose.ENOUGH_BLOCKS = int(sys.argv[5])
 one = scenes.make_scene(effects=Effects(gain_spread=0.1))
 iterations = int(sys.argv[4])
 wernet(one.projector, one.measured, iterations=iterations, callback=kill, checkpoint=sys.argv[2])
@@ -90,7 +95,8 @@ def present(checkpoint, written):
 def test_a_run_that_was_killed_goes_on_to_the_same_bits(scene, checkpoint):
     one = scene(effects=GAINS)
     scenes = Path(__file__).parent.with_name("conftest.py")
-    command = [sys.executable, "-c", KILLED, scenes, checkpoint, "1", str(ITERATIONS)]
+    numbers = map(str, (1, ITERATIONS, choose.ENOUGH_BLOCKS))
+    command = [sys.executable, "-c", KILLED, scenes, checkpoint, *numbers]
     root = Path(__file__).parents[4]
     done = subprocess.run(command, cwd=root, capture_output=True, timeout=300, check=False)
     assert done.returncode == -signal.SIGKILL, done.stderr

@@ -12,6 +12,8 @@ from tomo.simulation.effects import Effects
 from tomo.wernet import save_encoder
 from tomo.wernet.default import CorrectionEncoder, wernet
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GAINS = Effects(gain_spread=0.1)
 OWN_LIGHT = Effects(self_absorption=0.2)
 

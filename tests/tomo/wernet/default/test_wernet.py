@@ -15,6 +15,8 @@ from tomo.wernet.default import RayWeights, wernet
 from tomo.wernet.default.ray_features import FEATURES
 from tomo.wernet.default.wernet import FEW_VIEW_FEATURES
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GAINS = Effects(gain_spread=0.1)
 ABSORPTION = Effects(absorption=0.1)
 OWN_LIGHT = Effects(self_absorption=0.2)
