@@ -13,6 +13,8 @@ from tomo.pipeline import Options, reconstruct
 from tomo.screening import screen_images
 from tomo.simulation import camera_noise, simulate_images
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GRID = VoxelGrid((20, 40, 20), 1.0)
 
 

@@ -8,6 +8,8 @@ from phantoms import create
 from rigs import ring
 from tomo import Corrections, Options, Scan, VoxelGrid, load_scan
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GRID = VoxelGrid((6, 10, 6), 1.0)
 RIG = ring(4, distance=100.0, image_size=(20, 30), footprint=0.5)
 RANDOM = np.random.default_rng(0)

@@ -18,6 +18,8 @@ from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 from tomo.simulation.true_weights import true_effects, true_ratios
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GRID = VoxelGrid((10, 20, 10), 1.0, (1.0, -2.0, 0.5))
 EFFECTS = Effects(absorption=0.25, gain_spread=0.05)
 HELD_OUT = "cam03"

@@ -11,6 +11,8 @@ from tomo.pipeline.check_options import repeats_of
 from tomo.simulation import simulate_images
 from tomo.uncertainty import AUTO_REPEATS
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GRID = VoxelGrid((8, 12, 8), 1.0)
 
 

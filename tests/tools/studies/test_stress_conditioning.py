@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from studies.stress import focus, stops, weak_rigs
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 
 @pytest.fixture(autouse=True)
 def _few(monkeypatch):
