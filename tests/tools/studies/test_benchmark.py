@@ -13,6 +13,8 @@ from studies.common.study import Request
 
 from tomo import solvers
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 TOOLS = Path(__file__).resolve().parents[3] / "tools"
 PARTS = ("projectors", "solvers", "skipping", "plume", "threads", "training")
 

@@ -14,6 +14,8 @@ from studies.stress.robustness_scene import (
     wrong_views,
 )
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 SHRINK = 0.35
 
 
