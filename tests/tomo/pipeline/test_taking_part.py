@@ -10,13 +10,11 @@ from tomo.io import read_volume
 from tomo.pipeline import Options, reconstruct
 from tomo.report.outcome_files import VOLUME_FILES, write_outcome
 
-pytestmark = pytest.mark.usefixtures("quick_choices")
-
 SIRT = {"method": "sirt", "iterations": 5}
 HELD_OUT = Options(hold_out=["cam02"], uncertainty=0)
 
 
-def test_the_held_out_view_is_only_evaluated(copy, garble):
+def test_the_held_out_view_is_only_evaluated(quick_choice, copy, garble):
     before = reconstruct(load_scan(copy), options=HELD_OUT)
     figures = before.report()["held_out"]["cam02"]
     assert figures["psnr"] > 30
@@ -31,7 +29,7 @@ def test_the_held_out_view_is_only_evaluated(copy, garble):
     assert [view.held_out for view in after.views] == [n == 2 for n in range(6)]
 
 
-def test_holding_out_is_taking_the_camera_away(folder, volume_of, far):
+def test_holding_out_is_taking_the_camera_away(quick_choice, folder, volume_of, far):
     scan = load_scan(folder)
     held_out = volume_of(scan, hold_out=["cam02", "cam05"])
     np.testing.assert_array_equal(held_out, volume_of(scan.without("cam02", "cam05")))
@@ -58,7 +56,7 @@ def test_masked_pixels_never_matter(copy, volume_of, far, garble):
 
 
 @pytest.mark.parametrize("method", ["auto", "cgls", "sirt", "mlem", "sart"])
-def test_pixels_that_miss_the_grid_change_nothing(folder, method, far):
+def test_pixels_that_miss_the_grid_change_nothing(quick_choice, folder, method, far):
     settings = {"method": method, "iterations": 10}
     if method == "auto":  # its stop depends on which pixels it leaves out
         settings |= {"iterations": None, "basis": "voxel"}
