@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tomo import metrics
 from tomo.grid import VoxelGrid
-from tomo.operators import LINEAR, LinearSystem
+from tomo.operators import LINEAR, STORED, LinearSystem
 from tomo.operators.system import VolumeNotSeenError
 from tomo.operators.view_gains import Gains
 from tomo.pipeline.build import WeightedSystem
@@ -123,7 +123,7 @@ def trace_apart(
             system.projector.grid,
             masks=screened.apart_masks,
             active=system.projector.active,
-            midpoints=may_learn(options),
+            midpoints=may_learn(options) and system.form == STORED,  # else nothing is learned
             tracer=options.tracer,
             **options.rays,
             form=options.projector,

@@ -84,9 +84,9 @@ def test_it_is_not_tried_where_it_cannot_be(quick_choice, folder):
     scan = load_scan(folder).scaled(2)
     few = reconstruct(scan, options=Options(uncertainty=0, hold_out=list(scan.rig.names[2:])))
     assert "too few views" in few.learning["reason"]
-    on_the_fly = reconstruct(
-        scan, options=Options(uncertainty=0, projector="on-the-fly", iterations=2)
-    )
+    forms = {"projector": "on-the-fly", "hold_out": list(scan.rig.names[:1])}
+    on_the_fly = reconstruct(scan, options=Options(uncertainty=0, iterations=2, **forms))
+    assert set(on_the_fly.report()["held_out"]) == {scan.rig.names[0]}
     assert "stored" in on_the_fly.learning["reason"]
     named = reconstruct(scan, options=Options(method="mlem", iterations=5))
     assert named.learning is None
