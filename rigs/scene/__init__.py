@@ -1,4 +1,4 @@
-"""What stands in the light's way: windows, hardware, mirrors; lines of sight through them."""
+"""What stands in the light's way: windows, hardware, mirrors, gas; lines of sight through them."""
 
 import lazy_loader
 

@@ -1,0 +1,210 @@
+"""A refractive index given at the centres of voxels, smooth in between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigs.scene.gas.crossing import Crossing, pairs_of_vectors
+from rigs.scene.gas.follow import follow
+from rigs.scene.gas.index_field import IndexField
+from rigs.scene.gas.voxels import corner, edges, values_of
+
+if TYPE_CHECKING:
+    from scipy.interpolate import NdBSpline
+
+CHORD = 0.01
+"""Voxels that a path may be from its straight pieces: a hundredth changes what a pixel sees far
+less than the emission's voxels do; less makes more pieces, which cost time in every product."""
+
+STEP = 1e-6
+"""Voxels that a step may err: a path of a thousand steps keeps within a thousandth of a voxel, far
+less than what interpolation between voxels leaves."""
+
+STEP_ERROR = 1e-2
+"""Error of a step through a cell, in voxels, for each unit by which ``n²`` differs around it: the
+largest of random values; smooth ones err less."""
+
+CUT = 0.5
+"""Fraction of the largest difference to the medium that may stand in a face's layer of voxels
+before it is worth a warning: gas that goes on behind a face is bent by an edge that is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class IndexVolume(IndexField):
+    """A refractive index at the centres of a box of voxels.
+
+    Between the centres ``n²`` is a cubic B-spline through the values, with continuous second
+    derivatives; at the box's faces and beyond, ``n`` is the medium's.
+
+    Parameters
+    ----------
+    values : (nx, ny, nz) array_like
+        ``n`` at the voxels' centres.
+    lower : (3,) array_like
+        The box's lower corner, half a voxel before the first centre.
+    spacing : float or (3,)
+        Edges of a voxel.
+    medium : float
+        ``n`` around the box.
+
+    Raises
+    ------
+    ValueError
+        If the shapes are wrong, a number is not finite, or an index is below 1.
+
+    Notes
+    -----
+    The spline of ``u = n² - medium²`` is odd about each face: it is 0 there, and in the box it
+    interpolates to order 4 where ``u`` and its curvature vanish at the faces. A path's error
+    falls alike.
+    """
+
+    values: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    spacing: NDArray[np.float64]
+    medium: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the values, and keep them read-only."""
+        values, medium = values_of(self.values, "index volume"), self.medium
+        if not (np.isfinite(medium) and medium >= 1):
+            raise ValueError(f"index volume: medium: found {medium}, expected a number >= 1")
+        if values.min() < 1:
+            place = tuple(np.argwhere(values == values.min())[0].tolist())
+            raise ValueError(
+                f"index volume: found {values.min():.6g} in voxel {place}, expected n >= 1: "
+                "n itself, not n - 1 or a density"
+            )
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "lower", corner(self.lower, "index volume"))
+        object.__setattr__(self, "spacing", edges(self.spacing, "index volume"))
+        object.__setattr__(self, "medium", float(medium))
+
+    def __repr__(self) -> str:
+        """Name the box."""
+        return (
+            f"<IndexVolume: {'x'.join(str(n) for n in self.values.shape)} voxels, n "
+            f"{self.values.min():.6g} to {self.values.max():.6g} in {self.medium:.6g}>"
+        )
+
+    @property
+    def upper(self) -> NDArray[np.float64]:
+        """The box's upper corner, ``(3,)``."""
+        return self.lower + self.spacing * self.values.shape
+
+    @cached_property
+    def coefficients(self) -> NDArray[np.float64]:
+        """Of the spline of ``n² - medium²``, ``(nx + 4, ny + 4, nz + 4)``, from number -2 on."""
+        found = self.values**2 - self.medium**2
+        for axis in range(3):
+            found = _odd_coefficients(found, axis)
+        return np.ascontiguousarray(found)
+
+    @cached_property
+    def halvings(self) -> NDArray[np.uint8]:
+        """How often each cell of the spline is halved for steps, ``(nx + 1, ny + 1, nz + 1)``.
+
+        A step through a whole cell errs by up to `STEP_ERROR` voxels times the range of
+        ``n² / medium²`` around the cell; 16 times less with each halving.
+        """
+        from scipy.ndimage import maximum_filter, minimum_filter
+
+        around = (slice(2, -1),) * 3  # the four splines that are not zero in a cell
+        most, least = (f(self.coefficients, 4)[around] for f in (maximum_filter, minimum_filter))
+        error = STEP_ERROR * (most - least) / self.medium**2
+        halvings = np.log(np.maximum(error / STEP, 1)) / np.log(16)
+        return np.ascontiguousarray(np.ceil(halvings).astype(np.uint8))
+
+    def index(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the index at points ``(N, 3)``; the medium's outside."""
+        return np.sqrt(self.medium**2 + self._spline(points, (0, 0, 0)))
+
+    def gradient(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the gradient of the index at points ``(N, 3)``; zero outside."""
+        slopes = [self._spline(points, tuple(row)) for row in np.eye(3, dtype=int).tolist()]
+        slopes = np.stack(slopes, axis=-1) / self.spacing
+        return slopes / (2 * self.index(points))[:, None]
+
+    def cross(
+        self, origins: ArrayLike, directions: ArrayLike, tolerance: float | None = None
+    ) -> Crossing:
+        """Return the ways of rays through the box, compiled; see `IndexField.cross`.
+
+        The tolerance is a hundredth of a voxel's shortest edge when None.
+        """
+        origins, directions = pairs_of_vectors(origins, directions)
+        pieces, counts, *rest = follow(
+            self.coefficients, self.halvings, self.medium, self.lower, self.spacing,
+            CHORD * self.spacing.min() if tolerance is None else tolerance, origins, directions,
+        )  # fmt: skip
+        ptr = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
+        parts = (np.ascontiguousarray(pieces[:, some]) for some in (slice(3), slice(3, 6), 6))
+        return Crossing(*parts, ptr, *rest)
+
+    def with_lengths_scaled(self, factor: float) -> Self:
+        """Return the volume of a world whose lengths are ``factor`` times as large."""
+        return replace(self, lower=self.lower * factor, spacing=self.spacing * factor)
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return a line for gas that the box's faces cut."""
+        difference = np.abs(self.values - self.medium)
+        largest = float(difference.max())
+        if largest == 0:
+            return ()
+        found = []
+        for axis, name in enumerate("xyz"):
+            for side, words in ((0, "lower"), (-1, "upper")):
+                share = float(np.take(difference, side, axis).max()) / largest
+                if share > CUT:
+                    found.append(f"{words} {name} ({share:.0%})")
+        if not found:
+            return ()
+        return (
+            f"index volume: the index at the faces {', '.join(found)} is not yet the medium's, "
+            f"{self.medium:.6g}: rays are bent at the face as by a prism. Enlarge the box until "
+            "the index is the medium's at its faces",
+        )
+
+    @cached_property
+    def _interpolant(self) -> NdBSpline:
+        from scipy.interpolate import NdBSpline
+
+        knots = tuple(np.arange(-4.0, n + 4) for n in self.values.shape)
+        return NdBSpline(knots, self.coefficients, 3)
+
+    def _spline(self, points: ArrayLike, derivative: tuple[int, ...]) -> NDArray[np.float64]:
+        """Return the spline of ``n² - medium²`` at points ``(N, 3)``, in voxel units."""
+        q = (np.asarray(points, np.float64).reshape(-1, 3) - self.lower) / self.spacing - 0.5
+        count = np.array(self.values.shape)
+        inside = ((q >= -0.5) & (q <= count - 0.5)).all(axis=1)
+        found = np.zeros(len(q))
+        if inside.any():
+            found[inside] = self._interpolant(q[inside], nu=derivative)
+        return found
+
+
+def _odd_coefficients(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+    """Return the coefficients along an axis of the cubic B-spline through values at centres.
+
+    It is odd about both ends, half a voxel outside the outer centres; two more at each end.
+    """
+    from scipy.linalg import solveh_banded
+
+    values = np.moveaxis(values, axis, 0)
+    count = len(values)
+    bands = np.zeros((2, count))
+    bands[0, 1:], bands[1] = 1.0, 4.0
+    bands[1, 0] -= 1.0
+    bands[1, -1] -= 1.0
+    flat = 6 * values.reshape(count, -1)
+    flat = flat / bands[1] if count == 1 else solveh_banded(bands, flat)
+    found = np.zeros((count + 4, *values.shape[1:]))
+    found[2:-2] = flat.reshape(values.shape)
+    found[1], found[-2] = -found[2], -found[-3]
+    found[0], found[-1] = -found[3], -found[-4]
+    return np.moveaxis(found, 0, axis)
