@@ -20,7 +20,8 @@ a rig's pixels.
     GaussianBasis(A, width)                                       # blobs at the voxel centres
 
 Gas that absorbs changes the rays' weights, not the composition: `LinearSystem.with_absorption`
-gives every segment the fraction of its light that arrives (`Absorption`).
+gives every segment the fraction of its light that arrives (`Absorption`), along whole paths of
+light where rays are several pieces one behind the other.
 
 A composition is an operator of the same kind, so that compositions compose. `ImageBlur` is the
 blur ``B`` of images by one kernel a view, whatever the kernel is made of. Gains and backgrounds
@@ -39,7 +40,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "absorption": ["Absorption"],
+        "absorption": ["Absorption", "extinction_of"],
         "basis": [
             "GaussianBasis",
             "LinearBasis",

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.grid import VoxelGrid
+from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.attenuation import transmission
 from tomo.rays import Rays
-from tomo.trace import Segments
+from tomo.rays.ray_box import enter_box
+from tomo.trace import Segments, trace, tracing
+
+if TYPE_CHECKING:
+    from rigs import Rig
+    from rigs.scene.gas import ExtinctionVolume
 
 Tracer = Callable[[Rays], Segments]
 
@@ -26,12 +33,15 @@ class Absorption:
         ``k`` of an even medium that fills the grid, in 1 / length.
     emission : float
         ``q`` of gas that absorbs in proportion to its emission, in 1 / (emission * length).
+    extinction : ExtinctionVolume, optional
+        ``k_n`` of gas that is known, in 1 / length: its means over the grid's voxels, and what
+        is around the grid.
 
     Notes
     -----
-    A pixel shows ``sum_s l_s exp(-k d_s - q (sum_n E_n l_n + E_s l_s / 2)) x_s``
-    (`tomo.operators.attenuation`): linear in the unknowns ``x`` once the emission ``E`` in the
-    exponent is given. Outer iterations make both the same.
+    A pixel shows ``sum_s l_s exp(-k d_s - sum_n c_n l_n - c_s l_s / 2) x_s`` with
+    ``c = q E + k_n`` (`tomo.operators.attenuation`): linear in the unknowns ``x`` once the
+    emission ``E`` in the exponent is given. Outer iterations make both the same.
 
     Raises
     ------
@@ -41,6 +51,7 @@ class Absorption:
 
     medium: float = 0.0
     emission: float = 0.0
+    extinction: ExtinctionVolume | None = None
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -53,32 +64,100 @@ class Absorption:
 
     def __bool__(self) -> bool:
         """Whether anything absorbs."""
-        return bool(self.medium > 0 or self.emission > 0)
+        return bool(self.medium > 0 or self.emission > 0 or self.extinction is not None)
+
+    def report(self) -> dict[str, Any]:
+        """Return plain values."""
+        found: dict[str, Any] = {"medium": self.medium, "emission": self.emission}
+        if self.extinction is not None:
+            found["extinction"] = {"largest": float(self.extinction.values.max())}
+        return found
+
+
+def extinction_of(rig: Rig) -> ExtinctionVolume | None:
+    """Return the extinction of the gas in a rig's scene; None where there is none."""
+    gas = getattr(getattr(rig, "scene", None), "gas", None)
+    return None if gas is None else gas.extinction
 
 
 def attenuating(
-    tracer: Tracer,
     grid: VoxelGrid,
     absorption: Absorption,
     emission: NDArray[np.floating] | None = None,
+    *,
+    tracer: str = "march",
+    active: ActiveVoxels | None = None,
 ) -> Tracer:
     """Return the tracer whose lengths are times the fraction of light that arrives.
 
     Parameters
     ----------
-    tracer : callable
-        From `tomo.trace.tracing`, with midpoints.
     grid : VoxelGrid
     absorption : Absorption
-    emission : (voxels,), optional
-        Of every voxel number that the tracer gives; needed where ``absorption.emission`` is not 0.
+    emission : (unknowns,), optional
+        Of the active voxels; needed where ``absorption.emission`` is not 0.
+    tracer, active
+        See `tomo.trace.trace`.
+
+    Notes
+    -----
+    Gas with a given extinction absorbs in all voxels, whether they are active or not: rays are
+    then followed through all, and segments in others are left out afterwards.
     """
-    strengths = absorption.medium, absorption.emission
+    strengths, extinction = (absorption.medium, absorption.emission), absorption.extinction
+    everywhere = active is None or active.all or extinction is None
+    find = tracing(grid, tracer, midpoints=True, active=active if everywhere else None)
+    if not everywhere and emission is not None:
+        emission = active.expand(emission)
+    given = None if extinction is None else _on_grid(extinction, grid)
 
-    def trace(rays: Rays) -> Segments:
-        single = replace(rays, pixel_ptr=np.arange(len(rays) + 1))  # each sees its own way
-        plain = tracer(single)
-        arriving = transmission(plain, single, grid, *strengths, emission)
-        return Segments(plain.ptr[rays.pixel_ptr], plain.voxel, plain.length * arriving)
+    def traced(rays: Rays) -> Segments:
+        plain = find(replace(rays, pixel_ptr=np.arange(len(rays) + 1), path_ptr=None))
+        outside = None if extinction is None else _around(extinction, rays, grid)
+        how = {"extinction": given, "outside": outside}
+        arriving = transmission(plain, rays, grid, *strengths, emission, **how)
+        found = Segments(plain.ptr[rays.pixel_ptr], plain.voxel, plain.length * arriving)
+        return found if everywhere else found.renumbered(active.number)
 
-    return trace
+    return traced
+
+
+@lru_cache(maxsize=2)
+def _on_grid(extinction: ExtinctionVolume, grid: VoxelGrid) -> NDArray[np.float64]:
+    """Return the mean extinction in each voxel of a grid, ``(voxels,)``."""
+    return extinction.means(grid.lower, grid.spacing, grid.shape).ravel()
+
+
+def _around(
+    extinction: ExtinctionVolume, rays: Rays, grid: VoxelGrid
+) -> NDArray[np.float64] | None:
+    """Return the optical depth of pieces before and after the grid, ``(pieces, 2)``.
+
+    None where the gas is in the grid alone.
+    """
+    low, high = extinction.lower - grid.lower, extinction.upper - grid.upper
+    room = 1e-9 * np.asarray(grid.spacing)
+    if (low >= -room).all() and (high <= room).all():
+        return None
+    box = enter_box(rays, grid)
+    center = (grid.lower + grid.upper) / 2
+    start = (box.position - np.asarray(grid.shape) / 2) * grid.spacing + center - rays.origins
+    entry = np.maximum(np.einsum("ij,ij->i", start, rays.directions), 0.0)
+    leave = np.minimum(entry + box.length, rays.lengths)
+    own = VoxelGrid(
+        extinction.values.shape,
+        tuple(extinction.spacing),
+        tuple((extinction.lower + extinction.upper) / 2),
+    )
+    parts = (
+        Rays.from_lines(rays.origins, rays.directions, entry),
+        Rays.from_lines(
+            rays.origins + leave[:, None] * rays.directions, rays.directions, rays.lengths - leave
+        ),
+    )
+    values, depths = extinction.values.ravel(), []
+    for part in parts:
+        found = trace(part, own, dtype=np.float64)
+        piece = np.repeat(np.arange(len(rays)), np.diff(found.ptr))
+        depths.append(np.bincount(piece, values[found.voxel] * found.length, len(rays)))
+    return np.stack(depths, axis=1)

@@ -20,6 +20,9 @@ def transmission(
     absorption: float,
     self_absorption: float,
     emission: NDArray[np.floating] | None,
+    *,
+    extinction: NDArray[np.floating] | None = None,
+    outside: NDArray[np.float64] | None = None,
 ) -> NDArray[np.floating]:
     """Return the fraction of the light of every segment that leaves the grid: ``(segments,)``.
 
@@ -28,48 +31,64 @@ def transmission(
     segments : Segments
         The segments of ``rays``, with midpoints.
     rays : Rays
-        One ray a row, from the camera on; none of weight zero.
+        Paths from the camera on; none of weight zero. The segments have one piece a row.
     grid : VoxelGrid
     absorption, self_absorption : float
         ``k`` in 1 / length and ``q`` in 1 / (emission * length).
     emission : (voxels,), optional
         ``E`` of every voxel number of the segments; needed where ``q`` is not zero.
+    extinction : (voxels,), optional
+        ``k_n`` of every voxel number of the segments, in 1 / length.
+    outside : (pieces, 2), optional
+        Optical depth of each piece before it enters the grid, and after it leaves it.
 
     Notes
     -----
-    ``exp(-k d - q (sum_n E_n l_n + E l / 2))``: ``d`` is the distance from the segment's midpoint
-    to the point where the ray enters the grid on the camera's side; the sum is over the segments
-    between, and half of the segment's own optical depth makes the integral along a ray accurate
-    to second order in the voxel size.
+    ``exp(-k d - sum_n (q E_n + k_n) l_n - (q E + k_s) l / 2)``: ``d`` is the way in the grid from
+    the camera to the segment's midpoint; the sum is over the segments of the path before it, and
+    half of the segment's own optical depth makes the integral along a ray accurate to second
+    order in the voxel size.
     """
-    entry = enter_box(rays, grid).position * grid.spacing - grid.extent / 2  # (rays, 3)
+    box = enter_box(rays, grid)
+    entry = box.position * grid.spacing - grid.extent / 2  # (pieces, 3)
     near = np.einsum("ij,ij->i", entry, rays.directions)
-    used = np.zeros(0, np.float32) if self_absorption == 0 else emission.ravel()
+    nothing = np.zeros(0, np.float32)
+    used = nothing if self_absorption == 0 else emission.ravel()
+    given = nothing if extinction is None else extinction
+    beyond = np.zeros((0, 2)) if outside is None else outside
+    paths = rays.paths
     through = np.zeros_like(segments.length)
 
     def transmit(first: int, last: int) -> None:
         _transmit(
             segments.ptr, segments.voxel, segments.length, segments.midpoint, rays.directions,
-            rays.weight, near, used, float(absorption), float(self_absorption), first, last,
-            through,
+            rays.weight, near, box.length, used, given, beyond, float(absorption),
+            float(self_absorption), paths, first, last, through,
         )  # fmt: skip
 
-    run_ranges(len(rays), transmit)
+    run_ranges(len(paths) - 1, transmit)
     return through
 
 
 @compiled()
 def _transmit(
-    ptr, voxel, length, midpoint, directions, weights, near, emission,
-    absorption, self_absorption, first, last, through,
+    ptr, voxel, length, midpoint, directions, weights, near, inside, emission, extinction,
+    outside, absorption, self_absorption, path_ptr, first, last, through,
 ):  # fmt: skip
-    """Walk some rays from the camera on and add up the optical depth before each segment."""
-    for ray in range(first, last):
-        dx, dy, dz = directions[ray]
-        strength = self_absorption / weights[ray]  # lengths hold the weight already
-        passed = -absorption * near[ray]
-        for s in range(ptr[ray], ptr[ray + 1]):
-            along = dx * midpoint[s, 0] + dy * midpoint[s, 1] + dz * midpoint[s, 2]
-            own = strength * emission[voxel[s]] * length[s] if len(emission) > 0 else 0.0
-            through[s] = np.exp(-(absorption * along + passed + own / 2))
-            passed += own
+    """Walk some paths from the camera on and add up the optical depth before each segment."""
+    for path in range(first, last):
+        before = 0.0
+        for ray in range(path_ptr[path], path_ptr[path + 1]):
+            dx, dy, dz = directions[ray]
+            strength = self_absorption / weights[ray]  # lengths hold the weight already
+            before += outside[ray, 0] if len(outside) > 0 else 0.0
+            passed = before - absorption * near[ray]
+            for s in range(ptr[ray], ptr[ray + 1]):
+                along = dx * midpoint[s, 0] + dy * midpoint[s, 1] + dz * midpoint[s, 2]
+                own = strength * emission[voxel[s]] * length[s] if len(emission) > 0 else 0.0
+                if len(extinction) > 0:
+                    own += extinction[voxel[s]] * length[s] / weights[ray]
+                through[s] = np.exp(-(absorption * along + passed + own / 2))
+                passed += own
+            before = passed + absorption * (near[ray] + inside[ray])
+            before += outside[ray, 1] if len(outside) > 0 else 0.0

@@ -210,9 +210,7 @@ class LinearSystem:
 
             return replace(self, projector=self.projector.with_rays(change))
         tracers = [
-            attenuating(
-                tracing(grid, tracer, midpoints=True, active=active), grid, absorption, emission
-            )
+            attenuating(grid, absorption, emission, tracer=tracer, active=active)
             for _ in range(numba.get_num_threads() if tracer == "march" else 1)
         ]
         if aperture_rays > 1 and self.projector.segments.midpoint is None:  # as in `from_rig`

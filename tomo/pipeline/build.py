@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, PixelWeights, weigh_pixels
-from tomo.operators import Absorption, LinearSystem
+from tomo.operators import Absorption, LinearSystem, extinction_of
 from tomo.operators.view_gains import Gains
 from tomo.pipeline.basis import Basis, in_basis, reason_of_method
 from tomo.pipeline.check_options import methods_of
@@ -20,7 +20,7 @@ from tomo.pipeline.methods import AUTO, Method
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
-from tomo.pipeline.trace import TracedScan
+from tomo.pipeline.trace import TracedScan, through_gas
 from tomo.scan.scan import Images, Masks
 from tomo.screening.hypotheses import TRANSPARENT
 from tomo.selection import Choice
@@ -62,13 +62,23 @@ class WeightedSystem:
 
 
 def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> WeightedSystem:
-    """Choose the unknowns and weigh the pixels, of images as given."""
+    """Choose the unknowns and weigh the pixels, of images as given, through gas that is known."""
     methods = methods_of(options)
     with timed() as stage:
         against = reason_of_method(methods[0], freeze_encoder=options.freeze_encoder)
         system, basis = in_basis(traced.system, options.basis, options.supersample, against)
+        absorption = given_absorption(screened.scan.rig, options)
+        system = through_gas(system, absorption, None, options)
         weights, weighting = _weighted(system, screened, options, methods)
-    return WeightedSystem(system, traced.measured, weights, weighting, basis, record=stage.record)
+    return WeightedSystem(
+        system, traced.measured, weights, weighting, basis, absorption=absorption,
+        record=stage.record,
+    )  # fmt: skip
+
+
+def given_absorption(rig: Rig, options: Options) -> Absorption:
+    """Return the absorption that is known: the option's, and that of gas in the rig's scene."""
+    return Absorption(medium=options.absorption or 0.0, extinction=extinction_of(rig))
 
 
 def weigh_images(

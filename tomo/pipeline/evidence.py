@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.measurement import NoiseModel
-from tomo.operators import STORED, LinearSystem
+from tomo.operators import STORED, Absorption, LinearSystem
 from tomo.operators.operator import ProjectionOperator
 from tomo.pipeline.basis import linear_where_possible
 from tomo.pipeline.options import Options
+from tomo.pipeline.trace import through_gas
 from tomo.scan.downsample import Coarser
 from tomo.screening.causes import volume_of
-from tomo.screening.hypotheses import Evidence
+from tomo.screening.hypotheses import TRANSPARENT, Evidence
 from tomo.screening.left_out_blocks import Blocks
 from tomo.solvers import curvature, mlem
 from tomo.solvers.initial_volume import mlos_start
@@ -65,6 +66,7 @@ def sample_of(
     measured: NDArray[np.float32],
     noise: Sequence[NoiseModel],
     options: Options,
+    absorption: Absorption = TRANSPARENT,
 ) -> Sample:
     """Return the equations that explanations are tried on.
 
@@ -77,11 +79,14 @@ def sample_of(
         Of each view.
     options : Options
         The tracer and the rays a pixel are used.
+    absorption : Absorption
+        That of the system, not by emission.
     """
     variance = variance_of(system, measured, noise)
     factor = round((system.projector.n_segments / SEGMENTS) ** (1 / 3))
     if factor > 1 and system.form == STORED and not options.blur:
         system, measured, variance = _coarser(system, measured, variance, factor, options)
+        system = through_gas(system, absorption, None, options)
     else:
         system, _ = linear_where_possible(system, options.supersample)
     return Sample(system, Evidence(measured, Blocks.of(system), variance, quick_solve))

@@ -57,12 +57,13 @@ def explain_images(
     """Find what the images ask to be corrected, and correct it."""
     with timed() as stage:
         reference = screened.scan.sets_scale
-        report, causes, measured = None, _causes(options, reference), built.measured
+        report, causes, measured = None, _causes(options, built, reference), built.measured
         views = built.system.projector.views_with_pixels
         if causes and len(views) >= FEWEST_VIEWS and (measured > 0).any():
-            sample = sample_of(built.system, measured, screened.noise, options)
+            sample = sample_of(built.system, measured, screened.noise, options, built.absorption)
             asked = (MEDIUM, SELF_ABSORPTION) if options.fit_absorption else ()
-            found = explain(Model(sample.system), causes, sample.evidence, asked)
+            given = Model(sample.system, absorption=built.absorption)
+            found = explain(given, causes, sample.evidence, asked)
             corrected = _corrected(built, found, sample, options)
             if found.best is not found.as_given and not asked:
                 found, corrected = _confirmed(found, built, corrected)
@@ -86,7 +87,7 @@ def _corrected(
     best = found.best.model
     if best.gains is not None:
         built = with_gains(built, best.gains)
-    if best.absorption:
+    if best.absorption != built.absorption:
         emission = sample.emission(found.best.volume, built.system.projector.grid)
         system = through_gas(built.system, best.absorption, emission, options)
         built = replace(built, system=system, absorption=best.absorption)
@@ -134,16 +135,25 @@ def _confirmed(
     return replace(found, best=found.as_given), replace(given, choice=choice)
 
 
-def _causes(options: Options, reference: tuple[bool, ...] | None = None) -> list[Cause]:
-    """Return the causes to hear: those asked for, or all with the default method."""
+def _causes(
+    options: Options, built: WeightedSystem, reference: tuple[bool, ...] | None = None
+) -> list[Cause]:
+    """Return the causes to hear: those asked for, or all with the default method.
+
+    An absorption that is given is none of them: no medium is looked for beside it, and where the
+    gas itself is given, no self-absorption unless it is asked for.
+    """
     default = method_named(options.method).name == AUTO
     causes: list[Cause] = []
     if options.fit_gain or (options.fit_gain is None and default):
         causes.append(CameraGains(GAIN, reference))
     if options.fit_absorption or (options.fit_absorption is None and default):
         how = {**options.rays, "tracer": options.tracer}
-        causes.append(AbsorbingGas(MEDIUM, False, how))
-        causes.append(AbsorbingGas(SELF_ABSORPTION, True, how))
+        known = built.absorption.extinction is not None
+        if options.absorption is None and not known:
+            causes.append(AbsorbingGas(MEDIUM, False, how))
+        if options.fit_absorption or not known:
+            causes.append(AbsorbingGas(SELF_ABSORPTION, True, how))
     if options.fit_gain and not options.fit_absorption and not default:
         return []  # fitted alone, nothing to compare with
     return causes
@@ -152,7 +162,7 @@ def _causes(options: Options, reference: tuple[bool, ...] | None = None) -> list
 def _light(found: Explained, how: dict[str, Any]) -> dict[str, float] | None:
     """Return the coefficients, and what became of the light; None where nothing absorbs."""
     model, volume = found.best.model, found.best.volume
-    if not model.absorption:
+    if not {MEDIUM, SELF_ABSORPTION}.intersection(model.causes):
         return None
     arriving = model.system.projector @ volume
     clear = model.system.with_absorption(TRANSPARENT, **how).projector

@@ -173,6 +173,14 @@ class Options:
         "better.",
         switch(optional=True),
     )
+    absorption: float | None = _option(
+        None,
+        "Absorption of a medium that fills the grid, per length unit, where it is known: "
+        "exp(-K s) of the light is left after a way s. It is corrected as given, and none is "
+        "fitted.",
+        number(0, optional=True),
+        metavar="K",
+    )
     learn: bool = _option(
         True,
         "Whether weights are learned in place of segment lengths, with method auto, where "

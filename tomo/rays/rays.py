@@ -58,6 +58,10 @@ class Rays:
         Quadrature weights.
     pixel_ptr : (pixels + 1,) int64
         Where each pixel's pieces begin.
+    path_ptr : (paths + 1,) int64, optional
+        Where the pieces of each path begin, those that light passes one behind the other; the
+        first is the camera's. None: every piece is a path by itself. Gas that absorbs asks for
+        it: a piece is seen through those before it.
     """
 
     origins: NDArray[np.float64]
@@ -65,6 +69,7 @@ class Rays:
     lengths: NDArray[np.float64]
     weight: NDArray[np.float64]
     pixel_ptr: NDArray[np.int64]
+    path_ptr: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and that directions are unit vectors: every tracer relies on it."""
@@ -88,6 +93,8 @@ class Rays:
         ptr = self.pixel_ptr
         if ptr.dtype != np.int64 or len(ptr) < 1 or ptr[0] != 0 or ptr[-1] != n:
             raise ValueError(f"rays pixel_ptr: expected int64 from 0 to the number of pieces, {n}")
+        if self.path_ptr is not None:
+            _check_paths(self.path_ptr, ptr)
 
     def __len__(self) -> int:
         """Return the number of straight pieces."""
@@ -101,6 +108,11 @@ class Rays:
     def n_pixels(self) -> int:
         """Number of pixels."""
         return len(self.pixel_ptr) - 1
+
+    @property
+    def paths(self) -> NDArray[np.int64]:
+        """Where each path's pieces begin, ``(paths + 1,)``."""
+        return np.arange(len(self) + 1) if self.path_ptr is None else self.path_ptr
 
     @classmethod
     def from_lines(
@@ -205,9 +217,14 @@ class Rays:
     def take(self, pixels: NDArray[np.integer]) -> Rays:
         """Return the rays of some pixels, in the order given."""
         ptr, kept = take_groups(self.pixel_ptr, pixels)
+        paths = None
+        if self.path_ptr is not None:
+            _, own = take_groups(np.searchsorted(self.path_ptr, self.pixel_ptr), pixels)
+            paths = np.append(0, np.cumsum(np.diff(self.path_ptr)[own]))
         return Rays(
-            self.origins[kept], self.directions[kept], self.lengths[kept], self.weight[kept], ptr
-        )
+            self.origins[kept], self.directions[kept], self.lengths[kept], self.weight[kept], ptr,
+            paths,
+        )  # fmt: skip
 
     @staticmethod
     def concatenate(parts: Iterable[Rays]) -> Rays:
@@ -215,10 +232,24 @@ class Rays:
         parts = list(parts)
         offsets = np.cumsum([0] + [len(part) for part in parts])
         ptr = [part.pixel_ptr[1:] + o for part, o in zip(parts, offsets[:-1], strict=True)]
+        paths = None
+        if any(part.path_ptr is not None for part in parts):
+            own = [part.paths[1:] + o for part, o in zip(parts, offsets[:-1], strict=True)]
+            paths = np.concatenate([np.zeros(1, np.int64), *own])
         return Rays(
             np.concatenate([part.origins for part in parts]),
             np.concatenate([part.directions for part in parts]),
             np.concatenate([part.lengths for part in parts]),
             np.concatenate([part.weight for part in parts]),
             np.concatenate([np.zeros(1, np.int64), *ptr]),
+            paths,
         )
+
+
+def _check_paths(ptr: NDArray[np.int64], pixel_ptr: NDArray[np.int64]) -> None:
+    """Raise unless paths have pieces, and each lies in one pixel."""
+    if ptr.dtype != np.int64 or len(ptr) < 1 or not (np.diff(ptr) > 0).all():
+        raise ValueError("rays path_ptr: expected int64 numbers that increase")
+    at = np.searchsorted(ptr, pixel_ptr)
+    if ptr[-1] != pixel_ptr[-1] or not np.array_equal(ptr[at], pixel_ptr):
+        raise ValueError("rays path_ptr: found a path in two pixels, expected each in one")

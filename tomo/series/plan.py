@@ -102,7 +102,7 @@ class Plan:
                 "carving": self.rule and {"margin": self.rule.margin, "votes": self.rule.votes},
                 "active_voxels": self.system.active.size,
                 "gains": gains.report(names) if gains else None,
-                "absorption": vars(built.absorption) if built.absorption else None,
+                "absorption": built.absorption.report() if built.absorption else None,
                 "screening": screening.report() if screening else None,
                 "alignment": alignment.report(names) if alignment else None,
                 "refinement": refinement.report() if refinement else None,

@@ -21,10 +21,11 @@ from tomo.operators.attenuation import transmission
 from tomo.rays import Rays
 from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.rays.visible_pixels import pixels_that_see
-from tomo.trace import Segments, trace, tracing
+from tomo.trace import Segments, trace
 
 if TYPE_CHECKING:
     from rigs import CameraLike
+    from rigs.scene.gas import ExtinctionVolume
 
 _STRENGTHS = ("gain_spread", "absorption", "self_absorption", "vignetting", "aperture")
 OPTICS = "optics"
@@ -155,7 +156,12 @@ focus_distance=None, aperture_rays=32)
         return pixels_that_see(camera, grid)
 
     def trace(
-        self, rays: Rays, grid: VoxelGrid, emission: NDArray[np.floating], tracer: str = "march"
+        self,
+        rays: Rays,
+        grid: VoxelGrid,
+        emission: NDArray[np.floating],
+        tracer: str = "march",
+        extinction: ExtinctionVolume | None = None,
     ) -> Segments:
         """Return the segments of a camera's rays, their lengths times the transmission.
 
@@ -168,11 +174,13 @@ focus_distance=None, aperture_rays=32)
             Emission of the gas on the grid, for self-absorption.
         tracer : str
             See `tomo.trace.trace`.
+        extinction : ExtinctionVolume, optional
+            That of gas in the scene.
         """
-        if not self.absorbs:
+        if not self.absorbs and extinction is None:
             return trace(rays, grid, tracer)
-        absorption = Absorption(self.absorption, self.self_absorption)
-        return attenuating(tracing(grid, tracer, midpoints=True), grid, absorption, emission)(rays)
+        absorption = Absorption(self.absorption, self.self_absorption, extinction)
+        return attenuating(grid, absorption, emission, tracer=tracer)(rays)
 
     def weight_ratio(
         self,

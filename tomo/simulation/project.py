@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tomo._compute.memory import available_memory
 from tomo.grid import VoxelGrid
-from tomo.operators import Projector
+from tomo.operators import Projector, extinction_of
 from tomo.simulation.effects import Effects
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ def project_volumes(
             f"rig: found no camera that sees the grid from {grid.lower.tolist()} to "
             f"{grid.upper.tolist()}, expected at least one"
         )
+    gas = extinction_of(rig)
     found: list[dict[str, NDArray[np.float32]]] = [{} for _ in volumes]
     done = 0
     for camera, gain in zip(rig, gains, strict=True):
@@ -72,7 +73,7 @@ def project_volumes(
             projector = None
             for volume, image in zip(volumes, flat, strict=True):
                 if projector is None or effects.self_absorption:
-                    segments = effects.trace(rays, fine_grid, volume, tracer)
+                    segments = effects.trace(rays, fine_grid, volume, tracer, gas)
                     projector = Projector(segments, fine_grid)
                 image[pixels] = (projector @ volume.ravel()) * light
             done += len(pixels)

@@ -5,6 +5,7 @@ import pytest
 
 from phantoms import GaussianBlobs
 from rigs import ring
+from rigs.scene.gas import ExtinctionVolume
 from tomo import VoxelGrid, metrics
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
@@ -111,3 +112,47 @@ def test_the_gas_is_found_and_corrected_on_the_fly(absorbing):
     )
     assert fitted.explanation["causes"] == ["self-absorption"]
     assert error(fitted) < 0.7 * error(plain)
+
+
+K = 0.05
+
+
+@pytest.fixture(scope="module")
+def clouded():
+    rig = ring(6, distance=200.0, image_size=(26, 32), footprint=0.95, center=GRID.center)
+    effects = Effects(absorption=K)
+    coarse = VoxelGrid((10, 14, 10), 1.4, GRID.center)
+    return simulate_images(rig, FIELD, coarse, effects=effects, supersample=2, refine=2).scan
+
+
+def tried(outcome):
+    return {cause for one in outcome.explanation["tried"] for cause in one["causes"]}
+
+
+def test_a_known_medium_is_corrected_as_given(clouded):
+    how = {"method": "mlem", "iterations": 30, "hold_out": [HELD_OUT]}
+    given, plain = (reconstruct(clouded, options=Options(absorption=k, **how)) for k in (K, 0))
+    assert error(given) < 0.6 * error(plain)
+    assert residual(given, HELD_OUT) < 0.7 * residual(plain, HELD_OUT)
+    assert given.explanation is None
+    assert given.report()["settings"]["absorption"] == K
+
+
+def test_no_medium_is_looked_for_beside_a_known_one(clouded):
+    how = {"method": "mlem", "iterations": 5, "fit_absorption": True, "fit_gain": False}
+    assert "medium" in tried(reconstruct(clouded, options=Options(**how)))
+    assert "medium" not in tried(reconstruct(clouded, options=Options(absorption=K, **how)))
+
+
+def test_gas_of_the_scene_is_corrected_and_no_absorption_is_looked_for(monkeypatch, clouded):
+    smoke = ExtinctionVolume(np.full((1, 1, 1), K), clouded.grid.lower, clouded.grid.extent)
+    named = {"method": "mlem", "iterations": 5}
+    given = reconstruct(clouded, options=Options(absorption=K, **named))
+    monkeypatch.setattr("tomo.pipeline.build.extinction_of", lambda rig: smoke)
+    found = reconstruct(clouded, options=Options(**named))
+    np.testing.assert_allclose(found.volume, given.volume, rtol=1e-3, atol=1e-5)
+    # with pixels and voxels enlarged for the explanations, the gas is still there
+    monkeypatch.setattr("tomo.pipeline.evidence.SEGMENTS", 10_000)
+    default = reconstruct(clouded, options=Options(uncertainty=0, learn=False))
+    assert tried(default) <= {"gain"}
+    assert not [line for line in default.warnings if "absor" in line]

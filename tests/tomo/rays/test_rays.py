@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -128,6 +129,20 @@ def test_concatenate_puts_parts_one_after_another(parts):
         np.testing.assert_array_equal(getattr(whole, name), expected)
 
 
+def test_paths_go_with_their_pixels():
+    plain = Rays.from_lines(np.arange(18.0).reshape(6, 3), [0, 0, 1])
+    pixel_ptr, path_ptr = np.array([0, 3, 3, 4, 6]), np.array([0, 1, 3, 4, 6])
+    rays = replace(plain, pixel_ptr=pixel_ptr, path_ptr=path_ptr)
+    some = rays.take(np.array([3, 1, 0]))
+    np.testing.assert_array_equal(some.pixel_ptr, [0, 2, 2, 5])
+    np.testing.assert_array_equal(some.path_ptr, [0, 2, 3, 5])
+    np.testing.assert_array_equal(some.origins[:, 0], [12, 15, 0, 3, 6])
+    both = Rays.concatenate([plain.take(np.array([5, 4])), some])
+    np.testing.assert_array_equal(both.path_ptr, [0, 1, 2, 4, 5, 7])
+    np.testing.assert_array_equal(plain.paths, np.arange(7))
+    assert plain.take(np.array([1])).path_ptr is None
+
+
 def test_from_lines_normalises_and_repeats():
     rays = Rays.from_lines([1, 2, 3], [[0, 0, 5], [3, 4, 0]], 7)
     np.testing.assert_allclose(rays.directions, [[0, 0, 1], [0.6, 0.8, 0]])
@@ -168,6 +183,9 @@ def parts(**changed):
         ({"pixel_ptr": np.array([0, 1, 3])}, "rays pixel_ptr: expected"),
         ({"pixel_ptr": np.array([1, 2])}, "rays pixel_ptr: expected"),
         ({"pixel_ptr": np.arange(3, dtype=np.int32)}, "rays pixel_ptr: expected"),
+        ({"path_ptr": np.array([0, 2])}, "rays path_ptr: found a path in two pixels"),
+        ({"path_ptr": np.array([0, 1])}, "rays path_ptr: found a path in two pixels"),
+        ({"path_ptr": np.array([0, 1, 1, 2])}, "rays path_ptr: expected int64 numbers that inc"),
     ],
 )
 def test_bad_parts_are_named(changed, message):

@@ -10,7 +10,6 @@ from tomo.operators.on_the_fly.projector import OnTheFlyProjector
 from tomo.operators.operator import ProjectionOperator, as_float
 from tomo.operators.stored import Projector
 from tomo.rays import Rays
-from tomo.trace import tracing
 
 
 class AttenuatedProjector(ProjectionOperator):
@@ -40,8 +39,7 @@ class AttenuatedProjector(ProjectionOperator):
     ) -> None:
         self.rays, self.absorption, self.emission = rays, absorption, emission
         super().__init__(rays.shape[0], rays.grid, rays.view_ptr, rays.dtype, rays.active)
-        tracer = tracing(self.grid, midpoints=True, active=self.active)
-        self._trace = attenuating(tracer, self.grid, absorption, emission)
+        self._trace = attenuating(self.grid, absorption, emission, active=self.active)
 
     def __repr__(self) -> str:
         """Name the sizes."""
