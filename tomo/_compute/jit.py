@@ -7,14 +7,13 @@ or, where that folder is read-only, in the user's cache; without either it is co
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numba
 from numba.core.cpu import ParallelOptions
 
+from rigs.compiled import cached_with_helpers
 from tomo._compute.wait_policy import set_passive_waiting
 
 set_passive_waiting()
@@ -60,41 +59,7 @@ def compiled(
         except RuntimeError:  # no folder to cache in can be written
             return numba.njit(function, **options)
         if not inline:
-            _cached_with_helpers(kernel)
+            cached_with_helpers(kernel)
         return kernel
 
     return decorate
-
-
-def _cached_with_helpers(kernel: numba.core.dispatcher.Dispatcher) -> None:
-    """Have what is cached of a kernel not outlive a change of what it calls.
-
-    numba looks at the kernel's own file only: after an upgrade that changes a helper elsewhere,
-    the kernel of before would be loaded for ever.
-    """
-    file = getattr(kernel._cache, "_cache_file", None)  # numba has no public way
-    if file is not None:
-        file._source_stamp = f"{file._source_stamp} {helpers_stamp(kernel.py_func)}"
-
-
-def helpers_stamp(function: Callable) -> str:
-    """Return what changes with the helpers and constants that a kernel takes from its globals.
-
-    Helpers, and theirs, count with the files that they stand in; constants with their values.
-    """
-    waiting, found = [function], {function}
-    parts = set()
-    while waiting:
-        some = waiting.pop()
-        for name in some.__code__.co_names:
-            value = some.__globals__.get(name)
-            helper = getattr(value, "py_func", getattr(value, "_defn", None))
-            if isinstance(value, (bool, int, float)):
-                parts.add(f"{name} = {value!r}")
-            elif helper is not None and helper not in found:
-                found.add(helper)
-                waiting.append(helper)
-    for file in {Path(one.__code__.co_filename) for one in found}:
-        if file.is_file():
-            parts.add(hashlib.sha256(file.read_bytes()).hexdigest())
-    return hashlib.sha256("\n".join(sorted(parts)).encode()).hexdigest()

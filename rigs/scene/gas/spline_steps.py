@@ -25,10 +25,7 @@ CHORD = 0.25
 chord of its ends: a bound that a kink in the middle reaches; an arc of a circle takes half."""
 
 CONVERGED = 1e-14
-"""Change of a stage's displacement, in voxels, below which a step is solved: rounding."""
-
-EXACT = 1e-14
-"""Relative difference of ``|x'|`` to ``n`` that is left: rounding."""
+"""Change of the way, in voxels, below which a step is solved: rounding."""
 
 ITERATIONS = 60
 """Iterations of a step at most. Gas takes 3 or 4; an index that jumps from voxel to voxel, for
@@ -154,6 +151,7 @@ def step(coefficients, halvings, medium, spacing, q, w, room) -> float:
     halved = halvings[_cell(q[0], w[0], x), _cell(q[1], w[1], y), _cell(q[2], w[2], z)]
     parts = float(1 << np.int64(halved))
     time, axis_ahead, plane_ahead, before, m = 0.0, -1, 0.0, 0.0, 0.0
+    index = speed = 1.0
     fastest = max(abs(w[0]), abs(w[1]), abs(w[2]))
     for iteration in range(ITERATIONS):
         time = NEVER
@@ -187,10 +185,14 @@ def step(coefficients, halvings, medium, spacing, q, w, room) -> float:
             end[axis] = (1 + m) * w[axis] + time * (forces[0, axis] + forces[1, axis]) / 2
         at[axis_ahead] = plane_ahead
         index = math.sqrt(medium * medium + evaluate(coefficients, at, scratch, slope))
-        missing = 1 - index_by_speed(end, spacing) / index - m
+        speed = index_by_speed(end, spacing)
+        missing = 1 - speed / index - m
         m += missing / 2
-        if abs(missing) < EXACT:
-            break
+        bend = 0.0
+        for axis in range(3):
+            bend = max(bend, abs(forces[0, axis] + forces[1, axis]) * time)
+        if converged and abs(missing) * bend < CONVERGED * fastest:
+            break  # another speed changes the way by no more
     for axis in range(3):
-        q[axis], w[axis] = at[axis], end[axis] / (1 - m)
+        q[axis], w[axis] = at[axis], end[axis] * index / speed
     return time
