@@ -20,6 +20,7 @@ from rigs.ray_table import RayTable
 from rigs.ray_table.ray_file import load_ray_table, save_ray_table
 from rigs.rig import Rig, Volume
 from rigs.scene.entry import scene_data, scene_of
+from rigs.scene.gas import write_voxels
 from rigs.scene.mesh import Mesh
 from rigs.scene.mesh_file import write_mesh
 from rigs.scene.scene_camera import own_camera
@@ -66,7 +67,7 @@ def save_rig(rig: Rig, path: str | os.PathLike) -> None:
     Poses are written as ``R`` and ``t``, intrinsics as ``camera_matrix``. ``cv2.FileStorage``
     reads the file too, as long as the keys in ``rig.calibration`` are plain words. Tables of rays
     are written into the same folder, as ``<stem>_rays_<camera>.npz``, meshes of the scene as
-    ``<stem>_solid_<number>.obj``.
+    ``<stem>_solid_<number>.obj``, its gas as ``<stem>_gas_index.npz`` and ``_extinction.npz``.
 
     Raises
     ------
@@ -81,6 +82,11 @@ def save_rig(rig: Rig, path: str | os.PathLike) -> None:
     for number, solid in enumerate(rig.scene.solids if rig.scene else ()):
         if isinstance(solid, Mesh):
             write_mesh(solid, Path(path).with_name(_mesh_name(number, stem)))
+    gas = rig.scene and rig.scene.gas
+    for name in ("index", "extinction") if gas else ():
+        voxels = getattr(gas, name)
+        if voxels is not None:
+            write_voxels(voxels, Path(path).with_name(_gas_name(name, stem)), rig.length_unit)
     write_text(path, text)
 
 
@@ -102,7 +108,11 @@ def rig_to_yaml(rig: Rig, stem: str = "rig") -> str:
         }
     if rig.scene is not None:
         solids = rig.scene.solids
-        data["scene"] = scene_data(rig.scene, lambda mesh: _mesh_name(solids.index(mesh), stem))
+        data["scene"] = scene_data(
+            rig.scene,
+            lambda mesh: _mesh_name(solids.index(mesh), stem),
+            lambda name: _gas_name(name, stem),
+        )
     if rig.calibration is not None:
         _check_plain(rig.calibration, "calibration")
         data["calibration"] = rig.calibration
@@ -191,6 +201,11 @@ def _table_name(camera: RayTable, stem: str) -> str:
 def _mesh_name(number: int, stem: str) -> str:
     """Return the name of the file of a scene's mesh, for a rig of that stem."""
     return f"{stem}_solid_{number}.obj"
+
+
+def _gas_name(name: str, stem: str) -> str:
+    """Return the name of the file of a scene's gas, for a rig of that stem."""
+    return f"{stem}_gas_{name}.npz"
 
 
 def _intrinsics(entry: CameraEntry) -> Any:

@@ -123,12 +123,20 @@ class SolidEntry(_Entry):
     smooth: bool = False
 
 
+class GasEntry(_Entry):
+    """``gas:`` of a scene: files of voxels."""
+
+    index: Text | None = None
+    extinction: Text | None = None
+
+
 class SceneEntry(_Entry):
     """``scene:`` of a rig: what stands in the light's way."""
 
     medium: Number | Text = 1.0
     fresnel: bool = False
     solids: list[SolidEntry] = []
+    gas: GasEntry | None = None
 
 
 class RigEntry(_Entry):

@@ -13,7 +13,8 @@ from rigs.files.inside import path_inside
 from rigs.files.schema import SceneEntry, SolidEntry
 from rigs.files.units import metres
 from rigs.geometry.rotation import numbers, rotation
-from rigs.scene.materials import Glass, Material, Opaque, Reflecting
+from rigs.scene.gas import read_gas
+from rigs.scene.materials import Glass, Material, Opaque, Reflecting, index_of
 from rigs.scene.mesh import Mesh
 from rigs.scene.mesh_file import read_mesh
 from rigs.scene.scene import Scene
@@ -53,13 +54,20 @@ def scene_of(entry: SceneEntry, folder: Path, length_unit: str) -> Scene:
     """
     try:
         solids = tuple(_solid(solid, folder, length_unit) for solid in entry.solids)
-        return Scene(solids, entry.medium, entry.fresnel)
+        gas = None
+        if entry.gas is not None:
+            medium = index_of(entry.medium, "medium")
+            files = entry.gas.model_dump()
+            gas = read_gas(folder, length_unit, **files, medium=medium) or None
+        return Scene(solids, entry.medium, entry.fresnel, gas)
     except ValueError as error:
         text = str(error)
         raise ValueError(text if text.startswith("scene: ") else f"scene: {text}") from None
 
 
-def scene_data(scene: Scene, mesh_name: Callable[[Mesh], str]) -> dict[str, Any]:
+def scene_data(
+    scene: Scene, mesh_name: Callable[[Mesh], str], gas_name: Callable[[str], str]
+) -> dict[str, Any]:
     """Return the plain data of a scene, in the order of the file.
 
     Parameters
@@ -67,6 +75,8 @@ def scene_data(scene: Scene, mesh_name: Callable[[Mesh], str]) -> dict[str, Any]
     scene : Scene
     mesh_name : callable
         Gives the name of the file that holds a mesh.
+    gas_name : callable
+        Gives that of the file that holds the gas's ``index`` or ``extinction``.
     """
     solids = []
     for solid in scene.solids:
@@ -81,7 +91,11 @@ def scene_data(scene: Scene, mesh_name: Callable[[Mesh], str]) -> dict[str, Any]
                 if field.name not in ("name", "material") and value not in (None, field.default):
                     data[field.name] = list(value) if isinstance(value, tuple) else value
         solids.append(data | _material_data(solid.material, kind))
-    return {"medium": scene.medium, "fresnel": scene.fresnel, "solids": solids}
+    data = {"medium": scene.medium, "fresnel": scene.fresnel, "solids": solids}
+    if scene.gas is None:
+        return data
+    names = [name for name in ("index", "extinction") if getattr(scene.gas, name) is not None]
+    return data | {"gas": {name: gas_name(name) for name in names}}
 
 
 def _solid(entry: SolidEntry, folder: Path, length_unit: str) -> Solid:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.scene.gas import IndexField
+from rigs.scene.gas_pieces import gas_box, through_gas
 from rigs.scene.mesh import Mesh
 from rigs.scene.tracing import Pieces, Rays, follow, numbers_of, write_pieces
 
@@ -85,6 +87,7 @@ def trace_paths(
     *,
     fresnel: bool = False,
     region: NDArray[np.float64] = EVERYWHERE,
+    gas: IndexField | None = None,
 ) -> Paths:
     """Return the paths of rays, all rays from face to face at once.
 
@@ -100,9 +103,12 @@ def trace_paths(
     fresnel : bool
         Whether glass takes the fraction of light that it reflects.
     region : (2, 3) float64
-        Lower and upper corner of a box: pieces that miss it are left out.
+        Lower and upper corner of a box: pieces that miss it are left out, but for those in gas.
+    gas : IndexField, optional
+        Gas that bends rays; no solid reaches into its box.
     """
-    boxes = np.array([mesh.box for _, mesh in meshes]).reshape(-1, 2, 3)
+    boxes = [mesh.box for _, mesh in meshes]
+    boxes = np.array(boxes if gas is None else [*boxes, gas_box(gas)]).reshape(-1, 2, 3)
     numbers = numbers_of(faces)
     pieces = _pieces(MOST_FACES + 1, min(AT_ONCE, len(origins)))
     counts, ends = np.zeros(len(origins), np.int64), np.zeros(len(origins), np.int64)
@@ -110,7 +116,7 @@ def trace_paths(
     for first in range(0, len(origins), AT_ONCE):
         some = slice(first, first + AT_ONCE)
         rays = _rays(origins[some], directions[some], medium)
-        _follow_to_ends(rays, pieces, numbers, meshes, boxes, region, fresnel)
+        pieces = _follow_to_ends(rays, pieces, numbers, meshes, boxes, region, fresnel, gas)
         counts[some], ends[some] = rays.pieces, rays.end
         starts = total + np.cumsum(rays.pieces) - rays.pieces
         total += int(rays.pieces.sum())
@@ -156,13 +162,16 @@ def _follow_to_ends(
     boxes: NDArray[np.float64],
     region: NDArray[np.float64],
     fresnel: bool,
-) -> None:
-    """Follow rays to their ends, and write their pieces."""
+    gas: IndexField | None,
+) -> Pieces:
+    """Follow rays to their ends; return their pieces, in a longer array where gas has many."""
     active, waiting = np.arange(len(rays.end)), np.zeros(len(rays.end), np.int64)
     while True:
-        count = follow(active, rays, pieces, *faces, boxes, region, fresnel, waiting)
+        count = follow(
+            active, rays, pieces, *faces, boxes, region, MOST_FACES + 1, fresnel, waiting
+        )
         if not count:
-            return
+            return pieces
         active = waiting[:count].copy()
         origin, direction, last = rays.origin[active], rays.direction[active], rays.last[active]
         for row, mesh in meshes:
@@ -172,3 +181,5 @@ def _follow_to_ends(
             rays.length[active[met]], rays.normal[active[met]] = distance, normal
             rays.face[active[met]] = row
         rays.asked[active] = True
+        if gas is not None:
+            pieces = through_gas(gas, rays, pieces, active, room=MOST_FACES + 1)

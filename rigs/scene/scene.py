@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.geometry.image_checks import rows_of
+from rigs.scene.gas import Gas
 from rigs.scene.materials import Reflecting, index_of
 from rigs.scene.mesh import Mesh
 from rigs.scene.paths import EVERYWHERE, Paths, trace_paths
 from rigs.scene.solids import Solid
+from rigs.scene.surfaces import FACE
 from rigs.scene.tracing import OPEN
 
 
@@ -29,11 +31,13 @@ class Scene:
         Refractive index of what surrounds them, or its name in `rigs.scene.materials.INDICES`.
     fresnel : bool
         Whether glass takes the fraction of light that it reflects.
+    gas : Gas, optional
+        Gas that bends or absorbs light.
 
     Raises
     ------
     ValueError
-        If two solids have one name or overlap, or an index is out of range.
+        If two solids have one name or overlap, an index is out of range, or the gas does not fit.
 
     Examples
     --------
@@ -46,6 +50,7 @@ class Scene:
     solids: tuple[Solid, ...] = ()
     medium: float | str = 1.0
     fresnel: bool = False
+    gas: Gas | None = None
 
     def __post_init__(self) -> None:
         """Check names and overlaps."""
@@ -65,9 +70,12 @@ class Scene:
                         "expected solids apart: light could not tell which medium it is in"
                     )
 
+        if self.gas is not None:
+            self.gas.check(self.solids, self.medium)
+
     def __bool__(self) -> bool:
         """Whether anything is in the way."""
-        return bool(self.solids)
+        return bool(self.solids) or bool(self.gas)
 
     @property
     def has_mirrors(self) -> bool:
@@ -85,7 +93,7 @@ class Scene:
                 meshes.append((first, solid))
             parts.append(rows)
             first += len(rows)
-        return np.concatenate(parts), meshes
+        return np.concatenate([np.zeros(0, FACE), *parts]), meshes
 
     def paths(
         self, origins: ArrayLike, directions: ArrayLike, region: NDArray[np.float64] = EVERYWHERE
@@ -111,7 +119,8 @@ class Scene:
         norms = np.linalg.norm(directions, axis=1, keepdims=True)
         if not (np.isfinite(directions).all() and (norms > 0).all()):
             raise ValueError("directions of rays: found NaN or a zero vector, expected directions")
-        if not self.solids:
+        bending = None if self.gas is None else self.gas.index
+        if not self.solids and bending is None:
             n = len(origins)
             open_ahead = (np.full(n, np.inf), np.ones(n), np.full(n, -1))
             ends = np.full(n, OPEN)
@@ -119,13 +128,16 @@ class Scene:
         faces, meshes = self._tables
         return trace_paths(
             faces, meshes, self.medium, origins, directions / norms,
-            fresnel=self.fresnel, region=region,
+            fresnel=self.fresnel, region=region, gas=bending,
         )  # fmt: skip
 
     def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
         """Return the scene after the rigid motion ``x_new = R @ x_old + t`` of the world."""
-        return replace(self, solids=tuple(solid.transformed(R, t) for solid in self.solids))
+        solids = tuple(solid.transformed(R, t) for solid in self.solids)
+        return replace(self, solids=solids, gas=self.gas and self.gas.transformed(R, t))
 
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the scene of a world whose lengths are ``factor`` times as large."""
-        return replace(self, solids=tuple(s.with_lengths_scaled(factor) for s in self.solids))
+        solids = tuple(solid.with_lengths_scaled(factor) for solid in self.solids)
+        gas = self.gas and self.gas.with_lengths_scaled(factor)
+        return replace(self, solids=solids, gas=gas)

@@ -73,7 +73,7 @@ class _Analytic:
                 raise ValueError(
                     f"{self.what}: {name}: found {vector.tolist()}, expected a direction"
                 )
-            object.__setattr__(self, name, tuple((vector / length).tolist()))
+            object.__setattr__(self, name, _unit(vector))
         for name in self._LENGTHS:
             length = getattr(self, name)
             if length is None:
@@ -412,6 +412,12 @@ class Sphere(_Analytic):
         return np.array(self.center) + self.radius * unit
 
 
+def _unit(vector: NDArray[np.float64]) -> Vector:
+    """Return a direction at length one; one that is so to rounding stays as a file holds it."""
+    length = np.linalg.norm(vector)
+    return tuple((vector if abs(length - 1) < 1e-15 else vector / length).tolist())
+
+
 def _check_across(plate: Window | Mirror) -> None:
     """Check the size of a plate, and make ``across`` perpendicular to its normal."""
     if plate.size is not None and np.shape(plate.size) not in ((), (2,)):
@@ -430,7 +436,7 @@ def _check_across(plate: Window | Mirror) -> None:
             f"{plate.what}: across: found {list(plate.across)}, along the normal, expected a "
             "direction along the first side"
         )
-    object.__setattr__(plate, "across", tuple((across / length).tolist()))
+    object.__setattr__(plate, "across", _unit(across))
 
 
 def _outline(plate: Window | Mirror) -> dict:

@@ -69,7 +69,9 @@ def numbers_of(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @compiled
-def follow(active, rays, pieces, kinds, faces, boxes, region, fresnel, waiting) -> int:
+def follow(
+    active, rays, pieces, kinds, faces, boxes, region, most, fresnel, waiting
+) -> int:  # fmt: skip
     """Follow rays from face to face; return how many wait for an answer of the meshes.
 
     Parameters
@@ -78,21 +80,23 @@ def follow(active, rays, pieces, kinds, faces, boxes, region, fresnel, waiting) 
         The rays to follow.
     rays : Rays
         Changed in place.
-    pieces : Pieces, of arrays (most, N) and (most, N, 3)
-        Written: the pieces of each ray, which is left at the last of ``most`` faces.
+    pieces : Pieces, of arrays (rows, N) and (rows, N, 3)
+        Written: the pieces of each ray, one behind the other.
     kinds, faces : (F, 3) int64, (F, 21) float64
         From `numbers_of`.
-    boxes : (meshes, 2, 3) float64
-        Lower and upper corners of the boxes round meshes.
+    boxes : (B, 2, 3) float64
+        Lower and upper corners of the boxes round meshes and gas.
     region : (2, 3) float64
         Lower and upper corner of the box whose pieces are wanted.
+    most : int
+        Faces at the last of which a ray is left.
     fresnel : bool
         Whether glass takes the fraction of light that it reflects.
     waiting : (K,) int64
-        Written: rays whose piece may meet a mesh. Their ``length``, ``face`` and, of a triangle,
-        ``normal`` are to be brought up to date, and ``asked`` set, before they are followed on.
+        Written: rays whose piece may meet a mesh or gas. Their ``length``, ``face`` and, of a
+        triangle, ``normal`` are to be brought up to date, and ``asked`` set, before they go on.
     """
-    most, count = len(pieces.lengths), 0
+    count = 0
     for n in active:
         origin, direction = _vector(rays.origin, n), _vector(rays.direction, n)
         normal, length, face = _vector(rays.normal, n), rays.length[n], rays.face[n]

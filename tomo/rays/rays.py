@@ -212,7 +212,8 @@ class Rays:
         paths = camera.scene.paths(origins, directions, *region)
         weight = paths.weight * np.repeat(weight, np.diff(paths.ray_ptr))
         pixel_ptr = paths.ray_ptr[pixel_ptr]
-        return cls(paths.origins, paths.directions, paths.lengths, weight, pixel_ptr)
+        pieces = paths.origins, paths.directions, paths.lengths, weight
+        return cls(*pieces, pixel_ptr, np.unique(paths.ray_ptr))  # rays without a piece are none
 
     def take(self, pixels: NDArray[np.integer]) -> Rays:
         """Return the rays of some pixels, in the order given."""

@@ -12,7 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "crossing": ["Crossing"],
         "extinction_volume": ["ExtinctionVolume"],
-        "files": ["read_gas", "read_voxels"],
+        "files": ["read_gas", "read_voxels", "write_voxels"],
         "gas": ["Gas"],
         "index_field": ["IndexField"],
         "index_volume": ["IndexVolume"],

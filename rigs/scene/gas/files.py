@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigs.files.archives import read_arrays
 from rigs.files.inside import path_inside
+from rigs.files.text import write_bytes
 from rigs.scene.gas.extinction_volume import ExtinctionVolume
 from rigs.scene.gas.gas import Gas
 from rigs.scene.gas.index_volume import IndexVolume
@@ -101,6 +103,30 @@ def read_voxels(
             f"origin, spacing: found shapes {origin.shape}, {spacing.shape}, expected (3,) each"
         )
     return arrays["data"], origin - spacing / 2, np.broadcast_to(spacing, (3,))
+
+
+def write_voxels(
+    gas: IndexVolume | ExtinctionVolume, path: str | os.PathLike, length_unit: str
+) -> None:
+    """Write a box of voxels: `read_voxels` returns its values bit by bit.
+
+    Raises
+    ------
+    ValueError
+        If the gas is a formula, not voxels.
+    """
+    if not isinstance(gas, IndexVolume | ExtinctionVolume):
+        raise ValueError(f"gas: found {type(gas).__name__}, expected voxels to write to a file")
+    file = io.BytesIO()
+    origin = gas.lower + gas.spacing / 2
+    np.savez(
+        file,
+        data=gas.values,
+        origin=origin,
+        spacing=gas.spacing,
+        length_unit=np.array(length_unit),
+    )
+    write_bytes(path, file.getvalue())
 
 
 def _check_steps(values: NDArray) -> None:

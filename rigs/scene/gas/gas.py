@@ -29,7 +29,7 @@ class SolidLike(Protocol):
         """Return points on its surface, ``(N, 3)``."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Gas:
     """Gas in the light's way.
 
@@ -88,10 +88,12 @@ class Gas:
                     f"x, y, z from {found}, expected solids outside: make the box smaller"
                 )
 
+    def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
+        """Return the gas after the rigid motion ``x_new = R @ x_old + t`` of the world."""
+        moved = (one and one.transformed(R, t) for one in (self.index, self.extinction))
+        return replace(self, **dict(zip(("index", "extinction"), moved, strict=True)))
+
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the gas of a world whose lengths are ``factor`` times as large."""
-        scaled = (
-            None if one is None else one.with_lengths_scaled(factor)
-            for one in (self.index, self.extinction)
-        )  # fmt: skip
+        scaled = (one and one.with_lengths_scaled(factor) for one in (self.index, self.extinction))
         return replace(self, **dict(zip(("index", "extinction"), scaled, strict=True)))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.scene.gas.crossing import Crossing, pairs_of_vectors
 from rigs.scene.gas.follow import follow
 from rigs.scene.gas.index_field import IndexField
-from rigs.scene.gas.voxels import corner, edges, values_of
+from rigs.scene.gas.voxels import corner, edges, moved_box, same, values_of
 
 if TYPE_CHECKING:
     from scipy.interpolate import NdBSpline
@@ -145,6 +145,17 @@ class IndexVolume(IndexField):
         ptr = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
         parts = (np.ascontiguousarray(pieces[:, some]) for some in (slice(3), slice(3, 6), 6))
         return Crossing(*parts, ptr, *rest)
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other, ("values", "lower", "spacing", "medium"))
+
+    def __hash__(self) -> int:
+        return hash((self.values.shape, float(self.values.sum())))
+
+    def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
+        """Return the volume after a rigid motion that leaves its faces along the axes."""
+        values, lower, spacing = moved_box(self.values, self.lower, self.spacing, R, t)
+        return replace(self, values=values, lower=lower, spacing=spacing)
 
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the volume of a world whose lengths are ``factor`` times as large."""

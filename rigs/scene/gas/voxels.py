@@ -33,3 +33,39 @@ def edges(spacing: ArrayLike, what: str) -> NDArray[np.float64]:
     if not (found > 0).all():
         raise ValueError(f"{what}: spacing: found {found.tolist()}, expected numbers above 0")
     return found
+
+
+def same(one: object, other: object, names: tuple[str, ...]) -> bool:
+    """Return whether two boxes of voxels are of one type, with equal values of those names."""
+    return type(one) is type(other) and all(
+        np.array_equal(getattr(one, name), getattr(other, name)) for name in names
+    )
+
+
+def moved_box(
+    values: NDArray[np.float64],
+    lower: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    R: NDArray[np.float64],
+    t: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return values, lower corner and spacing of a box after the motion ``x_new = R @ x_old + t``.
+
+    Raises
+    ------
+    ValueError
+        If its faces leave the directions of the axes.
+    """
+    turn = np.rint(R)
+    if np.abs(turn - R).max() > 1e-9:
+        raise ValueError(
+            "gas: found a rotation that turns its voxels off the axes, expected quarter turns: "
+            "write the gas anew in the new world"
+        )
+    axes = np.abs(turn).argmax(axis=1)  # the old axis of each new one
+    signs = turn[np.arange(3), axes]
+    upper = lower + spacing * values.shape
+    moved = np.transpose(values, axes)
+    moved = moved[tuple(slice(None, None, int(sign)) for sign in signs)]
+    ends = np.stack([turn @ lower, turn @ upper]) + t
+    return np.ascontiguousarray(moved), ends.min(axis=0), spacing[axes]
