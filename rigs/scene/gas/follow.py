@@ -20,12 +20,12 @@ WIDTH = 7
 """Numbers of a piece: origin, direction, length."""
 
 _TURNS = 64
-"""Steps of a ray at most, in voxels along all sides of the box: a straight one takes one."""
+"""Steps of a ray at most, in the smallest cells along all sides: a straight one takes one."""
 
 
 def follow(
     coefficients: NDArray[np.float64],
-    halvings: NDArray[np.uint8],
+    halvings: NDArray[np.int8],
     medium: float,
     lower: NDArray[np.float64],
     spacing: NDArray[np.float64],
@@ -39,8 +39,9 @@ def follow(
     ----------
     coefficients : (nx + 4, ny + 4, nz + 4) float64
         Of the spline of ``n² - medium²``, from number -2 on.
-    halvings : (nx + 1, ny + 1, nz + 1) uint8
-        How often each cell is halved for steps, from the one before voxel 0's centre on.
+    halvings : (nx + 1, ny + 1, nz + 1) int8
+        How often each cell is halved for steps, from the one before voxel 0's centre on;
+        negative where several are taken together.
     medium : float
     lower, spacing : (3,) float64
         The box's outer corner and the edges of a voxel.
@@ -152,7 +153,7 @@ def _follow(
     count = np.zeros(3)
     for axis in range(3):
         count[axis] = coefficients.shape[axis] - 4
-    most = int(_TURNS * (count[0] + count[1] + count[2]))
+    most = int(_TURNS * count.sum() * 2.0 ** max(halvings.max(), 0))
     q, w, old_q, old_w = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     room = np.zeros((5, 3)), np.zeros((6, 4))
     begin, place, old_place = np.zeros(3), np.zeros(3), np.zeros(3)

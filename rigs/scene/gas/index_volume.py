@@ -21,13 +21,18 @@ CHORD = 0.01
 """Voxels that a path may be from its straight pieces: a hundredth changes what a pixel sees far
 less than the emission's voxels do; less makes more pieces, which cost time in every product."""
 
-STEP = 1e-6
-"""Voxels that a step may err: a path of a thousand steps keeps within a thousandth of a voxel, far
-less than what interpolation between voxels leaves."""
+STEP = 1e-4
+"""Voxels that a step may err for each unit by which ``n²`` differs from the medium's: as small
+beside the bending of weak gas as of strong, and less than what is left between voxels."""
 
-STEP_ERROR = 1e-2
-"""Error of a step through a cell, in voxels, for each unit by which ``n²`` differs around it: the
-largest of random values; smooth ones err less."""
+STEP_ERROR = 3e-3
+"""Error of a step through a cell, in voxels, over the fourth differences of ``n²`` around it; 16
+times less with each halving. The largest of random values; smooth ones err less."""
+
+TOGETHER = 2
+"""Doublings of a step at most: four cells at a time. More would step over what is between."""
+
+SECOND = np.array([1.0, -2.0, 1.0])  # of a second difference
 
 CUT = 0.5
 """Fraction of the largest difference to the medium that may stand in a face's layer of voxels
@@ -106,19 +111,14 @@ class IndexVolume(IndexField):
         return np.ascontiguousarray(found)
 
     @cached_property
-    def halvings(self) -> NDArray[np.uint8]:
+    def halvings(self) -> NDArray[np.int8]:
         """How often each cell of the spline is halved for steps, ``(nx + 1, ny + 1, nz + 1)``.
 
-        A step through a whole cell errs by up to `STEP_ERROR` voxels times the range of
-        ``n² / medium²`` around the cell; 16 times less with each halving.
+        Negative where cells are taken together: -2 for blocks of four along each axis.
         """
-        from scipy.ndimage import maximum_filter, minimum_filter
-
         around = (slice(2, -1),) * 3  # the four splines that are not zero in a cell
-        most, least = (f(self.coefficients, 4)[around] for f in (maximum_filter, minimum_filter))
-        error = STEP_ERROR * (most - least) / self.medium**2
-        halvings = np.log(np.maximum(error / STEP, 1)) / np.log(16)
-        return np.ascontiguousarray(np.ceil(halvings).astype(np.uint8))
+        error = STEP_ERROR * _fourth_differences(self.coefficients)[around]
+        return _halvings(error / max(float(np.abs(self.coefficients).max()), 1e-300))
 
     def index(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the index at points ``(N, 3)``; the medium's outside."""
@@ -197,6 +197,41 @@ class IndexVolume(IndexField):
         if inside.any():
             found[inside] = self._interpolant(q[inside], nu=derivative)
         return found
+
+
+def _fourth_differences(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest sum of fourth differences near each coefficient of a spline.
+
+    The fourth derivatives of the spline's neighbours: where they vanish, so do a step's error and
+    the jumps between cells.
+    """
+    from scipy.ndimage import correlate1d, maximum_filter
+
+    total = np.zeros_like(coefficients)
+    for first in range(3):
+        bend = correlate1d(coefficients, SECOND, first, mode="nearest")
+        for second in range(first, 3):
+            total += np.abs(correlate1d(bend, SECOND, second, mode="nearest"))
+    return maximum_filter(total, 4)
+
+
+def _halvings(error: NDArray[np.float64]) -> NDArray[np.int8]:
+    """Return the halvings of cells whose steps err so much, as `STEP` does.
+
+    All cells of a block that is taken together say so: a ray sees the same block from both ends.
+    """
+    halvings = np.ceil(np.log(np.maximum(error, 1e-300) / STEP) / np.log(16)).astype(np.int64)
+    halvings = np.maximum(halvings, -TOGETHER)
+    for level in range(1, TOGETHER + 1):
+        edge = 2**level
+        blocks = [(np.arange(n) - 1) // edge for n in halvings.shape]  # cell 0 begins at centre -1
+        blocks = [one - one[0] for one in blocks]
+        largest = np.full([one[-1] + 1 for one in blocks], -TOGETHER)
+        np.maximum.at(largest, np.ix_(*blocks), halvings)
+        halvings = np.maximum(
+            halvings, np.where(largest > -level, 1 - level, -TOGETHER)[np.ix_(*blocks)]
+        )
+    return halvings.astype(np.int8)
 
 
 def _odd_coefficients(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:

@@ -149,7 +149,7 @@ def step(coefficients, halvings, medium, spacing, q, w, room) -> float:
     forces, (end, slope, at), scratch = room[0][:2], room[0][2:], room[1]
     x, y, z = halvings.shape
     halved = halvings[_cell(q[0], w[0], x), _cell(q[1], w[1], y), _cell(q[2], w[2], z)]
-    parts = float(1 << np.int64(halved))
+    parts = 2.0**halved
     time, axis_ahead, plane_ahead, before, m = 0.0, -1, 0.0, 0.0, 0.0
     index = speed = 1.0
     fastest = max(abs(w[0]), abs(w[1]), abs(w[2]))
