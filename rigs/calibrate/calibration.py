@@ -217,4 +217,9 @@ def _check(observations: Observations, intrinsics: Rig | None) -> None:
 
 def _scaled(scene: Scene, scale: float) -> Scene:
     """Return the scene with all lengths multiplied by ``scale``."""
-    return replace(scene, camera_t=scene.camera_t * scale, target_t=scene.target_t * scale)
+    return replace(
+        scene,
+        camera_t=scene.camera_t * scale,
+        target_t=scene.target_t * scale,
+        refraction=scene.refraction and scene.refraction.with_lengths_scaled(scale),
+    )

@@ -142,6 +142,8 @@ def _residuals(
         length = np.sqrt(squares)
         squares = np.where(length > huber, huber * (2 * length - huber), squares)
     cost = float(squares.sum()) / 2
+    if scene.refraction is not None:
+        cost += float(scene.refraction.weights @ scene.refraction.changes**2) / 2
     return residuals, cost if np.isfinite(cost) else np.inf
 
 
@@ -174,6 +176,12 @@ def _normal_equations(
         flat = by_camera.reshape(2 * len(uv), by_camera.shape[2])
         cameras[np.ix_(own, own)] += flat.T @ flat
         camera_gradient[own] += flat.T @ residual.reshape(-1)
+    if scene.refraction is not None:
+        places = freedom.window_places
+        free, place = places >= 0, places[places >= 0]
+        weights = scene.refraction.weights[free]
+        cameras[place, place] += weights
+        camera_gradient[place] -= weights * scene.refraction.changes[free]
     return _Normal(cameras, targets, mixed, camera_gradient, target_gradient, frames)
 
 
@@ -229,8 +237,14 @@ def _moved(
 ) -> Scene:
     """Return the scene after a step of the free parameters."""
     steps = [freedom.step(camera, camera_step) for camera in range(len(scene.lenses))]
-    lenses = (lens.moved(step[6:-1]) for lens, step in zip(scene.lenses, steps, strict=True))
-    full, later = np.array([step[:6] for step in steps]), np.array([step[-1] for step in steps])
+    ends = [6 + lens.size for lens in scene.lenses]
+    lenses = (
+        lens.moved(step[6:end])
+        for lens, step, end in zip(scene.lenses, steps, ends, strict=True)
+    )
+    full = np.array([step[:6] for step in steps])
+    later = np.array([step[end] for step, end in zip(steps, ends, strict=True)])
+    bending = scene.refraction
     target_R, target_t = scene.target_R.copy(), scene.target_t.copy()
     target_R[frames] = matrix_of_vector(target_step[:, :3]) @ target_R[frames]
     target_t[frames] += target_step[:, 3:]
@@ -242,4 +256,5 @@ def _moved(
         target_R=target_R,
         target_t=target_t,
         offset=later if scene.offset is None else scene.offset + later,
+        refraction=bending and bending.moved(freedom.window_step(camera_step)),
     )

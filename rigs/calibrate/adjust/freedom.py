@@ -16,7 +16,8 @@ class Freedom:
     """Which unknowns are free, and which are shared; the target poses always are free.
 
     A camera's numbers are its rotation (3), translation (3), fx, fy, cx, cy, the coefficients of
-    its distortion, and last the moment of its images.
+    its distortion, the moment of its images, and last those of the windows in the scene, which
+    all cameras have in common.
 
     Parameters
     ----------
@@ -29,6 +30,8 @@ class Freedom:
         fx and fy change by one number, so that square pixels stay square.
     common : tuple of int, optional
         For each camera the first one that has the same lens; each has its own where absent.
+    windows : (n,) bool, optional
+        Which numbers of windows are free (`rigs.calibrate.refraction.Refraction`).
 
     Examples
     --------
@@ -42,6 +45,7 @@ class Freedom:
     time: NDArray[np.bool_] | None = None
     square: bool = False
     common: tuple[int, ...] | None = None
+    windows: NDArray[np.bool_] | None = None
 
     @cached_property
     def places(self) -> tuple[NDArray[np.int64], ...]:
@@ -54,8 +58,8 @@ class Freedom:
             place = np.full(len(free), -1)
             first = camera if self.common is None else self.common[camera]
             if first != camera:
-                place[6:-1] = found[first][6:-1]
-                free[6:-1] = False
+                place[6 : 6 + len(lens)] = found[first][6 : 6 + len(lens)]
+                free[6 : 6 + len(lens)] = False
             elif self.square and free[_FX] and free[_FY]:
                 free[_FY] = False
             place[free] = count + np.arange(int(free.sum()))
@@ -63,7 +67,15 @@ class Freedom:
             if first == camera and self.square and lens[_FY - 6]:
                 place[_FY] = place[_FX]
             found.append(place)
-        return tuple(found)
+        windows = np.zeros(0, bool) if self.windows is None else self.windows
+        shared = np.where(windows, count - 1 + np.cumsum(windows), -1)
+        return tuple(np.r_[place, shared] for place in found)
+
+    @cached_property
+    def window_places(self) -> NDArray[np.int64]:
+        """The place of each number of windows among all free parameters; -1 where held."""
+        count = 0 if self.windows is None else len(self.windows)
+        return self.places[0][len(self.places[0]) - count :]
 
     @cached_property
     def size(self) -> int:
@@ -97,14 +109,23 @@ class Freedom:
 
     def step(self, camera: int, change: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a camera's numbers' changes where the parameters change by ``change``."""
-        place = self.places[camera]
-        return np.where(place >= 0, np.r_[change, 0.0][place], 0.0)
+        return _spread(self.places[camera], change)
+
+    def window_step(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the changes of the windows' numbers where the parameters change by ``change``."""
+        return _spread(self.window_places, change)
 
     def freed_in(self, other: Freedom) -> NDArray[np.bool_]:
         """Return which parameters are free in ``other`` too, whose lenses may be shorter."""
         free = np.zeros(self.size, bool)
         for place, inner in zip(self.places, other.places, strict=True):
+            after = 1 + (0 if self.windows is None else len(self.windows))  # moment and windows
             wide = np.zeros(len(place), bool)
-            wide[: len(inner) - 1], wide[-1] = inner[:-1] >= 0, inner[-1] >= 0
+            wide[: len(inner) - after], wide[-after:] = inner[:-after] >= 0, inner[-after:] >= 0
             free[place[wide & (place >= 0)]] = True
         return free
+
+
+def _spread(place: NDArray[np.int64], change: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the change of each number from those of all free parameters; 0 where held."""
+    return np.where(place >= 0, np.r_[change, 0.0][place], 0.0)

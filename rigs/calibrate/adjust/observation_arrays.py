@@ -1,7 +1,9 @@
 """Cameras, targets and observations as arrays: predictions and their derivatives.
 
 An observation is predicted as ``project(lens_c, R_c (R_f x + t_f) + t_c)`` for target point x,
-camera c and frame f. Rotations change by rotation vectors multiplied from the left.
+camera c and frame f. Rotations change by rotation vectors multiplied from the left. Through a
+scene the point is replaced by an apparent one, as far from the camera in the direction in which
+the point is seen.
 """
 
 from __future__ import annotations
@@ -14,6 +16,8 @@ from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.projection import Lens, project
 from rigs.calibrate.observations import Observations
+from rigs.calibrate.refraction.refraction import Refraction
+from rigs.calibrate.refraction.routes import routes_to
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,8 @@ class ObservationArrays:
     velocity : (N, 3) float64, optional
         How fast the point moves in the axes of its frame's target pose, where images of one frame
         were taken at different moments.
+    routes : (N, R) int64, optional
+        The faces of the scene that each one is seen through (`rigs.calibrate.refraction.routes_to`).
     """
 
     camera: NDArray[np.int64]
@@ -36,6 +42,7 @@ class ObservationArrays:
     points: NDArray[np.float64]
     uv: NDArray[np.float64]
     velocity: NDArray[np.float64] | None = None
+    routes: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.uv)
@@ -48,6 +55,7 @@ class ObservationArrays:
             self.points[keep],
             self.uv[keep],
             None if self.velocity is None else self.velocity[keep],
+            None if self.routes is None else self.routes[keep],
         )
 
     def scaled(self, factor: float) -> ObservationArrays:
@@ -70,6 +78,8 @@ class Scene:
     offset : (cameras,) float64, optional
         How long after their frame's moment a camera's images were taken, in the unit of the
         observations' velocities; the points move so far.
+    refraction : Refraction, optional
+        The scene that observations with routes are seen through.
     """
 
     lenses: tuple[Lens, ...]
@@ -78,6 +88,16 @@ class Scene:
     target_R: NDArray[np.float64]  # noqa: N815
     target_t: NDArray[np.float64]
     offset: NDArray[np.float64] | None = None
+    refraction: Refraction | None = None
+
+    @property
+    def windows(self) -> tuple[str, ...]:
+        """The windows whose numbers are adjusted, by name."""
+        return () if self.refraction is None else tuple(p.name for p in self.refraction.priors)
+
+    def centers(self) -> NDArray[np.float64]:
+        """Return where the cameras are, ``(cameras, 3)``."""
+        return -np.einsum("cji,cj->ci", self.camera_R, self.camera_t)
 
 
 def predicted(scene: Scene, observations: ObservationArrays) -> NDArray[np.float64]:
@@ -85,6 +105,8 @@ def predicted(scene: Scene, observations: ObservationArrays) -> NDArray[np.float
     uv = np.full((len(observations), 2), np.nan)
     for camera, rows in camera_rows(observations):
         in_camera, *_ = _in_camera(scene, observations, camera, rows)
+        if scene.refraction is not None and observations.routes is not None:
+            in_camera = _apparent(scene, camera, in_camera, observations.routes[rows])
         uv[rows] = project(scene.lenses[camera], in_camera)[0]
     return uv
 
@@ -98,22 +120,23 @@ def jacobian(
     -------
     uv : (n, 2) float64
     by_camera : (n, 2, 10 + coefficients) float64
-        With respect to the camera's rotation, translation, fx, fy, cx, cy, coefficients; last,
-        where the observations have velocities, to the moment of its images.
+        With respect to the camera's rotation, translation, fx, fy, cx, cy, coefficients; then,
+        where the observations have velocities or routes, to the moment of its images; last to
+        the windows' numbers.
     by_target : (n, 2, 6) float64
         With respect to the target's rotation and translation.
     """
     in_camera, turned, on_target = _in_camera(scene, observations, camera, rows)
-    uv, by_point, by_lens = project(scene.lenses[camera], in_camera)
-    # d (w x p) = -[p] dw, and g . (w x p) = w . (p x g)
-    by_camera = np.concatenate([_cross(turned, by_point), by_point, by_lens], axis=2)
-    by_world = by_point @ scene.camera_R[camera]  # (n, 2, 3)
+    routes = None if observations.routes is None else observations.routes[rows]
+    uv, by_world, by_camera, by_window = _derivatives(scene, camera, in_camera, turned, routes)
     by_target = np.concatenate([_cross(on_target, by_world), by_world], axis=2)
     if observations.velocity is not None:
         turn = scene.target_R[observations.frame[rows]]
         by_time = by_world @ (turn @ observations.velocity[rows][:, :, None])
         by_camera = np.concatenate([by_camera, by_time], axis=2)
-    return uv, by_camera, by_target
+    elif by_window.shape[2]:
+        by_camera = np.concatenate([by_camera, np.zeros((len(uv), 2, 1))], axis=2)
+    return uv, np.concatenate([by_camera, by_window], axis=2), by_target
 
 
 def rays_by_camera(
@@ -129,9 +152,54 @@ def rays_by_camera(
         As of `jacobian`.
     """
     turned = points @ scene.camera_R[camera].T
-    _, by_point, by_lens = project(scene.lenses[camera], turned + scene.camera_t[camera])
-    by_camera = np.concatenate([_cross(turned, by_point), by_point, by_lens], axis=2)
-    return by_point @ scene.camera_R[camera], by_camera
+    in_camera, routes = turned + scene.camera_t[camera], None
+    if scene.refraction is not None:
+        routes = routes_to(scene.refraction, scene.centers()[camera], points)[0]
+    _, by_world, by_camera, by_window = _derivatives(scene, camera, in_camera, turned, routes)
+    if by_window.shape[2]:
+        no_time = np.zeros((len(points), 2, 1))
+        by_camera = np.concatenate([by_camera, no_time, by_window], axis=2)
+    return by_world, by_camera
+
+
+def _derivatives(
+    scene: Scene, camera: int, in_camera: NDArray, turned: NDArray, routes: NDArray | None
+) -> tuple[NDArray[np.float64], ...]:
+    """Return pixels and their derivatives by the point in the world, the camera, the windows.
+
+    Notes
+    -----
+    A pixel does not change with the apparent point's distance s, so that s is constant: with the
+    direction d (C, X) from the centre ``C = -R^T t``, the apparent point is ``s R d``, and
+    ``dC = R^T (w x t) - R^T dt``.
+    """
+    lens, R = scene.lenses[camera], scene.camera_R[camera]
+    if scene.refraction is None or routes is None:
+        uv, by_point, by_lens = project(lens, in_camera)
+        # d (w x p) = -[p] dw, and g . (w x p) = w . (p x g)
+        by_camera = np.concatenate([_cross(turned, by_point), by_point, by_lens], axis=2)
+        return uv, by_point @ R, by_camera, np.zeros((len(uv), 2, 0))
+    center = scene.centers()[camera]
+    direction, *by = scene.refraction.derivatives(center, in_camera @ R + center, routes)
+    distance = np.linalg.norm(in_camera, axis=1, keepdims=True)
+    apparent = distance * direction @ R.T
+    uv, by_point, by_lens = project(lens, apparent)
+    by_direction = by_point @ R * distance[:, :, None]
+    by_center, by_world, by_window = (by_direction @ each for each in by)
+    by_shift = -by_center @ R.T
+    t = np.broadcast_to(scene.camera_t[camera], apparent.shape)
+    by_turn = _cross(apparent, by_point) - _cross(t, by_shift)
+    by_camera = np.concatenate([by_turn, by_shift, by_lens], axis=2)
+    return uv, by_world, by_camera, by_window
+
+
+def _apparent(
+    scene: Scene, camera: int, in_camera: NDArray, routes: NDArray
+) -> NDArray[np.float64]:
+    """Return points in the camera's axes where they appear: in the direction of their light."""
+    center, R = scene.centers()[camera], scene.camera_R[camera]
+    direction = scene.refraction.directions(center, in_camera @ R + center, routes)
+    return np.linalg.norm(in_camera, axis=1, keepdims=True) * direction @ R.T
 
 
 def _cross(points: NDArray, gradients: NDArray) -> NDArray[np.float64]:

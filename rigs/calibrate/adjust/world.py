@@ -120,8 +120,10 @@ def _posed_frame(scene: Scene, frames: tuple[str, ...], name: str) -> int:
 def _moved(scene: Scene, R: NDArray, t: NDArray, size: float) -> Scene:
     """Return the scene after ``x_new = size R x_old + t`` of its world."""
     camera_R = scene.camera_R @ R.T
+    bending = scene.refraction
     return replace(
         scene,
+        refraction=bending and bending.with_lengths_scaled(size).transformed(R, t),
         camera_R=camera_R,
         camera_t=size * scene.camera_t - camera_R @ t,
         target_R=R @ scene.target_R,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,9 @@ from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, p
 from rigs.rig import Rig
 
 _UNKNOWN_FOCAL_LENGTH = 0.2  # relative standard deviation; above it the focal length is a guess
+WINDOW_NUMBERS = ("tilt_1", "tilt_2", "distance", "thickness")
+"""Names of a window's numbers: tilts of its normal towards two directions along it, in radians."""
+
 _SINGULAR = 1e-13  # relative least eigenvalue of the normal equations; below it is rounding
 
 
@@ -40,7 +45,7 @@ def covariance_of(
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     if values[0] < _SINGULAR * values[-1]:
         weakest = int(np.argmax(np.abs(vectors[:, 0])))
-        camera, name = labels(rig.names, freedom)[weakest]
+        camera, name = labels(rig.names, freedom, scene.windows)[weakest]
         raise ValueError(
             f"camera {camera}: {name} is not determined by the observations, expected the target "
             "tilted in different directions, all over the image, and shared by cameras"
@@ -49,15 +54,24 @@ def covariance_of(
     return float(np.sqrt(variance)), variance * inverse * np.outer(scale, scale)
 
 
-def labels(names: tuple[str, ...], freedom: Freedom) -> tuple[tuple[str, str], ...]:
-    """Return camera and name of each free parameter; a shared one has those that come first."""
+def labels(
+    names: tuple[str, ...], freedom: Freedom, windows: tuple[str, ...] = ()
+) -> tuple[tuple[str, str], ...]:
+    """Return camera and name of each free parameter; a shared one has those that come first.
+
+    Those of adjusted windows have the window's name for the camera's.
+    """
     found: list[tuple[str, str]] = [("", "")] * freedom.size
     for camera, name in enumerate(names):
         coefficients = [f"c{i}" for i in range(len(freedom.lens[camera]) - 4)]
         own = ["wx", "wy", "wz", "tx", "ty", "tz", "fx", "fy", "cx", "cy", *coefficients, "time"]
-        for place, label in zip(freedom.places[camera], own, strict=True):
+        for place, label in zip(freedom.places[camera], own, strict=False):
             if place >= 0 and not found[place][0]:
                 found[place] = name, label
+    of_windows = [(window, label) for window in windows for label in WINDOW_NUMBERS]
+    for place, label in zip(freedom.window_places, of_windows, strict=True):
+        if place >= 0:
+            found[place] = label
     return tuple(found)
 
 
@@ -96,17 +110,17 @@ def lens_misfit(
     """
     misfit = np.zeros(len(scene.lenses))
     lenses = tuple(own | (np.arange(len(own)) < 4) if own.any() else ~own for own in freedom.lens)
-    every = Freedom(lenses, freedom.pose, freedom.time)
+    every = Freedom(lenses, freedom.pose, freedom.time, windows=freedom.windows)
     shared = list(freedom.common or range(len(misfit)))
     more = []
     for lens, place, own, first in zip(lenses, freedom.places, freedom.lens, shared, strict=True):
-        free = len(np.unique(place[6:-1][own])) if shared.count(first) == 1 else 0
+        free = len(np.unique(place[6 : 6 + len(own)][own])) if shared.count(first) == 1 else 0
         more.append(int(lens.sum()) - free)
     if not any(more):
         return misfit
     matrix, gradient = information(scene, observations, every)
     held = tuple(np.zeros(len(own), bool) for own in lenses)
-    poses = every.freed_in(Freedom(held, freedom.pose, freedom.time))
+    poses = every.freed_in(replace(every, lens=held))
     for camera, (places, count) in enumerate(zip(every.places, more, strict=True)):
         if count:
             freed = poses.copy()

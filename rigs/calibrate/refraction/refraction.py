@@ -1,0 +1,235 @@
+"""The scene that bends lines of sight in an adjustment, and its windows that are adjusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.calibrate.refraction.window_prior import WindowPrior
+from rigs.geometry.rotation import matrix_of_vector
+from rigs.scene.scene import Scene
+from rigs.scene.sight_lines import CENTER, WINDOW, endless, sight_lines
+from rigs.scene.solids import Window
+from rigs.scene.surfaces import perpendicular
+
+
+@dataclass(frozen=True, eq=False)
+class Refraction:
+    """A scene in front of the cameras of an adjustment.
+
+    A window that is adjusted has four numbers: tilts of its normal about its ``point`` towards
+    the two directions along it (radians), its place along the normal, and its thickness.
+
+    Parameters
+    ----------
+    scene : Scene
+        As it stands.
+    given : Scene
+        As it was measured beforehand.
+    priors : tuple of WindowPrior
+        Of the windows that are adjusted; lengths in the unit of both scenes.
+    noise : float
+        Standard deviation of a pixel coordinate: it says what a prior weighs in squared pixels.
+
+    Raises
+    ------
+    ValueError
+        If a prior names no window of the scene, or one twice.
+    """
+
+    scene: Scene
+    given: Scene
+    priors: tuple[WindowPrior, ...] = ()
+    noise: float = 1.0
+
+    @classmethod
+    def of(cls, scene: Scene, priors: Sequence[WindowPrior] = ()) -> Self:
+        """Return the scene as it was measured, with directions along every window."""
+        windows = {solid.name for solid in scene.solids if isinstance(solid, Window)}
+        names = [prior.name for prior in priors]
+        for name in names:
+            if name not in windows or names.count(name) > 1:
+                raise ValueError(
+                    f"window {name}: found {'twice' if name in windows else 'no such window'}, "
+                    f"expected windows of the scene: {', '.join(sorted(windows)) or 'it has none'}"
+                )
+        solids = tuple(
+            replace(solid, across=perpendicular(np.array(solid.normal)))
+            if isinstance(solid, Window) and solid.across is None
+            else solid
+            for solid in scene.solids
+        )
+        scene = replace(scene, solids=solids)
+        return cls(scene, scene, tuple(priors))
+
+    @property
+    def size(self) -> int:
+        """How many numbers the adjusted windows have."""
+        return WINDOW * len(self.priors)
+
+    @property
+    def deviations(self) -> NDArray[np.float64]:
+        """The priors' standard deviations ``(size,)``; 0 where a number is held."""
+        return np.array([prior.deviations for prior in self.priors]).reshape(-1)
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """What each squared change from the given scene costs ``(size,)``, in squared pixels."""
+        held = self.deviations == 0
+        return np.where(held, 0.0, (self.noise / np.where(held, 1.0, self.deviations)) ** 2)
+
+    @property
+    def changes(self) -> NDArray[np.float64]:
+        """By how much the windows' numbers differ from those given, ``(size,)``."""
+        found = []
+        for prior in self.priors:
+            now, before = self.window(prior.name), _window(self.given, prior.name)
+            normal, across = np.array(before.normal), np.array(before.across)
+            shift = np.subtract(now.point, before.point) @ normal
+            tilts = (across @ now.normal, np.cross(normal, across) @ now.normal)
+            found.append((*tilts, shift, now.thickness - before.thickness))
+        return np.array(found, float).reshape(-1)
+
+    def window(self, name: str) -> Window:
+        """Return a window as it stands."""
+        return _window(self.scene, name)
+
+    def moved(self, step: NDArray[np.float64]) -> Self:
+        """Return the scene after changes ``(size,)`` of its windows' numbers."""
+        if not step.any():
+            return self
+        solids = {solid.name: solid for solid in self.scene.solids}
+        for prior, own in zip(self.priors, step.reshape(-1, WINDOW), strict=True):
+            window = solids[prior.name]
+            normal, across = np.array(window.normal), np.array(window.across)
+            along = own[0] * across + own[1] * np.cross(normal, across)
+            R = matrix_of_vector(np.cross(normal, along))
+            thickness = max(window.thickness + own[3], window.thickness / 10)
+            solids[prior.name] = replace(
+                window,
+                point=tuple(np.array(window.point) + own[2] * normal),
+                normal=tuple(R @ normal),
+                across=tuple(R @ across),
+                thickness=float(thickness),
+            )
+        return replace(self, scene=replace(self.scene, solids=tuple(solids.values())))
+
+    def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
+        """Return the windows that are adjusted after ``x_new = R x_old + t``; others stay.
+
+        A window that is given has its place in the world. One that is adjusted has been seen by
+        the cameras, whose motion it follows.
+        """
+        adjusted = {prior.name for prior in self.priors}
+        solids = tuple(
+            solid.transformed(R, t) if solid.name in adjusted else solid
+            for solid in self.scene.solids
+        )
+        return replace(self, scene=replace(self.scene, solids=solids))
+
+    def with_lengths_scaled(self, factor: float) -> Self:
+        """Return the scene of a world whose lengths are ``factor`` times as large."""
+        priors = tuple(
+            replace(
+                prior, distance=prior.distance * factor, thickness=prior.thickness * factor
+            )
+            for prior in self.priors
+        )
+        scenes = (scene.with_lengths_scaled(factor) for scene in (self.scene, self.given))
+        return Refraction(*scenes, priors, self.noise)
+
+    def check_outside(self, center: NDArray[np.float64], camera: str = "a camera") -> None:
+        """Raise if a camera stands in a solid.
+
+        Raises
+        ------
+        ValueError
+        """
+        for solid in self.scene.solids:
+            if solid.contains(center[None])[0]:
+                raise ValueError(
+                    f"{camera}: stands inside solid {solid.name}, expected outside: check the "
+                    "scene's poses, its world (--world) and its unit"
+                )
+
+    @cached_property
+    def _tables(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Endless faces, the number of each one's adjusted window, and its depth in it."""
+        names = [prior.name for prior in self.priors]
+        rows, windows, depths = [], [], []
+        for number, solid in enumerate(self.scene.solids):
+            own = solid.faces(self.scene.medium)
+            own["solid"] = number
+            is_window = isinstance(solid, Window)
+            adjusted = is_window and solid.name in names
+            depth = np.array([0.0, solid.thickness if is_window else 0.0])
+            rows.append(own)
+            windows.append(np.full(len(own), names.index(solid.name) if adjusted else -1))
+            depths.append(np.pad(depth, (0, max(len(own) - 2, 0)))[: len(own)])
+        return endless(np.concatenate(rows)), np.concatenate(windows), np.concatenate(depths)
+
+    @property
+    def faces(self) -> NDArray:
+        """All faces, without borders, ``(F,)`` of `rigs.scene.surfaces.FACE`."""
+        return self._tables[0]
+
+    @property
+    def solid(self) -> NDArray[np.int64]:
+        """The solid of each face."""
+        return self.faces["solid"]
+
+    @property
+    def action(self) -> NDArray[np.int64]:
+        """What each face does to light, as in `rigs.scene.surfaces`."""
+        return self.faces["action"]
+
+    def directions(
+        self,
+        center: NDArray[np.float64],
+        points: NDArray[np.float64],
+        routes: NDArray[np.int64],
+    ) -> NDArray[np.float64]:
+        """Return the unit directions ``(N, 3)`` in which points are seen from ``center``.
+
+        NaN where no path along the point's route (`routes_to`) passes it.
+        """
+        found, none = np.empty((len(points), 3)), np.empty((0, CENTER, CENTER))
+        sight_lines(
+            center, points, self.faces, routes, *self._tables[1:], found, none, none,
+            np.empty((0, CENTER, 0)),
+        )  # fmt: skip
+        return found
+
+    def derivatives(
+        self,
+        center: NDArray[np.float64],
+        points: NDArray[np.float64],
+        routes: NDArray[np.int64],
+    ) -> tuple[NDArray[np.float64], ...]:
+        """Return `directions` ``(N, 3)``, and their derivatives.
+
+        Returns
+        -------
+        directions : (N, 3) float64
+        by_center, by_point : (N, 3, 3) float64
+        by_window : (N, 3, size) float64
+        """
+        count = len(points)
+        found = np.empty((count, 3))
+        by_center, by_point = np.empty((2, count, CENTER, CENTER))
+        by_window = np.empty((count, CENTER, self.size))
+        sight_lines(
+            center, points, self.faces, routes, *self._tables[1:], found, by_center, by_point,
+            by_window,
+        )  # fmt: skip
+        return found, by_center, by_point, by_window
+
+
+def _window(scene: Scene, name: str) -> Window:
+    """Return the window of a scene by name."""
+    return next(solid for solid in scene.solids if solid.name == name)
