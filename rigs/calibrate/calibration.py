@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,9 +24,13 @@ from rigs.calibrate.quality.assessment import assessment, findings
 from rigs.calibrate.quality.covariance import labels, refuse_unknown_lenses
 from rigs.calibrate.quality.quality import measure
 from rigs.calibrate.quality.summary import summary
+from rigs.calibrate.refraction.window_prior import WindowPrior
 from rigs.calibrate.result import Calibration
+from rigs.calibrate.through_scene import Through, adjust_through
 from rigs.camera import Camera
 from rigs.rig import Rig, Volume
+from rigs.scene.checks import check_scene
+from rigs.scene.scene import Scene as OpticalScene
 
 
 def calibrate(
@@ -43,6 +48,8 @@ def calibrate(
     fixed_center: bool = False,
     common_lens: Iterable[Collection[str]] = (),
     times: Mapping[str, float] | None = None,
+    scene: OpticalScene | None = None,
+    windows: Sequence[WindowPrior] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Calibration:
     """Return the rig that explains the observations best, and how far it can be trusted.
@@ -85,6 +92,11 @@ def calibrate(
     times : mapping of str to float, optional
         Moments of frames of films, counted in frames (`frame_times`). Where the target moves
         smoothly, cameras that are out of step are found and their offsets allowed for.
+    scene : rigs.scene.Scene, optional
+        Windows, tubes and hardware between cameras and target, in the rig's world and unit. Which
+        camera looks through which solid is found by tracing. The rig's cameras look through it.
+    windows : sequence of WindowPrior
+        Windows whose pose and thickness are adjusted too, with standard deviations of those given.
     progress : callable, optional
         Called with a line of text at each step.
 
@@ -105,6 +117,7 @@ def calibrate(
         length_unit=length_unit,
         distortion=distortion,
         target=target,
+        scene=scene,
     )
     rules = LensRules(
         square_pixels, fixed_center, common_lenses(observations.cameras, common_lens)
@@ -113,7 +126,11 @@ def calibrate(
     names, points = observations.cameras, observations.target_points
     keep, frozen, repeats = without_repeats(observations)
     scale = float(np.linalg.norm(np.ptp(points, axis=0)))  # adjusted in units of the target's size
-    adjusted = adjust_together(
+    together = adjust_together
+    if scene is not None:
+        through = _through(scene, windows, observations, world)
+        together = partial(adjust_through, through)
+    adjusted = together(
         observations,
         np.flatnonzero(keep),
         scale,
@@ -124,21 +141,24 @@ def calibrate(
         times=times,
         report=report,
     )
-    scene, world_frame, size, poorly_met = in_world(
+    found, world_frame, size, poorly_met = in_world(
         _scaled(adjusted.scene, scale), names, observations.frames, world, rescale
     )
     if size != 1:
         observations = replace(observations, target_points=points * size)
     arrays, used = adjusted.arrays.scaled(scale * size), np.zeros(len(observations), bool)
-    rig = Rig(_cameras(observations, scene, intrinsics), length_unit, world_frame, volume)
+    rig = Rig(_cameras(observations, found, intrinsics), length_unit, world_frame, volume)
+    if found.refraction is not None:
+        check_scene(found.refraction.scene, rig)
+        rig = rig.through(found.refraction.scene)
     report("quality")
     quality, noise, covariance = measure(
-        rig, scene, arrays, adjusted.used, adjusted.freedom, volume
+        rig, found, arrays, adjusted.used, adjusted.freedom, volume
     )
     quality = adjusted.by_number(quality)
     refuse_unknown_lenses(quality.focal_error, names)
     residuals = np.full((len(observations), 2), np.nan)
-    residuals[adjusted.rows] = arrays.uv - predicted(scene, arrays)
+    residuals[adjusted.rows] = arrays.uv - predicted(found, arrays)
     used[adjusted.rows] = adjusted.used
     voxel = None if volume is None else float(np.prod(volume.spacing)) ** (1 / 3)
     synchrony = adjusted.synchrony
@@ -146,18 +166,18 @@ def calibrate(
     held = rules.in_words()
     warnings, notes = findings(quality, observations, used, noise, voxel, offsets, held)
     warnings = (*frozen, *poorly_met, *warnings)
-    unposed = _unposed(scene, arrays, observations.frames)
+    unposed = _unposed(found, arrays, observations.frames)
     notes = (*adjusted.out_of_step(observations), *repeats, *unposed, *notes)
     calibration = Calibration(
         rig,
         observations,
         residuals,
         used,
-        scene.target_R,
-        scene.target_t,
+        found.target_R,
+        found.target_t,
         tuple(one.name for one in adjusted.terms),
         noise,
-        labels(names, adjusted.freedom),
+        labels(names, adjusted.freedom, found.windows),
         covariance,
         names[adjusted.root],
         quality,
@@ -166,6 +186,23 @@ def calibrate(
         synchrony,
     )
     return replace(calibration, rig=replace(rig, calibration=summary(calibration)))
+
+
+def _through(
+    scene: OpticalScene,
+    windows: Sequence[WindowPrior],
+    observations: Observations,
+    world: str | Mapping[str, ArrayLike] | None,
+) -> Through:
+    """Return the scene that the target is seen through, and the world that it stands in."""
+    names, frames = observations.cameras, observations.frames
+    of_camera = names[0] if world is None else world
+    held = names.index(of_camera) if isinstance(of_camera, str) and of_camera in names else None
+
+    def placed(unknowns: Scene) -> Scene:
+        return in_world(unknowns, names, frames, world, False)[0]
+
+    return Through(scene, windows, placed, held)
 
 
 def _unposed(scene: Scene, arrays: ObservationArrays, frames: tuple[str, ...]) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ def check_options(
     length_unit: str,
     distortion: str,
     target: object | None,
+    scene: object | None = None,
 ) -> None:
     """Raise unless the options of `rigs.calibrate.calibrate` suit such cameras and frames.
 
@@ -45,6 +46,10 @@ def check_options(
             raise ValueError(f"intrinsics: camera {name}: not in the rig, expected its lens")
         if not intrinsics[name].has_lens_model:
             raise ValueError(f"intrinsics: camera {name}: found a table of rays, expected a lens")
+    if rescale and scene is not None:
+        raise ValueError(
+            "rescale: found True with a scene, expected lengths of scene and target in one unit"
+        )
     if rescale and not isinstance(world, Mapping):
         raise ValueError("rescale: found True, expected world to give positions to scale by")
     for name in [world] if isinstance(world, str) else world or ():

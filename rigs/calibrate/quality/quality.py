@@ -15,6 +15,7 @@ from rigs.calibrate.quality.ray_miss import predicted_squares, views
 from rigs.calibrate.quality.region import evaluation_points
 from rigs.check.lines_of_sight import ray_miss
 from rigs.rig import Rig, Volume
+from rigs.scene.scene_camera import own_camera
 
 _COVERAGE_CELLS = 8  # along each side of an image
 _LEAST_SPARE = 60  # degrees of freedom between images; fewer do not determine their variance
@@ -196,12 +197,13 @@ def _cross_validated(
 
 def with_scene(rig: Rig, scene: Scene) -> Rig:
     """Return the rig with the lenses and poses of the scene."""
-    cameras = []
-    for camera, lens, R, t in zip(rig, scene.lenses, scene.camera_R, scene.camera_t, strict=True):
+    own, cameras = map(own_camera, rig), []
+    for camera, lens, R, t in zip(own, scene.lenses, scene.camera_R, scene.camera_t, strict=True):
         cameras.append(
             replace(camera, camera_matrix=lens.matrix, distortion=lens.distortion, R=R, t=t)
         )
-    return replace(rig, cameras=tuple(cameras))
+    rig = replace(rig, cameras=tuple(cameras))
+    return rig if scene.refraction is None else rig.through(scene.refraction.scene)
 
 
 def image_figures(

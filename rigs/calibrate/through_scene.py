@@ -1,0 +1,229 @@
+"""The joint adjustment of targets that are seen through a scene: windows, tubes, water behind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs.calibrate.adjust.culling import adjust_and_cull
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, camera_rows, predicted
+from rigs.calibrate.adjust.observation_arrays import Scene as Unknowns
+from rigs.calibrate.adjust.robust import noise
+from rigs.calibrate.joint_adjustment import Adjusted, adjust_together
+from rigs.calibrate.observations import Observations
+from rigs.calibrate.refraction.refraction import Refraction
+from rigs.calibrate.refraction.routes import HIDDEN, REFLECTED, routes_to
+from rigs.calibrate.refraction.window_prior import WindowPrior
+from rigs.rig import Rig
+from rigs.scene.materials import Glass
+from rigs.scene.scene import Scene
+
+_ROUNDS = 12  # of placing the scene in the world; each moves it some tenth of the one before
+_SETTLED = 1e-8  # target sizes: motion of cameras in the world below which the scene is in place
+_NOISE_SETTLED = 0.02  # relative change of the noise, by which priors weigh
+
+
+@dataclass(frozen=True)
+class Through:
+    """A scene to look through, and how it is placed and adjusted.
+
+    Parameters
+    ----------
+    scene : Scene
+        In the rig's world and unit.
+    priors : sequence of WindowPrior
+        Of the windows that are adjusted.
+    in_world : callable
+        Returns the unknowns, lengths in the rig's unit, in the rig's world.
+    held : int, optional
+        The camera whose axes are the world's; its pose is held. None where the world is another.
+    """
+
+    scene: Scene
+    priors: Sequence[WindowPrior]
+    in_world: Callable[[Unknowns], Unknowns]
+    held: int | None
+
+
+def adjust_through(
+    through: Through,
+    observations: Observations,
+    kept: NDArray[np.int64],
+    scale: float,
+    *,
+    intrinsics: Rig | None,
+    cull: bool,
+    report: Callable[[str], None],
+    **options: object,
+) -> Adjusted:
+    """Return the joint adjustment through a scene; the unknowns are in the rig's world.
+
+    Start values come from an adjustment as if nothing were in the way. After a first adjustment
+    through the scene its effect is taken out of the observations: lens terms are then chosen, and
+    lenses and poses found anew, as they are without a scene. The last adjustment takes the
+    observations as they are.
+
+    Parameters
+    ----------
+    through : Through
+    observations, kept, scale, intrinsics, cull, report, options
+        As of `rigs.calibrate.joint_adjustment.adjust_together`.
+
+    Raises
+    ------
+    ValueError
+        If no camera looks through any glass of the scene or one stands in a solid, or no light of
+        the target reaches a camera.
+    """
+    names, options = observations.cameras, {**options, "cull": cull, "report": report}
+    # A given lens fits nothing behind water until the water is there
+    start = None if _has_other_media(through.scene) else intrinsics
+    first = adjust_together(observations, kept, scale, intrinsics=start, **options)
+    report("scene")
+    rough = _through(through, first, scale, names, cull)
+    straight = predicted(replace(rough.scene, refraction=None), rough.arrays)
+    bent = predicted(rough.scene, rough.arrays)
+    known = np.isfinite(straight - bent).all(axis=1)
+    uv = observations.uv.copy()
+    uv[rough.rows[known]] += (straight - bent)[known]
+    second = adjust_together(
+        replace(observations, uv=uv), rough.rows[known], scale, intrinsics=intrinsics, **options
+    )
+    report("joint adjustment through the scene")
+    arrays = replace(second.arrays, uv=observations.uv[second.rows])
+    found = _through(
+        through, replace(second, arrays=arrays), scale, names, cull, rough.scene.refraction
+    )
+    _check_scene_is_met(found, names)
+    return found
+
+
+def looked_through(adjusted: Adjusted, cameras: int) -> list[list[str]]:
+    """Return the names of the solids that each camera sees the target through."""
+    bending, routes = adjusted.scene.refraction, adjusted.arrays.routes
+    found = []
+    for camera in range(cameras):
+        own = np.unique(routes[(adjusted.arrays.camera == camera) & adjusted.used])
+        solids = np.unique(bending.solid[own[own >= 0]])
+        found.append([bending.scene.solids[number].name for number in solids])
+    return found
+
+
+def _through(
+    through: Through,
+    adjusted: Adjusted,
+    scale: float,
+    names: tuple[str, ...],
+    cull: bool,
+    refraction: Refraction | None = None,
+) -> Adjusted:
+    """Return an adjustment from the start of another one, through the scene.
+
+    Where the world is not that of a camera it moves with the unknowns. The scene stays in the
+    world, so that both are repeated until nothing moves.
+    """
+    if refraction is None:
+        given = through.scene.with_lengths_scaled(1 / scale)
+        priors = tuple(
+            replace(prior, distance=prior.distance / scale, thickness=prior.thickness / scale)
+            for prior in through.priors
+        )
+        refraction = Refraction.of(given, priors)
+    root = adjusted.root if through.held is None else through.held
+    freedom = replace(
+        adjusted.freedom,
+        pose=np.arange(len(names)) != root,
+        time=None,  # the moments of images are as found without the scene
+        windows=refraction.deviations > 0,
+    )
+    # Velocities go with the moments
+    arrays = replace(adjusted.arrays, velocity=None)
+    scene = _placed(through, replace(adjusted.scene, offset=None), scale)
+    scene = replace(scene, refraction=refraction)
+    found, kept, sigma = adjusted, None, np.nan
+    for _ in range(_ROUNDS):
+        arrays = _with_routes(scene, arrays, names)
+        before = sigma
+        kept = adjust_and_cull(scene, arrays, freedom, cull)
+        residuals = kept.solution.residuals
+        used = noise(residuals, np.zeros(len(residuals), np.int64), 1)
+        sigma = float(used[0])
+        found = replace(
+            adjusted, scene=kept.solution.scene, arrays=arrays, used=kept.used, freedom=freedom,
+            root=root,
+        )  # fmt: skip
+        scene = _placed(through, kept.solution.scene, scale)
+        scene = replace(scene, refraction=replace(scene.refraction, noise=sigma))
+        moved = np.abs(scene.centers() - kept.solution.scene.centers()).max()
+        weighs = not freedom.windows.any() or abs(sigma - before) <= _NOISE_SETTLED * sigma
+        same = np.array_equal(_with_routes(scene, arrays, names).routes, arrays.routes)
+        if moved < _SETTLED and weighs and same:
+            break
+    return found
+
+
+def _placed(through: Through, scene: Unknowns, scale: float) -> Unknowns:
+    """Return unknowns, lengths in target sizes, in the rig's world."""
+    return _scaled(through.in_world(_scaled(scene, scale)), 1 / scale)
+
+
+def _scaled(scene: Unknowns, scale: float) -> Unknowns:
+    """Return the unknowns with all lengths multiplied by ``scale``."""
+    return replace(
+        scene,
+        camera_t=scene.camera_t * scale,
+        target_t=scene.target_t * scale,
+        refraction=scene.refraction and scene.refraction.with_lengths_scaled(scale),
+    )
+
+
+def _with_routes(
+    scene: Unknowns, arrays: ObservationArrays, names: tuple[str, ...]
+) -> ObservationArrays:
+    """Return the observations with the faces that each is seen through.
+
+    Raises
+    ------
+    ValueError
+        Naming the camera, if it stands in a solid or no light of the target reaches it.
+    """
+    frames, centers = arrays.frame, scene.centers()
+    points = np.einsum("nij,nj->ni", scene.target_R[frames], arrays.points)
+    points += scene.target_t[frames]
+    routes, ends = np.full((len(arrays), 1), -1), np.zeros(len(arrays), np.int64)
+    for camera, rows in camera_rows(arrays):
+        scene.refraction.check_outside(centers[camera], f"camera {names[camera]}")
+        found, ends[rows] = routes_to(scene.refraction, centers[camera], points[rows])
+        width = max(routes.shape[1], found.shape[1])
+        routes = np.pad(routes, ((0, 0), (0, width - routes.shape[1])), constant_values=-1)
+        routes[rows] = -1
+        routes[rows, : found.shape[1]] = found
+        for end, cause in ((REFLECTED, "totally reflected"), (HIDDEN, "stopped by hardware")):
+            if (ends[rows] == end).all():
+                raise ValueError(
+                    f"camera {names[camera]}: light of all target points is {cause} in the scene, "
+                    "expected a way to the camera: check the scene's poses and indices, its world "
+                    "(--world) and its unit"
+                )
+    return replace(arrays, routes=routes)
+
+
+def _check_scene_is_met(adjusted: Adjusted, names: tuple[str, ...]) -> None:
+    """Raise if no camera looks through glass of a scene that has some, or through one adjusted."""
+    through = {name for own in looked_through(adjusted, len(names)) for name in own}
+    glass = [s.name for s in adjusted.scene.refraction.scene.solids if isinstance(s.material, Glass)]
+    lost = [name for name in adjusted.scene.windows if name not in through]
+    if lost or (glass and not through):
+        raise ValueError(
+            f"scene: solid {(lost or glass)[0]}: found between no camera and the target, expected "
+            "some to look through it: check its pose, the world it is in (--world) and its unit"
+        )
+
+
+def _has_other_media(scene: Scene) -> bool:
+    """Return whether something else than the cameras' medium is behind glass."""
+    behind = [getattr(solid, name, None) for solid in scene.solids for name in ("beyond", "inside")]
+    return any(index not in (None, scene.medium) for index in behind)
