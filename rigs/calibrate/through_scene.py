@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.culling import adjust_and_cull
-from rigs.calibrate.adjust.observation_arrays import ObservationArrays, camera_rows, predicted
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, camera_rows, predicted, world_points
 from rigs.calibrate.adjust.observation_arrays import Scene as Unknowns
 from rigs.calibrate.adjust.robust import noise
 from rigs.calibrate.joint_adjustment import Adjusted, adjust_together
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.refraction.refraction import Refraction
-from rigs.calibrate.refraction.routes import HIDDEN, REFLECTED, routes_to
+from rigs.calibrate.refraction.routes import HIDDEN, PASSES, REFLECTED, routes_to
+from rigs.calibrate.refraction.start import likely_route, start_before_media
 from rigs.calibrate.refraction.window_prior import WindowPrior
 from rigs.rig import Rig
 from rigs.scene.materials import Glass
@@ -125,7 +126,8 @@ def _through(
     Where the world is not that of a camera it moves with the unknowns. The scene stays in the
     world, so that both are repeated until nothing moves.
     """
-    if refraction is None:
+    is_start = refraction is None
+    if is_start:
         given = through.scene.with_lengths_scaled(1 / scale)
         priors = tuple(
             replace(prior, distance=prior.distance / scale, thickness=prior.thickness / scale)
@@ -142,10 +144,13 @@ def _through(
     # Velocities go with the moments
     arrays = replace(adjusted.arrays, velocity=None)
     scene = _placed(through, replace(adjusted.scene, offset=None), scale)
+    if is_start:
+        scene = start_before_media(scene, arrays, refraction, through.held)
+        scene = _placed(through, scene, scale)
     scene = replace(scene, refraction=refraction)
     found, kept, sigma = adjusted, None, np.nan
     for _ in range(_ROUNDS):
-        arrays = _with_routes(scene, arrays, names)
+        arrays = _with_routes(scene, arrays, names, roughly=is_start)
         before = sigma
         kept = adjust_and_cull(scene, arrays, freedom, cull)
         residuals = kept.solution.residuals
@@ -159,7 +164,8 @@ def _through(
         scene = replace(scene, refraction=replace(scene.refraction, noise=sigma))
         moved = np.abs(scene.centers() - kept.solution.scene.centers()).max()
         weighs = not freedom.windows.any() or abs(sigma - before) <= _NOISE_SETTLED * sigma
-        same = np.array_equal(_with_routes(scene, arrays, names).routes, arrays.routes)
+        routes = _with_routes(scene, arrays, names, roughly=is_start).routes
+        same = np.array_equal(routes, arrays.routes)
         if moved < _SETTLED and weighs and same:
             break
     return found
@@ -181,22 +187,27 @@ def _scaled(scene: Unknowns, scale: float) -> Unknowns:
 
 
 def _with_routes(
-    scene: Unknowns, arrays: ObservationArrays, names: tuple[str, ...]
+    scene: Unknowns, arrays: ObservationArrays, names: tuple[str, ...], roughly: bool = False
 ) -> ObservationArrays:
     """Return the observations with the faces that each is seen through.
+
+    ``roughly`` takes those to the middle of what a camera saw, where only starts are known.
 
     Raises
     ------
     ValueError
         Naming the camera, if it stands in a solid or no light of the target reaches it.
     """
-    frames, centers = arrays.frame, scene.centers()
-    points = np.einsum("nij,nj->ni", scene.target_R[frames], arrays.points)
-    points += scene.target_t[frames]
+    centers, points = scene.centers(), world_points(scene, arrays)
     routes, ends = np.full((len(arrays), 1), -1), np.zeros(len(arrays), np.int64)
     for camera, rows in camera_rows(arrays):
         scene.refraction.check_outside(centers[camera], f"camera {names[camera]}")
         found, ends[rows] = routes_to(scene.refraction, centers[camera], points[rows])
+        if roughly:
+            middle = np.nanmean(points[rows], axis=0)
+            route = likely_route(scene.refraction, centers[camera], middle)
+            found = np.tile(route, (len(found), 1))
+            ends[rows] = PASSES
         width = max(routes.shape[1], found.shape[1])
         routes = np.pad(routes, ((0, 0), (0, width - routes.shape[1])), constant_values=-1)
         routes[rows] = -1

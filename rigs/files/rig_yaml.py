@@ -23,6 +23,7 @@ from rigs.scene.entry import scene_data, scene_of
 from rigs.scene.gas import write_voxels
 from rigs.scene.mesh import Mesh
 from rigs.scene.mesh_file import write_mesh
+from rigs.scene.scene import Scene
 from rigs.scene.scene_camera import own_camera
 
 FORMAT = "emission-rig"
@@ -119,6 +120,34 @@ def rig_to_yaml(rig: Rig, stem: str = "rig") -> str:
     return yaml.dump(
         data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=2**30, indent=2
     )
+
+
+def load_scene(path: str | os.PathLike, length_unit: str = "mm") -> Scene:
+    """Return the scene in a YAML file that holds the ``scene`` of a rig.yaml, or its contents.
+
+    Parameters
+    ----------
+    path : path
+    length_unit : str
+        Of the file's lengths.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file, or a mesh's is missing.
+    ValueError
+        In one line: the file, the solid, the field, what was found and what was expected.
+    """
+    data = read_yaml_mapping(path)
+    try:
+        own = data["scene"] if "scene" in data else data
+        head = {"format": FORMAT, "version": VERSION, "cameras": []}
+        entry = parse_rig({**head, "scene": own}).scene
+        if entry is None or not entry.solids:
+            raise ValueError("scene: found no solids, expected at least one")
+        return scene_of(entry, Path(path).parent, length_unit)
+    except ValueError as error:
+        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
 
 
 def preset_names() -> tuple[str, ...]:

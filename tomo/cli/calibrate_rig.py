@@ -14,12 +14,15 @@ from tomo.cli.calibration_inputs import (
     FixedCenterOption,
     IntrinsicsOption,
     LensImagesOption,
+    RefineWindowOption,
+    SceneOption,
     SquareOption,
     are_mosaics,
     cameras_images,
     check_lens_options,
     frame_names,
     given_lenses,
+    given_scene,
     given_volume,
     given_world,
     lens_sets,
@@ -115,6 +118,8 @@ def calibrate_rig(
     fixed_center: FixedCenterOption = False,
     common_lens: CommonLensOption = None,
     world: WorldOption = None,
+    scene: SceneOption = None,
+    refine_window: RefineWindowOption = None,
     rescale: Annotated[
         bool, typer.Option("--rescale", help="Take the scale from the positions in --world.")
     ] = False,
@@ -175,6 +180,7 @@ def calibrate_rig(
             "distortion": model,
             "target": target_seen,
         }
+        how["scene"], windows = given_scene(scene, refine_window or [], length_unit)
         frames = frame_names(found)
         check_options(found, frames, **how)
         lenses = {
@@ -194,6 +200,7 @@ def calibrate_rig(
                 seen.observations,
                 **how,
                 **lenses,
+                windows=windows,
                 times=times,
                 volume=volume,
                 progress=status.update,

@@ -14,6 +14,8 @@ from tomo.cli.inputs import load_rig_or_preset, parse_grid
 if TYPE_CHECKING:
     from rigs import Rig, Volume
     from rigs.calibrate.detect.detect import ImageSet
+    from rigs.calibrate.refraction import WindowPrior
+    from rigs.scene import Scene
 
 _LENSES = {"rich_help_panel": "Lenses"}
 IntrinsicsOption = Annotated[
@@ -51,6 +53,52 @@ CommonLensOption = Annotated[
         **_LENSES,
     ),
 ]
+
+_SCENE = {"rich_help_panel": "Windows, water, hardware"}
+SceneOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="What the target was seen through: a YAML file with the scene of a rig.yaml, in the "
+        "world of --world. It becomes part of the rig.",
+        **_SCENE,
+    ),
+]
+RefineWindowOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME:normal=DEG,...",
+        help="Adjust a window of the scene too: standard deviations of its given normal "
+        "(degrees), distance and thickness, like quartz:normal=1,thickness=0.2; repeatable.",
+        **_SCENE,
+    ),
+]
+
+
+def given_scene(
+    file: Path | None, refined: Iterable[str], length_unit: str
+) -> tuple[Scene | None, list[WindowPrior]]:
+    """Return the scene that the target was seen through, and its windows that are adjusted.
+
+    Raises
+    ------
+    ValueError
+        Naming the option.
+    """
+    from rigs.calibrate.refraction import Refraction, WindowPrior
+    from rigs.files.rig_yaml import load_scene
+
+    try:
+        windows = [WindowPrior.parsed(text) for text in refined]
+        if windows and file is None:
+            raise ValueError("found windows to adjust, expected --scene FILE with them")
+        scene = None if file is None else load_scene(file, length_unit)
+        if scene is not None:
+            Refraction.of(scene, windows)
+    except ValueError as error:
+        option = "" if file is not None and str(error).startswith(str(file)) else "--refine-window: "
+        raise ValueError(f"{option}{error}") from None
+    return scene, windows
 
 
 def given_lenses(texts: Iterable[str], cameras: Iterable[str]) -> Rig | None:

@@ -221,6 +221,13 @@ def _in_camera(
     return turned + scene.camera_t[camera], turned, on_target
 
 
+def world_points(scene: Scene, observations: ObservationArrays) -> NDArray[np.float64]:
+    """Return where the observed points are in the world, ``(N, 3)``; NaN without a pose."""
+    frames = observations.frame
+    turned = np.einsum("nij,nj->ni", scene.target_R[frames], observations.points)
+    return turned + scene.target_t[frames]
+
+
 def camera_rows(observations: ObservationArrays) -> list[tuple[int, slice]]:
     """Return each camera that has observations, and the slice of its rows."""
     return runs(observations.camera)
