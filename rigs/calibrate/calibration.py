@@ -24,9 +24,10 @@ from rigs.calibrate.quality.assessment import assessment, findings
 from rigs.calibrate.quality.covariance import labels, refuse_unknown_lenses
 from rigs.calibrate.quality.quality import measure
 from rigs.calibrate.quality.summary import summary
+from rigs.calibrate.quality.windows import adjusted_windows, window_findings
 from rigs.calibrate.refraction.window_prior import WindowPrior
 from rigs.calibrate.result import Calibration
-from rigs.calibrate.through_scene import Through, adjust_through
+from rigs.calibrate.through_scene import Through, adjust_through, looked_through
 from rigs.camera import Camera
 from rigs.rig import Rig, Volume
 from rigs.scene.checks import check_scene
@@ -149,8 +150,11 @@ def calibrate(
     arrays, used = adjusted.arrays.scaled(scale * size), np.zeros(len(observations), bool)
     rig = Rig(_cameras(observations, found, intrinsics), length_unit, world_frame, volume)
     if found.refraction is not None:
-        check_scene(found.refraction.scene, rig)
-        rig = rig.through(found.refraction.scene)
+        adjusted_solids = {name: found.refraction.window(name) for name in found.windows}
+        solids = tuple(adjusted_solids.get(solid.name, solid) for solid in scene.solids)
+        optical = replace(scene, solids=solids)
+        check_scene(optical, rig)
+        rig = rig.through(optical)
     report("quality")
     quality, noise, covariance = measure(
         rig, found, arrays, adjusted.used, adjusted.freedom, volume
@@ -165,6 +169,14 @@ def calibrate(
     offsets = None if synchrony is None else synchrony.in_words()
     held = rules.in_words()
     warnings, notes = findings(quality, observations, used, noise, voxel, offsets, held)
+    seen_windows, through_what = (), ()
+    if found.refraction is not None:
+        seen_windows = adjusted_windows(found.refraction, adjusted.freedom, covariance)
+        through_what = looked_through(adjusted, len(names))
+        contradictions, of_scene = window_findings(
+            found.refraction, seen_windows, through_what, length_unit
+        )
+        warnings, notes = (*contradictions, *warnings), (*notes, *of_scene)
     warnings = (*frozen, *poorly_met, *warnings)
     unposed = _unposed(found, arrays, observations.frames)
     notes = (*adjusted.out_of_step(observations), *repeats, *unposed, *notes)
@@ -184,6 +196,8 @@ def calibrate(
         warnings + notes,
         assessment(quality, warnings, notes, length_unit, voxel),
         synchrony,
+        seen_windows,
+        tuple(map(tuple, through_what)),
     )
     return replace(calibration, rig=replace(rig, calibration=summary(calibration)))
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality.quality import Quality
+from rigs.calibrate.quality.windows import AdjustedWindow
 from rigs.calibrate.synchrony import Synchrony
 from rigs.rig import Rig
 
@@ -48,6 +49,10 @@ class Calibration:
         The predicted ray-miss, its meaning, then the findings.
     synchrony : Synchrony, optional
         The cameras' offsets in time; None where no film shows a target that moves.
+    windows : tuple of AdjustedWindow
+        Windows that were adjusted.
+    looked_through : tuple of tuple of str
+        The solids of the scene that each camera saw the target through; empty without a scene.
     """
 
     rig: Rig
@@ -65,6 +70,8 @@ class Calibration:
     findings: tuple[str, ...]
     assessment: str
     synchrony: Synchrony | None = None
+    windows: tuple[AdjustedWindow, ...] = ()
+    looked_through: tuple[tuple[str, ...], ...] = ()
 
     def __repr__(self) -> str:
         rms = np.sqrt((self.residuals[self.used] ** 2).sum(axis=1).mean())

@@ -88,6 +88,10 @@ def adjust_through(
     straight = predicted(replace(rough.scene, refraction=None), rough.arrays)
     bent = predicted(rough.scene, rough.arrays)
     known = np.isfinite(straight - bent).all(axis=1)
+    for camera, name in enumerate(names):
+        own = rough.arrays.camera == camera
+        if own.any() and not known[own].any():
+            raise ValueError(_unreached(name, "totally reflected"))
     uv = observations.uv.copy()
     uv[rough.rows[known]] += (straight - bent)[known]
     second = adjust_together(
@@ -145,6 +149,8 @@ def _through(
     arrays = replace(adjusted.arrays, velocity=None)
     scene = _placed(through, replace(adjusted.scene, offset=None), scale)
     if is_start:
+        for name, center in zip(names, scene.centers(), strict=True):
+            refraction.check_outside(center, f"camera {name}")
         scene = start_before_media(scene, arrays, refraction, through.held)
         scene = _placed(through, scene, scale)
     scene = replace(scene, refraction=refraction)
@@ -214,12 +220,16 @@ def _with_routes(
         routes[rows, : found.shape[1]] = found
         for end, cause in ((REFLECTED, "totally reflected"), (HIDDEN, "stopped by hardware")):
             if (ends[rows] == end).all():
-                raise ValueError(
-                    f"camera {names[camera]}: light of all target points is {cause} in the scene, "
-                    "expected a way to the camera: check the scene's poses and indices, its world "
-                    "(--world) and its unit"
-                )
+                raise ValueError(_unreached(names[camera], cause))
     return replace(arrays, routes=routes)
+
+
+def _unreached(camera: str, cause: str) -> str:
+    """Return a line on a camera that no light of the target reaches."""
+    return (
+        f"camera {camera}: light of all target points is {cause} in the scene, expected a way to "
+        "the camera: check the scene's poses and indices, its world (--world) and its unit"
+    )
 
 
 def _check_scene_is_met(adjusted: Adjusted, names: tuple[str, ...]) -> None:

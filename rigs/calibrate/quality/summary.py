@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rigs.files.json_file import plain
+from rigs.scene.scene_camera import own_camera
 
 if TYPE_CHECKING:
     from rigs.calibrate.result import Calibration
@@ -37,6 +38,9 @@ def summary(calibration: Calibration) -> dict[str, Any]:
         figures["time_offset_frames"] = plain(step.offset[index], _DIGITS)
         figures["time_offset_error_frames"] = plain(step.error[index], _DIGITS)
         figures["out_of_step"] = bool(step.is_out[index])
+    for own, figures in zip(calibration.looked_through, cameras.values(), strict=False):
+        figures["looked_through"] = list(own)
+    windows = {window.name: plain(window.figures(), _DIGITS) for window in calibration.windows}
     return {
         "method": "target images, joint adjustment of lenses, camera poses and target poses",
         "rms_px": plain(np.sqrt((calibration.residuals[used] ** 2).sum(axis=1).mean()), _DIGITS),
@@ -53,6 +57,7 @@ def summary(calibration: Calibration) -> dict[str, Any]:
         "findings": list(calibration.findings),
         "assessment": calibration.assessment,
         "cameras": cameras,
+        **({"windows": windows} if windows else {}),
         "target_poses": _target_poses(calibration),
     }
 
@@ -65,7 +70,7 @@ def _target_poses(calibration: Calibration) -> list[dict[str, Any]]:
     points = calibration.observations.target_points
     (left, top), (right, bottom) = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     border = np.array([[left, top, 0], [right, top, 0], [right, bottom, 0], [left, bottom, 0]])
-    camera = calibration.rig[calibration.gauge]
+    camera = own_camera(calibration.rig[calibration.gauge])
     poses = []
     for index, frame in enumerate(calibration.observations.frames):
         R, t = calibration.target_R[index], calibration.target_t[index]

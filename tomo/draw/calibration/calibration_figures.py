@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import box_points
+from rigs.scene.scene_camera import own_camera
 from tomo.draw.figures import INK, MUTED, new_figure, plain, thin_lines
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def draw_depths(calibration: Calibration, grid: VoxelGrid | None = None) -> Figu
     axes = figure.add_axes(
         (0.16, 0.46 / figure.get_figheight(), 0.8, 1 - 0.75 / figure.get_figheight())
     )
-    for index, camera in enumerate(rig):
+    for index, camera in enumerate(map(own_camera, rig)):
         mine = np.flatnonzero(calibration.used & (observations.camera == index))
         frames = observations.frame[mine]
         points = observations.target_points[observations.point[mine]]
