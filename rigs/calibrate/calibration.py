@@ -22,6 +22,7 @@ from rigs.calibrate.observations import Observations
 from rigs.calibrate.options import check_options, check_rules, common_lenses
 from rigs.calibrate.quality.assessment import assessment, findings
 from rigs.calibrate.quality.covariance import labels, refuse_unknown_lenses
+from rigs.calibrate.quality.ignored_glass import ignored_glass
 from rigs.calibrate.quality.quality import measure
 from rigs.calibrate.quality.summary import summary
 from rigs.calibrate.quality.windows import adjusted_windows, window_findings
@@ -177,6 +178,10 @@ def calibrate(
             found.refraction, seen_windows, through_what, length_unit
         )
         warnings, notes = (*contradictions, *warnings), (*notes, *of_scene)
+    else:
+        panes = ignored_glass(found, arrays.where(adjusted.used), adjusted.freedom)
+        lines = (pane.in_words(names[pane.camera], length_unit) for pane in panes)
+        warnings = (*lines, *warnings)
     warnings = (*frozen, *poorly_met, *warnings)
     unposed = _unposed(found, arrays, observations.frames)
     notes = (*adjusted.out_of_step(observations), *repeats, *unposed, *notes)

@@ -49,7 +49,7 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class _Normal:
+class Normal:
     """Normal equations in blocks; P camera parameters, F frames with observations."""
 
     cameras: NDArray[np.float64]  # (P, P)
@@ -90,7 +90,7 @@ def adjust(
         raise ValueError("scene: found an observed point behind its camera, expected it in front")
     damping, iteration = _DAMPING, 0
     for _ in range(iterations):
-        normal = _normal_equations(scene, observations, freedom, huber)
+        normal = normal_equations(scene, observations, freedom, huber)
         iteration += 1
         gain = 0.0
         while damping < _MOST_DAMPING:
@@ -128,8 +128,8 @@ def information(
     gradient : (P,) float64
         Gradient of half the sum of squares, with the target poses at their optimum.
     """
-    normal = _normal_equations(scene, observations, freedom, None)
-    return _reduced(normal, 0.0)[:2]
+    normal = normal_equations(scene, observations, freedom, None)
+    return reduced(normal, 0.0)[:2]
 
 
 def _residuals(
@@ -147,9 +147,12 @@ def _residuals(
     return residuals, cost if np.isfinite(cost) else np.inf
 
 
-def _normal_equations(
-    scene: Scene, observations: ObservationArrays, freedom: Freedom, huber: NDArray | None
-) -> _Normal:
+def normal_equations(
+    scene: Scene,
+    observations: ObservationArrays,
+    freedom: Freedom,
+    huber: NDArray | None = None,
+) -> Normal:
     """Return the normal equations of Gauss and Newton, weighted for Huber's loss."""
     size = freedom.size
     frames = np.unique(observations.frame)
@@ -182,11 +185,11 @@ def _normal_equations(
         weights = scene.refraction.weights[free]
         cameras[place, place] += weights
         camera_gradient[place] -= weights * scene.refraction.changes[free]
-    return _Normal(cameras, targets, mixed, camera_gradient, target_gradient, frames)
+    return Normal(cameras, targets, mixed, camera_gradient, target_gradient, frames)
 
 
-def _reduced(
-    normal: _Normal, damping: float
+def reduced(
+    normal: Normal, damping: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the camera equations with the targets eliminated, and ``mixed inverse(targets)``.
 
@@ -205,9 +208,9 @@ def _reduced(
     return (matrix + matrix.T) / 2, gradient, targets
 
 
-def _solve(normal: _Normal, damping: float) -> tuple[NDArray, NDArray] | None:
+def _solve(normal: Normal, damping: float) -> tuple[NDArray, NDArray] | None:
     """Return the damped step of the cameras ``(P,)`` and targets ``(F, 6)``, None on failure."""
-    matrix, gradient, targets = _reduced(normal, damping)
+    matrix, gradient, targets = reduced(normal, damping)
     camera_step = np.zeros(len(gradient))
     if len(gradient):
         scale = np.sqrt(np.maximum(np.diag(normal.cameras), 1e-300))
@@ -222,7 +225,7 @@ def _solve(normal: _Normal, damping: float) -> tuple[NDArray, NDArray] | None:
     return (camera_step, target_step) if finite else None
 
 
-def _predicted_gain(normal: _Normal, camera_step: NDArray, target_step: NDArray) -> float:
+def _predicted_gain(normal: Normal, camera_step: NDArray, target_step: NDArray) -> float:
     """Return by how much the cost would fall, were the residuals linear in the parameters."""
     slope = normal.camera_gradient @ camera_step + (normal.target_gradient * target_step).sum()
     return float(slope) / 2
