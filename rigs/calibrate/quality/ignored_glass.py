@@ -23,6 +23,7 @@ from rigs.calibrate.adjust.observation_arrays import (
 _INDEX = 1.5  # of the pane that is assumed: residuals show its thickness times a factor of it
 _ANGLES, _TURNS = np.radians(np.arange(5, 65, 5)), np.radians(np.arange(0, 360, 15))
 _FALSE_ALARMS = 1e-3  # calibrations in which chance alone names a pane
+_ALIKE = 3.5  # variances by which the squares rise within one standard deviation of three numbers
 _NUMBERS = 3  # of a pane: two of its direction, and its thickness
 _LEAST_FRAMES = 6  # of a camera: three in each half determine its pose
 
@@ -34,25 +35,27 @@ class IgnoredGlass:
     Parameters
     ----------
     camera : int
-    thickness : float
-        Of glass of index 1.5, in the unit of the unknowns.
-    angle : float
-        Between its normal and the camera's axis, degrees.
+    thickness : (float, float)
+        Least and most of panes of index 1.5 that explain them about equally, in the unit of the
+        unknowns.
+    angle : (float, float)
+        Between their normals and the camera's axis, degrees.
     deviations : float
         By how many standard deviations it is confirmed on the frames that it was not found on.
     """
 
     camera: int
-    thickness: float
-    angle: float
+    thickness: tuple[float, float]
+    angle: tuple[float, float]
     deviations: float
 
     def in_words(self, name: str, length_unit: str) -> str:
         """Return a line on it."""
+        thickness, angle = _range(self.thickness, ".2g"), _range(self.angle, ".0f")
         return (
-            f"camera {name}: its residuals look like {self.thickness:.2g} {length_unit} of glass "
-            f"at {self.angle:.0f} degrees between it and the target ({self.deviations:.2g} "
-            "standard deviations, on frames held out): if there is a window, give it by --scene"
+            f"camera {name}: its residuals look like {thickness} {length_unit} of glass at {angle} "
+            f"degrees between it and the target ({self.deviations:.2g} standard deviations, on "
+            "frames held out): if there is a window, give it by --scene"
         )
 
 
@@ -117,9 +120,18 @@ def ignored_glass(
             continue
         gain = _gain(both)[best] - 2 * _NUMBERS * variance
         if gain > _gain_of_lens(scene, observations, freedom, camera, variance):
-            angle = float(np.degrees(np.arccos(normals[best, 2])))
-            found.append(IgnoredGlass(camera, float(thickness), angle, float(deviations)))
+            alike = _gain(both) > _gain(both)[best] - _ALIKE * variance
+            thick = both.slope[alike] / both.curve[alike]
+            angle = np.degrees(np.arccos(normals[alike, 2]))
+            ranges = ((float(x.min()), float(x.max())) for x in (thick, angle))
+            found.append(IgnoredGlass(camera, *ranges, float(deviations)))
     return tuple(found)
+
+
+def _range(ends: tuple[float, float], how: str) -> str:
+    """Return a range of numbers, one number where both ends are written alike."""
+    low, high = (format(end, how) for end in ends)
+    return low if low == high else f"{low} to {high}"
 
 
 def _directions() -> NDArray[np.float64]:
