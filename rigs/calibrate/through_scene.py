@@ -8,10 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.calibrate.adjust.bundle import adjust
 from rigs.calibrate.adjust.culling import adjust_and_cull
-from rigs.calibrate.adjust.observation_arrays import ObservationArrays, camera_rows, predicted, world_points
+from rigs.calibrate.adjust.observation_arrays import (
+    ObservationArrays,
+    camera_rows,
+    predicted,
+    world_points,
+)
 from rigs.calibrate.adjust.observation_arrays import Scene as Unknowns
-from rigs.calibrate.adjust.robust import noise
+from rigs.calibrate.adjust.robust import adjust_robustly, noise
 from rigs.calibrate.joint_adjustment import Adjusted, adjust_together
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.refraction.refraction import Refraction
@@ -24,6 +30,7 @@ from rigs.scene.scene import Scene
 
 _ROUNDS = 12  # of placing the scene in the world; each moves it some tenth of the one before
 _SETTLED = 1e-8  # target sizes: motion of cameras in the world below which the scene is in place
+_ROUGHLY_SETTLED = 1e-3  # the same where lenses and poses are found anew afterwards
 _NOISE_SETTLED = 0.02  # relative change of the noise, by which priors weigh
 
 
@@ -154,27 +161,29 @@ def _through(
         scene = start_before_media(scene, arrays, refraction, through.held)
         scene = _placed(through, scene, scale)
     scene = replace(scene, refraction=refraction)
-    found, kept, sigma = adjusted, None, np.nan
-    for _ in range(_ROUNDS):
+    used, sigma = None, np.nan
+    settled, rounds = (_ROUGHLY_SETTLED, 3) if is_start else (_SETTLED, _ROUNDS)
+    for _ in range(rounds):
+        before, previous = sigma, arrays.routes
         arrays = _with_routes(scene, arrays, names, roughly=is_start)
-        before = sigma
-        kept = adjust_and_cull(scene, arrays, freedom, cull)
-        residuals = kept.solution.residuals
-        used = noise(residuals, np.zeros(len(residuals), np.int64), 1)
-        sigma = float(used[0])
-        found = replace(
-            adjusted, scene=kept.solution.scene, arrays=arrays, used=kept.used, freedom=freedom,
-            root=root,
-        )  # fmt: skip
-        scene = _placed(through, kept.solution.scene, scale)
+        if is_start:
+            used = np.isfinite(predicted(scene, arrays)).all(axis=1)
+            solution = adjust_robustly(scene, arrays.where(used), freedom, tolerance=1e-3)
+        elif used is None or not np.array_equal(arrays.routes, previous):
+            kept = adjust_and_cull(scene, arrays, freedom, cull)
+            solution, used = kept.solution, kept.used
+        else:
+            solution = adjust(scene, arrays.where(used), freedom)
+        sigma = float(noise(solution.residuals, np.zeros(int(used.sum()), np.int64), 1)[0])
+        scene = _placed(through, solution.scene, scale)
         scene = replace(scene, refraction=replace(scene.refraction, noise=sigma))
-        moved = np.abs(scene.centers() - kept.solution.scene.centers()).max()
+        moved = np.abs(scene.centers() - solution.scene.centers()).max()
         weighs = not freedom.windows.any() or abs(sigma - before) <= _NOISE_SETTLED * sigma
-        routes = _with_routes(scene, arrays, names, roughly=is_start).routes
-        same = np.array_equal(routes, arrays.routes)
-        if moved < _SETTLED and weighs and same:
-            break
-    return found
+        if moved < settled and weighs:
+            routes = _with_routes(scene, arrays, names, roughly=is_start).routes
+            if np.array_equal(routes, arrays.routes):
+                break
+    return replace(adjusted, scene=scene, arrays=arrays, used=used, freedom=freedom, root=root)
 
 
 def _placed(through: Through, scene: Unknowns, scale: float) -> Unknowns:
@@ -235,7 +244,9 @@ def _unreached(camera: str, cause: str) -> str:
 def _check_scene_is_met(adjusted: Adjusted, names: tuple[str, ...]) -> None:
     """Raise if no camera looks through glass of a scene that has some, or through one adjusted."""
     through = {name for own in looked_through(adjusted, len(names)) for name in own}
-    glass = [s.name for s in adjusted.scene.refraction.scene.solids if isinstance(s.material, Glass)]
+    glass = [
+        s.name for s in adjusted.scene.refraction.scene.solids if isinstance(s.material, Glass)
+    ]
     lost = [name for name in adjusted.scene.windows if name not in through]
     if lost or (glass and not through):
         raise ValueError(
@@ -246,5 +257,7 @@ def _check_scene_is_met(adjusted: Adjusted, names: tuple[str, ...]) -> None:
 
 def _has_other_media(scene: Scene) -> bool:
     """Return whether something else than the cameras' medium is behind glass."""
-    behind = [getattr(solid, name, None) for solid in scene.solids for name in ("beyond", "inside")]
+    behind = [
+        getattr(solid, name, None) for solid in scene.solids for name in ("beyond", "inside")
+    ]
     return any(index not in (None, scene.medium) for index in behind)

@@ -140,7 +140,7 @@ def load_scene(path: str | os.PathLike, length_unit: str = "mm") -> Scene:
     """
     data = read_yaml_mapping(path)
     try:
-        own = data["scene"] if "scene" in data else data
+        own = data.get("scene", data)
         head = {"format": FORMAT, "version": VERSION, "cameras": []}
         entry = parse_rig({**head, "scene": own}).scene
         if entry is None or not entry.solids:

@@ -63,9 +63,9 @@ def sight_lines(
         ``by_point`` no derivative is written.
     """
     count = START + CENTER + by_window.shape[2]
-    at, way, last = np.empty(3), np.empty(3), np.empty(3)
-    shift, turn = np.empty((count, 3)), np.empty((count, 3))
-    miss, step = np.empty(3), np.empty(2)
+    at, way, last = np.zeros(3), np.zeros(3), np.zeros(3)
+    shift, turn = np.zeros((count, 3)), np.zeros((count, 3))
+    miss, step = np.zeros(3), np.zeros(2)
     for i in range(len(points)):
         for a in range(3):
             way[a] = points[i, a] - center[a]
@@ -136,7 +136,7 @@ def _across(way, first, second) -> None:
 @compiled
 def _follow(at, way, shift, turn, faces, route, windows, depths) -> bool:
     """Take a path through all faces of a route, in place; return whether it gets there."""
-    normal, bend = np.empty(3), np.empty((len(shift), 3))
+    normal, bend = np.zeros(3), np.zeros((len(shift), 3))
     before = -1
     for f in route:
         if f < 0:
@@ -260,7 +260,7 @@ def _solve(shift, miss, step) -> None:
 @compiled
 def _implicit(way, last, shift, by_center, by_point, by_window) -> None:
     """Write the derivatives of the start's direction: the path goes on passing the point."""
-    first, second, miss, step = np.empty(3), np.empty(3), np.empty(3), np.empty(2)
+    first, second, miss, step = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(2)
     _across(way, first, second)
     for k in range(CENTER + len(shift) - START):
         for a in range(3):

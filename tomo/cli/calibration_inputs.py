@@ -96,7 +96,9 @@ def given_scene(
         if scene is not None:
             Refraction.of(scene, windows)
     except ValueError as error:
-        option = "" if file is not None and str(error).startswith(str(file)) else "--refine-window: "
+        option = (
+            "" if file is not None and str(error).startswith(str(file)) else "--refine-window: "
+        )
         raise ValueError(f"{option}{error}") from None
     return scene, windows
 

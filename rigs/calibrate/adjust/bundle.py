@@ -242,8 +242,7 @@ def _moved(
     steps = [freedom.step(camera, camera_step) for camera in range(len(scene.lenses))]
     ends = [6 + lens.size for lens in scene.lenses]
     lenses = (
-        lens.moved(step[6:end])
-        for lens, step, end in zip(scene.lenses, steps, ends, strict=True)
+        lens.moved(step[6:end]) for lens, step, end in zip(scene.lenses, steps, ends, strict=True)
     )
     full = np.array([step[:6] for step in steps])
     later = np.array([step[end] for step, end in zip(steps, ends, strict=True)])

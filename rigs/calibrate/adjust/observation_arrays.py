@@ -34,7 +34,7 @@ class ObservationArrays:
         How fast the point moves in the axes of its frame's target pose, where images of one frame
         were taken at different moments.
     routes : (N, R) int64, optional
-        The faces of the scene that each one is seen through (`rigs.calibrate.refraction.routes_to`).
+        The scene's faces that each one is seen through (`rigs.calibrate.refraction.routes_to`).
     """
 
     camera: NDArray[np.int64]

@@ -49,7 +49,11 @@ class AdjustedWindow:
         parts = [
             f"{word} {change:.2g} ± {error:.2g} {unit}"
             for word, change, error, unit in zip(
-                words, self.changes, self.errors, ("degrees", length_unit, length_unit), strict=True
+                words,
+                self.changes,
+                self.errors,
+                ("degrees", length_unit, length_unit),
+                strict=True,
             )
             if error > 0
         ]

@@ -135,9 +135,7 @@ class Refraction:
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the scene of a world whose lengths are ``factor`` times as large."""
         priors = tuple(
-            replace(
-                prior, distance=prior.distance * factor, thickness=prior.thickness * factor
-            )
+            replace(prior, distance=prior.distance * factor, thickness=prior.thickness * factor)
             for prior in self.priors
         )
         scenes = (scene.with_lengths_scaled(factor) for scene in (self.scene, self.given))
@@ -198,10 +196,10 @@ class Refraction:
 
         NaN where no path along the point's route (`routes_to`) passes it.
         """
-        found, none = np.empty((len(points), 3)), np.empty((0, CENTER, CENTER))
+        found, none = np.zeros((len(points), 3)), np.zeros((0, CENTER, CENTER))
         sight_lines(
             center, points, self.faces, routes, *self._tables[1:], found, none, none,
-            np.empty((0, CENTER, 0)),
+            np.zeros((0, CENTER, 0)),
         )  # fmt: skip
         return found
 
@@ -220,9 +218,9 @@ class Refraction:
         by_window : (N, 3, size) float64
         """
         count = len(points)
-        found = np.empty((count, 3))
-        by_center, by_point = np.empty((2, count, CENTER, CENTER))
-        by_window = np.empty((count, CENTER, self.size))
+        found = np.zeros((count, 3))
+        by_center, by_point = np.zeros((2, count, CENTER, CENTER))
+        by_window = np.zeros((count, CENTER, self.size))
         sight_lines(
             center, points, self.faces, routes, *self._tables[1:], found, by_center, by_point,
             by_window,

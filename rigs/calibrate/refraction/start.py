@@ -91,14 +91,12 @@ def _world_of_held(
 
 
 def _in_own_medium(behind: NDArray[np.float64], ratio: float) -> NDArray[np.float64]:
-    """Return the direction of a pixel of a lens, given that of one of ``ratio`` its focal length."""
+    """Return a pixel's direction, given that of a lens of ``ratio`` times the focal length."""
     scaled = behind * [ratio, ratio, 1.0]
     return scaled / np.linalg.norm(scaled)
 
 
-def _rotation_between(
-    one: NDArray[np.float64], other: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _rotation_between(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the smallest rotation ``(3, 3)`` that takes a unit vector to another one."""
     axis = np.cross(one, other)
     size = np.linalg.norm(axis)

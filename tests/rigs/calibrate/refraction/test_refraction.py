@@ -92,7 +92,9 @@ def test_rays_have_the_derivatives_of_the_observations():
 
 def test_freedom_shares_windows_between_cameras():
     free = Freedom(
-        (np.ones(4, bool),) * 2, np.array([False, True]), windows=np.array([True, True, False, True])
+        (np.ones(4, bool),) * 2,
+        np.array([False, True]),
+        windows=np.array([True, True, False, True]),
     )
     assert free.size == 4 + 10 + 3
     assert free.places[0][-4:].tolist() == free.places[1][-4:].tolist() == [14, 15, -1, 16]
@@ -130,5 +132,5 @@ def test_priors_are_read_and_refused():
             WindowPrior.parsed(text)
     with pytest.raises(ValueError, match="standard deviations"):
         WindowPrior("quartz", normal=-1)
-    with pytest.raises(ValueError, match="window glass: found no such window, expected .*quartz"):
+    with pytest.raises(ValueError, match=r"window glass: found no such window, expected .*quartz"):
         Refraction.of(OpticalScene((WINDOW,)), (WindowPrior("glass", 1),))
