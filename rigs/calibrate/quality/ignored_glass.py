@@ -23,7 +23,7 @@ from rigs.calibrate.adjust.observation_arrays import (
 _INDEX = 1.5  # of the pane that is assumed: residuals show its thickness times a factor of it
 _ANGLES, _TURNS = np.radians(np.arange(5, 65, 5)), np.radians(np.arange(0, 360, 15))
 _FALSE_ALARMS = 1e-3  # calibrations in which chance alone names a pane
-_ALIKE = 3.5  # variances by which squares rise within one standard deviation of three numbers
+_ALIKE = 3.5  # variances that squares rise within one standard deviation of three numbers
 _NUMBERS = 3  # of a pane: two of its direction, and its thickness
 _LEAST_FRAMES = 6  # of a camera: three in each half determine its pose
 
