@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from rigs.compiled import compiled
 from rigs.scene.surfaces import BLOCKS, CYLINDER, PLANE, REFLECTS
-from rigs.scene.tracing import _distance, _normal
 
 _STEPS = 50  # of Newton's method; it takes four or five
 _CLOSE = 1e-9  # radians: the step after which the next one is rounding, as steps square
@@ -142,17 +141,60 @@ def _follow(at, way, shift, turn, faces, route, windows, depths) -> bool:
         if f < 0:
             break
         face = faces[f]
-        length = _distance(at, way, face, before == f)
+        length = _ahead(at, way, face, before == f, normal)
         before = f
         if not length < math.inf or face.action == BLOCKS:
             return False
         for a in range(3):
             at[a] += length * way[a]
-        _normal(at, face, normal)
+        if face.kind != PLANE:
+            _from_middle(at, face, normal)
+            _normalise(normal)
         _meet(at, way, shift, turn, face, normal, length, bend, windows[f], depths[f])
         if not _turn(way, turn, face, normal, bend):
             return False
     return True
+
+
+@compiled
+def _ahead(at, way, face, leaves, away):
+    """Return the distance to an endless face ahead, infinity without; ``away`` is its normal.
+
+    The normal is that of a plane only. A path that leaves a round face meets its other side.
+    """
+    if face.kind == PLANE:
+        height = 0.0
+        for a in range(3):
+            away[a] = face.axis[a]
+            height += (face.point[a] - at[a]) * away[a]
+        length = height / _dot(way, away)
+        return length if length > 0 else math.inf
+    slope = _dot(way, face.axis) if face.kind == CYLINDER else 0.0
+    _from_middle(at, face, away)
+    square = 1 - slope * slope
+    middle = -_dot(away, way) / square
+    nearest = 0.0  # to the axis or the centre, squared
+    for a in range(3):
+        nearest += (away[a] + middle * (way[a] - slope * face.axis[a])) ** 2
+    depth = face.radius * face.radius - nearest
+    if not depth > 0:
+        return math.inf
+    half = math.sqrt(depth / square)
+    if leaves:
+        return 2 * half if middle > 0 else math.inf
+    length = middle - half if middle - half > 0 else middle + half
+    return length if length > 0 else math.inf
+
+
+@compiled
+def _from_middle(at, face, away) -> None:
+    """Write the way to a point from the axis of a cylinder, or from the centre of a sphere."""
+    for a in range(3):
+        away[a] = at[a] - face.point[a]
+    if face.kind == CYLINDER:
+        along = _dot(away, face.axis)
+        for a in range(3):
+            away[a] -= along * face.axis[a]
 
 
 @compiled
