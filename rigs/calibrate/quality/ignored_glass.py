@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.adjust.bundle import information, normal_equations, reduced
+from rigs.calibrate.adjust.bundle import normal_equations, reduced
 from rigs.calibrate.adjust.freedom import Freedom
-from rigs.calibrate.adjust.joint_terms import fall_of_squares
 from rigs.calibrate.adjust.observation_arrays import (
     ObservationArrays,
     Scene,
@@ -24,7 +23,7 @@ _INDEX = 1.5  # of the pane that is assumed: residuals show its thickness times 
 _ANGLES, _TURNS = np.radians(np.arange(5, 65, 5)), np.radians(np.arange(0, 360, 15))
 _FALSE_ALARMS = 1e-3  # calibrations in which chance alone names a pane
 _ALIKE = 3.5  # variances that squares rise within one standard deviation of three numbers
-_NUMBERS = 3  # of a pane: two of its direction, and its thickness
+_KNOWN = 1e-9  # relative eigenvalue below which unknowns are not determined: a target's own pose
 _LEAST_FRAMES = 6  # of a camera: three in each half determine its pose
 
 
@@ -42,20 +41,23 @@ class IgnoredGlass:
         Between their normals and the camera's axis, degrees.
     deviations : float
         By how many standard deviations it is confirmed on the frames that it was not found on.
+    moves : float
+        Pixels, RMS: by how much it moves points where lens and poses do not follow.
     """
 
     camera: int
     thickness: tuple[float, float]
     angle: tuple[float, float]
     deviations: float
+    moves: float
 
     def in_words(self, name: str, length_unit: str) -> str:
         """Return a line on it."""
         thickness, angle = _range(self.thickness, ".2g"), _range(self.angle, ".0f")
         return (
             f"camera {name}: its residuals look like {thickness} {length_unit} of glass at {angle} "
-            f"degrees between it and the target ({self.deviations:.2g} standard deviations, on "
-            "frames held out): if there is a window, give it by --scene"
+            f"degrees between it and the target ({self.moves:.2g} px, {self.deviations:.2g} "
+            "standard deviations on frames held out): if there is a window, give it by --scene"
         )
 
 
@@ -85,11 +87,11 @@ def ignored_glass(
     A plate of thickness T and index n moves the apparent point along its normal by
     ``T (1 - cos a / sqrt(n² - sin² a))``, a the angle of the light to the normal. Poses and lens
     absorb most of it; what is left depends on T linearly. For each direction of a grid the score
-    by T is computed with all other unknowns eliminated (Rao's test). The direction that one half
-    of the frames favours is tested on the other half, where its score is normal with variance 1 if
-    there is no pane. A pane is named where both halves together exceed the bound of one false
-    alarm in a thousand calibrations, and it lowers the squares by more than all terms of the
-    richest lens, each counted by Akaike's criterion: else the lens is the likelier cause.
+    by T is computed with all other unknowns eliminated (Rao's test). Every term of the richest
+    lens is among them, and so is every point's place on the target: what they explain is not said
+    to be glass. The direction that one half of the frames favours is tested on the other half,
+    where its score is normal with variance 1 if there is no pane. A pane is named where both
+    halves together exceed the bound of one false alarm in a thousand calibrations.
     """
     from scipy.stats import norm
 
@@ -107,24 +109,24 @@ def ignored_glass(
         own = [np.unique(half.frame[half.camera == camera]) for half in halves]
         if min(map(len, own)) < _LEAST_FRAMES // 2:
             continue
+        rich, free = _with_richest_lens(scene, freedom, camera)
         try:
-            first, second = (_panes(scene, half, freedom, camera, normals) for half in halves)
-            both = _panes(scene, observations, freedom, camera, normals)
+            first, second = (_panes(rich, half, free, camera, normals) for half in halves)
         except np.linalg.LinAlgError:  # a half may not determine what the whole does
             continue
         tests = [_confirmed(a, b, variance) for a, b in ((first, second), (second, first))]
         deviations = sum(tests) / np.sqrt(2)
-        best = int(_gain(both).argmax())
-        thickness = both.slope[best] / both.curve[best]
-        if deviations < bound or not thickness > 0:
+        if deviations < bound:
             continue
-        gain = _gain(both)[best] - 2 * _NUMBERS * variance
-        if gain > _gain_of_lens(scene, observations, freedom, camera, variance):
-            alike = _gain(both) > _gain(both)[best] - _ALIKE * variance
-            thick = both.slope[alike] / both.curve[alike]
-            angle = np.degrees(np.arccos(normals[alike, 2]))
-            ranges = ((float(x.min()), float(x.max())) for x in (thick, angle))
-            found.append(IgnoredGlass(camera, *ranges, float(deviations)))
+        both = _panes(rich, observations, free, camera, normals)
+        gain = _gain(both)
+        alike = gain > max(gain.max() - _ALIKE * variance, 0)
+        thick = both.slope[alike] / both.curve[alike]
+        angle = np.degrees(np.arccos(normals[alike, 2]))
+        ranges = ((float(x.min()), float(x.max())) for x in (thick, angle))
+        moves = float(np.sqrt(gain.max() / (2 * (observations.camera == camera).sum())))
+        if alike.any():
+            found.append(IgnoredGlass(camera, *ranges, float(deviations), moves))
     return tuple(found)
 
 
@@ -164,59 +166,77 @@ def _panes(
     """Return the panes in front of one camera, in the normal equations of some frames."""
     normal = normal_equations(scene, observations, freedom)
     matrix, gradient, targets = reduced(normal, 0.0)
-    rows = dict(camera_rows(observations))[camera]
-    uv, by_camera, by_target = jacobian(scene, observations, camera, rows)
-    places, by_camera = freedom.gathered(camera, by_camera)
-    residual = (observations.uv[rows] - uv).reshape(-1)
+    shape, place = np.unique(observations.points, axis=0, return_inverse=True)
+    first = 3 * len(shape)  # columns of the target's points
+    count = first + len(normals)
+    crossed, slope = np.zeros((count, freedom.size)), np.zeros(count)
+    gram, curve = np.zeros((first, count)), np.zeros(count)
+    mixed = np.zeros((len(targets), 6, count))
+    for one, rows in camera_rows(observations):
+        uv, by_camera, by_target = jacobian(scene, observations, one, rows)
+        places, by_camera = freedom.gathered(one, by_camera)
+        columns = np.zeros((len(uv), 2, count if one == camera else first))
+        turn = scene.target_R[observations.frame[rows]]
+        at = 3 * place.ravel()[rows, None, None] + np.arange(3)
+        own_point = by_target[:, :, 3:] @ turn  # (n, 2, 3) by the point on the target
+        np.put_along_axis(columns, np.broadcast_to(at, own_point.shape), own_point, axis=2)
+        if one == camera:
+            columns[:, :, first:] = _by_panes(
+                scene, observations, one, rows, by_target[:, :, 3:], normals
+            )
+        columns = columns.reshape(2 * len(uv), -1)
+        own = slice(0, columns.shape[1])
+        crossed[own, places] += columns.T @ by_camera.reshape(len(columns), -1)
+        slope[own] += columns.T @ (observations.uv[rows] - uv).reshape(-1)
+        gram[:, own] += columns[:, :first].T @ columns
+        curve[own] += (columns**2).sum(axis=0)
+        for frame, part in runs(observations.frame[rows]):
+            index = int(np.searchsorted(normal.frames, frame))
+            both = slice(2 * part.start, 2 * part.stop)
+            mixed[index][:, own] += by_target[part].reshape(-1, 6).T @ columns[both]
+    raw = curve.copy()
+    solved = np.linalg.solve(targets, mixed)  # (frames, 6, columns)
+    crossed -= np.einsum("fic,fpi->cp", solved, normal.mixed)
+    slope -= np.einsum("fic,fi->c", solved, normal.target_gradient)
+    gram -= solved[:, :, :first].reshape(-1, first).T @ mixed.reshape(-1, count)
+    curve -= (solved * mixed).sum(axis=(0, 1))
+    known = np.block([[matrix, crossed[:first].T], [crossed[:first], gram[:, :first]]])
+    side = np.concatenate([crossed[first:].T, gram[:, first:]])  # (known, panes)
+    right = np.concatenate([gradient, slope[:first]])
+    scale = 1 / np.sqrt(np.maximum(np.diag(known), 1e-300))
+    values, vectors = np.linalg.eigh(known * np.outer(scale, scale))
+    determined = values > _KNOWN * values[-1]
+    root = vectors[:, determined] / np.sqrt(values[determined])
+    side, right = root.T @ (side * scale[:, None]), root.T @ (right * scale)
+    slope = slope[first:] - side.T @ right
+    curve = curve[first:] - (side**2).sum(axis=0)
+    return _Panes(slope, np.maximum(curve, 1e-9 * raw[first:]))
+
+
+def _by_panes(
+    scene: Scene,
+    observations: ObservationArrays,
+    camera: int,
+    rows: slice,
+    by_world: NDArray[np.float64],
+    normals: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the derivatives of pixels by the thickness of panes, ``(n, 2, panes)``."""
     sight = world_points(scene, observations)[rows] - scene.centers()[camera]
     sight /= np.linalg.norm(sight, axis=1, keepdims=True)
     turned = normals @ scene.camera_R[camera]  # in the world, away from the camera
     cosine = sight @ turned.T  # (n, panes)
     shift = 1 - cosine / np.sqrt(_INDEX**2 - 1 + cosine**2)
-    columns = -np.einsum("nij,kj->nik", by_target[:, :, 3:], turned) * shift[:, None, :]
-    columns = columns.reshape(len(residual), -1)  # (2 n, panes)
-    flat = by_camera.reshape(len(residual), -1)
-    crossed = np.zeros((len(normals), freedom.size))
-    crossed[:, places] = columns.T @ flat
-    slope, curve = columns.T @ residual, (columns**2).sum(axis=0)
-    for frame, part in runs(observations.frame[rows]):
-        index = int(np.searchsorted(normal.frames, frame))
-        own = slice(2 * part.start, 2 * part.stop)
-        mixed = columns[own].T @ by_target[part].reshape(-1, 6)  # (panes, 6)
-        solved = np.linalg.solve(targets[index], mixed.T).T
-        crossed -= solved @ normal.mixed[index].T
-        slope -= solved @ normal.target_gradient[index]
-        curve -= (solved * mixed).sum(axis=1)
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = (crossed * scale).T
-    solved = np.linalg.solve(matrix * np.outer(scale, scale), np.c_[scaled, gradient * scale])
-    slope = slope - scaled.T @ solved[:, -1]
-    curve = curve - (scaled * solved[:, :-1]).sum(axis=0)
-    return _Panes(slope, np.maximum(curve, 1e-9 * (columns**2).sum(axis=0)))
+    return -np.einsum("nij,kj->nik", by_world, turned) * shift[:, None, :]
 
 
-def _gain_of_lens(
-    scene: Scene,
-    observations: ObservationArrays,
-    freedom: Freedom,
-    camera: int,
-    variance: float,
-) -> float:
-    """Return the fall of the squares, less Akaike's charge, by all terms of the richest lens."""
+def _with_richest_lens(scene: Scene, freedom: Freedom, camera: int) -> tuple[Scene, Freedom]:
+    """Return unknowns in which one camera's lens has every term, and all of them are free."""
     lenses, free = list(scene.lenses), list(freedom.lens)
-    if lenses[camera].model == "fisheye":
-        wide = np.ones(lenses[camera].size, bool)
-    else:
+    if lenses[camera].model != "fisheye":
         lenses[camera] = lenses[camera].with_model("tilted")
-        wide = np.r_[free[camera], np.ones(lenses[camera].size - len(free[camera]), bool)]
-        wide[4:] = True
-    free[camera] = wide
-    every = replace(freedom, lens=tuple(free), common=None)
-    matrix, gradient = information(replace(scene, lenses=tuple(lenses)), observations, every)
-    before = every.freed_in(freedom)
-    added = int((~before).sum())
-    if not added:
-        return 0.0
-    whole = np.ones(every.size, bool)
-    gain = fall_of_squares(matrix, gradient, whole) - fall_of_squares(matrix, gradient, before)
-    return gain - 2 * added * variance
+    free[camera] = np.r_[free[camera][:4], np.ones(lenses[camera].size - 4, bool)]
+    return (
+        replace(scene, lenses=tuple(lenses)),
+        replace(freedom, lens=tuple(free), common=None),
+    )

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from rigs import Camera
 from rigs.calibrate.refraction.refraction import Refraction
@@ -50,6 +51,28 @@ def test_directions_are_those_of_traced_paths_within_a_billionth_of_a_pixel(name
     away = POINTS - paths.origins[piece]
     missed = np.linalg.norm(np.cross(away, paths.directions[piece]), axis=1)
     assert missed.max() < 1e-11 * 460
+
+
+def test_light_from_water_obeys_snells_law():
+    """Angles before the glass by a root in one dimension: how far the ray gets along the glass."""
+    bending, routes = seen(SCENES["water"])
+    directions = bending.directions(CENTER, POINTS, routes)
+    into = -np.array(bending.scene.solids[0].normal)
+    wall = np.array([5, 3, 300.0])
+    indices, thickness = (1.0, 1.46, 1.333), 10.0
+    for point, direction in zip(POINTS, directions, strict=True):
+        depths = ((wall - CENTER) @ into, thickness, (point - wall) @ into - thickness)
+        along = point - CENTER - ((point - CENTER) @ into) * into
+        far = np.linalg.norm(along)
+
+        def missing(sine, depths=depths, far=far):
+            sines = [sine / index for index in indices]
+            parts = (d * s / np.sqrt(1 - s * s) for d, s in zip(depths, sines, strict=True))
+            return sum(parts) - far
+
+        sine = brentq(missing, 0, 0.999, xtol=1e-16, rtol=1e-15)
+        expected = sine * along / far + np.sqrt(1 - sine**2) * into
+        assert np.abs(direction - expected).max() < 1e-13
 
 
 def test_a_mirror_shows_the_mirrored_point():
