@@ -159,6 +159,11 @@ def test_constants_are_set_for_a_while_wherever_they_were_imported():
     with patches.patched(patches.parsed(["tomo.pipeline.methods.AUTO=other"], "--set")):
         assert methods.AUTO == solve.AUTO == "other"
     assert methods.AUTO == solve.AUTO == before
+    blocks, others = map(
+        import_module, ("tomo.measurement.pixel_blocks", "tomo.screening.left_out_blocks")
+    )
+    with patches.patched({"tomo.measurement.pixel_blocks.SIDE": 5}):
+        assert (blocks.SIDE, others.SIDE) == (5, 4)
     with (
         pytest.raises(ValueError, match=r"--set: found 'tomo\.solvers\.nothing\.X'"),
         patches.patched({"tomo.solvers.nothing.X": 1}),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -66,4 +67,15 @@ def _holders(module: str, name: str, value: Any) -> list[Any]:
     """Return the loaded modules of the toolkit that have the constant under its name."""
     package = module.partition(".")[0]
     loaded = [m for key, m in list(sys.modules.items()) if key.partition(".")[0] == package]
-    return [one for one in loaded if vars(one).get(name) is value or one.__name__ == module]
+    alike = [one for one in loaded if vars(one).get(name) is value]
+    return [one for one in alike if one.__name__ == module or not _assigns(one, name)]
+
+
+def _assigns(module: Any, name: str) -> bool:
+    """Return whether a module has a constant of its own of that name: small numbers are shared."""
+    for node in ast.parse(inspect.getsource(module)).body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        names = (one for target in targets if target for one in ast.walk(target))
+        if any(isinstance(one, ast.Name) and one.id == name for one in names):
+            return True
+    return False
