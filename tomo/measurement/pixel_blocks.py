@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 SIDE = 4
-"""Pixels along each side of a block."""
+"""Pixels along each side of a block. Larger ones hide thin structure, single pixels are noise."""
 
 
 def block_means(image: ArrayLike, usable: ArrayLike) -> NDArray[np.float64]:

@@ -20,16 +20,12 @@ from tomo.scan.downsample import Coarser
 from tomo.screening.causes import volume_of
 from tomo.screening.hypotheses import TRANSPARENT, Evidence
 from tomo.screening.left_out_blocks import Blocks
-from tomo.solvers import curvature, mlem
-from tomo.solvers.initial_volume import mlos_start
+from tomo.selection.choose import FIRST, STRENGTHS
+from tomo.selection.smooth_solve import smooth_start, solve_smoothly
 
-STRENGTH = 1e-3
-"""Prior strength of the quick solve. Ten times less follows the noise, ten times more blurs thin
-flames, on scenes from clean to a tenth of noise."""
-
-FIRST, ITERATIONS = 10, 10
-"""Iterations of MLEM from scratch, and of least squares from there or from a volume nearby. Fewer
-leave differences of convergence that look like causes, more predict pixels left out no better."""
+ITERATIONS = 10
+"""Iterations of least squares of the quick solve. Fewer leave differences of convergence that look
+like causes, more predict pixels left out no better."""
 
 SEGMENTS = 1_500_000
 """Segments above which pixels and voxels are enlarged. More take longer, fewer hide what thin
@@ -120,14 +116,12 @@ def quick_solve(
 ) -> NDArray[np.float32]:
     """Return a smooth volume that reproduces the pixels, ``(unknowns,)``, from ``start`` or none.
 
-    A few iterations of MLEM find where it is bright, some of `tomo.solvers.curvature` the rest.
+    It is the default's solve with the strength that is tried first: ten times less follows the
+    noise, ten times more blurs thin flames, on scenes from clean to a tenth of noise.
     """
-    active = projector.active
-    if start is None:
-        first = mlos_start(projector, measured)
-        start = active.compress(mlem(projector, measured, iterations=FIRST, start=first).volume)
-    how = {"strength": STRENGTH, "iterations": ITERATIONS, "start": start}
-    return active.compress(curvature(projector, measured, **how).volume)
+    start = smooth_start(projector, measured) if start is None else start
+    how = {"width": 0.0, "strength": STRENGTHS[FIRST], "iterations": ITERATIONS, "start": start}
+    return projector.active.compress(solve_smoothly(projector, measured, **how).volume)
 
 
 def _coarser(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tomo.operators import LinearSystem
 from tomo.operators.view_gains import Gains
 from tomo.screening.hypotheses import Evidence, Fitted
-from tomo.selfcal.gains import fit_gains
+from tomo.selfcal.gains import ROUNDS, fit_gains
 
 FIRST_DEPTH = 0.2
 """Optical depth that is tried first. Gas of a quarter of it changes the volume by less than its
@@ -27,9 +27,6 @@ REFINEMENTS = 2
 
 OUTER = 2
 """Solves with the emission of the one before for each depth, from that of the depth before."""
-
-ROUNDS = 2
-"""Times that gains are fitted to the volume of the gains before."""
 
 
 @dataclass(frozen=True)

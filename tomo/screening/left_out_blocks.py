@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compute.grouping import golden_ratio_sequence
+from tomo.measurement.pixel_blocks import SIDE
 from tomo.operators import LinearSystem
-
-SIDE = 4
-"""Pixels along each side of a block. Larger ones hide thin structure, single pixels are noise."""
 
 PATCH = 16
 """Pixels along each side of a patch, whose errors count as independent of other patches'. Smaller

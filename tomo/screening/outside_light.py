@@ -12,13 +12,13 @@ from tomo.grid import VoxelGrid
 from tomo.hull.dark_votes import touched
 from tomo.hull.projection_lattice import Lattice
 from tomo.measurement import NoiseModel
+from tomo.measurement.background import SIGMAS
 from tomo.measurement.pixel_blocks import SIDE, blocks_of
 
 if TYPE_CHECKING:
     from rigs import CameraLike
 
-SIGMAS = 5.0  # standard deviations of a block's mean above which it counts as light
-BRIGHT = 0.03  # fraction of the brightest block's mean, added to that limit
+BRIGHT = 0.03  # fraction of the brightest block's mean, added to what noise makes
 REACH = 0.02
 """Share of an image's longer side by which the box is grown: lenses blur, cameras look outside."""
 

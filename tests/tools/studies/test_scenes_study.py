@@ -159,11 +159,10 @@ def test_constants_are_set_for_a_while_wherever_they_were_imported():
     with patches.patched(patches.parsed(["tomo.pipeline.methods.AUTO=other"], "--set")):
         assert methods.AUTO == solve.AUTO == "other"
     assert methods.AUTO == solve.AUTO == before
-    blocks, others = map(
-        import_module, ("tomo.measurement.pixel_blocks", "tomo.screening.left_out_blocks")
-    )
-    with patches.patched({"tomo.measurement.pixel_blocks.SIDE": 5}):
-        assert (blocks.SIDE, others.SIDE) == (5, 4)
+    gains, shifts = map(import_module, ("tomo.selfcal.gains", "tomo.selfcal.shifts"))
+    assert gains.ROUNDS == shifts.ROUNDS == 2
+    with patches.patched({"tomo.selfcal.gains.ROUNDS": 3}):
+        assert (gains.ROUNDS, shifts.ROUNDS) == (3, 2)
     with (
         pytest.raises(ValueError, match=r"--set: found 'tomo\.solvers\.nothing\.X'"),
         patches.patched({"tomo.solvers.nothing.X": 1}),
