@@ -15,11 +15,8 @@ from tomo.screening.left_out_view import Explained
 from tomo.screening.single_camera import CameraFinding
 
 LIKE_OTHERS = 2.0
-"""Largest left-out error of a corrected camera, in left-out errors of a right one."""
-
-EXCLUDED = 2.0
-"""Times the left-out error of a right camera from which a camera that nothing corrects is
-excluded: its image then misleads by more than it tells."""
+"""Largest left-out error of a camera that takes part, in left-out errors of a right one: above, a
+correction is not enough, and the image misleads by more than it tells."""
 
 BELOW_CUT = 0.95
 """Fraction of a saturation level above which pixels are left out: noise takes some below it."""
@@ -95,7 +92,7 @@ def remedy(
             found = _corrected(first, camera, image, grid, factor, move=move, scale=scale)
             if found is not None:
                 return found
-    if finding.error > EXCLUDED * finding.left_out:
+    if finding.error > LIKE_OTHERS * finding.left_out:
         return Remedy("It is excluded", excluded=True)
     return Remedy()
 

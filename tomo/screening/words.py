@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from tomo.screening.left_out_view import Explained
+from tomo.screening.left_out_view import SIMPLER, Explained
 from tomo.screening.remedies import ADVICE
 from tomo.screening.single_camera import EXPLAINS, CameraFinding
-
-TOLD_APART = 0.8
-"""Ratio of two causes' errors above which the images do not tell them apart."""
 
 ANOTHER = "out of step"
 
@@ -72,4 +69,5 @@ def report_of(found: CameraFinding) -> dict[str, Any]:
 
 
 def _alike(first: Explained, second: Explained) -> bool:
-    return max(first.excess, 0.0) > TOLD_APART * max(second.excess, 0.0)
+    """Return whether the images do not tell two causes apart."""
+    return max(first.excess, 0.0) > SIMPLER * max(second.excess, 0.0)
