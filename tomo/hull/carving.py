@@ -28,8 +28,6 @@ from tomo.measurement import NoiseModel
 if TYPE_CHECKING:
     from rigs import CameraLike
 
-WORTH_IT = 0.95  # fraction of active voxels above which carving saves no time
-
 
 @dataclass(frozen=True, eq=False)
 class Carving:
@@ -201,9 +199,6 @@ def carve(
         most = max(found.carved_away, CARVED_AWAY)
         if further.missed <= found.missed and further.carved_away <= most:
             found = further
-    if found.active.mean() > WORTH_IT:
-        reason = "hardly any voxel is dark: nothing is carved"
-        return _uncarved(brightness, hull.seen, grid, reason)
     return Carving(
         ActiveVoxels.from_mask(grid, found.active),
         tuple(a & b for a, b in zip(found.explained, brightness.usable, strict=True)),
