@@ -123,7 +123,7 @@ def fit_parametric_terms(
             fitted = _fit(parameters, now, terms if GAINS in terms else (*chosen, *terms))
             found = pixels.judge_terms(features, parameters, choice, unit)
             fits.append((found, terms, parameters, fitted))
-        found, terms, parameters, fitted = min(fits, key=lambda fit: fit[0].errors.sum())
+        found, terms, parameters, fitted = min(fits, key=lambda fit: fit[0].of_means.sum())
         tried = tried or found
         if not found.surely_better_than(judged):
             break
