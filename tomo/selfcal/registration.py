@@ -54,15 +54,38 @@ def shift_motions(shape: tuple[int, int]) -> NDArray[np.float64]:
     return np.array([[one, none], [none, one]])
 
 
-def shift_and_zoom_motions(shape: tuple[int, int]) -> NDArray[np.float64]:
+def shift_and_zoom_motions(
+    shape: tuple[int, int], fixed: tuple[float, float] | None = None
+) -> NDArray[np.float64]:
     """Return the two shifts and a magnification, ``(3, 2, rows, columns)``.
 
-    A magnification of one pixel moves the corners by one pixel.
+    A magnification of one pixel moves points by one pixel that are half a diagonal away from the
+    point ``fixed`` (row, column), the middle of the image by default.
     """
     rows, columns = np.indices(shape)
-    down, right = rows - (shape[0] - 1) / 2, columns - (shape[1] - 1) / 2
-    corner = max(float(np.hypot(down, right).max()), 1.0)
-    return np.concatenate([shift_motions(shape), np.array([[right, down]]) / corner])
+    middle = (shape[0] - 1) / 2, (shape[1] - 1) / 2
+    corner = max(float(np.hypot(*middle)), 1.0)
+    row, column = fixed or middle
+    return np.concatenate(
+        [shift_motions(shape), np.array([[columns - column, rows - row]]) / corner]
+    )
+
+
+def middle_of_edges(
+    image: NDArray[np.floating], mask: NDArray[np.bool_]
+) -> tuple[float, float] | None:
+    """Return the row and column of the middle of an image's edges; None where it has none.
+
+    About any other point a magnification shifts the edges too, and neither is what it seems.
+    """
+    values = np.where(mask, image, 0).astype(np.float64)
+    axes = [axis for axis in (0, 1) if image.shape[axis] > 1]
+    edges = sum((np.gradient(values, axis=axis) ** 2 for axis in axes), np.zeros(image.shape))
+    total = float(edges.sum())
+    if not total > 0:
+        return None
+    rows, columns = np.indices(image.shape)
+    return float((edges * rows).sum()) / total, float((edges * columns).sum()) / total
 
 
 @compiled(inline=True)

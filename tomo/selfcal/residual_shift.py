@@ -7,10 +7,11 @@ takes, root mean square over the image's edges, measures the disagreement. A wro
 whole image; a wrong focal length and most of a lens's distortion magnify it.
 
 The magnification common to all views is subtracted. It is no error of the cameras: with few views,
-and with noise, predictions are too wide. Nor can images show a wrong factor common to all focal
-lengths, because it only scales the volume. On an arc of few views the excess width differs from
-view to view and is largest at the ends. The displacement that exact cameras would show is
-therefore simulated, and only a displacement beyond it counts.
+and with noise, predictions are too wide, each about its own middle. Nor can images show a wrong
+factor common to all focal lengths, because it only scales the volume. On an arc of few views the
+excess width differs from view to view and is largest at the ends, and light from outside the grid
+draws predictions towards it. The displacement that exact cameras would show is therefore
+simulated, and only a displacement beyond it counts.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.selfcal.registration import register, shift_and_zoom_motions
+from tomo.selfcal.registration import middle_of_edges, register, shift_and_zoom_motions
 
 FEWEST_VIEWS = 4
 """Views that the comparison needs at least. Fewer views predict each other too poorly; asking for
@@ -39,8 +40,9 @@ SINGLE, SINGLE_NOISE = 1.5, 8.0
 the largest of many displacements is larger by chance."""
 
 EXACT_MARGIN = 1.25
-"""Multiple of the simulated displacement of exact cameras that a displacement must exceed as well.
-Lower, exact cameras on an arc raise a warning; higher, real errors there go unnoticed."""
+"""Multiple of the simulated displacements of exact cameras that displacements must exceed as well:
+their mean square, or the largest one. Lower, exact cameras on an arc raise a warning; higher, real
+errors there go unnoticed."""
 
 LEAST_ZOOM_ERROR = 1e-6
 """Least standard error of a magnification, in pixels: it bounds the weight of a view in the common
@@ -60,8 +62,9 @@ class Displacement:
         Standard deviation of ``pixels`` from image noise alone; infinite where the image does not
         determine the displacement.
     exact_cameras : (views,) float64, optional
-        The displacement that cameras exactly as in the rig would show, in recorded pixels; None
-        where it was not computed.
+        The displacement that cameras exactly as in the rig would show, in recorded pixels: the
+        larger one of light in the grid and of light beside it too. None where it was not
+        computed.
     """
 
     pixels: NDArray[np.float64]
@@ -86,8 +89,8 @@ class Displacement:
             Recorded pixels along the side of one of these pixels.
         """
         found = [
-            register(prediction, image, mask, shift_and_zoom_motions(image.shape))
-            for prediction, image, mask in zip(predicted, images, masks, strict=True)
+            register(p, image, mask, shift_and_zoom_motions(p.shape, middle_of_edges(p, mask)))
+            for p, image, mask in zip(predicted, images, masks, strict=True)
         ]
         determined = [match for match in found if np.isfinite(match.covariance).all()]
         if determined:
@@ -117,15 +120,11 @@ class Displacement:
         """Whether the displacements exceed noise and those of exact cameras."""
         if np.isfinite(self.noise).sum() < FEWEST_VIEWS:
             return False
-        allowed = (
-            np.zeros(len(self.pixels))
-            if self.exact_cameras is None
-            else EXACT_MARGIN * self.exact_cameras
-        )
-        all_views = self.typical > max(
-            TYPICAL, TYPICAL_NOISE * self._typical(self.noise), self._typical(allowed)
-        )
-        one_view = self.pixels > np.maximum(np.maximum(SINGLE, SINGLE_NOISE * self.noise), allowed)
+        exact = np.zeros(1) if self.exact_cameras is None else self.exact_cameras
+        largest, noise = EXACT_MARGIN * float(exact.max()), self._typical(self.noise)
+        typical = EXACT_MARGIN * (0.0 if self.exact_cameras is None else self._typical(exact))
+        all_views = self.typical > max(TYPICAL, TYPICAL_NOISE * noise, typical)
+        one_view = self.pixels > np.maximum(SINGLE_NOISE * self.noise, max(SINGLE, largest))
         return all_views or bool(one_view.any())
 
     def warning(self, names: Sequence[str], advice: str) -> str:

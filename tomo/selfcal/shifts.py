@@ -15,23 +15,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig, image_motion
 from tomo.grid import VoxelGrid
-from tomo.hull import carve
-from tomo.operators import LinearSystem, choose_form
+from tomo.operators import choose_form
 from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.downsample import Coarser, coarsening
-from tomo.selfcal.registration import register, shift_motions
+from tomo.selfcal.left_out_views import Carved, Evaluated, Round, shifted
 from tomo.selfcal.residual_shift import Displacement
-from tomo.solvers.initial_volume import log_back_projections
-from tomo.solvers.quick_volume import quick_volume
 
 SEGMENTS = 2_000_000
 """Approximate segments of the coarser system on which the shifts are found. More take longer;
@@ -40,16 +37,9 @@ fewer leave pixels too coarse for shifts of half a pixel."""
 ROUNDS = 2
 """Corrections of the shifts at most: one leaves errors that a second removes; more take longer."""
 
-ITERATIONS = 2
-"""Iterations of each quick volume: more take longer and fit the wrong shifts."""
-
 STEP_FRACTION = 0.8
 """Fraction of the shifts found that is applied in a round. All views move at once, so that 1
 overshoots; a small fraction needs more rounds."""
-
-GROUPS = 4
-"""Interleaved groups in which more than six views are left out; up to six are left out singly.
-More groups take longer; fewer predict each view from too few others."""
 
 WORTH_IT = 0.8
 """Largest ratio of the squared errors of left-out views, with shifts over without, at which shifts
@@ -83,7 +73,7 @@ class Alignment:
     error_after: float
     accepted: bool
     reason: str
-    evaluated: _Evaluated | None = None
+    evaluated: Evaluated | None = None
 
     @cached_property
     def displacement(self) -> Displacement | None:
@@ -98,7 +88,7 @@ class Alignment:
         """Return the rig with shifted principal points, or unchanged if not accepted."""
         if not self.accepted:
             return rig
-        return _shifted(rig, self.shifts)
+        return shifted(rig, self.shifts)
 
     def report(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the entries of the report as plain numbers, by the cameras' ``names``."""
@@ -148,7 +138,7 @@ def align_views(
     shifts, rounds = [zero_shifts], []
     for _ in range(ROUNDS + 1):
         try:
-            found = _Round.of(coarse, shifts[-1])
+            found = Round.of(coarse, Carved.of(coarse, shifts[-1]))
         except VolumeNotSeenError:
             return _not_accepted(zero_shifts, "the cameras do not see the volume")
         if not math.isfinite(found.error):
@@ -169,110 +159,14 @@ def align_views(
         reason = "the shifts found are too large for pointing errors"
     else:
         reason = f"the relative error of left-out views falls from {before:.3f} to {after:.3f}"
-        evaluated = _Evaluated(rounds[best], coarse, shifts[best])
+        evaluated = Evaluated(rounds[best], coarse, shifts[best])
         return Alignment(shifts[best] * coarse.factor, before, after, True, reason, evaluated)
-    evaluated = _Evaluated(first, coarse, zero_shifts)
+    evaluated = Evaluated(first, coarse, zero_shifts)
     return Alignment(zero_shifts, before, after, False, reason, evaluated)
 
 
 def _not_accepted(shifts: NDArray, reason: str) -> Alignment:
     return Alignment(shifts, math.nan, math.nan, False, reason)
-
-
-@dataclass(frozen=True, eq=False)
-class _Round:
-    """One round: every left-out view predicted and registered with its image.
-
-    Attributes
-    ----------
-    shifts : (views, 2) float64
-        The shift of every view relative to the other views, in pixels of the coarse images.
-    error, registered : float
-        Relative errors of the predictions before and after registration.
-    predicted : tuple of (rows, columns) float32
-    """
-
-    shifts: NDArray[np.float64]
-    error: float
-    registered: float
-    predicted: tuple[NDArray[np.float32], ...]
-
-    @classmethod
-    def of(cls, coarse: Coarser, shifts: NDArray[np.float64]) -> Self:
-        images, masks = coarse.images, coarse.masks
-        system, measured = _carved_system(coarse, shifts)
-        views = range(len(images))
-        count = len(views) if len(views) <= 6 else GROUPS
-        shifts_found, predicted = np.zeros((len(views), 2)), {}
-        back_projections = log_back_projections(system.projector, measured)
-        unregistered = registered = light = 0.0
-        for group in range(count):
-            left_out = list(views[group::count])
-            kept = [view for view in views if view not in left_out]
-            volume = quick_volume(
-                system.projector,
-                measured,
-                kept,
-                iterations=ITERATIONS,
-                back_projections=back_projections,
-            )
-            reprojected = system.images(system.projector @ volume)
-            for view in left_out:
-                image, mask, predicted[view] = images[view], masks[view], reprojected[view]
-                found = register(reprojected[view], image, mask, shift_motions(image.shape))
-                shifts_found[view] = found.amounts
-                unregistered += found.before
-                registered += found.after
-                light += float(np.sum(np.square(image, dtype=np.float64)[mask]))
-        all_predicted = tuple(predicted[view] for view in views)
-        if light == 0:
-            return cls(shifts_found, math.nan, math.nan, all_predicted)
-        return cls(
-            shifts_found,
-            math.sqrt(unregistered / light),
-            math.sqrt(registered / light),
-            all_predicted,
-        )
-
-    def displacement(self, coarse: Coarser) -> Displacement:
-        return Displacement.of(self.predicted, coarse.images, coarse.masks, coarse.factor)
-
-
-@dataclass(frozen=True, eq=False)
-class _Evaluated:
-    """The round at the final shifts ``(views, 2)``, and the coarse images that it compared."""
-
-    round: _Round
-    coarse: Coarser
-    shifts: NDArray[np.float64]
-
-    def displacement(self) -> Displacement:
-        """Return the round's displacements; where they are large, with those of exact cameras."""
-        found = self.round.displacement(self.coarse)
-        if not found.disagrees:
-            return found
-        system, measured = _carved_system(
-            self.coarse, self.shifts
-        )  # traced again to save memory in between
-        views = range(len(self.coarse.rig))
-        volume = quick_volume(system.projector, measured, views, iterations=2 * ITERATIONS)
-        reprojected = system.images((system.projector @ volume).astype(np.float32))
-        bootstrapped = replace(self.coarse, images=tuple(reprojected))
-        try:
-            exact_cameras = _Round.of(bootstrapped, self.shifts).displacement(bootstrapped)
-        except VolumeNotSeenError:  # an empty volume predicts nothing
-            return found
-        return replace(found, exact_cameras=exact_cameras.pixels)
-
-
-def _carved_system(
-    coarse: Coarser, shifts: NDArray[np.float64]
-) -> tuple[LinearSystem, NDArray[np.float32]]:
-    """Return the carved system of the shifted cameras and its measurement ``(pixels,)``."""
-    rig = _shifted(coarse.rig, shifts)
-    found = carve(tuple(rig), coarse.images, coarse.masks, coarse.grid)
-    system = LinearSystem.from_rig(rig, coarse.grid, masks=found.pixels, active=found.active)
-    return system, system.flatten(coarse.images)
 
 
 def _motion(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.float64]:
@@ -289,8 +183,3 @@ def _without_common_motion(
     stacked = np.concatenate(motions)  # (2 views, 3)
     motion = np.linalg.lstsq(stacked, shifts.ravel(), rcond=None)[0]
     return shifts - (stacked @ motion).reshape(shifts.shape)
-
-
-def _shifted(rig: Rig, shifts: NDArray[np.float64]) -> Rig:
-    moved = (camera.shifted(*shift) for camera, shift in zip(rig, shifts, strict=True))
-    return replace(rig, cameras=tuple(moved))

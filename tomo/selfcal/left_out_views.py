@@ -1,0 +1,200 @@
+"""Views predicted from the other views, and how far they lie from where they are predicted.
+
+How far views lie off with exact cameras is simulated. Two volumes stand for all that is no error
+of the cameras: one in the grid, and one in a larger box, for light from outside the grid. Each
+explains all images as well as it can, is seen by the cameras as the rig has them, with new noise,
+and its views are then predicted in the grid like the recorded ones. Cameras are wrong only where
+the recorded views lie farther off than both.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Rig
+from tomo.grid import VoxelGrid
+from tomo.hull import carve
+from tomo.measurement import estimate_noise
+from tomo.operators import LinearSystem
+from tomo.operators.system import VolumeNotSeenError
+from tomo.scan.downsample import Coarser
+from tomo.selfcal.registration import register, shift_motions
+from tomo.selfcal.residual_shift import Displacement
+from tomo.solvers.initial_volume import log_back_projections
+from tomo.solvers.quick_volume import quick_volume
+
+ITERATIONS = 2
+"""Iterations of each quick volume: more take longer and fit the wrong shifts."""
+
+GROUPS = 4
+"""Interleaved groups in which more than six views are left out; up to six are left out singly.
+More groups take longer; fewer predict each view from too few others."""
+
+EXPLAINING = 20
+"""Iterations of a volume that stands for the light. Fewer leave it so smooth that its noise and
+its light from outside move predictions less than the recorded images'; more change nothing."""
+
+ROOM = 0.5
+"""Fraction of the grid's edges that the larger box adds on each side. Less leaves light out that
+cameras see beside the grid, more takes longer."""
+
+SEED = 0  # of the noise that simulated views are given
+
+
+@dataclass(frozen=True, eq=False)
+class Carved:
+    """The equations of the voxels that dark pixels leave, and their pixels.
+
+    Attributes
+    ----------
+    system : LinearSystem
+    measured : (pixels,) float32
+    """
+
+    system: LinearSystem
+    measured: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, coarse: Coarser, shifts: NDArray[np.float64]) -> Self:
+        """Return those of shifted cameras.
+
+        Raises
+        ------
+        tomo.operators.system.VolumeNotSeenError
+            If no usable pixel sees the grid.
+        """
+        rig = shifted(coarse.rig, shifts)
+        found = carve(tuple(rig), coarse.images, coarse.masks, coarse.grid)
+        system = LinearSystem.from_rig(rig, coarse.grid, masks=found.pixels, active=found.active)
+        return cls(system, system.flatten(coarse.images))
+
+    def explained(self) -> list[NDArray[np.float32]]:
+        """Return all images as one volume explains them."""
+        projector = self.system.projector
+        views = range(projector.n_views)
+        volume = quick_volume(projector, self.measured, views, iterations=EXPLAINING)
+        return self.system.images((projector @ volume).astype(np.float32))
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One round: every left-out view predicted and registered with its image.
+
+    Attributes
+    ----------
+    shifts : (views, 2) float64
+        The shift of every view relative to the other views, in pixels of the coarse images.
+    error, registered : float
+        Relative errors of the predictions before and after registration.
+    predicted : tuple of (rows, columns) float32
+    """
+
+    shifts: NDArray[np.float64]
+    error: float
+    registered: float
+    predicted: tuple[NDArray[np.float32], ...]
+
+    @classmethod
+    def of(cls, coarse: Coarser, carved: Carved) -> Self:
+        """Predict all views, from their images and the equations that they were carved to."""
+        images, masks = coarse.images, coarse.masks
+        system, measured = carved.system, carved.measured
+        views = range(len(images))
+        count = len(views) if len(views) <= 6 else GROUPS
+        shifts_found, predicted = np.zeros((len(views), 2)), {}
+        back_projections = log_back_projections(system.projector, measured)
+        unregistered = registered = light = 0.0
+        for group in range(count):
+            left_out = list(views[group::count])
+            kept = [view for view in views if view not in left_out]
+            volume = quick_volume(
+                system.projector,
+                measured,
+                kept,
+                iterations=ITERATIONS,
+                back_projections=back_projections,
+            )
+            reprojected = system.images(system.projector @ volume)
+            for view in left_out:
+                image, mask, predicted[view] = images[view], masks[view], reprojected[view]
+                found = register(reprojected[view], image, mask, shift_motions(image.shape))
+                shifts_found[view] = found.amounts
+                unregistered += found.before
+                registered += found.after
+                light += float(np.sum(np.square(image, dtype=np.float64)[mask]))
+        all_predicted = tuple(predicted[view] for view in views)
+        if light == 0:
+            return cls(shifts_found, math.nan, math.nan, all_predicted)
+        return cls(
+            shifts_found,
+            math.sqrt(unregistered / light),
+            math.sqrt(registered / light),
+            all_predicted,
+        )
+
+    def displacement(self, coarse: Coarser) -> Displacement:
+        """Return how far the images lie from the predictions."""
+        return Displacement.of(self.predicted, coarse.images, coarse.masks, coarse.factor)
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """The round at the final shifts, and the coarse images that it compared.
+
+    Attributes
+    ----------
+    round : Round
+    coarse : Coarser
+    shifts : (views, 2) float64
+    """
+
+    round: Round
+    coarse: Coarser
+    shifts: NDArray[np.float64]
+
+    def displacement(self) -> Displacement:
+        """Return the round's displacements; where they are large, with those of exact cameras."""
+        found = self.round.displacement(self.coarse)
+        exact = np.zeros(len(self.coarse.rig))
+        for grid in (self.coarse.grid, _larger(self.coarse.grid)):
+            if not found.disagrees:
+                break
+            try:
+                exact = np.maximum(exact, self._with_exact_cameras(grid).pixels)
+            except VolumeNotSeenError:  # an empty volume predicts nothing
+                break
+            found = replace(found, exact_cameras=exact)
+        return found
+
+    def _with_exact_cameras(self, grid: VoxelGrid) -> Displacement:
+        """Return the displacements of views of a volume in a grid, predicted like the images."""
+        coarse, random = self.coarse, np.random.default_rng(SEED)
+        # traced again to save memory in between
+        lit = Carved.of(replace(coarse, grid=grid), self.shifts).explained()
+        images = []
+        for seen, image, mask in zip(lit, coarse.images, coarse.masks, strict=True):
+            noise = np.sqrt(estimate_noise(image, mask).variance(seen))
+            made = seen + noise * random.standard_normal(seen.shape)
+            images.append(np.where(mask, made, 0).astype(np.float32))
+        simulated = replace(coarse, images=tuple(images))
+        system = Carved.of(coarse, self.shifts).system
+        again = Round.of(simulated, Carved(system, system.flatten(simulated.images)))
+        return again.displacement(simulated)
+
+
+def shifted(rig: Rig, shifts: NDArray[np.float64]) -> Rig:
+    """Return the rig with principal points shifted by ``(views, 2)`` pixels."""
+    moved = (camera.shifted(*shift) for camera, shift in zip(rig, shifts, strict=True))
+    return replace(rig, cameras=tuple(moved))
+
+
+def _larger(grid: VoxelGrid) -> VoxelGrid:
+    """Return the grid of the larger box, with voxels of about the same size."""
+    room = ROOM * grid.extent
+    shape = [max(round((1 + 2 * ROOM) * n), 1) for n in grid.shape]
+    return VoxelGrid.from_bounds(shape, grid.lower - room, grid.upper + room)
