@@ -37,13 +37,16 @@ class Answer:
     verdict : str
         One of `VERDICTS`.
     worst : View, optional
-        The view that is explained least; None where no image is known or all are dark.
+        The view that is explained least; None where no image is known or all are dark. The
+        sentence does not name it where it is not explained: wrong voxels miss some view most.
     views : int
         How many took part.
     excluded : tuple of str
         The cameras that were left out because the others contradict them.
     causes : tuple of str
-        What may be wrong, where not everything is explained.
+        What the stages found that may be wrong, where not everything is explained.
+    missed : float
+        Root mean square over the views of their residuals beyond noise, each relative to its view.
     """
 
     verdict: str
@@ -51,6 +54,7 @@ class Answer:
     views: int = 0
     excluded: tuple[str, ...] = ()
     causes: tuple[str, ...] = ()
+    missed: float = 0.0
 
     @property
     def sentence(self) -> str:
@@ -70,20 +74,17 @@ class Answer:
                 f"Explained: the volume reproduces {self._images} up to their noise{rest}"
                 f"{without}; least well that of camera {worst.name} ({figures})."
             )
-        causes = f"; likely causes: {'; '.join(self.causes) or UNKNOWN}."
-        if self.verdict == NOT_EXPLAINED:
-            return (
-                f"Not explained: the volume misses the image of camera {worst.name} by "
-                f"{_percent(worst.relative_residual)}, of which noise is "
-                f"{_percent(worst.relative_noise)}{without}{causes}"
-            )
-        times = worst.residual_over_noise
-        how_far = (
-            f"within {times:.1f} times the noise"
-            if times <= MOST_TIMES
-            else f"up to {_percent(worst.beyond_noise)} of the images"
+        begin = "Not explained" if self.verdict == NOT_EXPLAINED else f"Explained {self._how_far}"
+        return (
+            f"{begin}: up to {_percent(worst.beyond_noise)} of an image stays unexplained beyond "
+            f"its noise, {_percent(self.missed)} of all images{without}"
+            + (f"; likely causes: {'; '.join(self.causes)}." if self.causes else f"; {UNKNOWN}.")
         )
-        return f"Explained {how_far} (camera {worst.name}: {figures}){without}{causes}"
+
+    @property
+    def _how_far(self) -> str:
+        times = self.worst.residual_over_noise if self.worst else math.inf
+        return f"within {times:.1f} times the noise" if times <= MOST_TIMES else "in part"
 
     @property
     def _images(self) -> str:
@@ -98,6 +99,7 @@ class Answer:
             "worst_camera": worst.name if worst else None,
             "residual_over_noise": worst.residual_over_noise if worst else None,
             "beyond_noise": worst.beyond_noise if worst else None,
+            "beyond_noise_of_all": self.missed if worst else None,
             "causes": list(self.causes),
         }
 
@@ -111,7 +113,9 @@ def answer_of(outcome: Any) -> Answer:
         return Answer(UNKNOWN_VERDICT, views=len(views), excluded=excluded)
     verdict = verdict_of(worst)
     causes = () if verdict == EXPLAINED else likely_causes(outcome)
-    return Answer(verdict, worst, len(views), excluded, causes)
+    beyond = [view.beyond_noise for view in views if math.isfinite(view.beyond_noise)]
+    missed = math.sqrt(math.fsum(one**2 for one in beyond) / len(beyond))
+    return Answer(verdict, worst, len(views), excluded, causes, missed)
 
 
 def verdict_of(view: View) -> str:

@@ -6,7 +6,6 @@ by a finder of its own in `FINDERS`; they are asked in their order, the likelies
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -15,12 +14,11 @@ from tomo.screening.screening import OUTSIDE
 Finder = Callable[[Any], Iterator[str]]
 """From a `tomo.Reconstruction` to causes, each a phrase that fits after "likely causes:"."""
 
-UNKNOWN = "absorption, a scene that moved between exposures, or voxels too coarse for the images"
-"""The causes of an answer for which no stage found any: those that none of them tests."""
-
-STANDS_OUT = 2.0
-"""Ratio of a camera's residual beyond noise to the median of all, from which the cause is that
-camera's own. Cameras at fault spoil the others' images too, by less than half of their own."""
+UNKNOWN = (
+    "no cause that was tested explains it. Try smaller voxels, check that the scene did not move "
+    "between exposures, and see whether gas absorbs (--fit-absorption)"
+)
+"""The end of an answer for which no stage found a cause: what to see to."""
 
 
 def likely_causes(outcome: Any) -> tuple[str, ...]:
@@ -29,7 +27,7 @@ def likely_causes(outcome: Any) -> tuple[str, ...]:
     Parameters
     ----------
     outcome : tomo.Reconstruction
-        Its screening, alignment, gains, carving and views are asked.
+        Its screening, alignment, gains and explanation are asked.
 
     Returns
     -------
@@ -91,23 +89,6 @@ def _cameras(outcome: Any) -> Iterator[str]:
         yield f"camera {name} ({words})"
 
 
-def _one_camera(outcome: Any) -> Iterator[str]:
-    beyond = {
-        view.name: view.beyond_noise
-        for view in outcome.views
-        if view.takes_part and math.isfinite(view.beyond_noise)
-    }
-    worst = _largest(beyond)
-    if worst is None or len(beyond) < 3:
-        return
-    typical = sorted(beyond.values())[len(beyond) // 2]
-    if beyond[worst] > STANDS_OUT * typical:
-        yield (
-            f"camera {worst} itself: its image is missed by {beyond[worst]:.1%} beyond noise, "
-            f"those of the others by {typical:.1%}"
-        )
-
-
 FINDERS: tuple[Finder, ...] = (
     _background,
     _light_outside,
@@ -116,7 +97,6 @@ FINDERS: tuple[Finder, ...] = (
     _gains,
     _absorption,
     _cameras,
-    _one_camera,
 )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -18,6 +18,7 @@ from tomo.operators import LinearSystem
 from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.downsample import Coarser, coarsening
 from tomo.screening.left_out_view import LeftOutView
+from tomo.selfcal.left_out_views import EXPLAINING, SEED, larger_box, recorded
 from tomo.solvers.initial_volume import log_back_projections
 from tomo.solvers.quick_volume import quick_volume
 
@@ -30,6 +31,10 @@ are divided by that instead: an image far too dark or too bright is no less wron
 
 ITERATIONS = 20
 """Iterations of a volume: fewer leave it so smooth that all views disagree with it."""
+
+FINER = 0.7
+"""Width of the voxels that exact cameras are simulated on, over that of the voxels that predict:
+on the same ones nothing is lost by voxels, on much finer ones it takes long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +152,28 @@ class PredictedViews:
         images = self.system.images(self.system.projector @ unknowns)
         errors = np.array([self._error(v, image) for v, image in enumerate(images)])
         return CommonVolume(tuple(views), unknowns, images, errors)
+
+    def of_exact_cameras(self, views: Sequence[int]) -> Self:
+        """Return all views as exact cameras would record what some of them show.
+
+        A volume of finer voxels in a larger box explains these views, and all cameras see it,
+        with new noise. Details finer than a voxel and light from outside the grid are in it,
+        errors of the other cameras are not.
+        """
+        coarse, random = self.coarse, np.random.default_rng(SEED)
+        box = larger_box(coarse.grid, FINER)
+        system = LinearSystem.from_rig(coarse.rig, box, masks=coarse.masks)
+        measured, projector = system.flatten(coarse.images), system.projector
+        volume = quick_volume(projector, measured, views, iterations=EXPLAINING)
+        seen = system.images((projector @ volume).astype(np.float32))
+        images = tuple(
+            recorded(image, mask, self._variance(view, image), random)
+            for view, (image, mask) in enumerate(zip(seen, coarse.masks, strict=True))
+        )
+        measured = self.system.flatten(images)
+        back = log_back_projections(self.system.projector, measured)
+        changed = {"measured": measured, "back_projections": back}
+        return replace(self, coarse=replace(coarse, images=images), **changed)
 
     def left_out(self, view: int, volume: CommonVolume) -> LeftOutView:
         """Return a view with what a volume predicts of it and of the other cameras."""

@@ -4,6 +4,10 @@ A volume is made from all views. Where one camera is wrong, its image fits that 
 without it the others fit theirs clearly better: leaving out any right camera changes little. The
 camera that stands out is predicted from the others, and the candidate causes are compared on
 that prediction. It is then set aside and the next one is looked for.
+
+Some images are hard to predict though nothing is wrong: what they show is finer than voxels, or
+comes from outside the grid. Exact cameras are therefore simulated, and a camera stands out only
+where its image is clearly harder to predict than theirs.
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ from numpy.typing import NDArray
 from tomo.screening.camera_causes import CAUSES
 from tomo.screening.left_out_prediction import CommonVolume, PredictedViews
 from tomo.screening.left_out_view import Explained
+from tomo.selfcal.residual_shift import EXACT_MARGIN
 
 FEWEST_VIEWS = 5
 """Views. Fewer predict each other too poorly to find a wrong one."""
@@ -162,7 +167,8 @@ def cameras_that_stand_out(views: PredictedViews, trusted: int) -> list[CameraFi
     for view in held_out:
         trial = _Trial((view,), base, 0.0, 1.0)
         beyond = errors[view] > BEYOND_DOUBT * STANDS_OUT * left_out
-        if beyond or (errors[view] > STANDS_OUT * left_out and _explained(views, trial)):
+        found = beyond or (errors[view] > STANDS_OUT * left_out and _explained(views, trial))
+        if found and _beyond_exact(views, trial):
             wrong.append(view)
     return [_finding(views, view, base, good, float(np.sqrt(left_out))) for view in wrong]
 
@@ -185,13 +191,13 @@ def _standing_out(views: PredictedViews, base: CommonVolume, good: Sequence[int]
     first, second, third = sorted(trials, key=lambda trial: -trial.gone)
     if first.gone > STANDS_OUT and _apart(first, second):
         doubtless = first.gone > BEYOND_DOUBT * max(STANDS_OUT, second.gone)
-        if doubtless or _explained(views, first):
+        if (doubtless or _explained(views, first)) and _beyond_exact(views, first):
             return first
     if len(good) - 2 < FEWEST_VIEWS - 1 or not _apart(second, third):
         return None
     pair = _trial(views, base, good, first.views + second.views)
     enough = pair.gone > 2 * STANDS_OUT and _apart(pair, third)
-    return pair if enough and _explained(views, pair) else None
+    return pair if enough and _explained(views, pair) and _beyond_exact(views, pair) else None
 
 
 def _apart(first: _Trial, second: _Trial) -> bool:
@@ -204,6 +210,15 @@ def _explained(views: PredictedViews, trial: _Trial) -> bool:
     """Return whether causes explain all views of a trial."""
     found = (_likeliest(views, view, trial.volume) for view in trial.views)
     return all(ranked and ranked[0].excess < EXPLAINS * given for ranked, given in found)
+
+
+def _beyond_exact(views: PredictedViews, trial: _Trial) -> bool:
+    """Return whether all views of a trial are harder to predict than from exact cameras."""
+    kept = trial.volume.views
+    exact = views.of_exact_cameras(kept)
+    left_out, usual = list(trial.views), _errors(exact, exact.volume(kept))
+    found = _errors(views, trial.volume)[left_out] > EXACT_MARGIN**2 * usual[left_out]
+    return bool(found.all())
 
 
 def _trial(

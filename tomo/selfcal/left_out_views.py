@@ -161,7 +161,7 @@ class Evaluated:
         """Return the round's displacements; where they are large, with those of exact cameras."""
         found = self.round.displacement(self.coarse)
         exact = np.zeros(len(self.coarse.rig))
-        for grid in (self.coarse.grid, _larger(self.coarse.grid)):
+        for grid in (self.coarse.grid, larger_box(self.coarse.grid)):
             if not found.disagrees:
                 break
             try:
@@ -178,9 +178,8 @@ class Evaluated:
         lit = Carved.of(replace(coarse, grid=grid), self.shifts).explained()
         images = []
         for seen, image, mask in zip(lit, coarse.images, coarse.masks, strict=True):
-            noise = np.sqrt(estimate_noise(image, mask).variance(seen))
-            made = seen + noise * random.standard_normal(seen.shape)
-            images.append(np.where(mask, made, 0).astype(np.float32))
+            variance = estimate_noise(image, mask).variance(seen)
+            images.append(recorded(seen, mask, variance, random))
         simulated = replace(coarse, images=tuple(images))
         system = Carved.of(coarse, self.shifts).system
         again = Round.of(simulated, Carved(system, system.flatten(simulated.images)))
@@ -193,8 +192,19 @@ def shifted(rig: Rig, shifts: NDArray[np.float64]) -> Rig:
     return replace(rig, cameras=tuple(moved))
 
 
-def _larger(grid: VoxelGrid) -> VoxelGrid:
-    """Return the grid of the larger box, with voxels of about the same size."""
+def recorded(
+    seen: NDArray[np.floating],
+    mask: NDArray[np.bool_],
+    variance: NDArray[np.floating],
+    random: np.random.Generator,
+) -> NDArray[np.float32]:
+    """Return an image ``(rows, columns)`` with new noise of a variance, 0 where not usable."""
+    made = seen + np.sqrt(variance) * random.standard_normal(seen.shape)
+    return np.where(mask, made, 0).astype(np.float32)
+
+
+def larger_box(grid: VoxelGrid, finer: float = 1.0) -> VoxelGrid:
+    """Return a grid of the larger box, with voxels about ``finer`` times as wide."""
     room = ROOM * grid.extent
-    shape = [max(round((1 + 2 * ROOM) * n), 1) for n in grid.shape]
+    shape = [max(round((1 + 2 * ROOM) * n / finer), 1) for n in grid.shape]
     return VoxelGrid.from_bounds(shape, grid.lower - room, grid.upper + room)
