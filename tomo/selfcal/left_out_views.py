@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Rig
-from tomo.grid import VoxelGrid
+from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
 from tomo.measurement import estimate_noise
 from tomo.operators import LinearSystem
@@ -60,8 +60,13 @@ class Carved:
     measured: NDArray[np.float32]
 
     @classmethod
-    def of(cls, coarse: Coarser, shifts: NDArray[np.float64]) -> Self:
-        """Return those of shifted cameras.
+    def of(
+        cls, coarse: Coarser, shifts: NDArray[np.float64], box: VoxelGrid | None = None
+    ) -> Self:
+        """Return those of shifted cameras, in the grid or in a larger ``box``.
+
+        Voxels beside the grid are those that all cameras see: one that few see explains whatever
+        is wrong with these.
 
         Raises
         ------
@@ -69,8 +74,12 @@ class Carved:
             If no usable pixel sees the grid.
         """
         rig = shifted(coarse.rig, shifts)
-        found = carve(tuple(rig), coarse.images, coarse.masks, coarse.grid)
-        system = LinearSystem.from_rig(rig, coarse.grid, masks=found.pixels, active=found.active)
+        grid = box or coarse.grid
+        found = carve(tuple(rig), coarse.images, coarse.masks, grid)
+        active = found.active
+        if box is not None:
+            active = ActiveVoxels.from_mask(box, active.mask & _seen_by_all(rig, box))
+        system = LinearSystem.from_rig(rig, grid, masks=found.pixels, active=active)
         return cls(system, system.flatten(coarse.images))
 
     def explained(self) -> list[NDArray[np.float32]]:
@@ -161,21 +170,21 @@ class Evaluated:
         """Return the round's displacements; where they are large, with those of exact cameras."""
         found = self.round.displacement(self.coarse)
         exact = np.zeros(len(self.coarse.rig))
-        for grid in (self.coarse.grid, larger_box(self.coarse.grid)):
+        for box in (None, larger_box(self.coarse.grid)):
             if not found.disagrees:
                 break
             try:
-                exact = np.maximum(exact, self._with_exact_cameras(grid).pixels)
+                exact = np.maximum(exact, self._with_exact_cameras(box).pixels)
             except VolumeNotSeenError:  # an empty volume predicts nothing
                 break
             found = replace(found, exact_cameras=exact)
         return found
 
-    def _with_exact_cameras(self, grid: VoxelGrid) -> Displacement:
-        """Return the displacements of views of a volume in a grid, predicted like the images."""
+    def _with_exact_cameras(self, box: VoxelGrid | None) -> Displacement:
+        """Return the displacements of views of a volume in a box, predicted like the images."""
         coarse, random = self.coarse, np.random.default_rng(SEED)
         # traced again to save memory in between
-        lit = Carved.of(replace(coarse, grid=grid), self.shifts).explained()
+        lit = Carved.of(coarse, self.shifts, box).explained()
         images = []
         for seen, image, mask in zip(lit, coarse.images, coarse.masks, strict=True):
             variance = estimate_noise(image, mask).variance(seen)
@@ -190,6 +199,17 @@ def shifted(rig: Rig, shifts: NDArray[np.float64]) -> Rig:
     """Return the rig with principal points shifted by ``(views, 2)`` pixels."""
     moved = (camera.shifted(*shift) for camera, shift in zip(rig, shifts, strict=True))
     return replace(rig, cameras=tuple(moved))
+
+
+def _seen_by_all(rig: Rig, grid: VoxelGrid) -> NDArray[np.bool_]:
+    """Return the voxels whose centres lie in all images, ``(nx, ny, nz)``."""
+    seen, points = np.ones(grid.size, bool), grid.centers().reshape(-1, 3)
+    for camera in rig:
+        at, _, valid = camera.project(points)
+        seen &= (
+            valid & (at >= 0).all(axis=1) & (at <= np.asarray(camera.image_size) - 1).all(axis=1)
+        )
+    return seen.reshape(grid.shape)
 
 
 def recorded(

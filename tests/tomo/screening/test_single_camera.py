@@ -10,7 +10,12 @@ import phantoms
 import rigs
 from tomo import VoxelGrid
 from tomo.measurement import estimate_noise
-from tomo.screening import PredictedViews, cameras_that_stand_out, screen_images
+from tomo.screening import (
+    PredictedViews,
+    cameras_that_stand_out,
+    screen_images,
+    single_camera,
+)
 from tomo.screening.words import report_of
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
@@ -104,6 +109,45 @@ def test_of_two_exchanged_views_both_are_named_with_each_other():
 def test_what_every_camera_has_is_no_reason(effects):
     for n_views in (7, 12):
         assert named(*vars(seen(n_views, effects=effects)).values()) == {}
+
+
+def core_before_unlike_cameras(seed):
+    """Return cameras of unlike pixels, and what they see of a round core two voxels wide."""
+    random = np.random.default_rng(seed)
+    ring = rigs.ring(8, distance=300.0, image_size=(48, 60), footprint=0.6, pitch_degrees=12)
+    factors = random.uniform(0.5, 1.4, len(ring))
+    middle, width = random.uniform(-1.5, 1.5, 3), random.uniform(1.4, 2.0)
+    cameras, images = [], []
+    for camera, factor in zip(ring, factors, strict=True):
+        matrix = camera.camera_matrix.copy()
+        matrix[[0, 1], [0, 1]] *= factor
+        cameras.append(replace(camera, camera_matrix=matrix))
+        columns, rows = camera.image_size
+        # two rays along each side of a pixel, each with the integral of a Gaussian
+        down, right = np.indices((2 * rows, 2 * columns)) / 2 - 0.25
+        origins, ways = cameras[-1].rays(np.stack([right.ravel(), down.ravel()], axis=1))
+        away = middle - origins
+        along = (away * ways).sum(axis=1, keepdims=True)
+        square = np.square(away - along * ways).sum(axis=1)
+        light = np.exp(-square / (2 * width**2)).reshape(rows, 2, columns, 2)
+        images.append(light.mean(axis=(1, 3)).astype(np.float32))
+    return SimpleNamespace(rig=replace(ring, cameras=tuple(cameras)), images=images)
+
+
+def test_details_finer_than_voxels_are_no_reason(monkeypatch):
+    case = core_before_unlike_cameras(1)
+    assert named(case.rig, case.images) == {}
+    monkeypatch.setattr(single_camera, "EXACT_MARGIN", 0.0)
+    assert named(case.rig, case.images)  # else nothing was tested
+
+
+def test_a_wrong_camera_before_such_details_is_named():
+    case = core_before_unlike_cameras(0)
+    cameras = list(case.rig)
+    cameras[3] = cameras[3].shifted(0.9, -0.6)
+    wrong = named(replace(case.rig, cameras=tuple(cameras)), case.images)
+    assert list(wrong) == [case.rig.names[3]]
+    assert "pointing" in wrong[case.rig.names[3]]
 
 
 def test_noise_and_cameras_that_look_beside_are_no_reason(case):

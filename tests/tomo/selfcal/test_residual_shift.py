@@ -18,6 +18,7 @@ from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((18, 36, 18), 0.5)
 VIEWS = 8
+PLACES = ((30, 35), (14, 50), (45, 15), (20, 20), (40, 55))  # of a flame in images
 
 
 @pytest.fixture(scope="module", params=[0.0, 0.1], ids=["clean", "noisy"])
@@ -104,6 +105,32 @@ def test_what_exact_cameras_on_an_arc_would_show_is_allowed(fraction):
     found = align_views(replace(rig, cameras=wrong), images, grid).displacement
     assert replace(found, exact_cameras=None).disagrees
     assert found.disagrees == (fraction > 0)
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.05])
+def test_light_from_outside_the_grid_is_no_error_of_the_cameras(fraction):
+    """A flame goes on above the grid: predictions without that light lie off."""
+    whole = VoxelGrid((18, 44, 18), 0.5)
+    part = VoxelGrid((18, 30, 18), 0.5, (0, -3.5, 0))
+    rig = rigs.ring(6, distance=300.0, image_size=(48, 80), footprint=0.27, pitch_degrees=10)
+    field = phantoms.create("jet", seed=1, extent=whole.extent)
+    made = simulate_images(rig, field, whole, supersample=2)
+    wrong = tuple(zoomed(camera, 1 if n % 3 else -1, fraction) for n, camera in enumerate(rig))
+    images = [made.images[name] for name in rig.names]
+    found = align_views(replace(rig, cameras=wrong), images, part).displacement
+    assert replace(found, exact_cameras=None).disagrees
+    assert found.disagrees == (fraction > 0)
+
+
+def test_a_prediction_that_is_too_wide_about_its_own_middle_is_not_displaced():
+    """It is magnified about the flame, wherever that stands in the image."""
+    rows, columns = np.indices((60, 70), float)
+    away = [(rows - row) ** 2 + (columns - column) ** 2 for row, column in PLACES]
+    images = [np.exp(-each / (2 * 4.0**2)) for each in away]
+    predicted = [np.exp(-each / (2 * 5.0**2)) for each in away]
+    found = Displacement.of(predicted, images, [np.ones((60, 70), bool)] * len(PLACES))
+    assert not found.disagrees
+    assert found.typical < 0.1
 
 
 def test_dark_views_show_no_displacement():
