@@ -18,7 +18,7 @@ from tomo.operators import LinearSystem
 from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.downsample import Coarser, coarsening
 from tomo.screening.left_out_view import LeftOutView
-from tomo.selfcal.left_out_views import EXPLAINING, SEED, larger_box, recorded
+from tomo.selfcal.left_out_views import EXPLAINING, larger_box, recorded
 from tomo.solvers.initial_volume import log_back_projections
 from tomo.solvers.quick_volume import quick_volume
 
@@ -28,9 +28,6 @@ SEGMENTS = 500_000
 UNLIKE = 4.0
 """Times by which the mean square of an image may differ from the median of all before its errors
 are divided by that instead: an image far too dark or too bright is no less wrong."""
-
-ITERATIONS = 20
-"""Iterations of a volume: fewer leave it so smooth that all views disagree with it."""
 
 FINER = 0.7
 """Width of the voxels that exact cameras are simulated on, over that of the voxels that predict:
@@ -146,7 +143,7 @@ class PredictedViews:
             self.system.projector,
             self.measured,
             views,
-            iterations=ITERATIONS,
+            iterations=EXPLAINING,
             back_projections=self.back_projections,
         )
         images = self.system.images(self.system.projector @ unknowns)
@@ -160,16 +157,13 @@ class PredictedViews:
         with new noise. Details finer than a voxel and light from outside the grid are in it,
         errors of the other cameras are not.
         """
-        coarse, random = self.coarse, np.random.default_rng(SEED)
-        box = larger_box(coarse.grid, FINER)
+        coarse, box = self.coarse, larger_box(self.coarse.grid, FINER)
         system = LinearSystem.from_rig(coarse.rig, box, masks=coarse.masks)
         measured, projector = system.flatten(coarse.images), system.projector
         volume = quick_volume(projector, measured, views, iterations=EXPLAINING)
         seen = system.images((projector @ volume).astype(np.float32))
-        images = tuple(
-            recorded(image, mask, self._variance(view, image), random)
-            for view, (image, mask) in enumerate(zip(seen, coarse.masks, strict=True))
-        )
+        variances = [self._variance(view, image) for view, image in enumerate(seen)]
+        images = recorded(seen, coarse.masks, variances)
         measured = self.system.flatten(images)
         back = log_back_projections(self.system.projector, measured)
         changed = {"measured": measured, "back_projections": back}

@@ -10,6 +10,7 @@ the recorded views lie farther off than both.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -36,14 +37,12 @@ GROUPS = 4
 More groups take longer; fewer predict each view from too few others."""
 
 EXPLAINING = 20
-"""Iterations of a volume that stands for the light. Fewer leave it so smooth that its noise and
-its light from outside move predictions less than the recorded images'; more change nothing."""
+"""Iterations of a volume that explains images. Fewer leave it so smooth that all views disagree
+with it; its noise and light from outside the grid then move its views less than recorded ones."""
 
 ROOM = 0.5
 """Fraction of the grid's edges that the larger box adds on each side. Less leaves light out that
 cameras see beside the grid, more takes longer."""
-
-SEED = 0  # of the noise that simulated views are given
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,14 +181,12 @@ class Evaluated:
 
     def _with_exact_cameras(self, box: VoxelGrid | None) -> Displacement:
         """Return the displacements of views of a volume in a box, predicted like the images."""
-        coarse, random = self.coarse, np.random.default_rng(SEED)
+        coarse = self.coarse
         # traced again to save memory in between
-        lit = Carved.of(coarse, self.shifts, box).explained()
-        images = []
-        for seen, image, mask in zip(lit, coarse.images, coarse.masks, strict=True):
-            variance = estimate_noise(image, mask).variance(seen)
-            images.append(recorded(seen, mask, variance, random))
-        simulated = replace(coarse, images=tuple(images))
+        seen = Carved.of(coarse, self.shifts, box).explained()
+        noise = map(estimate_noise, coarse.images, coarse.masks)
+        variances = [one.variance(image) for one, image in zip(noise, seen, strict=True)]
+        simulated = replace(coarse, images=recorded(seen, coarse.masks, variances))
         system = Carved.of(coarse, self.shifts).system
         again = Round.of(simulated, Carved(system, system.flatten(simulated.images)))
         return again.displacement(simulated)
@@ -213,14 +210,19 @@ def _seen_by_all(rig: Rig, grid: VoxelGrid) -> NDArray[np.bool_]:
 
 
 def recorded(
-    seen: NDArray[np.floating],
-    mask: NDArray[np.bool_],
-    variance: NDArray[np.floating],
-    random: np.random.Generator,
-) -> NDArray[np.float32]:
-    """Return an image ``(rows, columns)`` with new noise of a variance, 0 where not usable."""
-    made = seen + np.sqrt(variance) * random.standard_normal(seen.shape)
-    return np.where(mask, made, 0).astype(np.float32)
+    seen: Iterable[NDArray[np.floating]],
+    masks: Iterable[NDArray[np.bool_]],
+    variances: Iterable[NDArray[np.floating]],
+) -> tuple[NDArray[np.float32], ...]:
+    """Return images ``(rows, columns)`` with new noise of a variance, 0 where not usable.
+
+    The same images get the same noise.
+    """
+    random, found = np.random.default_rng(0), []
+    for image, mask, variance in zip(seen, masks, variances, strict=True):
+        made = image + np.sqrt(variance) * random.standard_normal(image.shape)
+        found.append(np.where(mask, made, 0).astype(np.float32))
+    return tuple(found)
 
 
 def larger_box(grid: VoxelGrid, finer: float = 1.0) -> VoxelGrid:

@@ -41,8 +41,8 @@ the largest of many displacements is larger by chance."""
 
 EXACT_MARGIN = 1.25
 """Multiple of the simulated displacements of exact cameras that displacements must exceed as well:
-their mean square, or the largest one. Lower, exact cameras on an arc raise a warning; higher, real
-errors there go unnoticed."""
+their mean square with its standard error, or the largest one. Lower, exact cameras on an arc raise
+a warning; higher, real errors there go unnoticed."""
 
 LEAST_ZOOM_ERROR = 1e-6
 """Least standard error of a magnification, in pixels: it bounds the weight of a view in the common
@@ -120,9 +120,11 @@ class Displacement:
         """Whether the displacements exceed noise and those of exact cameras."""
         if np.isfinite(self.noise).sum() < FEWEST_VIEWS:
             return False
-        exact = np.zeros(1) if self.exact_cameras is None else self.exact_cameras
+        exact = np.zeros(len(self.noise)) if self.exact_cameras is None else self.exact_cameras
+        squares = exact[np.isfinite(self.noise)] ** 2
+        chance = float(squares.std()) / math.sqrt(len(squares))  # standard error of their mean
+        typical = EXACT_MARGIN * math.sqrt(float(squares.mean()) + chance)
         largest, noise = EXACT_MARGIN * float(exact.max()), self._typical(self.noise)
-        typical = EXACT_MARGIN * (0.0 if self.exact_cameras is None else self._typical(exact))
         all_views = self.typical > max(TYPICAL, TYPICAL_NOISE * noise, typical)
         one_view = self.pixels > np.maximum(SINGLE_NOISE * self.noise, max(SINGLE, largest))
         return all_views or bool(one_view.any())
