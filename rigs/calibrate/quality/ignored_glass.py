@@ -57,7 +57,7 @@ class IgnoredGlass:
         how = f"{self.moves:.2g} px, {self.deviations:.2g} standard deviations on held-out frames"
         return (
             f"camera {name}: its residuals look like {thickness} {length_unit} of glass at {angle} "
-            f"degrees between it and the target ({how}): if there is a window, give it by --scene"
+            f"degrees between it and the target ({how}): if a window is there, give --scene"
         )
 
 
