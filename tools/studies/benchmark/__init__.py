@@ -18,6 +18,7 @@ STUDY = Study(
         "startup": ("Start-up and first use", "studies.benchmark.startup"),
         "mismatch": ("Physics that solvers do not know", "studies.benchmark.mismatch"),
         "training": ("Training WERNet", "studies.benchmark.training"),
+        "optics": ("Flames behind optics", "studies.optics.study"),
         "calibration": ("Calibration against known rigs", "studies.calibration.study"),
         "refinement": ("Cameras refined from the flame", "studies.refinement.study"),
     },

@@ -1,0 +1,1 @@
+"""Flames behind windows, past hardware, by mirrors, through open apertures and absorbing gas."""
