@@ -112,8 +112,9 @@ def crossing(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return where rays enter and leave a box, ``(rays,)``; those that miss leave before."""
     slope = np.where(np.abs(directions) < 1e-12, 1e-12, directions)
-    ends = np.sort(np.stack([(lower - origins) / slope, (upper - origins) / slope]), axis=0)
-    first, last = np.maximum(ends[0].max(axis=1), 0), ends[1].min(axis=1)
+    one, other = (lower - origins) / slope, (upper - origins) / slope
+    first = np.maximum(np.minimum(one, other).max(axis=1), 0)
+    last = np.maximum(one, other).min(axis=1)
     seen = np.isfinite(directions).all(axis=1)
     return np.where(seen, first, 0), np.where(seen, last, -1)
 
