@@ -47,7 +47,7 @@ SPLIT_AWAY, SPLIT_SIZE = 280.0, (110.0, 110.0)
 SPLIT_START, SPLIT_STEP = 150.0, 21.0
 """Degrees at which the other cameras stand: the back of the mirror hides nothing from them."""
 
-LENS = Optics(focal_length=50.0, f_number=2.8, focus_distance=DISTANCE)
+LENS = Optics(focal_length=100.0, f_number=2.8, focus_distance=DISTANCE)
 APERTURE_RAYS = 16
 """Rays a pixel in the model."""
 
@@ -181,7 +181,7 @@ def split(rig: Rig) -> Case:
 
 
 def aperture(rig: Rig) -> Case:
-    """Take lenses of 50 mm at f/2.8, focused on the flame's middle."""
+    """Take lenses of 100 mm at f/2.8, focused on the flame's middle."""
     plane = LENS.focal_length * DISTANCE / (DISTANCE - LENS.focal_length)  # of the image
     lenses = (replace(LENS, pixel_pitch=plane / camera.camera_matrix[0, 0]) for camera in rig)
     cameras = (replace(c, optics=lens) for c, lens in zip(rig, lenses, strict=True))
