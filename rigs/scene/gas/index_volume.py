@@ -21,7 +21,7 @@ CHORD = 0.01
 """Voxels that a path may be from its straight pieces: a hundredth changes what a pixel sees far
 less than the emission's voxels do; less makes more pieces, which cost time in every product."""
 
-STEP = 1e-4
+STEP = 1e-5
 """Voxels that a step may err for each unit by which ``n²`` differs from the medium's: as small
 beside the bending of weak gas as of strong, and less than what is left between voxels."""
 
