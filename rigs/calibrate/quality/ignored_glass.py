@@ -54,10 +54,10 @@ class IgnoredGlass:
     def in_words(self, name: str, length_unit: str) -> str:
         """Return a line on it."""
         thickness, angle = _range(self.thickness, ".2g"), _range(self.angle, ".0f")
-        how = f"{self.moves:.2g} px, {self.deviations:.2g} standard deviations on held-out frames"
+        how = f"{self.moves:.2g} px, {self.deviations:.2g} standard deviations on frames held out"
         return (
             f"camera {name}: its residuals look like {thickness} {length_unit} of glass at {angle} "
-            f"degrees between it and the target ({how}): if a window is there, give --scene"
+            f"degrees between it and the target ({how}): if there is a window, give it by --scene"
         )
 
 
