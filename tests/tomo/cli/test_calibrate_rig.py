@@ -131,6 +131,53 @@ def test_the_cache_saves_the_search_and_changes_nothing(run_tool, taken, calibra
     ]  # fmt: skip
 
 
+PANE = {"name": "pane", "type": "window", "point": [0, 0, 200], "normal": [0.4, 0, -0.9],
+        "thickness": 10, "index": "quartz", "size": 160}  # fmt: skip
+
+
+def test_a_scene_becomes_part_of_the_rig_and_its_windows_are_reported(
+    run_tool, taken, calibrated, tmp_path
+):
+    """No pane was there: what is adjusted of it contradicts what was given."""
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump({"scene": {"solids": [PANE]}}), "utf-8")
+    done = run_tool(
+        "calibrate_rig", taken[1], "--target", TARGET, "-o", tmp_path / "rig.yaml", "--json",
+        "--cache", calibrated[1] / "cache", "--scene", tmp_path / "scene.yaml",
+        "--refine-window", "pane:thickness=0.2",
+    )  # fmt: skip
+    assert done.exit_code == 0, (done.stderr, done.exception)
+    report, rig = json.loads(done.stdout), load_rig(tmp_path / "rig.yaml")
+    assert report["cameras"]["cam00"]["looked_through"] == ["pane"]
+    assert report["cameras"]["cam02"]["looked_through"] == []
+    found = report["windows"]["pane"]
+    assert rig.scene.solids[0].thickness == pytest.approx(found["thickness"], rel=1e-5)
+    assert found["thickness_change"] < 0
+    assert "window pane: thickness changed by" in done.stderr
+    assert "window pane" in (tmp_path / "calibration.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "message"),
+    [
+        ({"solids": []}, (), "scene: found no solids"),
+        ({"solids": [PANE | {"index": 0.5}]}, (), "solid pane: index: found 0.5"),
+        ({"solids": [PANE | {"depth": 1}]}, (), "depth"),
+        ({"solids": [PANE]}, ("--refine-window", "rim:normal=1"), "window rim: found no such"),
+        ({"solids": [PANE]}, ("--refine-window", "pane:1"), "expected NAME:normal=DEGREES"),
+        ({"solids": [PANE]}, ("--world", "world.yaml", "--rescale"), "rescale: found True with"),
+        (None, ("--refine-window", "pane:normal=1"), "expected --scene FILE"),
+    ],
+)
+def test_scenes_that_cannot_be_are_refused(images, refused, tmp_path, data, options, message):
+    file = tmp_path / "scene.yaml"
+    file.write_text(yaml.safe_dump(data), "utf-8")
+    world = {name: [k, k * k, 0] for k, name in enumerate(CAMERAS)}
+    (tmp_path / "world.yaml").write_text(yaml.safe_dump(world), "utf-8")
+    options = [tmp_path / o if o == "world.yaml" else o for o in options]
+    given = () if data is None else ("--scene", file)
+    assert message in refused(images, *given, *options)
+
+
 def test_lenses_that_are_given_stay_and_the_world_is_where_it_was_asked_for(
     run_tool, taken, tmp_path
 ):
