@@ -54,10 +54,11 @@ class IgnoredGlass:
     def in_words(self, name: str, length_unit: str) -> str:
         """Return a line on it."""
         thickness, angle = _range(self.thickness, ".2g"), _range(self.angle, ".0f")
+        pane = f"{thickness} {length_unit} of glass at {angle} degrees"
         how = f"{self.moves:.2g} px, {self.deviations:.2g} standard deviations on held-out frames"
         return (
-            f"camera {name}: its residuals look like {thickness} {length_unit} of glass at {angle} "
-            f"degrees between it and the target ({how}): if there is a window, give it by --scene"
+            f"camera {name}: its residuals look like {pane} between it and the target ({how}): "
+            "if there is a window, give it by --scene"
         )
 
 
