@@ -38,6 +38,7 @@ class Calibration:
     parameters : tuple of (str, str)
         Camera and name of each free parameter: wx wy wz (rotation vector multiplied from the
         left, radians), tx ty tz (length units), fx fy cx cy (pixels), c0 c1 ... (coefficients).
+        Adjusted windows come last, by their names: tilt_1 tilt_2 (radians), distance, thickness.
     covariance : (parameters, parameters) float64
         Their covariance, while the pose of camera ``gauge`` is held.
     gauge : str
