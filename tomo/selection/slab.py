@@ -46,7 +46,7 @@ def part_to_choose_by(projector: ProjectionOperator, measured: NDArray[np.float3
     projector : ProjectionOperator
     measured : (pixels,) float32
     """
-    wanted = SEGMENTS / max(projector.n_segments, 1)
+    wanted = SEGMENTS / max(_segments_of_single_rays(projector), 1)
     if wanted >= 1 or not projector.is_stored:
         return None
     start = smooth_start(projector, measured)
@@ -65,6 +65,18 @@ def part_to_choose_by(projector: ProjectionOperator, measured: NDArray[np.float3
     rest = projector @ np.where(slab, np.float32(0), start)
     cut = projector.of_unknowns(slab).take(pixels)
     return Part(cut, (measured - rest)[pixels], pixels)
+
+
+def _segments_of_single_rays(projector: ProjectionOperator) -> float:
+    """Return at most how many segments one ray a pixel would have.
+
+    Rays over a pixel's area or an aperture multiply the segments, not what the slab shows. A ray
+    of length ``l`` crosses at most ``l |(1/dx, 1/dy, 1/dz)| + 1`` voxels.
+    """
+    steps = float(np.linalg.norm(1 / np.asarray(projector.grid.spacing)))
+    lengths = projector.row_sums
+    longest = steps * float(lengths.sum(dtype=np.float64)) + np.count_nonzero(lengths)
+    return min(projector.n_segments, longest)
 
 
 def _slab(

@@ -64,3 +64,17 @@ def test_a_slab_chooses_nearly_as_the_whole(tall, monkeypatch):
         for choice in (part, whole)
     ]
     assert errors[0] < 1.2 * errors[1]
+
+
+def test_rays_over_a_pixel_leave_the_slab_as_thick(monkeypatch):
+    """Nine rays a pixel: nine times the segments, and no thinner than rays along diagonals."""
+    rig = rigs.ring(6, distance=200.0, image_size=(30, 40), footprint=0.6)
+    grid = VoxelGrid((16, 24, 16), 1.0)
+    one, nine = (LinearSystem.from_rig(rig, grid, supersample=k).projector for k in (1, 3))
+    assert nine.n_segments > 8 * one.n_segments
+    monkeypatch.setattr(slab, "SEGMENTS", 0.6 * one.n_segments)
+    kept = [
+        len(slab.part_to_choose_by(projector, projector @ np.ones(grid.size, np.float32)).pixels)
+        for projector in (one, nine)
+    ]
+    assert 0.6 < kept[1] / kept[0] < 1.05
