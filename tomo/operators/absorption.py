@@ -76,7 +76,7 @@ class Absorption:
 
 def extinction_of(rig: Rig) -> ExtinctionVolume | None:
     """Return the extinction of the gas in a rig's scene; None where there is none."""
-    gas = getattr(getattr(rig, "scene", None), "gas", None)
+    gas = None if rig.scene is None else rig.scene.gas
     return None if gas is None else gas.extinction
 
 

@@ -54,16 +54,21 @@ def pixels_that_see(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.int64]:
 
 
 def pixels_of_hardware(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.bool_]:
-    """Return which pixels' lines of sight end without having met the grid, ``(height, width)``.
+    """Return from which pixels hardware hides the grid, ``(height, width)``.
 
-    They end at hardware, at total reflection or between mirrors, see `rigs.scene.Paths`.
+    Their lines of sight end without having met the grid, and would meet it if they went on.
     """
     width, height = camera.image_size
-    ended = np.zeros(width * height, bool)
+    hidden = np.zeros(width * height, bool)
     if not camera.is_straight:
-        paths, pixels = camera.paths(region=np.stack([grid.lower, grid.upper]))
-        ended[pixels] = (paths.ends != 0) & (np.diff(paths.ray_ptr) == 0)
-    return ended.reshape(height, width)
+        inside, pixels = camera.paths(region=np.stack([grid.lower, grid.upper]))
+        ended = (inside.ends != 0) & (np.diff(inside.ray_ptr) == 0)
+        column, row = pixels[ended] % width, pixels[ended] // width
+        whole, _ = camera.paths(np.stack([column, row], axis=1).astype(np.float64))
+        last = whole.ray_ptr[1:] - 1
+        onward = Rays.from_lines(whole.origins[last], whole.directions[last])
+        hidden[pixels[ended]] = enter_box(onward, grid).length > 0
+    return hidden.reshape(height, width)
 
 
 def _largest_step(vectors: NDArray[np.float64], width: int) -> float:
