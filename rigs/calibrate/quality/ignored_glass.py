@@ -91,8 +91,8 @@ def ignored_glass(
     by T is computed with all other unknowns eliminated (Rao's test). Every term of the richest
     lens is among them, and so is every point's place on the target: what they explain is not said
     to be glass. The direction that one half of the frames favours is tested on the other half,
-    where its score is normal with variance 1 if there is no pane. A pane is named where both
-    halves together exceed the bound of one false alarm in a thousand calibrations.
+    where its score is normal with variance 1 if there is no pane. A pane is named where the mean of
+    both halves exceeds the bound of one false alarm in a thousand calibrations.
     """
     from scipy.stats import norm
 
@@ -116,7 +116,7 @@ def ignored_glass(
         except np.linalg.LinAlgError:  # a half may not determine what the whole does
             continue
         tests = [_confirmed(a, b, variance) for a, b in ((first, second), (second, first))]
-        deviations = sum(tests) / np.sqrt(2)
+        deviations = sum(tests) / 2  # of variance 1 at most, however the halves depend
         if deviations < bound:
             continue
         both = _panes(rich, observations, free, camera, normals)
