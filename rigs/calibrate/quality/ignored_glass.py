@@ -91,8 +91,8 @@ def ignored_glass(
     by T is computed with all other unknowns eliminated (Rao's test). Every term of the richest
     lens is among them, and so is every point's place on the target: what they explain is not said
     to be glass. The direction that one half of the frames favours is tested on the other half,
-    where its score is normal with variance 1 if there is no pane. A pane is named where the mean of
-    both halves exceeds the bound of one false alarm in a thousand calibrations.
+    where its score is normal with variance 1 if there is no pane. A pane is named where the mean
+    of both halves exceeds the bound of one false alarm in a thousand calibrations.
     """
     from scipy.stats import norm
 

@@ -155,13 +155,13 @@ def near(truth):
 def test_a_pane_that_nobody_mentioned_is_said_and_nothing_else_is(simulated_rig):
     truth = near(simulated_rig("arc", cameras=2, frames=12, seed=4))
     pane = behind(truth, Scene(windows_before(truth.rig, 90, 140, angle=30.0).solids[1:]))
-    found = calibrate(pane.observe(0.03, seed=4, facing=0.3))
+    found = calibrate(pane.observe(0.01, seed=4, facing=0.3))
     lines = [line for line in found.findings if "look like" in line]
     assert len(lines) == 1
     assert lines[0].startswith("camera cam01: its residuals look like")
     assert "--scene" in lines[0]
     assert not found.assessment.startswith("good")
-    bare = calibrate(truth.observe(0.03, seed=4, facing=0.3))
+    bare = calibrate(truth.observe(0.01, seed=4, facing=0.3))
     assert not any("look like" in line for line in bare.findings)
 
 
