@@ -67,7 +67,7 @@ SceneOption = Annotated[
 RefineWindowOption = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="NAME:normal=DEG,...",
+        metavar="NAME:FIELD=SD",
         help="Adjust a window of the scene too: standard deviations of its given normal "
         "(degrees), distance and thickness, like quartz:normal=1,thickness=0.2; repeatable.",
         **_SCENE,

@@ -9,7 +9,7 @@ from tomo import load_scan, wernet
 from tomo.pipeline import Options, assess, evaluate, reconstruct
 from tomo.report import result_figures
 from tomo.report.outcome_files import write_outcome
-from tomo.selfcal import shifts
+from tomo.selfcal import left_out_views
 
 pytestmark = pytest.mark.usefixtures("quick_choices", "coarse_scenes")
 
@@ -47,7 +47,7 @@ def broken(monkeypatch):
 @pytest.mark.parametrize(
     ("where", "name", "error", "said"),
     [
-        (shifts._Evaluated, "displacement", MemoryError(), "cameras: whether images agree"),
+        (left_out_views.Evaluated, "displacement", MemoryError(), "cameras: whether images agree"),
         (assess, "assess_volume", OfALibraryError("two\nlines"), "uncertainty: not found"),
         (evaluate, "views_of", ValueError("wrong"), "re-projected images: not found: wrong"),
     ],

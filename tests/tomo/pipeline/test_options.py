@@ -78,7 +78,7 @@ def test_an_unknown_name_is_refused():
         Options.from_mapping({"weigh": True})
 
 
-def test_the_truth_does_not_reach_the_solve(copy, grid, outcome):
+def test_the_truth_does_not_reach_the_solve(copy, grid, outcome, quick_choice):
     truth = np.random.default_rng(3).random(grid.shape)
     write_volume(copy / "truth.npz", truth, grid)
     found = reconstruct(load_scan(copy), options=Options(uncertainty=0))
