@@ -18,6 +18,32 @@ _FAR = 1e3  # distance of the centre behind parallel rays, in spreads of their o
 _WIDEST = 0.5  # cosine of the largest angle from the mean ray; wider ones distort the fit
 
 
+class NearestPinhole:
+    """A camera's members that its nearest pinhole gives; ``_pinhole`` holds what is fitted."""
+
+    _pinhole: tuple[NDArray, NDArray, NDArray]  # camera matrix, R and position
+
+    @property
+    def camera_matrix(self) -> NDArray[np.float64]:
+        """Intrinsics of the nearest pinhole, ``(3, 3)``; see the notes."""
+        return self._pinhole[0]
+
+    @property
+    def R(self) -> NDArray[np.float64]:  # noqa: N802
+        """Rotation from world to camera axes of the nearest pinhole, ``(3, 3)``."""
+        return self._pinhole[1]
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Translation of the nearest pinhole, ``(3,)``."""
+        return -self.R @ self.position
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """The point nearest to all rays, ``(3,)``; far behind parallel ones."""
+        return self._pinhole[2]
+
+
 def fitted_pinhole(
     name: str,
     image_size: tuple[int, int],

@@ -24,7 +24,7 @@ from rigs.geometry.image_checks import (
 from rigs.geometry.rotation import numbers, rotation
 from rigs.optics import Optics
 from rigs.ray_table.interpolation import interpolated_rays, project_to_table
-from rigs.ray_table.nearest_pinhole import fitted_pinhole
+from rigs.ray_table.nearest_pinhole import NearestPinhole, fitted_pinhole
 from rigs.ray_table.ray_arrays import (
     finite_or_zero,
     in_largest_view,
@@ -37,7 +37,7 @@ from rigs.ray_table.ray_arrays import (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RayTable(OnImage):
+class RayTable(OnImage, NearestPinhole):
     """A camera whose every pixel has a ray of its own; it serves wherever a `Camera` does.
 
     Rays are interpolated between pixel centres, so neighbours should belong to one view. Where
@@ -175,26 +175,6 @@ class RayTable(OnImage):
         if self.sees_once:
             return np.ones(len(uv), bool)
         return in_largest_view(self._view_labels, self._table_pixels(uv))
-
-    @property
-    def camera_matrix(self) -> NDArray[np.float64]:
-        """Intrinsics of the nearest pinhole, ``(3, 3)``; see the notes."""
-        return self._pinhole[0]
-
-    @property
-    def R(self) -> NDArray[np.float64]:  # noqa: N802
-        """Rotation from world to camera axes of the nearest pinhole, ``(3, 3)``."""
-        return self._pinhole[1]
-
-    @property
-    def t(self) -> NDArray[np.float64]:
-        """Translation of the nearest pinhole, ``(3,)``."""
-        return -self.R @ self.position
-
-    @property
-    def position(self) -> NDArray[np.float64]:
-        """The point nearest to all rays, ``(3,)``; far behind parallel ones."""
-        return self._pinhole[2]
 
     @cached_property
     def sees_once(self) -> bool:

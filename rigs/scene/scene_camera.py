@@ -14,7 +14,7 @@ from rigs.camera_protocol import CameraLike
 from rigs.geometry.image_checks import OnImage, pixel_centres, rows_of
 from rigs.geometry.rotation import numbers, rotation
 from rigs.optics import Optics
-from rigs.ray_table.nearest_pinhole import fitted_pinhole
+from rigs.ray_table.nearest_pinhole import NearestPinhole, fitted_pinhole
 from rigs.scene.materials import Reflecting
 from rigs.scene.paths import EVERYWHERE, Paths
 from rigs.scene.projection import pixels_that_pass
@@ -26,7 +26,7 @@ _LATTICE = 64
 
 
 @dataclass(frozen=True)
-class SceneCamera(OnImage):
+class SceneCamera(OnImage, NearestPinhole):
     """A camera whose light comes through windows, past hardware and by mirrors.
 
     Parameters
@@ -99,26 +99,6 @@ class SceneCamera(OnImage):
         if not np.isfinite(self.rays()[1]).any():
             return self.camera.camera_matrix, self.camera.R, self.camera.position
         return fitted_pinhole(self.name, self.image_size, self.rays, self._in_main_view)
-
-    @property
-    def camera_matrix(self) -> NDArray[np.float64]:
-        """Intrinsics of the nearest pinhole, ``(3, 3)``; see the notes."""
-        return self._pinhole[0]
-
-    @property
-    def R(self) -> NDArray[np.float64]:  # noqa: N802
-        """Rotation from world to camera axes of the nearest pinhole, ``(3, 3)``."""
-        return self._pinhole[1]
-
-    @property
-    def t(self) -> NDArray[np.float64]:
-        """Translation of the nearest pinhole, ``(3,)``."""
-        return -self.R @ self.position
-
-    @property
-    def position(self) -> NDArray[np.float64]:
-        """The point nearest to all rays, ``(3,)``."""
-        return self._pinhole[2]
 
     @cached_property
     def sees_once(self) -> bool:
