@@ -37,6 +37,10 @@ fewer leave pixels too coarse for shifts of half a pixel."""
 ROUNDS = 2
 """Corrections of the shifts at most: one leaves errors that a second removes; more take longer."""
 
+STEP_FRACTION = 0.8
+"""Fraction of the shifts found that is applied in a round. All views move at once, so that 1
+overshoots; a small fraction needs more rounds."""
+
 WORTH_IT = 0.8
 """Largest ratio of the squared errors of left-out views, with shifts over without, at which shifts
 are accepted. Higher, noise moves exact cameras; lower, real pointing errors stay."""
@@ -142,7 +146,7 @@ def align_views(
         rounds.append(found)
         if found.registered**2 > WORTH_IT * found.error**2 and len(rounds) == 1:
             break
-        shifts.append(_without_common_motion(shifts[-1] + found.shifts, motions))
+        shifts.append(_without_common_motion(shifts[-1] + STEP_FRACTION * found.shifts, motions))
     errors = [found.error for found in rounds]
     first, best = rounds[0], int(np.argmin(errors))
     before, after = first.error, errors[best]
