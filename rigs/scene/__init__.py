@@ -8,8 +8,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "materials": ["INDICES", "Glass", "Material", "Opaque", "Reflecting", "index_of"],
         "mesh": ["Mesh"],
         "paths": ["Paths"],
+        "plates": ["Mirror", "Window"],
         "scene": ["Scene"],
         "scene_camera": ["SceneCamera"],
-        "solids": ["Cylinder", "Mirror", "Solid", "Sphere", "Window"],
+        "solids": ["Cylinder", "Solid", "Sphere"],
     },
 )

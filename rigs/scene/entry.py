@@ -17,8 +17,9 @@ from rigs.scene.gas import read_gas
 from rigs.scene.materials import Glass, Material, Opaque, Reflecting, index_of
 from rigs.scene.mesh import Mesh
 from rigs.scene.mesh_file import read_mesh
+from rigs.scene.plates import Mirror, Window
 from rigs.scene.scene import Scene
-from rigs.scene.solids import Cylinder, Mirror, Solid, Sphere, Window
+from rigs.scene.solids import Cylinder, Solid, Sphere
 
 TYPES: dict[str, type] = {
     "window": Window,

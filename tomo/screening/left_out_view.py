@@ -16,7 +16,7 @@ errors, larger ones leave a half without a part of the flame."""
 
 SIMPLER = 0.8
 """Fraction of a simpler cause's error that one with more parameters must come to: a shift, a pose,
-a bent image. Causes whose errors are closer are not told apart."""
+a bent image. Causes whose errors are closer are not distinguished."""
 
 
 @dataclass(frozen=True, eq=False)

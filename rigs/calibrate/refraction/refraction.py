@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from rigs.calibrate.refraction.window_prior import WindowPrior
 from rigs.geometry.rotation import matrix_of_vector
+from rigs.scene.plates import Window
 from rigs.scene.scene import Scene
 from rigs.scene.sight_lines import CENTER, WINDOW, endless, sight_lines
-from rigs.scene.solids import Window
 from rigs.scene.surfaces import perpendicular
 
 

@@ -12,7 +12,7 @@ from rigs.calibrate.adjust.projection import Lens
 from rigs.calibrate.refraction.refraction import Refraction
 from rigs.calibrate.refraction.routes import routes_to
 from rigs.geometry.rotation import matrix_of_vector
-from rigs.scene.solids import Window
+from rigs.scene.plates import Window
 from rigs.scene.surfaces import BLOCKS, PLANE
 
 _FARTHEST = 4.0  # half a window's size: a line of sight that misses by more is not through it

@@ -8,11 +8,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.scene.gas.voxels import corner, edges, moved_box, same, values_of
+from rigs.scene.gas.voxels import VoxelBox, corner, edges, values_of
 
 
 @dataclass(frozen=True, eq=False)
-class ExtinctionVolume:
+class ExtinctionVolume(VoxelBox):
     """An extinction coefficient, constant in each voxel of a box and zero outside.
 
     Parameters
@@ -54,11 +54,6 @@ class ExtinctionVolume:
             f"{self.values.max():.4g}>"
         )
 
-    @property
-    def upper(self) -> NDArray[np.float64]:
-        """The box's upper corner, ``(3,)``."""
-        return self.lower + self.spacing * self.values.shape
-
     def means(
         self, lower: ArrayLike, spacing: ArrayLike, shape: tuple[int, int, int]
     ) -> NDArray[np.float64]:
@@ -87,17 +82,6 @@ class ExtinctionVolume:
             fractions = np.maximum(shared, 0) / edge  # (count, own)
             means = np.moveaxis(np.tensordot(fractions, means, (1, axis)), 0, axis)
         return np.ascontiguousarray(means)
-
-    def __eq__(self, other: object) -> bool:
-        return same(self, other, ("values", "lower", "spacing"))
-
-    def __hash__(self) -> int:
-        return hash((self.values.shape, float(self.values.sum())))
-
-    def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
-        """Return the volume after a rigid motion that leaves its faces along the axes."""
-        values, lower, spacing = moved_box(self.values, self.lower, self.spacing, R, t)
-        return replace(self, values=values, lower=lower, spacing=spacing)
 
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the volume of a world whose lengths are ``factor`` times as large."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.scene.gas.crossing import Crossing, pairs_of_vectors
 from rigs.scene.gas.follow import follow
 from rigs.scene.gas.index_field import IndexField
-from rigs.scene.gas.voxels import corner, edges, moved_box, same, values_of
+from rigs.scene.gas.voxels import VoxelBox, corner, edges, values_of
 
 if TYPE_CHECKING:
     from scipy.interpolate import NdBSpline
@@ -40,7 +40,7 @@ before it is worth a warning: gas that goes on behind a face is bent by an edge 
 
 
 @dataclass(frozen=True, eq=False)
-class IndexVolume(IndexField):
+class IndexVolume(VoxelBox, IndexField):
     """A refractive index at the centres of a box of voxels.
 
     Between the centres ``n²`` is a cubic B-spline through the values, with continuous second
@@ -97,14 +97,9 @@ class IndexVolume(IndexField):
             f"{self.values.min():.6g} to {self.values.max():.6g} in {self.medium:.6g}>"
         )
 
-    @property
-    def upper(self) -> NDArray[np.float64]:
-        """The box's upper corner, ``(3,)``."""
-        return self.lower + self.spacing * self.values.shape
-
     @cached_property
     def coefficients(self) -> NDArray[np.float64]:
-        """Of the spline of ``n² - medium²``, ``(nx + 4, ny + 4, nz + 4)``, from number -2 on."""
+        """Weights of the splines of ``n² - medium²``, ``(nx + 4, ny + 4, nz + 4)``, from -2 on."""
         found = self.values**2 - self.medium**2
         for axis in range(3):
             found = _odd_coefficients(found, axis)
@@ -145,17 +140,6 @@ class IndexVolume(IndexField):
         ptr = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
         parts = (np.ascontiguousarray(pieces[:, some]) for some in (slice(3), slice(3, 6), 6))
         return Crossing(*parts, ptr, *rest)
-
-    def __eq__(self, other: object) -> bool:
-        return same(self, other, ("values", "lower", "spacing", "medium"))
-
-    def __hash__(self) -> int:
-        return hash((self.values.shape, float(self.values.sum())))
-
-    def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
-        """Return the volume after a rigid motion that leaves its faces along the axes."""
-        values, lower, spacing = moved_box(self.values, self.lower, self.spacing, R, t)
-        return replace(self, values=values, lower=lower, spacing=spacing)
 
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the volume of a world whose lengths are ``factor`` times as large."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+from typing import Self
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -35,11 +38,31 @@ def edges(spacing: ArrayLike, what: str) -> NDArray[np.float64]:
     return found
 
 
-def same(one: object, other: object, names: tuple[str, ...]) -> bool:
-    """Return whether two boxes of voxels are of one type, with equal values of those names."""
-    return type(one) is type(other) and all(
-        np.array_equal(getattr(one, name), getattr(other, name)) for name in names
-    )
+class VoxelBox:
+    """What boxes of voxels share: dataclasses with ``values``, ``lower`` and ``spacing``."""
+
+    values: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    spacing: NDArray[np.float64]
+
+    @property
+    def upper(self) -> NDArray[np.float64]:
+        """The box's upper corner, ``(3,)``."""
+        return self.lower + self.spacing * self.values.shape
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and all(
+            np.array_equal(getattr(self, field.name), getattr(other, field.name))
+            for field in fields(self)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.values.shape, float(self.values.sum())))
+
+    def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
+        """Return the volume after a rigid motion that leaves its faces along the axes."""
+        values, lower, spacing = moved_box(self.values, self.lower, self.spacing, R, t)
+        return replace(self, values=values, lower=lower, spacing=spacing)
 
 
 def moved_box(
