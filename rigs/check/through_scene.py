@@ -104,13 +104,13 @@ def shift_at(camera: SceneCamera, point: NDArray[np.float64]) -> Shift | None:
         return None
     paths, _ = camera.paths(uv)
     last = int(paths.nearest_pieces(point)[0])
-    met = [number for number in paths.solids[:last] if isinstance(solids[number].material, Glass)]
-    if not met:
+    ends = [None if number < 0 else solids[number] for number in paths.solids[:last]]  # gas: none
+    if not any(solid is not None and isinstance(solid.material, Glass) for solid in ends):
         return None
     angles = [
-        np.degrees(np.arccos(min(abs(float(np.dot(direction, solids[number].normal))), 1.0)))
-        for direction, number in zip(paths.directions[:last], paths.solids[:last], strict=True)
-        if isinstance(solids[number], Window)
+        np.degrees(np.arccos(min(abs(float(np.dot(direction, solid.normal))), 1.0)))
+        for direction, solid in zip(paths.directions[:last], ends, strict=True)
+        if isinstance(solid, Window)
     ]
     places = [_passes(camera, uv, scene, point) for scene in _in_colours(camera.scene)]
     straight = _passes(camera, uv, _without_glass(camera.scene), point)
@@ -133,7 +133,8 @@ def hidden_pixels(camera: SceneCamera, points: NDArray[np.float64]) -> tuple[flo
     inside, _ = camera.paths(uv, region)
     hidden = (whole.ends != OPEN) & (np.diff(inside.ray_ptr) == 0)
     last = whole.solids[whole.ray_ptr[1:] - 1][hidden]
-    return float(hidden.mean()), Counter(camera.scene.solids[number].name for number in last)
+    names = (camera.scene.solids[number].name for number in last if number >= 0)
+    return float(hidden.mean()), Counter(names)
 
 
 def _through(check: RigCheck) -> list[SceneCamera]:

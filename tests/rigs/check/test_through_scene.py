@@ -8,6 +8,7 @@ import pytest
 from rigs import Camera, Rig, Volume, box_points, check_rig, look_at
 from rigs.check.through_scene import hidden_pixels, shift_at
 from rigs.scene import Cylinder, Glass, Mirror, Opaque, Reflecting, Scene, SceneCamera, Window
+from rigs.scene.gas import Gas, IndexVolume
 
 POINTS = box_points((-5, -5, -5), (5, 5, 5), 5)
 EVERYWHERE = np.zeros(3)
@@ -38,6 +39,14 @@ def test_the_shift_and_the_angle_are_those_of_a_plate(degrees):
     found = shift_at(SceneCamera(camera(), Scene((pane(degrees),))), EVERYWHERE)
     assert found.length == pytest.approx(plate_shift(degrees, 1.4585), abs=0.03)
     assert found.angle == pytest.approx(degrees, abs=0.4)
+
+
+def test_gas_on_the_way_is_not_taken_for_a_solid():
+    """The rod, which is not on the way, is the last solid; gas pieces end at none."""
+    even = IndexVolume(np.full((4, 4, 4), 1.0), (-15, -15, -15), 7.5, 1.0)
+    rod = Window("aside", (900, 0, 0), (1, 0, 0), 5, Glass(1.5), size=4)
+    seen = SceneCamera(camera(), Scene((rod,), gas=Gas(even)))
+    assert shift_at(seen, EVERYWHERE) is None
 
 
 def test_the_shift_by_colour_is_that_of_the_glass_at_both_ends_of_the_band():
