@@ -1,5 +1,6 @@
-# Sourced by demo.sh and test.sh: goes to the project's root, sees that Python, the system
+# Sourced by demo.sh, test.sh and docs.sh: goes to the project's root, sees that Python, the system
 # libraries and .venv are there, and says what is missing. Quick when nothing changed.
+# A script that needs more than the extra `dev` sets extras before: extras=dev,docs
 # shellcheck shell=sh
 set -eu
 
@@ -9,6 +10,7 @@ stop() {
     exit 2
 }
 
+extras=${extras:-dev}
 root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
 cd "$root"
 
@@ -63,18 +65,21 @@ make_environment() {
     "$python" -m venv --clear .venv
 }
 
-# The stamp names what was installed from; it is written last, so a broken install is redone.
+# The stamp names what was installed from, and the extras, so that only who needs more pays for more;
+# it is written last, so a broken install is redone.
 install_dependencies() {
     stamp=.venv/installed-from
     now="$root $(cat setup.cfg pyproject.toml constraints.txt | cksum)"
-    if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$now" ]; then
-        return
+    if [ -f "$stamp" ]; then
+        case "$(cat "$stamp")" in
+            "$now $extras" | "$now $extras",*) return ;;
+        esac
     fi
     say "installing the dependencies into .venv (some minutes the first time)"
     rm -f "$stamp"
-    .venv/bin/python -m pip install -q -c constraints.txt -e '.[dev]' >&2 ||
+    .venv/bin/python -m pip install -q -c constraints.txt -e ".[$extras]" >&2 ||
         stop "pip could not install the dependencies: its own message is above"
-    printf '%s\n' "$now" >"$stamp"
+    printf '%s\n' "$now $extras" >"$stamp"
 }
 
 # Open3D's shared libraries, each with the Debian package that holds it.

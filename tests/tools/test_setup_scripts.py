@@ -1,4 +1,4 @@
-"""The set-up of demo.sh and test.sh, run against a stand-in for Python that records its calls."""
+"""The set-up of the scripts, run against a stand-in for Python that records its calls."""
 
 import shutil
 import subprocess
@@ -82,6 +82,26 @@ def test_the_second_time_installs_nothing_until_the_pins_change(project):
     assert "-m pip" not in calls
     (project.root / "constraints.txt").write_text("numpy==2\n")
     assert "-m pip install" in project()[1]
+
+
+def test_only_the_site_installs_what_the_site_needs(project):
+    assert "-e .[dev]\n" in project("demo.sh")[1]
+    done, calls = project("docs.sh")
+    assert done.returncode == 0, done.stderr
+    assert "-e .[dev,docs]\n" in calls
+    assert "-m sphinx" in calls
+    for script in ("docs.sh", "test.sh", "demo.sh"):
+        assert "-m pip" not in project(script)[1], script
+
+
+def test_the_site_is_built_afresh_on_request(project):
+    old = project.root / "out/site/old.html"
+    old.parent.mkdir(parents=True)
+    old.write_text("")
+    project("docs.sh")
+    assert old.exists()
+    project("docs.sh", "--fresh")
+    assert not old.exists()
 
 
 def test_an_install_that_failed_is_done_again(project):

@@ -1,10 +1,12 @@
 """What solvers minimise: the misfit between measured and projected images.
 
-| loss           | formula                               | solvers                             |
-|----------------|---------------------------------------|-------------------------------------|
-| `LeastSquares` | ``||W^½ (b - A x)||² + s m ||D x||²`` | cgls, projected_cg, curvature       |
-|                | ``½ ||W^½ (b - A x)||² + s u R(x)``   | proximal_gradient                   |
-| `Poisson`      | ``sum_p (A x)_p - b_p log (A x)_p``   | mlem, with ``+ s l R(x)``           |
+==============  =====================================  =============================
+loss            formula                                solvers
+==============  =====================================  =============================
+`LeastSquares`  ``||W^½ (b - A x)||² + s m ||D x||²``  cgls, projected_cg, curvature
+`LeastSquares`  ``½ ||W^½ (b - A x)||² + s u R(x)``    proximal_gradient
+`Poisson`       ``sum_p (A x)_p - b_p log (A x)_p``    mlem, with ``+ s l R(x)``
+==============  =====================================  =============================
 
 A prior is linear, ``D``, or proximal, ``R``: see `tomo.priors`. SIRT, SART and ART
 descend least squares weighted by the reciprocal row sums of ``A``, SMART and MART the cross

@@ -1,12 +1,14 @@
 """Priors: knowledge of the emission that does not come from the images.
 
-| prior                | formula                   | kind      | solvers                          |
-|----------------------|---------------------------|-----------|----------------------------------|
-| `Magnitude`          | ``||x||²``                | linear    | cgls, projected_cg               |
-| `Gradient`           | ``||D x||²``              | linear    | cgls, projected_cg (tikhonov)    |
-| `RelativeCurvature`  | ``||w D^T D x||²``        | linear    | cgls, projected_cg (curvature)   |
-| `TotalVariation`     | ``sum_v |D x|_v``         | proximal  | proximal_gradient (tv), mlem     |
-| `L1`                 | ``sum_v |x|_v``           | proximal  | proximal_gradient (l1), mlem     |
+===================  ==================  ========  ==============================
+prior                formula             kind      solvers
+===================  ==================  ========  ==============================
+`Magnitude`          ``||x||²``          linear    cgls, projected_cg
+`Gradient`           ``||D x||²``        linear    cgls, projected_cg (tikhonov)
+`RelativeCurvature`  ``||w D^T D x||²``  linear    cgls, projected_cg (curvature)
+`TotalVariation`     ``sum_v |D x|_v``   proximal  proximal_gradient (tv), mlem
+`L1`                 ``sum_v |x|_v``     proximal  proximal_gradient (l1), mlem
+===================  ==================  ========  ==============================
 
 A *linear* prior is a map with `forward` and `adjoint` (`tomo.losses.LinearPrior`), a *proximal*
 one has a `proximal_map` (`tomo.priors.ProximalPrior`). A new class with these methods works with

@@ -143,7 +143,7 @@ def simulate_images(
     seed : int
         Seed of noise and gains; equal seeds give bit-identical images.
     tracer : str
-        See `tomo.trace.trace`.
+        See `tomo.trace`.
     progress : callable, optional
         Called with the pixels done, their total, and the camera's name.
 
