@@ -9,8 +9,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
+from rigs.progress import Progress, progress_of
 from tomo.export.frames import Frames
-from tomo.operators.system import Progress
 from tomo.series.store import SeriesStore
 
 
@@ -50,7 +50,7 @@ def export_series(
     to: str,
     places: Sequence[int] | None = None,
     *,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> Path:
     """Write frames of a store for other programs; memory does not grow with their number.
 
@@ -65,7 +65,8 @@ def export_series(
         One of `FORMATS`.
     places : sequence of int, optional
         Places of frames in the store; all when None.
-    progress : callable, optional
+    progress : bool or callable, optional
+        True shows a bar.
 
     Raises
     ------
@@ -94,9 +95,11 @@ def export_series(
             f"{store.path}: frames: found {len(missing)} that are not complete, the first is "
             f"{missing[0]}: finish them by the command that began the store, or name others"
         )
-    frames = Frames(store, tuple(place for place in places if complete[place]), progress)
-    if not len(frames):
+    chosen_places = tuple(place for place in places if complete[place])
+    if not chosen_places:
         raise ValueError(f"{store.path}: frames: found none that could be read, expected one")
     module, name = chosen.writer.split(":")
-    getattr(import_module(f"tomo.export.{module}"), name)(frames, target)
+    write = getattr(import_module(f"tomo.export.{module}"), name)
+    with progress_of(progress, "export") as tell:
+        write(Frames(store, chosen_places, tell), target)
     return target

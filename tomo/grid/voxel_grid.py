@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
+
     from rigs import Rig
 
 
@@ -111,6 +113,24 @@ class VoxelGrid:
         shape = cls(tuple(shape), tuple(spacing.tolist())).shape
         center = np.asarray(origin, np.float64) + (np.asarray(shape) - 1) / 2 * spacing
         return cls(shape, tuple(spacing.tolist()), tuple(center.tolist()))
+
+    @classmethod
+    def from_xarray(cls, array: DataArray | Dataset) -> VoxelGrid:
+        """Return the grid whose voxels are centred at the coordinates x, y and z.
+
+        The grid of `tomo.Reconstruction.to_xarray`, and of a film's store, comes back exactly;
+        that of a part of such an array is the part's.
+
+        Raises
+        ------
+        ValueError
+            If coordinates are missing or not evenly spaced, or one stands alone and the
+            attributes have no ``spacing``.
+        """
+        from tomo.grid.coordinates import voxels_of
+
+        shape, spacing, center = voxels_of(array)
+        return cls(shape, tuple(spacing), tuple(center))
 
     def to_mapping(self) -> dict[str, list]:
         """Return ``shape``, ``spacing`` and ``center`` as plain lists, for files."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Rig
+from rigs.progress import Progress
 from tomo._compute.threads import run_chunks
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.on_the_fly.camera_sources import pixel_source
@@ -19,8 +20,6 @@ from tomo.rays import Rays
 from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.trace import Segments
 
-Progress = Callable[[int, int, str], None]
-"""Called as ``progress(done, total, where)``."""
 
 RAYS_AT_ONCE = 16_384
 """Rays that a thread traces at once: more leave the cache and let threads end apart, fewer cost

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 
+from rigs.progress import Progress, progress_of
 from tomo.grid import VoxelGrid
-from tomo.operators.system import Progress
 from tomo.pipeline.assemble import Stages, assemble
 from tomo.pipeline.assess import assess
 from tomo.pipeline.build import build
@@ -30,7 +30,7 @@ def reconstruct(
     grid: VoxelGrid | None = None,
     options: Options = Options(),
     *,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> Reconstruction:
     """Reconstruct the emission in every voxel from one frame of a scan.
 
@@ -41,14 +41,21 @@ def reconstruct(
         The scan's own when None.
     options : Options
         Everything that can be asked; the default serves most scans.
-    progress : callable, optional
-        ``progress(done, total, where)``.
+    progress : bool or callable, optional
+        True shows a bar; ``progress(done, total, where)`` is called, see `rigs.progress`.
 
     Raises
     ------
     ValueError
         One line that names what is wrong with the input.
     """
+    with progress_of(progress, "reconstruct") as tell:
+        return _run_stages(scan, grid, options, tell)
+
+
+def _run_stages(
+    scan: Scan, grid: VoxelGrid | None, options: Options, progress: Progress | None
+) -> Reconstruction:
     began, grid = time.perf_counter(), scan.grid if grid is None else grid
     check_options(options, scan, grid)
     scan = as_asked(scan, options)

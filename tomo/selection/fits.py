@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.progress import Progress
 from tomo.selection.folds import Fold
 from tomo.selection.smooth_solve import smooth_start, solve_smoothly
 
@@ -25,8 +26,6 @@ CATCHING_UP = 3
 """A fit also ends where so many gains like its last would not reach the best fit so far. Fewer
 give up strengths that would have won."""
 
-Progress = Callable[[int, int, str], None]
-"""``progress(done, total, where)``."""
 
 
 class Tried(NamedTuple):

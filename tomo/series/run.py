@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rigs.progress import FRAMES, Progress, progress_of
 from tomo.grid import VoxelGrid
-from tomo.operators.system import Progress
 from tomo.pipeline.check_options import as_asked
 from tomo.pipeline.options import Options
 from tomo.scan import Scan
@@ -54,7 +54,7 @@ def reconstruct_series(
     grid: VoxelGrid | None = None,
     options: Options = Options(frames=":"),
     *,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     cluster: AbstractContextManager[Execute] | None = None,
 ) -> SeriesStore:
     """Reconstruct many frames of a scan into a store; go on with one that was begun.
@@ -69,8 +69,8 @@ def reconstruct_series(
         The scan's own when None.
     options : Options
         ``frames`` are those to reconstruct.
-    progress : callable, optional
-        ``progress(done, total, where)``.
+    progress : bool or callable, optional
+        True shows a bar; ``progress(done, total, where)`` is called, see `rigs.progress`.
     cluster : context manager, optional
         Gives what solves the blocks that are missing, see `tomo.series.cluster.on_cluster`; this
         process does when None.
@@ -94,8 +94,11 @@ def reconstruct_series(
         check_same_run(known, attributes)
         if known.finished:
             return known
-    with cluster or nullcontext(run_plan) as execute:
-        plan = make_plan(scan, grid, options, places, progress)
+    with (
+        cluster or nullcontext(run_plan) as execute,
+        progress_of(progress, FRAMES) as tell,
+    ):
+        plan = make_plan(scan, grid, options, places, tell)
         attributes |= attributes_of_plan(plan)
         if known is None:
             _check_room(Path(path), plan)
@@ -104,7 +107,7 @@ def reconstruct_series(
             known = SeriesStore.create(path, grid, times, places, attributes)
         check_same_run(known, attributes)
         with _no_room_in_one_line(known):
-            execute(plan, known, progress)
+            execute(plan, known, tell)
     return known
 
 

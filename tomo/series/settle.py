@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.progress import staged
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, estimate_noise
 from tomo.operators.system import Progress
@@ -43,7 +44,6 @@ from tomo.series.images import (
     usable_in_all,
 )
 from tomo.series.plan import Plan
-from tomo.series.stages import planning
 from tomo.series.systems import weighted
 from tomo.series.temporal_plan import settle_filter
 
@@ -114,7 +114,7 @@ def make_plan(
         The frames, by their places in the scan.
     progress : callable, optional
     """
-    stage = planning(progress)
+    stage = staged(progress)
     stage("compiling")
     warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)
     stage("reading key frames")

@@ -5,7 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "effects": ["Effects"],
         "film": ["simulate_film"],
-        "simulate": ["simulate", "simulate_images"],
+        "simulate": ["SimulatedImages", "simulate", "simulate_images"],
     },
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,16 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phantoms import Field, field_at, sample
+from rigs.progress import Progress, progress_of
 from tomo.grid import VoxelGrid
 from tomo.scan import Corrections
 from tomo.scan.write_film import writing_film
 from tomo.simulation import camera_noise as noises
 from tomo.simulation.effects import Effects
+from tomo.simulation.emission import field_and_grid
 from tomo.simulation.project import check_memory, project_volumes, volumes_at_once
 from tomo.simulation.simulate import SMALLEST_REFINEMENT, check
 
 if TYPE_CHECKING:
     from os import PathLike
+
+    from xarray import DataArray
 
     from rigs import Rig
 
@@ -37,8 +41,8 @@ _AT_ONCE = 8  # volumes that share a tracing: more gain nothing
 
 def simulate_film(
     rig: Rig,
-    field: Field,
-    grid: VoxelGrid,
+    field: Field | DataArray,
+    grid: VoxelGrid | None,
     folder: str | PathLike,
     *,
     frames: int,
@@ -52,7 +56,7 @@ def simulate_film(
     bits: int | None = None,
     seed: int = 0,
     tracer: str = "march",
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: Progress | bool | None = None,
 ) -> Path:
     """Write the film that a rig takes of a field as a scan folder; return its scan.yaml.
 
@@ -74,8 +78,8 @@ def simulate_film(
         change. Full scale is a quarter above it, and brighter pixels are saturated.
     seed : int
         Noise is that of the seed and the frame's number: independent from frame to frame.
-    progress : callable, optional
-        Called with the frames done, their total, and the step.
+    progress : bool or callable, optional
+        True shows a bar; called with the frames done, their total, and the step.
 
     Raises
     ------
@@ -87,11 +91,11 @@ def simulate_film(
         raise ValueError(f"frames: found {frames}, expected a whole number >= 1")
     if not (math.isfinite(frame_rate) and frame_rate > 0):
         raise ValueError(f"frame_rate: found {frame_rate}, expected frames a second, > 0")
+    field, grid = field_and_grid(field, grid, rig)
     effects = Effects() if effects is None else effects
     fine_grid = grid.refined(refine)
     check_memory(fine_grid)
     gains = effects.gains(len(rig), seed)
-    say = progress or (lambda done, total, where: None)
 
     def images_of(numbers: range | list[int]) -> tuple[list[dict[str, NDArray]], list[NDArray]]:
         """Return the images without noise and the truths of some frames."""
@@ -104,10 +108,13 @@ def simulate_film(
 
     maximum = 0.0
     if noise or photons is not None or bits is not None:
-        for number in {(frames - 1) * part // max(_METERED - 1, 1) for part in range(_METERED)}:
-            say(0, frames, "exposure")
-            (images,), _ = images_of([number])
-            maximum = max(maximum, *(float(image.max()) for image in images.values()))
+        metered = {(frames - 1) * part // max(_METERED - 1, 1) for part in range(_METERED)}
+        with progress_of(progress, "exposure") as tell:
+            for done, number in enumerate(metered):
+                if tell:
+                    tell(done, len(metered), f"frame {number}")
+                (images,), _ = images_of([number])
+                maximum = max(maximum, *(float(image.max()) for image in images.values()))
         if maximum == 0:
             raise ValueError("noise: found only dark frames, expected a maximum to scale it by")
     full_scale = HEADROOM * maximum
@@ -126,14 +133,16 @@ def simulate_film(
     corrections = None if bits is None else Corrections(gain=full_scale, bit_depth=bits)
     dtype = np.float32 if bits is None else np.uint8 if bits <= 8 else np.uint16
     at_once = volumes_at_once(fine_grid, _AT_ONCE)
-    with writing_film(
+    with progress_of(progress, "simulate") as tell, writing_film(
         folder, rig, grid, frames=int(frames), frame_rate=float(frame_rate), dtype=dtype,
         corrections=corrections, effects=about,
     ) as put:  # fmt: skip
         for start in range(0, frames, at_once):
             numbers = range(start, min(start + at_once, frames))
-            say(start, frames, f"frame {start}")
+            if tell:
+                tell(start, frames, f"frame {start}")
             for number, images, truth in zip(numbers, *images_of(numbers), strict=True):
                 put(recorded(number, images), truth)
-    say(frames, frames, "")
+        if tell:
+            tell(frames, frames, "")
     return Path(folder) / "scan.yaml"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,7 @@ from tomo.simulation.effects import Effects
 
 if TYPE_CHECKING:
     from rigs import Rig
+    from rigs.progress import Progress
 
 _SEGMENTS_AT_ONCE = 8_000_000  # 100 MiB of segments, 300 with absorption, for any image size
 _RAYS_AT_ONCE = 2**19
@@ -30,7 +31,7 @@ def project_volumes(
     gains: NDArray[np.float64],
     supersample: int,
     tracer: str,
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[dict[str, NDArray[np.float32]]]:
     """Return the images of some volumes, camera name to ``(h, w)``, one mapping a volume.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from numbers import Integral
 from os import PathLike
@@ -15,13 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phantoms import Field, sample
+from rigs.progress import Progress, progress_of
 from tomo.grid import VoxelGrid
 from tomo.scan import Corrections, Scan
 from tomo.simulation import camera_noise as noises
 from tomo.simulation.effects import Effects
+from tomo.simulation.emission import field_and_grid
 from tomo.simulation.project import check_memory, project_volumes
 
 if TYPE_CHECKING:
+    from xarray import DataArray
+
     from rigs import Rig
 
 SMALLEST_REFINEMENT = 2
@@ -81,15 +85,18 @@ class SimulatedImages:
         return self.scan.save(folder)
 
 
-def simulate(rig: Rig, field: Field, grid: VoxelGrid, **settings: Any) -> Scan:
+def simulate(
+    rig: Rig, field: Field | DataArray, grid: VoxelGrid | None = None, **settings: Any
+) -> Scan:
     """Return the scan that a rig takes of a field, in memory: `Scan.save` writes it.
 
     Parameters
     ----------
     rig : Rig
-    field : callable
-        Maps points ``(N, 3)`` to emission ``(N,)``.
-    grid : VoxelGrid
+    field : callable or DataArray
+        Maps points ``(N, 3)`` to emission ``(N,)``; or a volume, see `VoxelGrid.from_xarray`.
+    grid : VoxelGrid, optional
+        Where the truth is stored; that of the volume, else the rig's when None.
     settings
         See `tomo.simulation.simulate_images`: ``supersample, refine, effects, noise, photons,
         read_noise, bits, seed, tracer, progress``.
@@ -99,8 +106,8 @@ def simulate(rig: Rig, field: Field, grid: VoxelGrid, **settings: Any) -> Scan:
 
 def simulate_images(
     rig: Rig,
-    field: Field,
-    grid: VoxelGrid,
+    field: Field | DataArray,
+    grid: VoxelGrid | None = None,
     *,
     supersample: int = 1,
     refine: int = 1,
@@ -111,7 +118,7 @@ def simulate_images(
     bits: int | None = None,
     seed: int = 0,
     tracer: str = "march",
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: Progress | bool | None = None,
 ) -> SimulatedImages:
     """Return the images that a rig takes of a field, and how they came about.
 
@@ -122,10 +129,11 @@ def simulate_images(
     Parameters
     ----------
     rig : Rig
-    field : callable
-        Maps points ``(N, 3)`` to emission ``(N,)``; emission outside the grid is ignored.
-    grid : VoxelGrid
-        Where the truth is stored.
+    field : callable or DataArray
+        Maps points ``(N, 3)`` to emission ``(N,)``; emission outside the grid is ignored. A
+        volume in xarray is the emission of its voxels.
+    grid : VoxelGrid, optional
+        Where the truth is stored; that of the volume, else the rig's when None.
     supersample : int
         K: K x K rays a pixel; a pixel is the mean of their line integrals.
     refine : int
@@ -144,8 +152,8 @@ def simulate_images(
         Seed of noise and gains; equal seeds give bit-identical images.
     tracer : str
         See `tomo.trace`.
-    progress : callable, optional
-        Called with the pixels done, their total, and the camera's name.
+    progress : bool or callable, optional
+        True shows a bar; called with the pixels done, their total, and the camera's name.
 
     Raises
     ------
@@ -153,14 +161,16 @@ def simulate_images(
         If an argument is out of range, or no camera sees the grid.
     """
     check(supersample, noise, photons, read_noise, bits, seed)
+    field, grid = field_and_grid(field, grid, rig)
     effects = Effects() if effects is None else effects
     fine_grid = grid.refined(refine)
     check_memory(fine_grid)
     gains = effects.gains(len(rig), seed)
     fine = sample(field, fine_grid, SMALLEST_REFINEMENT)  # (nx R, ny R, nz R)
-    (images,) = project_volumes(
-        rig, [fine], grid, fine_grid, effects, gains, supersample, tracer, progress
-    )
+    with progress_of(progress, "simulate") as tell:
+        (images,) = project_volumes(
+            rig, [fine], grid, fine_grid, effects, gains, supersample, tracer, tell
+        )
 
     settings: dict[str, Any] = {
         "field": repr(field),

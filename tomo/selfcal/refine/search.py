@@ -16,13 +16,14 @@ Numerical Analysis 10 (1973), explain why the volume must be free in the step.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Rig
+from rigs.progress import Progress
 from tomo.grid import VoxelGrid
 from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.downsample import coarsening
@@ -33,7 +34,6 @@ from tomo.selfcal.refine.prior import prior_lengths
 from tomo.selfcal.refine.problem import Task
 from tomo.selfcal.refine.refinement import Refinement
 
-Progress = Callable[[int, int, str], None]
 
 SEGMENTS = 6_000_000
 """Approximate segments of the system, before empty voxels are carved away. More take time and

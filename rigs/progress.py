@@ -1,0 +1,164 @@
+"""Progress of long work: a callable, or a bar in a terminal or a notebook.
+
+Functions that take long have a parameter ``progress``: None is silent, True shows a bar, and a
+callable is called with the parts done, all parts (0: not known yet) and the step in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import ProgressColumn
+
+Progress = Callable[[int, int, str], None]
+"""Called with what is done, its total and the step: ``progress(3, 33, "cam03")``."""
+
+STAGE = "plan: "
+"""How steps begin that are a stage by itself, with a line of its own."""
+
+FRAMES = "frames"
+"""The name of a bar that counts frames: it says their rate."""
+
+
+@contextmanager
+def progress_of(progress: Progress | bool | None, name: str) -> Iterator[Progress | None]:
+    """Give what progress is reported to while the block runs.
+
+    Parameters
+    ----------
+    progress : callable, bool or None
+        True shows a bar called ``name`` on stderr, or below the cell of a notebook; a callable is
+        given as it is; None and False give None.
+    name : str
+
+    Raises
+    ------
+    ValueError
+        If it is none of these.
+
+    Examples
+    --------
+    >>> with progress_of(lambda done, total, step: print(done, total, step), "trace") as tell:
+    ...     tell(1, 3, "cam00")
+    1 3 cam00
+    """
+    if progress is True:
+        with _bar(name) as show:
+            yield show
+        return
+    if progress and not callable(progress):
+        raise ValueError(f"progress: found {progress!r}, expected True, None or a callable")
+    yield progress or None
+
+
+def staged(progress: Progress | None) -> Callable[[str], Progress | None]:
+    """Return a function that begins a stage by name, and gives what its progress is reported to.
+
+    Examples
+    --------
+    >>> stage = staged(lambda done, total, where: print(done, total, where))
+    >>> tell = stage("tracing")
+    0 0 plan: tracing
+    >>> tell(1, 5, "cam01")
+    1 5 plan: tracing: cam01
+    """
+
+    def begin(name: str) -> Progress | None:
+        if progress is None:
+            return None
+        progress(0, 0, f"{STAGE}{name}")
+
+        def tell(done: int, total: int, where: str) -> None:
+            progress(done, total, f"{STAGE}{name}: {where}")
+
+        return tell
+
+    return begin
+
+
+def stage_of(step: str) -> tuple[str, str]:
+    """Return the stage that a step belongs to, empty where it has no line of its own, and the rest.
+
+    Examples
+    --------
+    >>> stage_of("plan: tracing: cam01")
+    ('tracing', 'cam01')
+    >>> stage_of("frame 7")
+    ('', 'frame 7')
+    """
+    if not step.startswith(STAGE):
+        return "", step
+    stage, _, rest = step.removeprefix(STAGE).partition(": ")
+    return stage, rest
+
+
+def clock(seconds: float) -> str:
+    """Return a time as minutes and seconds, or hours and minutes.
+
+    >>> clock(65), clock(7500)
+    ('1:05', '2 h 05')
+    """
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d}"
+
+
+@cache
+def stderr() -> Console:
+    """Return the console of bars and messages."""
+    from rich.console import Console
+
+    return Console(stderr=True)
+
+
+@contextmanager
+def _bar(name: str) -> Iterator[Progress]:
+    """Show a line for each stage, and one for the rest of the work."""
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bars
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(24),
+        _pace(),
+        TextColumn("{task.fields[step]}"),
+    )
+    with Bars(*columns, console=stderr(), speed_estimate_period=60) as bars:
+        lines: dict[str, int] = {}
+
+        def show(done: int, total: int, step: str = "") -> None:
+            stage, step = stage_of(step)
+            if (line := stage or name) not in lines:
+                if lines:
+                    last = [*lines.values()][-1]
+                    bars.update(last, completed=1, total=1, step="")
+                    bars.stop_task(last)
+                lines[line] = bars.add_task(line, total=None, step="", staged=bool(stage))
+            bars.update(lines[line], completed=done, total=total or None, step=step)
+
+        show(0, 0)
+        yield show
+
+
+def _pace() -> ProgressColumn:
+    """Return a column: frames a second, or percents, and the time left; of stages, their time."""
+    from rich.progress import ProgressColumn, Task
+    from rich.text import Text
+
+    class Pace(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            left = task.time_remaining
+            words = "" if left is None else f", {clock(left)} left"
+            if task.fields["staged"]:
+                return Text(f"{task.elapsed or 0:.1f} s")
+            if task.description != FRAMES:
+                return Text(f"{task.percentage:3.0f} %{words}" if task.total else "")
+            if task.finished:
+                return Text(f"{task.completed:.0f} in {clock(task.finished_time or 0)}")
+            return Text(f"{task.speed:.3g} frames/s{words}" if task.speed else "")
+
+    return Pace()
