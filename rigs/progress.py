@@ -82,7 +82,7 @@ def staged(progress: Progress | None) -> Callable[[str], Progress | None]:
 
 
 def stage_of(step: str) -> tuple[str, str]:
-    """Return the stage that a step belongs to, empty where it has no line of its own, and the rest.
+    """Return the stage of a step, empty where it has no line of its own, and the rest.
 
     Examples
     --------

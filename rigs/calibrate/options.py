@@ -64,6 +64,24 @@ def check_options(
         )
 
 
+def check_lens_options(
+    intrinsics: Rig | None, intrinsics_images: object | None, lenses: Mapping[str, object]
+) -> None:
+    """Raise where lenses that are kept as they are come with what is to find them.
+
+    Raises
+    ------
+    ValueError
+    """
+    used = {"intrinsics_images": intrinsics_images is not None}
+    also = [name for name, given in (used | dict(lenses)).items() if given]
+    if intrinsics is not None and also:
+        raise ValueError(
+            f"intrinsics: found {', '.join(also)} too, expected none of them with lenses that are "
+            "kept as they are"
+        )
+
+
 def common_lenses(
     cameras: Collection[str], sets: Iterable[Collection[str]]
 ) -> tuple[int, ...] | None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +14,7 @@ from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality.quality import Quality
 from rigs.calibrate.quality.windows import AdjustedWindow
 from rigs.calibrate.synchrony import Synchrony
+from rigs.files.json_file import plain
 from rigs.rig import Rig
 
 
@@ -54,6 +58,10 @@ class Calibration:
         Windows that were adjusted.
     looked_through : tuple of tuple of str
         The solids of the scene that each camera saw the target through; empty without a scene.
+    notes : tuple of str
+        Lines on the images and files, by `rigs.calibrate_rig`.
+    images : mapping of camera to mapping of frame to source, optional
+        The images that were searched, by `rigs.calibrate_rig`.
     """
 
     rig: Rig
@@ -73,6 +81,8 @@ class Calibration:
     synchrony: Synchrony | None = None
     windows: tuple[AdjustedWindow, ...] = ()
     looked_through: tuple[tuple[str, ...], ...] = ()
+    notes: tuple[str, ...] = ()
+    images: Mapping[str, Mapping[str, Any]] | None = None
 
     def __repr__(self) -> str:
         rms = np.sqrt((self.residuals[self.used] ** 2).sum(axis=1).mean())
@@ -80,3 +90,32 @@ class Calibration:
             f"<Calibration: {len(self.rig)} cameras, {int(self.used.sum())} of {len(self.used)} "
             f"observations, RMS {rms:.3g} px>"
         )
+
+    def report(self) -> dict[str, Any]:
+        """Return every figure as plain data, what was left out, and the notes."""
+        observations, quality = self.observations, self.quality
+        figures = {
+            "length_unit": self.rig.length_unit,
+            "notes": list(self.notes),
+            **(self.rig.calibration or {}),
+            "frames_rms_px": dict(zip(observations.frames, quality.frame_rms, strict=True)),
+            "images_rms_px": {
+                camera: {
+                    frame: rms
+                    for frame, rms in zip(observations.frames, row, strict=True)
+                    if math.isfinite(rms)
+                }
+                for camera, row in zip(observations.cameras, quality.image_rms, strict=True)
+            },
+            "left_out": [
+                {
+                    "camera": observations.cameras[observations.camera[k]],
+                    "frame": observations.frames[observations.frame[k]],
+                    "point": int(observations.point[k]),
+                    "uv": list(observations.uv[k]),
+                    "residual_px": list(self.residuals[k]),
+                }
+                for k in np.flatnonzero(~self.used)
+            ],
+        }
+        return plain(figures, digits=6)

@@ -8,6 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "compare": ["compare_rigs"],
         "coverage": ["Coverage"],
         "lines_of_sight": ["ray_distances", "ray_miss"],
-        "rig_check": ["check_rig"],
+        "in_volume": ["check_rig"],
+        "rig_check": ["check_points"],
     },
 )

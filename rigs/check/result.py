@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.check.coverage import Coverage
 from rigs.check.resolved_wavelength import ResolvedWavelength, ViewsOfObject, box_covariance
+from rigs.rig import Volume
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,9 @@ class RigCheck:
     ray_miss_from : {"calibration", "pixel accuracy"}
     weights : (N,) float64
         Fractions of the volume that the points stand for; their sum is 1.
+    volume, lattice : Volume, optional
+        The voxels checked, and the coarse ones whose centres are the points; None where points
+        were given.
     """
 
     coverage: Coverage
@@ -104,6 +109,8 @@ class RigCheck:
     ray_miss: float
     ray_miss_from: str
     weights: NDArray[np.float64]
+    volume: Volume | None = None
+    lattice: Volume | None = None
 
     @property
     def views_of_volume(self) -> ViewsOfObject:
@@ -119,3 +126,42 @@ class RigCheck:
         """``"good"``, ``"limited"`` where there is a warning, ``"not usable"`` with a fault."""
         levels = {finding.level for finding in self.findings}
         return "not usable" if "fault" in levels else "limited" if "warning" in levels else "good"
+
+    def report(self) -> dict[str, Any]:
+        """Return the figures as plain data; None where one is not known."""
+        found = self.coverage
+        seen = found.views > 0
+        footprint = found.median_footprint[seen]
+        pixel = float(np.median(footprint)) if len(footprint) else math.nan
+        return {
+            "assessment": self.assessment,
+            "length_unit": found.rig.length_unit,
+            "voxel": self.voxel,
+            "views": {
+                "least": int(found.views.min()),
+                "median": float(np.median(found.views)),
+                "most": int(found.views.max()),
+                "unseen": self.fraction(~seen),
+            },
+            "resolved_wavelength": {
+                name: value if isinstance(value, list) else _finite(value)
+                for name, value in self.resolved.report().items()
+            },
+            "pixel_in_voxels": _finite(pixel / self.voxel),
+            "ray_miss": _finite(self.ray_miss),
+            "ray_miss_from": self.ray_miss_from,
+            "findings": [asdict(finding) for finding in self.findings],
+            "cameras": {
+                figures.name: {
+                    name: _finite(value)
+                    for name, value in asdict(figures).items()
+                    if name != "name"
+                }
+                for figures in self.cameras
+            },
+        }
+
+
+def _finite(value: float) -> float | None:
+    """Return a number as JSON holds it: None for NaN and infinity."""
+    return value if math.isfinite(value) else None

@@ -18,7 +18,7 @@ from rigs.check.result import CameraFigures, RigCheck
 from rigs.rig import Rig
 
 
-def check_rig(
+def check_points(
     rig: Rig,
     points: ArrayLike,
     extent: ArrayLike,
@@ -27,7 +27,7 @@ def check_rig(
     pixel_accuracy: float = PIXEL_ACCURACY,
     weights: ArrayLike | None = None,
 ) -> RigCheck:
-    """Evaluate a rig by what it sees of a volume.
+    """Evaluate a rig by what it sees of points of a volume; `check_rig` chooses them.
 
     Parameters
     ----------

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigs import Camera, CameraLike, RayTable, Rig, check_rig, ring
+from rigs import Camera, CameraLike, RayTable, Rig, ring
+from rigs.check import check_points
 from rigs.scene import Scene, SceneCamera
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -70,8 +71,8 @@ def test_lengths_scale_with_the_world():
 
 def test_a_camera_of_another_kind_serves_in_a_rig():
     points = np.stack(np.meshgrid(*[np.linspace(-4, 4, 4)] * 3), axis=-1).reshape(-1, 3)
-    known = check_rig(Rig(CAMERAS), points, (8, 8, 8), 0.5)
-    other = check_rig(Rig(tuple(map(Borrowed, CAMERAS))), points, (8, 8, 8), 0.5)
+    known = check_points(Rig(CAMERAS), points, (8, 8, 8), 0.5)
+    other = check_points(Rig(tuple(map(Borrowed, CAMERAS))), points, (8, 8, 8), 0.5)
     np.testing.assert_array_equal(other.coverage.seen, known.coverage.seen)
     np.testing.assert_allclose(other.coverage.footprint, known.coverage.footprint, rtol=1e-6)
     with pytest.raises(ValueError, match=r"rig cameras\[0\]: found 3, expected a Camera"):

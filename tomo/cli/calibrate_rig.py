@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import time
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -18,31 +18,18 @@ from tomo.cli.calibration_inputs import (
     SceneOption,
     SquareOption,
     are_mosaics,
-    cameras_images,
-    check_lens_options,
-    frame_names,
     given_lenses,
     given_scene,
     given_volume,
     given_world,
     lens_sets,
-    with_lens_images,
 )
-from tomo.cli.console import JsonFlag, console, print_json, progress_bar, say
+from tomo.cli.console import JsonFlag, print_json, say
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import CenterOption, SpacingOption
 from tomo.cli.outputs import check_output_file, check_output_folder
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    from rigs.calibrate import Calibration
-    from rigs.calibrate.detect import Detections
-    from rigs.calibrate.detect.detect import ImageSet
-
-
 PAGE, FIGURES = "calibration.html", "calibration.json"
-_NAMED = 6
 
 EXAMPLES = """
 flametomo calibrate-rig images --target chessboard:9x6:25
@@ -161,66 +148,51 @@ def calibrate_rig(
     with bad_input_in_one_line():
         _check_outputs(out, report, cache)
         from rigs import save_rig
-        from rigs.calibrate import calibrate, frame_times
-        from rigs.calibrate.detect import detections
-        from rigs.calibrate.options import check_options
-        from rigs.calibrate.targets import parse_target
+        from rigs.calibrate import calibrate_rig as calibrate
+        from rigs.calibrate import image_set, parse_target
         from rigs.files.json_file import write_json
+        from tomo.draw.calibration import write_calibration_page
 
-        notes: list[str] = []
-        target_seen, volume = parse_target(target), given_volume(grid, spacing, center)
-        axes = given_world(world)
+        flat, volume = parse_target(target), given_volume(grid, spacing, center)
+        axes, strays = given_world(world), list[str]()
         naming = {"pattern": pattern, "are_mosaics": are_mosaics(bayer)}
-        found = cameras_images(images, every, notes, **naming)
-        how = {
-            "intrinsics": given_lenses(intrinsics or [], found),
-            "world": axes,
-            "rescale": rescale,
-            "length_unit": length_unit,
-            "distortion": model,
-            "target": target_seen,
-        }
-        how["scene"], windows = given_scene(scene, refine_window or [], length_unit)
-        frames = frame_names(found)
-        check_options(found, frames, **how)
-        lenses = {
-            "square_pixels": square_pixels,
-            "fixed_center": fixed_center,
-            "common_lens": lens_sets(common_lens or [], found),
-        }
-        check_lens_options(found, intrinsics, intrinsics_images, lenses)
-        times = frame_times(frames)
-        if intrinsics_images is not None:
-            own = cameras_images(intrinsics_images, every, notes, **naming)
-            found = with_lens_images(found, own, intrinsics_images)
-        with progress_bar("detect") as progress:
-            seen = detections(found, how["target"], cache=cache, progress=progress)
-        with console.status("calibrate") as status:
-            calibration = calibrate(
-                seen.observations,
-                **how,
-                **lenses,
-                windows=windows,
-                times=times,
-                volume=volume,
-                progress=status.update,
-            )
-        notes += _notes(found, seen)
+        found = image_set(images, every, strays.append, **naming)
+        optical, windows = given_scene(scene, refine_window or [], length_unit)
+        calibration = calibrate(
+            found,
+            flat,
+            intrinsics=given_lenses(intrinsics or [], found),
+            intrinsics_images=intrinsics_images,
+            common_lens=lens_sets(common_lens or [], found),
+            pattern=pattern,
+            bayer=bayer,
+            every=every,
+            cache=cache,
+            progress=True,
+            world=axes,
+            rescale=rescale,
+            length_unit=length_unit,
+            distortion=model,
+            volume=volume,
+            square_pixels=square_pixels,
+            fixed_center=fixed_center,
+            scene=optical,
+            windows=windows,
+        )
+        calibration = replace(calibration, notes=(*strays, *calibration.notes))
         folder = out.parent if report is None else report
         seconds = time.perf_counter() - started
-        details = {"images": images, "target": how["target"], "time": f"{seconds:.0f} s"}
-        figures = {
-            "target": str(how["target"]),
-            "length_unit": length_unit,
-            "seconds": round(seconds, 3),
-            "notes": notes,
-            **_figures(calibration),
-        }
+        figures = {"target": str(flat), "seconds": round(seconds, 3), **calibration.report()}
         out.parent.mkdir(parents=True, exist_ok=True)
         save_rig(calibration.rig, out)
-        _write_page(folder / PAGE, calibration, found, notes, details)
+        write_calibration_page(
+            folder / PAGE,
+            calibration,
+            title=f"Calibration of {images.absolute().name}",
+            details={"images": images, "target": flat, "time": f"{seconds:.0f} s"},
+        )
         write_json(folder / FIGURES, figures, indent=2)
-    for line in (calibration.assessment, *notes):
+    for line in (calibration.assessment, *calibration.notes):
         say(line)
     if json:
         print_json({"rig": str(out), "page": str(folder / PAGE), **figures})
@@ -235,76 +207,3 @@ def _check_outputs(out: Path, report: Path | None, cache: Path | None) -> None:
         check_output_file(cache)
     if report is not None:
         check_output_folder(report)
-
-
-def _notes(found: ImageSet, seen: Detections) -> list[str]:
-    """Return lines on files, blurred images, and cameras whose images lack the target."""
-    from rigs.calibrate.detect.image_sets import notes_of
-
-    notes = [
-        f"camera {camera}: {found[camera][frame]}: edges are blurred over {blur:.2g} px, twice as "
-        "much as is usual or more"
-        for camera, frame, blur in seen.blurred()
-    ]
-    for camera, frames in found.items():
-        without = [frame for frame in frames if (camera, frame) in seen.reasons]
-        if without:
-            named = ", ".join(without[:_NAMED]) + (", ..." if len(without) > _NAMED else "")
-            notes.append(
-                f"camera {camera}: target not found in {len(without)} of {len(frames)} images: "
-                f"{named}"
-            )
-    return notes + notes_of(found)
-
-
-def _write_page(
-    path: Path,
-    calibration: Calibration,
-    found: ImageSet,
-    notes: list[str],
-    details: dict[str, Any],
-) -> None:
-    """Write the page, with the images that fit worst."""
-    from rigs.calibrate.detect.image_sets import read_source
-    from tomo.draw.calibration import write_calibration_page
-
-    def image_of(camera: str, frame: str) -> np.ndarray:
-        return read_source(found[camera][frame])
-
-    title = f"Calibration of {Path(details['images']).absolute().name}"
-    write_calibration_page(
-        path, calibration, title=title, image_of=image_of, notes=notes, details=details
-    )
-
-
-def _figures(calibration: Calibration) -> dict[str, Any]:
-    """Return every figure of the calibration as plain data, and what was left out."""
-    import numpy as np
-
-    from rigs.files.json_file import plain
-
-    observations, quality = calibration.observations, calibration.quality
-    left_out = np.flatnonzero(~calibration.used)
-    figures = {
-        **(calibration.rig.calibration or {}),
-        "frames_rms_px": dict(zip(observations.frames, quality.frame_rms, strict=True)),
-        "images_rms_px": {
-            camera: {
-                frame: rms
-                for frame, rms in zip(observations.frames, row, strict=True)
-                if math.isfinite(rms)
-            }
-            for camera, row in zip(observations.cameras, quality.image_rms, strict=True)
-        },
-        "left_out": [
-            {
-                "camera": observations.cameras[observations.camera[k]],
-                "frame": observations.frames[observations.frame[k]],
-                "point": int(observations.point[k]),
-                "uv": list(observations.uv[k]),
-                "residual_px": list(calibration.residuals[k]),
-            }
-            for k in left_out
-        ],
-    }
-    return plain(figures, digits=6)

@@ -13,7 +13,6 @@ from tomo.cli.inputs import load_rig_or_preset, parse_grid
 
 if TYPE_CHECKING:
     from rigs import Rig, Volume
-    from rigs.calibrate.detect.detect import ImageSet
     from rigs.calibrate.refraction import WindowPrior
     from rigs.scene import Scene
 
@@ -162,46 +161,6 @@ def lens_sets(texts: Iterable[str], cameras: Iterable[str]) -> list[list[str]]:
     ]
 
 
-def with_lens_images(found: ImageSet, lenses: ImageSet, folder: Path) -> ImageSet:
-    """Return the images of cameras with those of their lenses, in frames of their own.
-
-    Raises
-    ------
-    ValueError
-        If there are images of the lens of a camera that has no others.
-    """
-    for camera in lenses:
-        if camera not in found:
-            raise ValueError(
-                f"--intrinsics-images: {folder}: found {camera}, expected names of cameras as in "
-                f"IMAGES: {', '.join(found)}"
-            )
-    return {
-        camera: {
-            **frames,
-            **{f"lens {camera} {name}": source for name, source in lenses.get(camera, {}).items()},
-        }
-        for camera, frames in found.items()
-    }
-
-
-def check_lens_options(
-    cameras: Iterable[str], given: list[str] | None, images: Path | None, lenses: dict
-) -> None:
-    """Raise where options about lenses contradict each other, before any image is read."""
-    from rigs.calibrate.options import common_lenses
-
-    used = {"--intrinsics-images": images is not None}
-    used |= {"--" + name.replace("_", "-"): bool(value) for name, value in lenses.items()}
-    also = [option for option, is_used in used.items() if is_used]
-    if given and also:
-        raise ValueError(
-            f"--intrinsics: found {', '.join(also)} too, expected none of them with lenses that "
-            "are kept as they are"
-        )
-    common_lenses(list(cameras), lenses["common_lens"])
-
-
 def given_world(text: str | None) -> Any:
     """Return a name as it is, and the positions in a file."""
     if text is None or Path(text).suffix.lower() not in (".yaml", ".yml"):
@@ -223,23 +182,8 @@ def given_volume(grid: str | None, spacing: str | None, center: str | None) -> V
     return Volume(voxels.shape, voxels.spacing, voxels.center)
 
 
-def cameras_images(folder: Path, every: int, notes: list[str], **naming: Any) -> ImageSet:
-    """Return the images in a folder, and add lines on folders that are no cameras.
-
-    ``naming`` is what `rigs.calibrate.image_set` takes besides.
-    """
-    from rigs.calibrate.detect import image_set
-
-    return image_set(folder, every, notes.append, **naming)
-
-
 def are_mosaics(bayer: str | None) -> bool:
     """Return whether images are mosaics; an order of colours that is none is refused."""
     from rigs.recordings import Mosaic
 
     return bayer is not None and bool(Mosaic(bayer.upper(), "g"))
-
-
-def frame_names(found: ImageSet) -> list[str]:
-    """Return the names of all frames, each once."""
-    return list(dict.fromkeys(frame for of_camera in found.values() for frame in of_camera))

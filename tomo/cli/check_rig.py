@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tomo.cli.center_offer import offered_center, with_offered_center
-from tomo.cli.console import JsonFlag, finite_or_none, print_json, say
+from tomo.cli.console import JsonFlag, print_json, say
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
     CenterOption,
@@ -86,7 +85,8 @@ def check_rig(
             raise ValueError(
                 f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
             )
-        from tomo.draw.rig.rig_page import check_on_grid
+        from rigs import check_rig as check_volume
+        from tomo.draw import visualize_check
 
         loaded, default = load_rig_and_grid(rig)
         if not len(loaded):
@@ -97,13 +97,14 @@ def check_rig(
         except ValueError as error:
             is_asked = is_free and (grid is None or spacing is None)
             raise ValueError(f"{error}{offered_center(loaded) if is_asked else ''}") from None
-        check, coarse = check_on_grid(loaded, voxels, pixel_accuracy=pixel_accuracy)
+        check = check_volume(loaded, voxels, pixel_accuracy=pixel_accuracy)
         if is_free:
             check = with_offered_center(check, loaded, voxels)
         need, effort, why = _effort(loaded, voxels, time)
         heading = Path(rig).stem
         for path in out:
-            _write_maps(path, loaded, voxels, check, coarse, images, pattern, heading)
+            shown = images if path.suffix.lower() == ".html" else None
+            visualize_check(path, check, images=shown, pattern=pattern, title=heading, note=say)
     if not json:
         from rich.console import Console
 
@@ -130,57 +131,6 @@ def _effort(rig: object, voxels: object, is_timed: bool) -> tuple:
     except ValueError as error:  # too large, or nothing is seen: the assessment says so
         return need, None, str(error)
     return effort.need, effort, ""
-
-
-def _write_maps(
-    path: Path,
-    rig: object,
-    voxels: object,
-    check: RigCheck,
-    coarse: object,
-    images: Path | None,
-    pattern: str | None,
-    heading: str,
-) -> None:
-    from tomo.draw.rig import rig_scene
-    from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene, write_coverage
-    from tomo.draw.rig.rig_page import check_table
-    from tomo.draw.rig.rig_scene import Target, up_of
-
-    maps = coverage_maps(check, coarse)
-    unit = rig.length_unit
-    if path.suffix.lower() == ".png":
-        write_coverage(
-            path, maps, coarse, length_unit=unit, title=f"{heading}: {check.assessment}"
-        )
-        return
-    scene = rig_scene(rig, voxels)
-    if path.suffix.lower() == ".glb":
-        from tomo.draw import write_glb
-
-        # the planes of several maps would lie in each other: a file without switches holds one
-        write_glb(path, scene + coverage_scene(maps[:1], coarse, unit))
-        return
-    from tomo.draw import write_html
-    from tomo.draw.rig.camera_view import camera_views
-
-    pictures = {}
-    if images is not None:
-        from tomo.draw.rig.thumbnails import image_scene, load_thumbnails
-
-        pictures = load_thumbnails(rig, images, pattern=pattern, note=say)
-        scene += image_scene(rig, Target.of(rig, voxels), pictures)
-    write_html(
-        path,
-        scene + coverage_scene(maps, coarse, unit),
-        title=heading,
-        up=up_of(rig),
-        grid=voxels,
-        views=camera_views(rig, voxels, pictures),
-        tables=[check_table(check)],
-        shown=["map: details"],
-        close_up=True,
-    )
 
 
 def _table(check: RigCheck) -> Table:
@@ -234,9 +184,7 @@ def _report(
     why: str,
     out: list[Path],
 ) -> dict:
-    """Return everything as plain data; None where a figure is not known."""
-    found = check.coverage
-    seen = found.views > 0
+    """Return the check as plain data, with the memory and time of a reconstruction."""
     estimate: dict = {"rays": need.rays, "segments": need.segments, "voxels": need.voxels}
     estimate |= {"bytes": need.nbytes}
     if effort is not None:
@@ -248,38 +196,4 @@ def _report(
         }
     else:
         estimate |= {"seconds": None, "reason": why}
-    return {
-        "assessment": check.assessment,
-        "length_unit": found.rig.length_unit,
-        "voxel": check.voxel,
-        "views": {
-            "least": int(found.views.min()),
-            "median": float(_median(found.views)),
-            "most": int(found.views.max()),
-            "unseen": check.fraction(~seen),
-        },
-        "resolved_wavelength": {
-            name: value if isinstance(value, list) else finite_or_none(value)
-            for name, value in check.resolved.report().items()
-        },
-        "pixel_in_voxels": finite_or_none(_median(found.median_footprint[seen]) / check.voxel),
-        "ray_miss": finite_or_none(check.ray_miss),
-        "ray_miss_from": check.ray_miss_from,
-        "findings": [asdict(finding) for finding in check.findings],
-        "cameras": {
-            figures.name: {
-                name: finite_or_none(value)
-                for name, value in asdict(figures).items()
-                if name != "name"
-            }
-            for figures in check.cameras
-        },
-        "estimate": estimate,
-        "files": [str(path) for path in out],
-    }
-
-
-def _median(values: object) -> float:
-    import numpy as np
-
-    return float(np.median(values)) if len(values) else math.nan
+    return check.report() | {"estimate": estimate, "files": [str(path) for path in out]}

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tomo.cli.console import JsonFlag, print_json, progress_bar, say
+from tomo.cli.console import JsonFlag, print_json, say
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.outputs import check_output_folder
 
@@ -52,8 +52,7 @@ def export(
         opened = SeriesStore(store)
         places = slices_of(frames, opened.n_frames)
         check_output_folder(out.parent)
-        with progress_bar("export") as progress:
-            written = export_series(opened, out, to, places, progress=progress)
+        written = export_series(opened, out, to, places, progress=True)
     numbers = opened.group["frame"][:]
     left_out = [int(numbers[place]) for place in places if opened.skipped[place]]
     count = len(places) - len(left_out)

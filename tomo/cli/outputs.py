@@ -7,10 +7,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tomo.draw.suffixes import PICTURE_SUFFIXES
+
 if TYPE_CHECKING:
     from rigs import Rig
-
-_PICTURE_SUFFIXES = (".png", ".html", ".glb")
 
 
 def check_output_folder(folder: Path) -> None:
@@ -41,7 +41,7 @@ def check_output_file(path: Path, suffixes: Sequence[str] = ()) -> None:
 def check_output_pictures(paths: Iterable[Path]) -> None:
     """Raise unless every path is that of a picture that can be written."""
     for path in paths:
-        check_output_file(path, _PICTURE_SUFFIXES)
+        check_output_file(path, PICTURE_SUFFIXES)
 
 
 def check_output_volume(folder: Path, rig: Rig, source: object) -> None:

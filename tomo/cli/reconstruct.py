@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tomo.cli.console import JsonFlag, frames_bar, print_json, progress_bar, say
+from tomo.cli.console import JsonFlag, print_json, say
 from tomo.cli.declared import declared_from, with_options_of
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
@@ -115,7 +115,6 @@ def reconstruct(
     """
     with bad_input_in_one_line():
         from tomo.pipeline import reconstruct as run
-        from tomo.report.outcome_files import write_outcome
 
         options = declared_from(Options, _with_checkpoint(values, out))
         loaded = _load(scan, rig, images, pattern)
@@ -134,9 +133,8 @@ def reconstruct(
         if options.frames is not None:
             cluster = _cluster(workers, scheduler)
             return _series(loaded, voxels, options, out, pictures, json, cluster)
-        with progress_bar("reconstruct") as progress:
-            outcome = run(loaded, voxels, options, progress=progress)
-        report = write_outcome(out, outcome, with_pictures=pictures)
+        outcome = run(loaded, voxels, options, progress=True)
+        report = outcome.save(out, with_pictures=pictures)
     say(report["answer"]["sentence"], "bold")
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")
@@ -164,26 +162,13 @@ def _series(
     cluster: AbstractContextManager | None,
 ) -> None:
     """Reconstruct frames into a store, and say what became of them."""
-    from tomo.cli.series import (
-        check_output_store,
-        reasons_left_out,
-        series_report,
-        series_summary,
-    )
-    from tomo.report.series_report import write_series_report
+    from tomo.cli.series import check_output_store, series_summary
+    from tomo.report import write_series_outcome
     from tomo.series import reconstruct_series
-    from tomo.series.table import SeriesTable
 
     check_output_store(out, scan.rig, scan.source)
-    with frames_bar() as progress:
-        store = reconstruct_series(scan, out, grid, options, progress=progress, cluster=cluster)
-    table = SeriesTable.of(store)
-    report = series_report(table)
-    report["warnings"] += reasons_left_out(report["left_out"], scan)
-    with progress_bar("report") as progress:
-        write_series_report(
-            report["page"], table, report["warnings"], with_film=pictures, progress=progress
-        )
+    store = reconstruct_series(scan, out, grid, options, progress=True, cluster=cluster)
+    report = write_series_outcome(store, scan, with_film=pictures, progress=True)
     say(report["answer"]["sentence"], "bold")
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tomo.cli.console import JsonFlag, print_json, progress_bar
+from tomo.cli.console import JsonFlag, print_json
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
     VOLUME_HELP,
@@ -146,17 +146,16 @@ def simulate(
         settings = {"effects": effects, "seed": seed, **rays, **noises}
         if frames is None and frame_rate is not None:
             raise ValueError(f"--frame-rate: found {frame_rate}, expected --frames with it")
-        with progress_bar("simulate") as progress:
-            settings["progress"] = progress
-            if frames is None:
-                scan = simulate_images(loaded, field, voxels, **settings)
-                summary = _summary(scan, voxels, scan.save(out))
-            else:
-                rate = FRAME_RATE if frame_rate is None else frame_rate
-                timing = {"frames": frames, "frame_rate": rate}
-                written = simulate_film(loaded, field, voxels, out, **timing, **settings)
-                summary = {"scan": str(written), "cameras": list(loaded.names), **timing}
-                summary["grid"] = voxels.to_mapping()
+        settings["progress"] = True
+        if frames is None:
+            scan = simulate_images(loaded, field, voxels, **settings)
+            summary = _summary(scan, voxels, scan.save(out))
+        else:
+            rate = FRAME_RATE if frame_rate is None else frame_rate
+            timing = {"frames": frames, "frame_rate": rate}
+            written = simulate_film(loaded, field, voxels, out, **timing, **settings)
+            summary = {"scan": str(written), "cameras": list(loaded.names), **timing}
+            summary["grid"] = voxels.to_mapping()
     if json:
         print_json({**summary, "seconds": time.perf_counter() - started})
 

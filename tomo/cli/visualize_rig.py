@@ -26,7 +26,7 @@ from tomo.cli.outputs import check_output_pictures
 if TYPE_CHECKING:
     from rigs import Rig
     from rigs.check.compare import RigDifference
-    from tomo.draw import Scene
+    from tomo.draw.volume.given import Volume
     from tomo.grid import VoxelGrid
 
 EXAMPLES = """
@@ -84,34 +84,29 @@ def visualize_rig(
     """
     with bad_input_in_one_line():
         check_output_pictures(out)
+        from tomo.draw import visualize_rig as draw
+
+        for option, given in (("--frame", frame), ("--pattern", pattern)):
+            if given is not None and images is None:
+                raise ValueError(f"{option}: expected --images with it")
         loaded, own = _load(rig)
-        data, voxels, value_unit = _volume(loaded, own, volume, grid, spacing, center)
-        heading = title if title is not None else Path(rig).stem
+        shown, voxels = _volume(loaded, own, volume, grid, spacing, center)
         difference = _difference(loaded, compare, voxels, align)
-        overlays = _overlays(loaded, voxels, difference)
-        pictures = _pictures(loaded, images, frame, pattern)
         for path in out:
-            suffix = path.suffix.lower()
-            if suffix == ".png":
-                from tomo.draw.rig import write_rig
-
-                shown = overlays.without("other names")  # the first rig has the same
-                write_rig(path, loaded, grid=voxels, volume=data, title=heading, extra=shown)
-                continue
-            scene = _scene(loaded, voxels, data, pictures) + overlays
-            if suffix == ".glb":
-                from tomo.draw import write_glb
-
-                write_glb(path, scene)
-                continue
-            tables = []
-            if difference is not None:
-                from tomo.draw.rig.rig_page import difference_table
-
-                names = Path(rig).stem, Path(compare).stem
-                tables.append(difference_table(difference, loaded.length_unit, *names))
-            shown = data, value_unit
-            _write_page(path, loaded, voxels, shown, scene, pictures, tables, coverage, heading)
+            draw(
+                path,
+                loaded,
+                voxels,
+                volume=shown,
+                images=images,
+                frame=frame,
+                pattern=pattern,
+                other=difference,
+                names=(Path(rig).stem, Path(compare or "").stem),
+                coverage=coverage,
+                title=title if title is not None else Path(rig).stem,
+                note=say,
+            )
     if difference is not None:
         _say_difference(difference, loaded.length_unit)
     if json:
@@ -146,16 +141,18 @@ def _volume(
     grid: str | None,
     spacing: str | None,
     center: str | None,
-) -> tuple:
-    """Return a volume's data and the grid to draw, None without one, and the values' unit."""
+) -> tuple[Volume | None, VoxelGrid | None]:
+    """Return a volume, None without one, and the grid to draw."""
     if volume is None:
         asked = grid or spacing or center
-        voxels = parse_grid(grid, spacing, center, default=default) if asked else default
-        return None, voxels, ""
+        return None, parse_grid(grid, spacing, center, default=default) if asked else default
+    from tomo.draw.volume.given import Volume
+
     is_bare = volume.suffix.lower() == ".npy"
     if grid or (not is_bare and (spacing or center)):
         raise ValueError("--volume: has a grid of its own, expected no --grid with it")
-    return read_volume_in(volume, rig, spacing, center)
+    data, own, value_unit = read_volume_in(volume, rig, spacing, center)
+    return Volume(data, own, rig.length_unit, value_unit), own
 
 
 def _difference(
@@ -164,85 +161,12 @@ def _difference(
     """Return how the other rig differs; None where there is none."""
     if compare is None:
         return None
-    from rigs import compare_rigs
-    from tomo.draw.rig.coverage_maps import coverage_grid
-    from tomo.draw.rig.rig_scene import Target
+    from tomo.draw.rig.rig_page import compare_on_grid
 
-    if voxels is not None:
-        points = coverage_grid(voxels, 500).centers().reshape(-1, 3)
-    else:
-        points = Target.of(rig, None).center[None]
     try:
-        return compare_rigs(rig, _load(compare)[0], points, align=align)
+        return compare_on_grid(rig, _load(compare)[0], voxels, align=align)
     except ValueError as error:
         raise ValueError(f"--compare {compare}: {error}") from None
-
-
-def _overlays(rig: Rig, voxels: VoxelGrid | None, difference: RigDifference | None) -> Scene:
-    """Return the scene around the cameras: targets as they were held, and the other rig."""
-    from tomo.draw.rig.rig_page import other_rig_scene, target_scene
-
-    scene = target_scene(rig)
-    return scene if difference is None else scene + other_rig_scene(rig, difference, voxels)
-
-
-def _pictures(rig: Rig, images: Path | None, frame: str | None, pattern: str | None) -> dict:
-    """Return thumbnails by camera; none without images."""
-    if images is None:
-        for option, given in (("--frame", frame), ("--pattern", pattern)):
-            if given is not None:
-                raise ValueError(f"{option}: expected --images with it")
-        return {}
-    from tomo.draw.rig.thumbnails import load_thumbnails
-
-    return load_thumbnails(rig, images, frame, pattern, note=say)
-
-
-def _scene(rig: Rig, voxels: VoxelGrid | None, data: object, pictures: dict) -> Scene:
-    """Return the rig's scene with what its cameras saw."""
-    from tomo.draw.rig import rig_scene
-    from tomo.draw.rig.rig_scene import Target
-    from tomo.draw.rig.thumbnails import image_scene
-
-    scene = rig_scene(rig, voxels, data)
-    return scene + image_scene(rig, Target.of(rig, voxels), pictures)
-
-
-def _write_page(
-    path: Path,
-    rig: Rig,
-    voxels: VoxelGrid | None,
-    shown: tuple,
-    scene: Scene,
-    pictures: dict,
-    tables: list,
-    coverage: bool,
-    heading: str,
-) -> None:
-    from tomo.draw import write_html
-    from tomo.draw.rig.camera_view import camera_views
-    from tomo.draw.rig.rig_scene import up_of
-
-    if coverage and voxels is not None:
-        from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene
-        from tomo.draw.rig.rig_page import check_on_grid, check_table
-
-        check, coarse = check_on_grid(rig, voxels)
-        maps = coverage_maps(check, coarse)
-        scene += coverage_scene(maps, coarse, rig.length_unit)
-        tables = [*tables, check_table(check)]
-    write_html(
-        path,
-        scene,
-        title=heading,
-        up=up_of(rig),
-        grid=voxels,
-        volume=shown[0],
-        value_unit=shown[1],
-        views=camera_views(rig, voxels, pictures),
-        tables=tables,
-        shown=["images"] if pictures else [],
-    )
 
 
 def _plain(difference: RigDifference) -> dict:

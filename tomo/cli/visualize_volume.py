@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
-from tomo.cli.console import JsonFlag, print_json, progress_bar
+from tomo.cli.console import JsonFlag, print_json
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import VOLUME_HELP, read_volume_file
 from tomo.cli.outputs import check_output_pictures
@@ -62,32 +61,15 @@ def visualize_volume(
             return _film(volume, out, frames, title, json)
         if frames is not None:
             raise ValueError(f"--frames: found {frames!r}, expected it with a store like out.zarr")
-        from tomo.draw.rig.rig_scene import volume_scene
-        from tomo.draw.volume import isosurface_scene
+        from tomo.draw import visualize_volume as draw
 
         data, grid, unit, value_unit = read_volume_file(
             volume, spacing, center, length_unit, allow_nan=True
         )
         heading = title if title is not None else volume.stem
-        scene = None
+        units = {"length_unit": unit, "value_unit": value_unit}
         for path in out:
-            if path.suffix.lower() == ".png":
-                from tomo.draw.volume import write_volume_picture
-
-                units = {"length_unit": unit, "value_unit": value_unit}
-                write_volume_picture(path, data, grid, **units, title=heading)
-                continue
-            scene = scene or volume_scene(grid, unit) + isosurface_scene(data, grid, unit)
-            if path.suffix.lower() == ".html":
-                from tomo.draw import write_html
-
-                write_html(
-                    path, scene, title=heading, volume=data, grid=grid, value_unit=value_unit
-                )
-            else:
-                from tomo.draw import write_glb
-
-                write_glb(path, scene)
+            draw(path, data, grid, **units, title=heading)
     if json:
         print_json(
             {
@@ -101,38 +83,18 @@ def visualize_volume(
 
 def _film(store: Path, out: list[Path], frames: str | None, title: str | None, json: bool) -> None:
     """Write pages that play the film of a store."""
-    from tomo.draw.film.player import film_of, write_film_page
-    from tomo.report.series_report import moments_of, shown_places, words_of
-    from tomo.series.frames import slices_of
-    from tomo.series.store import SeriesStore
-    from tomo.series.table import SeriesTable
+    from tomo.draw import visualize_film
+    from tomo.series import SeriesStore
 
-    for path in out:
-        if path.suffix.lower() != ".html":
-            raise ValueError(
-                f"{path}: suffix: found {path.suffix!r} with a store, expected .html; flametomo "
-                "export STORE --to npz --frames A:B writes single frames to draw, --to mp4 a film"
-            )
-    opened = SeriesStore(store)
-    table = SeriesTable.of(opened)
-    wanted = np.zeros(opened.n_frames, bool)
-    wanted[list(slices_of(frames or ":", opened.n_frames))] = True
-    wanted &= opened.complete
-    shown = shown_places(wanted)
-    if not shown:
-        raise ValueError(f"{store}: frames: found none that is complete, expected one")
-    about = opened.attributes
-    with progress_bar("film") as progress:
-        moments = moments_of(table, shown, progress)
-        film = film_of(moments, opened.grid, about["length_unit"], about["value_unit"])
+    opened, numbers = SeriesStore(store), []
     heading = title if title is not None else store.stem
     for path in out:
-        write_film_page(path, film, title=heading, words=words_of(shown, int(wanted.sum())))
+        numbers = visualize_film(path, opened, frames or ":", title=heading, progress=True)
     if json:
         print_json(
             {
                 "files": [str(path) for path in out],
                 "grid": opened.grid.to_mapping(),
-                "frames": table.frames[shown].tolist(),
+                "frames": numbers,
             }
         )

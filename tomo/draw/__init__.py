@@ -5,8 +5,12 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "calibration.calibration_page": ["write_calibration_page"],
+        "film.visualize": ["visualize_film"],
+        "rig.visualize": ["visualize_check", "visualize_rig"],
         "scene": ["Label", "Mesh", "Scene"],
         "viewpoint": ["Viewpoint"],
+        "volume.visualize": ["visualize_volume"],
         "write_glb": ["write_glb"],
         "write_html": ["write_html"],
     },

@@ -68,6 +68,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "operator": ["LINEAR", "VOXEL", "ProjectionOperator"],
         "stored": ["Projector"],
         "system": ["LinearSystem"],
+        "timing": ["Effort", "estimate_effort"],
         "view_gains": ["Gains"],
     },
 )

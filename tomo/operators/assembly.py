@@ -20,7 +20,6 @@ from tomo.rays import Rays
 from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.trace import Segments
 
-
 RAYS_AT_ONCE = 16_384
 """Rays that a thread traces at once: more leave the cache and let threads end apart, fewer cost
 calls."""

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Rig
+from tomo._compute.higher import higher
+from tomo.io import data_array
 from tomo.pipeline.answer import Answer, answer_of
 from tomo.pipeline.options import NOT_A_NUMBER, Options
 from tomo.pipeline.report_json import report_of
@@ -18,6 +20,10 @@ from tomo.pipeline.view import View
 from tomo.solvers import Solution
 
 if TYPE_CHECKING:
+    from os import PathLike
+
+    from xarray import DataArray
+
     from tomo.uncertainty import Assessment
     from tomo.wernet.default import LearnedWeights
 
@@ -125,6 +131,61 @@ class Reconstruction:
     def value_unit(self) -> str:
         """The unit of the volume's values, such as ``full scales per mm``; empty if unknown."""
         return self.scan.get("value_unit", "")
+
+    @property
+    def half_width(self) -> NDArray[np.float32] | None:
+        """The half-width of every voxel's 90 % interval; None where that is not known."""
+        return self.uncertainty.half_width if self.uncertainty else None
+
+    @property
+    def standard_deviation(self) -> NDArray[np.float32] | None:
+        """What noise leaves in every voxel; None where single voxels' are not known."""
+        known = self.uncertainty is not None and self.uncertainty.mapped
+        return self.uncertainty.standard_deviation if known else None
+
+    def to_xarray(self) -> DataArray:
+        """Return the volume with coordinates and units, as an `xarray.DataArray`.
+
+        ``half_width`` and ``standard_deviation`` are coordinates along x, y and z where they are
+        known, so that they are cut as the volume is; ``.reset_coords()`` makes a Dataset of all.
+        `tomo.VoxelGrid.from_xarray` gives the grid back.
+
+        Raises
+        ------
+        ValueError
+            If xarray is not installed.
+        """
+        known = {"half_width": self.half_width, "standard_deviation": self.standard_deviation}
+        return data_array(
+            self.volume,
+            self.solution.grid,
+            self.rig.length_unit,
+            self.value_unit,
+            more={name: values for name, values in known.items() if values is not None},
+            long_name="mean emission of a voxel",
+            method=str(self.solution.settings.get("method", "")),
+            frame=str(self.scan.get("frame", "")),
+        )
+
+    def save(self, folder: str | PathLike, *, with_pictures: bool = True) -> dict[str, Any]:
+        """Write what ``flametomo reconstruct`` writes: volumes, pictures and report.
+
+        Parameters
+        ----------
+        folder : path-like
+        with_pictures : bool
+            Whether pictures are drawn; without, the page has none.
+
+        Returns
+        -------
+        report : dict
+            The contents of ``report.json``.
+        """
+        return higher("save")(folder, self, with_pictures=with_pictures)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        return higher("reconstruction_html")(self)
 
     def report(self) -> dict[str, Any]:
         """Return the contents of ``report.json``: plain numbers, strings, lists and mappings."""

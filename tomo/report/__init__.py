@@ -5,7 +5,9 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "outcome_files": ["write_outcome"],
         "report": ["write_report"],
+        "series_outcome": ["series_report", "write_series_outcome"],
         "content": ["Convergence", "Results"],
         "pictures": ["Picture", "draw", "write_pictures"],
     },

@@ -82,7 +82,7 @@ def write_outcome(
 
 def results_of(outcome: Reconstruction) -> Results:
     """Return what the figures show of a whole reconstruction."""
-    found, condition = outcome.solution, outcome.uncertainty
+    found = outcome.solution
     return Results(
         rig=outcome.rig,
         grid=found.grid,
@@ -94,8 +94,8 @@ def results_of(outcome: Reconstruction) -> Results:
         method=found.settings["method"],
         learned=outcome.learned,
         value_unit=outcome.value_unit,
-        deviation=condition.standard_deviation if condition and condition.mapped else None,
-        half_width=condition.half_width if condition else None,
+        deviation=outcome.standard_deviation,
+        half_width=outcome.half_width,
     )
 
 

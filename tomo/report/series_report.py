@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files import atomic_path
+from rigs.progress import Progress
 from tomo.draw.film.chart import COLOURS, Chart, chart
-from tomo.draw.film.player import MOST_FRAMES, film_of
+from tomo.draw.film.player import film_of
+from tomo.draw.film.visualize import moments_of, shown_places, words_of
 from tomo.draw.page import render
-from tomo.operators.system import Progress
 from tomo.report.facts import detail_tables, number_text, without_nulls
 from tomo.series.answer import answer_of_series
 from tomo.series.table import SeriesTable
@@ -60,37 +61,6 @@ def write_series_report(
     )
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-
-
-def shown_places(complete: NDArray[np.bool_], most: int = MOST_FRAMES) -> list[int]:
-    """Return the places of the complete frames that a page shows, spread evenly."""
-    places = np.flatnonzero(complete)
-    if len(places) <= most:
-        return places.tolist()
-    return places[np.linspace(0, len(places) - 1, most).round().astype(int)].tolist()
-
-
-def moments_of(
-    table: SeriesTable, places: Sequence[int], progress: Progress | None = None
-) -> Iterator[tuple[str, float, NDArray]]:
-    """Yield label, position along the time axis and volume of frames."""
-    for done, place in enumerate(places):
-        if progress:
-            progress(done, len(places), table.label(place))
-        volume = table.store.volume(place)
-        yield table.label(place), (place + 0.5) / table.store.n_frames, volume
-    if progress:
-        progress(len(places), len(places), "")
-
-
-def words_of(shown: Sequence[int], count: int) -> str:
-    """Return the line that says which frames a film shows."""
-    if len(shown) < count:
-        return (
-            f"{len(shown)} of {count} frames, spread evenly; the store has them all, and "
-            "flametomo export --to mp4 makes a film of them."
-        )
-    return f"All {count} frames." if count > 1 else "The one frame."
 
 
 def _headline(table: SeriesTable) -> list[tuple[str, str, str]]:

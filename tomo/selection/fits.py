@@ -27,7 +27,6 @@ CATCHING_UP = 3
 give up strengths that would have won."""
 
 
-
 class Tried(NamedTuple):
     """A setting that was tried, and the relative residual of the left-out pixels."""
 

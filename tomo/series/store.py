@@ -10,7 +10,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import zarr
@@ -18,9 +18,13 @@ from numpy.typing import NDArray
 
 from rigs.files import atomic_path
 from tomo.grid import VoxelGrid
+from tomo.io.data_array import xarray_or_pip_line
 from tomo.radiometry.units import unit_of_total
 from tomo.series.frames import BLOCK
 from tomo.series.solving import FrameResult
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 FORMAT = "emission-series"
 VERSION = 1
@@ -168,6 +172,16 @@ class SeriesStore:
             found = "left out, as it could not be read" if state == LEFT_OUT else "missing"
             raise ValueError(f"{self.path}: frame {place}: found it {found}, expected a volume")
         return self.group["emission"][place]
+
+    def to_xarray(self) -> Dataset:
+        """Return the store as an `xarray.Dataset` that reads when asked; NaN where nothing is yet.
+
+        Raises
+        ------
+        ValueError
+            If xarray is not installed.
+        """
+        return xarray_or_pip_line().open_zarr(self.path, consolidated=False)
 
     def write_volume(self, place: int, volume: NDArray[np.float32]) -> None:
         """Write the volume of a frame; it counts once its block is finished."""

@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigs import Distortion, Optics, RayTable, Rig, arc, check_rig, look_at, ring
+from rigs import Distortion, Optics, RayTable, Rig, arc, look_at, ring
+from rigs.check import check_points
 from rigs.check.convention_errors import find_convention_errors
 
 EXTENT = np.array([16.0, 40.0, 16.0])
@@ -21,7 +22,7 @@ def a_ring(count=9, **options):
 
 
 def check(rig, **options):
-    return check_rig(rig, POINTS, EXTENT, 0.5, **options)
+    return check_points(rig, POINTS, EXTENT, 0.5, **options)
 
 
 def changed(rig, change, *names):
@@ -220,7 +221,7 @@ def test_a_grid_in_another_unit_is_reported_without_an_error_that_explains_it():
 )
 def test_bad_input_is_reported(extent, voxel, words):
     with pytest.raises(ValueError, match=words):
-        check_rig(a_ring(), POINTS, extent, voxel)
+        check_points(a_ring(), POINTS, extent, voxel)
 
 
 def test_tables_of_rays_are_judged_like_the_cameras_they_stand_for():
@@ -259,10 +260,10 @@ def test_two_views_in_one_image_count_as_two_cameras_do():
 def test_points_stand_for_the_parts_of_the_volume_that_they_are_given():
     rig = changed(a_ring(3), aimed_aside)
     weights = np.where(POINTS[:, 1] < 0, 3.0, 1.0)
-    answer = check_rig(rig, POINTS, EXTENT, 0.5, weights=weights)
+    answer = check_points(rig, POINTS, EXTENT, 0.5, weights=weights)
     unseen = answer.coverage.views == 0
     assert answer.fraction(unseen) == pytest.approx(weights[unseen].sum() / weights.sum())
     sees = weights[answer.coverage.seen[1]].sum() / weights.sum()
     assert answer.cameras[1].sees == pytest.approx(sees)
     with pytest.raises(ValueError, match="weights: found shape"):
-        check_rig(rig, POINTS, EXTENT, 0.5, weights=[1, 2])
+        check_points(rig, POINTS, EXTENT, 0.5, weights=[1, 2])

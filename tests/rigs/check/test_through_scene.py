@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from rigs import Camera, Rig, Volume, box_points, check_rig, look_at
+from rigs import Camera, Rig, Volume, box_points, look_at
+from rigs.check import check_points
 from rigs.check.through_scene import hidden_pixels, shift_at
 from rigs.scene import Cylinder, Glass, Mirror, Opaque, Reflecting, Scene, SceneCamera, Window
 from rigs.scene.gas import Gas, IndexVolume
@@ -71,8 +72,8 @@ def test_findings_name_glass_and_hardware_and_are_silent_without():
     rod = Cylinder("rod", (2, 0, 150), (0, 1, 0), 1, 50, Opaque())
     mirror = Mirror("far", (0, 0, -200), (0, 0, 1), Reflecting(), size=5)
     seen = plain.through(Scene((pane(30, size=40), rod, mirror)))
-    texts = [finding.text for finding in check_rig(seen, POINTS, (10, 10, 10), 1.0).findings]
+    texts = [finding.text for finding in check_points(seen, POINTS, (10, 10, 10), 1.0).findings]
     assert any("hardware (rod" in text for text in texts)
     assert any("shifts lines of sight by up to 1.9 mm" in text for text in texts), texts
-    texts = [finding.text for finding in check_rig(plain, POINTS, (10, 10, 10), 1.0).findings]
+    texts = [finding.text for finding in check_points(plain, POINTS, (10, 10, 10), 1.0).findings]
     assert not any("hardware" in text or "glass" in text for text in texts)

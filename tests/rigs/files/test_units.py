@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from rigs import arc, check_rig
+from rigs import arc
+from rigs.check import check_points
 from rigs.check.rig_check import calibrated_ray_miss
 from rigs.files.units import in_unit
 
@@ -43,8 +44,8 @@ def test_lengths_of_the_calibration_follow():
     assert rig.calibration == SUMMARY
     points = [[x, y, 0.0] for x in (-5.0, 5.0) for y in (-5.0, 5.0)]
     in_metres = [[value / 1000 for value in point] for point in points]
-    one = check_rig(rig, points, (10, 10, 1), 0.5)
-    other = check_rig(metres, in_metres, (0.01, 0.01, 0.001), 0.0005)
+    one = check_points(rig, points, (10, 10, 1), 0.5)
+    other = check_points(metres, in_metres, (0.01, 0.01, 0.001), 0.0005)
     assert other.ray_miss_from == "calibration"
     assert other.ray_miss / other.voxel == pytest.approx(one.ray_miss / one.voxel)
 

@@ -411,7 +411,7 @@ def test_lens_images_are_kept_apart_from_pose_images(run_tool, taken, few, tmp_p
 def test_lens_images_of_no_camera(refused, few, tmp_path):
     shutil.copytree(few / "cam00", tmp_path / "lenses" / "left")
     line = refused(few, "--intrinsics-images", tmp_path / "lenses")
-    assert "found left, expected names of cameras as in IMAGES: cam00, cam01, cam02" in line
+    assert "found left, expected names of cameras as in the images: cam00, cam01, cam02" in line
 
 
 def test_lenses_known_beforehand(run_tool, taken, calibrated, tmp_path):
@@ -458,7 +458,7 @@ LENSES = {
     "both": (
         ("--intrinsics", "lab.yaml", "--intrinsics", "cam00=a", "--intrinsics", "cam01=b",
          "--square-pixels"),
-        "--intrinsics: found --square-pixels too",
+        "intrinsics: found square_pixels too",
     ),
     "unknown": (("--common-lens", "cam00,left"), "common_lens: found 'left', expected names"),
     "alone": (("--common-lens", "cam00"), "common_lens: found cam00 alone"),

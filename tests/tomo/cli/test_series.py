@@ -5,8 +5,8 @@ import pytest
 import tifffile
 
 from rigs import ring, save_rig
+from rigs.progress import clock
 from tomo import VoxelGrid
-from tomo.cli.console import clock
 from tomo.operators import LinearSystem
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigs.files import atomic_path
 from rigs.scene.scene_camera import own_camera
@@ -55,7 +56,7 @@ def write_calibration_page(
     *,
     title: str = "Calibration",
     image_of: ImageOf | None = None,
-    notes: Sequence[str] = (),
+    notes: Sequence[str] | None = None,
     grid: VoxelGrid | None = None,
     details: Mapping[str, Any] | None = None,
 ) -> None:
@@ -69,15 +70,19 @@ def write_calibration_page(
     title : str
     image_of : callable, optional
         Returns a camera's grey image of a frame, ``(rows, columns)``, or None; called for the
-        images that fit worst. Without it they are not shown.
-    notes : sequence of str
-        What is to be said after the findings, a line each.
+        images that fit worst. By default they are those of the calibration; without any they are
+        not shown.
+    notes : sequence of str, optional
+        What is to be said after the findings, a line each; the calibration's when None.
     grid : VoxelGrid, optional
         The voxels to show; when None those of the rig, else the box that was evaluated.
     details : mapping, optional
         What the calibration was made from, in words.
     """
     grid = grid_of(calibration.rig, grid) or _evaluated_box(calibration)
+    notes = calibration.notes if notes is None else notes
+    if image_of is None and calibration.images is not None:
+        image_of = _reader(calibration.images)
     figures = {
         "residuals": draw_residuals(calibration),
         "worst": None if image_of is None else draw_worst(calibration, image_of),
@@ -111,6 +116,16 @@ def write_calibration_page(
     )
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def _reader(images: Mapping[str, Mapping[str, Any]]) -> ImageOf:
+    """Return what reads a camera's image of a frame."""
+    from rigs.calibrate.detect.image_sets import read_source
+
+    def image_of(camera: str, frame: str) -> NDArray:
+        return read_source(images[camera][frame])
+
+    return image_of
 
 
 def _evaluated_box(calibration: Calibration) -> VoxelGrid | None:

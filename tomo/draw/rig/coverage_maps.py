@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.check.in_volume import MOST_POINTS, lattice
 from tomo.draw.figures import INK, MUTED, new_figure, plain, save_figure
 from tomo.draw.scene import ColourScale, Scene
 from tomo.draw.volume.maps import map_scene
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
     from rigs.check.result import RigCheck
 
-_MOST_POINTS = 3000
-_LEAST_ALONG = 5  # points along an edge that has as many voxels
 _BAD = "YlOrRd"  # more is worse
 
 
@@ -44,27 +43,10 @@ class CoverageMap:
     scale: ColourScale
 
 
-def coverage_grid(grid: VoxelGrid, most: int = _MOST_POINTS) -> VoxelGrid:
-    """Return a coarse grid whose outermost voxels' centres are those of ``grid``.
-
-    Where an edge holds three voxels or more, an odd number of points stands along it, so that
-    one lies in its middle.
-    """
-    voxels = np.array(grid.shape)
-    low, high = 0.0, 1.0
-    for _ in range(40):  # the ratio of the points to the voxels along each edge, by bisection
-        ratio = (low + high) / 2
-        low, high = (ratio, high) if _points_along(voxels, ratio).prod() <= most else (low, ratio)
-    shape = _points_along(voxels, low)
-    spacing = (voxels - 1) * grid.spacing / np.maximum(shape - 1, 1)
-    spacing = np.where(shape > 1, spacing, grid.extent)
-    return VoxelGrid(tuple(shape.tolist()), tuple(spacing.tolist()), grid.center)
-
-
-def _points_along(voxels: NDArray, ratio: float) -> NDArray[np.int64]:
-    """Return the odd numbers of points along three edges."""
-    wanted = np.maximum(np.ceil(voxels * ratio), np.minimum(voxels, _LEAST_ALONG)).astype(np.int64)
-    return np.where(wanted > 2, wanted - (wanted % 2 == 0), wanted)
+def coverage_grid(grid: VoxelGrid, most: int = MOST_POINTS) -> VoxelGrid:
+    """Return the coarse grid of `rigs.check.in_volume.lattice`: its centres are checked."""
+    coarse = lattice(grid, most)
+    return VoxelGrid(coarse.shape, coarse.spacing, coarse.center)
 
 
 def coverage_maps(check: RigCheck, grid: VoxelGrid) -> tuple[CoverageMap, ...]:

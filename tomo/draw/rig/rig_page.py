@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from rigs import Rig
-from rigs.check import check_rig
+from rigs.check import check_rig, compare_rigs
 from rigs.check.compare import RigDifference
 from rigs.check.result import RigCheck
 from tomo.draw import shapes
@@ -21,17 +21,23 @@ from tomo.grid import VoxelGrid
 
 _OTHER, _MOVED, _TARGET = rgb("#8a3fa0"), rgb("#d4148c"), rgb("#12826a")
 _NO_FIGURE = "–"
+_COMPARED = 500  # points of a volume at which two rigs are compared
 
 
 def check_on_grid(rig: Rig, grid: VoxelGrid, **options: float) -> tuple[RigCheck, VoxelGrid]:
     """Return `rigs.check_rig` of a rig and a grid, and the coarse grid of its points."""
-    coarse = coverage_grid(grid)
-    points = coarse.centers().reshape(-1, 3)
-    voxel = float(np.prod(grid.spacing) ** (1 / 3))
-    # the outermost points lie on the faces of what they stand for half of
-    ends = [np.where(np.isin(np.arange(n), (0, n - 1)) & (n > 1), 0.5, 1.0) for n in coarse.shape]
-    weights = np.einsum("i,j,k->ijk", *ends).ravel()
-    return check_rig(rig, points, grid.extent, voxel, weights=weights, **options), coarse
+    return check_rig(rig, grid, **options), coverage_grid(grid)
+
+
+def compare_on_grid(
+    rig: Rig, other: Rig, grid: VoxelGrid | None = None, *, align: bool = True
+) -> RigDifference:
+    """Return `rigs.compare_rigs` at points of a grid, without one at what the first looks at."""
+    if grid is not None:
+        points = coverage_grid(grid, _COMPARED).centers().reshape(-1, 3)
+    else:
+        points = Target.of(rig, None).center[None]
+    return compare_rigs(rig, other, points, align=align)
 
 
 def check_table(check: RigCheck) -> Table:

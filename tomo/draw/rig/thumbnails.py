@@ -15,6 +15,7 @@ from rigs.recordings.layout import ONLY, how_to_name
 from tomo.draw.rig.rig_scene import Target, on_symbol, symbol_length
 from tomo.draw.scene import ColourScale, Mesh, Scene
 from tomo.draw.volume.maps import lattice_triangles
+from tomo.scan import Scan, load_scan
 
 _LONGEST = 480  # pixels of a thumbnail's longer side
 _LONGEST_IN_SPACE = 48  # and of the one that hangs in the camera's symbol
@@ -22,7 +23,7 @@ _LONGEST_IN_SPACE = 48  # and of the one that hangs in the camera's symbol
 
 def load_thumbnails(
     rig: Rig,
-    source: str | os.PathLike,
+    source: Scan | str | os.PathLike,
     frame: str | None = None,
     pattern: str | None = None,
     note: Callable[[str], None] | None = None,
@@ -32,8 +33,8 @@ def load_thumbnails(
     Parameters
     ----------
     rig : Rig
-    source : path-like
-        A scan (a folder with a scan.yaml, or a transforms.json), or a folder of images, see
+    source : Scan or path-like
+        A scan (or a folder with a scan.yaml, or a transforms.json), or a folder of images, see
         `rigs.recordings.find_images`. A scan's are corrected as it says.
     frame : str, optional
         The moment; the first when None.
@@ -54,15 +55,12 @@ def load_thumbnails(
     FileNotFoundError
         If there is no such folder.
     """
-    source = Path(source)
-    if not source.exists():
-        raise FileNotFoundError(f"{source}: no such folder of images")
-    is_scan = source.suffix == ".json" or any(
-        (source / name).exists() for name in ("scan.yaml", "transforms.json")
-    )
-    if is_scan and pattern is None:
-        files, images = _of_scan(rig, source, frame)
+    if isinstance(source, Scan) or (_is_scan(Path(source)) and pattern is None):
+        scan = source if isinstance(source, Scan) else load_scan(source)
+        source = Path("images") if scan.source is None else scan.source
+        files, images = _of_scan(rig, source, scan, frame)
     else:
+        source = Path(source)
         found = find_images(source, rig.names, pattern)
         chosen = {name: _of_frame(each, frame) for name, each in found.items()}
         files = {name: path for name, path in chosen.items() if path is not None}
@@ -110,13 +108,18 @@ def image_scene(rig: Rig, target: Target, images: dict[str, NDArray]) -> Scene:
     return Scene(tuple(meshes), length_unit=rig.length_unit)
 
 
+def _is_scan(source: Path) -> bool:
+    """Tell whether there is a scan, no mere folder of images."""
+    if not source.exists():
+        raise FileNotFoundError(f"{source}: no such folder of images")
+    names = ("scan.yaml", "transforms.json")
+    return source.suffix == ".json" or any((source / name).exists() for name in names)
+
+
 def _of_scan(
-    rig: Rig, source: Path, frame: str | None
+    rig: Rig, source: Path, scan: Scan, frame: str | None
 ) -> tuple[dict[str, Path], dict[str, NDArray[np.float32]]]:
     """Return the files and the images of a scan's cameras that the rig has too."""
-    from tomo import load_scan
-
-    scan = load_scan(source)
     common = [name for name in scan.rig.names if name in rig.names]
     if not common:
         return {}, {}
@@ -126,7 +129,8 @@ def _of_scan(
         if rig[camera.name].image_size != camera.image_size:  # all of a mosaic's colours
             _check_size(source, size, rig[camera.name])
     images = dict(zip(scan.rig.names, scan.images(frame), strict=True))
-    return {name: scan.frame(frame).images[name] for name in images}, images
+    files = scan.frame(frame).images
+    return {name: files[name] for name in images if isinstance(files[name], Path)}, images
 
 
 def _of_frame(files: Mapping[str, Path], frame: str | None) -> Path | None:

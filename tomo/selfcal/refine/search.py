@@ -34,7 +34,6 @@ from tomo.selfcal.refine.prior import prior_lengths
 from tomo.selfcal.refine.problem import Task
 from tomo.selfcal.refine.refinement import Refinement
 
-
 SEGMENTS = 6_000_000
 """Approximate segments of the system, before empty voxels are carved away. More take time and
 memory; fewer leave pixels too coarse for small errors."""

@@ -11,7 +11,8 @@ from typing import Annotated, Any
 
 import typer
 
-from tomo.cli.console import print_json, progress_bar, say
+from rigs.progress import progress_of
+from tomo.cli.console import print_json, say
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.outputs import check_output_folder
 from tomo.cli.usage import command_line
@@ -145,7 +146,7 @@ def _measure(
         if name in result["parts"]:
             continue
         module, loaded, started = study.module(name), load(), time.perf_counter()
-        with progress_bar(name) as progress:
+        with progress_of(True, name) as progress:
             tables = study.measure(name, replace(request, progress=progress))
         record = {"seconds": time.perf_counter() - started, "load_at_start": loaded}
         record["pictures"] = _draw(module, tables, out, study.name)

@@ -11,6 +11,7 @@ import typer
 
 from rigs.files import atomic_path
 from rigs.files.json_file import plain, write_json
+from rigs.progress import progress_of
 from studies.common.machine import machine
 from studies.common.page import markdown
 from studies.common.study import Tables
@@ -19,7 +20,7 @@ from studies.scenes.patches import parsed, patched
 from studies.scenes.recipe import HALVES
 from studies.scenes.trial import MOST_PROCESSES, Trials
 from tomo import Options
-from tomo.cli.console import progress_bar, say
+from tomo.cli.console import say
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.outputs import check_output_folder
 from tomo.cli.usage import command_line
@@ -75,7 +76,7 @@ def run(
         trials = Trials(cache, out / "rows", options, constants, processes, resume)
         module, measure = PARTS[part]
         started = time.perf_counter()
-        with progress_bar(part) as progress:
+        with progress_of(True, part) as progress:
             tables = measure(trials, half, quick=quick, progress=progress)
     result = {
         "study": "scenes",

@@ -1,0 +1,28 @@
+"""Methods of values whose work a package on a higher floor does: drawing and writing.
+
+`Reconstruction.save` writes what `tomo.report` makes, and a notebook shows what `tomo.draw` draws.
+Imports point downwards, so that the method names its function as text, in `HIGHER` alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+HIGHER = {
+    "save": "tomo.report.outcome_files:write_outcome",
+    "reconstruction_html": "tomo.report.notebook:reconstruction_html",
+    "scan_html": "tomo.draw.rig.scan_html:scan_html",
+}
+"""What a method asks for, and the function that does it."""
+
+
+def higher(name: str) -> Callable[..., Any]:
+    """Return the function of `HIGHER`, imported now.
+
+    >>> higher("save").__name__
+    'write_outcome'
+    """
+    module, function = HIGHER[name].split(":")
+    return getattr(import_module(module), function)
