@@ -234,6 +234,28 @@ class Rig(Sequence[CameraLike]):
             sizes.append(depth / focal if depth > 0 else math.nan)
         return np.array(sizes, np.float64)
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the cameras around the volume, and a table."""
+        from rigs.notebook import drawing, facts, framed, some, times
+
+        volume, unit = self.volume, self.length_unit
+        corners = None if volume is None else volume.corners()
+        rows: list[tuple[str, object]] = [("names", some(self.names) or "none")]
+        sizes = sorted({camera.image_size for camera in self.cameras})
+        rows.append(("images", some([f"{times(size)} pixels" for size in sizes]) or "none"))
+        if corners is not None:
+            middle = corners.mean(axis=0)
+            away = [float(np.linalg.norm(one.position - middle)) for one in self.cameras]
+            if away:
+                rows.append(("distance", f"{min(away):.5g} to {max(away):.5g} {unit}"))
+            rows.append(("voxels", f"{times(volume.shape)} of {times(volume.spacing)} {unit}"))
+        rows.append(("status", some(sorted({one.status for one in self.cameras})) or "none"))
+        if self.scene is not None:
+            rows.append(("looks through", some([solid.name for solid in self.scene.solids])))
+        rows.append(("world", self.world_frame or "not described"))
+        count = f"{len(self)} camera{'s' if len(self) != 1 else ''}"
+        return framed(f"Rig of {count}", drawing(self.cameras, corners), facts(rows))
+
     def _index(self, name: str) -> int:
         """Return the index of the camera called ``name``."""
         try:

@@ -13,7 +13,7 @@ from typing import Any
 HIGHER = {
     "save": "tomo.report.outcome_files:write_outcome",
     "reconstruction_html": "tomo.report.notebook:reconstruction_html",
-    "scan_html": "tomo.draw.rig.scan_html:scan_html",
+    "scan_html": "tomo.draw.scan_html:scan_html",
 }
 """What a method asks for, and the function that does it."""
 

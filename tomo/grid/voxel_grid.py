@@ -136,6 +136,21 @@ class VoxelGrid:
         """Return ``shape``, ``spacing`` and ``center`` as plain lists, for files."""
         return {name: list(getattr(self, name)) for name in ("shape", "spacing", "center")}
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: a table."""
+        from rigs.notebook import facts, framed, times
+
+        ends = zip("xyz", self.lower, self.upper, strict=True)
+        rows = [
+            ("voxels", f"{times(self.shape)} = {self.size:,}"),
+            ("edges of a voxel", times(self.spacing)),
+            ("box", times(self.extent)),
+            ("from, to", "; ".join(f"{axis} {low:.6g} to {high:.6g}" for axis, low, high in ends)),
+            ("center", ", ".join(f"{value:.6g}" for value in self.center)),
+            ("a volume takes", f"{4e-6 * self.size:.3g} MB"),
+        ]
+        return framed("Voxel grid", facts(rows))
+
     @property
     def size(self) -> int:
         """Number of voxels."""

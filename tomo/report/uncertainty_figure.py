@@ -20,19 +20,19 @@ _LEFT, _BETWEEN, _BAR, _BOTTOM, _TOP = 0.62, 0.58, 0.95, 0.5, 0.75  # inches
 
 def draw_deviations(
     volume: NDArray,
-    deviation: NDArray,
+    deviation: NDArray | None,
     grid: VoxelGrid,
     *,
     length_unit: str = "mm",
     value_unit: str = "",
     title: str = "Standard deviation",
 ) -> Figure:
-    """Return the middle planes of a volume and, beside them, of its standard deviation.
+    """Return the middle planes of a volume and, beside them, of its standard deviation, if any.
 
     Parameters
     ----------
     volume, deviation : (nx, ny, nz)
-        In one unit; each has a colour scale of its own.
+        In one unit; each has a colour scale of its own. The second may be None.
     grid : VoxelGrid
     length_unit, value_unit : str
     title : str
@@ -43,16 +43,17 @@ def draw_deviations(
     ValueError
         If a shape is not the grid's.
     """
-    for name, values in (("volume", volume), ("deviation", deviation)):
+    shown = [("Emission", volume), *([] if deviation is None else [(title, deviation)])]
+    for name, values in shown:
         if values.shape != grid.shape:
             raise ValueError(f"{name}: found shape {values.shape}, expected {grid.shape}")
     extent = grid.extent
     widths, heights = extent[[0, 2, 0]], extent[[1, 1, 2]]
     inches = min(3.0 / widths.sum(), 3.6 / heights.max())
     block = _LEFT + widths.sum() * inches + 2 * _BETWEEN + _BAR
-    size = 2 * block, heights.max() * inches + _BOTTOM + _TOP
+    size = len(shown) * block, heights.max() * inches + _BOTTOM + _TOP
     figure = new_figure(*size)
-    for number, (name, values) in enumerate((("Emission", volume), (title, deviation))):
+    for number, (name, values) in enumerate(shown):
         planes = middle_planes(np.nan_to_num(values), grid)
         highest = max(float(plane[0].max()) for plane in planes) or 1.0
         left = number * block + _LEFT

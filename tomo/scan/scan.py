@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._compute.higher import higher
 from tomo.grid import VoxelGrid
 from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.io.volume_film import SUFFIX
@@ -155,6 +156,10 @@ class Scan:
                 raise ValueError(f"camera {name}: channel: found grey arrays, expected bayer too")
         how = {"effects": effects, "radiometry": radiometry}
         return cls(rig, frames, corrections, grid, truth, **how)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: thumbnails of the first frame, and a table."""
+        return higher("scan_html")(self)
 
     def save(self, folder: str | PathLike) -> Path:
         """Write a scan in memory as a scan folder, see `save_scan`; return its scan.yaml.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig, nearest_point
+from rigs.notebook import upward
 from rigs.scene.scene_camera import own_camera
 from tomo.draw import shapes
 from tomo.draw.frame import EYE, Up
@@ -51,9 +52,7 @@ def grid_of(rig: Rig, grid: VoxelGrid | None = None) -> VoxelGrid | None:
 
 def up_of(rig: Rig) -> Up:
     """Return the world axis that most cameras' images show upward."""
-    upward = -np.sum([camera.R[1] for camera in rig], axis=0)
-    axis = int(np.abs(upward).argmax())
-    return Up(axis, -1 if upward[axis] < -1e-9 else 1)
+    return Up(*upward(rig))
 
 
 def border_rays(camera: CameraLike, per_side: int = 1) -> NDArray[np.float64]:

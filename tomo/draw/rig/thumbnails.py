@@ -27,6 +27,7 @@ def load_thumbnails(
     frame: str | None = None,
     pattern: str | None = None,
     note: Callable[[str], None] | None = None,
+    longest: int = _LONGEST,
 ) -> dict[str, NDArray[np.uint8]]:
     """Return each camera's picture, shrunk by area means; cameras without one are left out.
 
@@ -42,6 +43,8 @@ def load_thumbnails(
         How the files of a folder are named that is no scan.
     note : callable, optional
         Called with a line on what files say and reading does not heed, see `image_notes`.
+    longest : int
+        Pixels of a picture's longer side, at the most.
 
     Returns
     -------
@@ -73,7 +76,7 @@ def load_thumbnails(
             f"{source}: found no image{moment} of any camera, expected some of the rig's "
             f"{', '.join(rig.names)}: {how_to_name((), source, rig.names)}"
         )
-    small = {name: _shrunk(image, _LONGEST) for name, image in images.items()}
+    small = {name: _shrunk(image, longest) for name, image in images.items()}
     bright = np.quantile(np.concatenate([image.ravel() for image in small.values()]), 0.999)
     scale = 255 / bright if bright > 0 else 1.0
     return {name: np.uint8(np.clip(image * scale, 0, 255)) for name, image in small.items()}

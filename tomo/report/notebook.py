@@ -1,0 +1,90 @@
+"""A reconstruction as notebooks show it: verdict, middle planes, figures, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+from rigs.notebook import facts, framed, times
+from tomo.draw.figures import png_bytes
+from tomo.draw.page import embedded
+from tomo.pipeline import Reconstruction
+from tomo.report.facts import number_text
+from tomo.report.uncertainty_figure import draw_deviations
+
+_DPI = 90  # of the picture: a hundred kilobytes at most
+_COLOURS = {"green": "#1a6b2d", "amber": "#8a5000", "red": "#a1201a"}
+
+
+def reconstruction_html(outcome: Reconstruction) -> str:
+    """Return what a notebook shows of a reconstruction; it loads nothing."""
+    found, report = outcome.solution, outcome.report()
+    figure = draw_deviations(
+        outcome.volume,
+        outcome.half_width,
+        found.grid,
+        length_unit=outcome.rig.length_unit,
+        value_unit=outcome.value_unit,
+        title="Half-width of the 90 % interval",
+    )
+    figure.set_dpi(_DPI)
+    picture = (
+        f'<img alt="Middle planes of the volume" src="{embedded(png_bytes(figure))}" '
+        'style="max-width:100%;background:#fff;border-radius:4px;margin:6px 0;display:block">'
+    )
+    count = sum(view.takes_part for view in outcome.views)
+    title = f"Reconstruction of {times(found.grid.shape)} voxels from {count} cameras"
+    return framed(title, _verdict(report), picture, facts(_rows(report)), _warnings(report))
+
+
+def _verdict(report: Mapping[str, Any]) -> str:
+    """Return how far to trust the volume, and the answer: whether it explains the images."""
+    sentence, parts = report["answer"]["sentence"], []
+    verdict = report.get("verdict")
+    if verdict:
+        colour = _COLOURS[verdict["level"]]
+        parts.append(
+            f'<div style="border-left:6px solid {colour};padding:2px 0 2px 10px;margin:4px 0;'
+            f'font-weight:600">{escape(verdict["sentence"])}</div>'
+        )
+    parts.append(f'<div style="max-width:52em">{escape(sentence)}</div>')
+    return "".join(parts)
+
+
+def _rows(report: Mapping[str, Any]) -> list[tuple[str, object]]:
+    """Return the key figures by name."""
+    rows: list[tuple[str, object]] = [("method", report["method"])]
+    rows.append(("relative residual", _percent(report.get("relative_residual"))))
+    for name, key in (("error against the truth (NRMSE)", "nrmse"),
+                      ("cosine distance from the truth", "cosine_distance")):  # fmt: skip
+        if (value := report["quality"].get(key)) is not None:
+            rows.append((name, number_text(value)))
+    for camera, figures in report["held_out"].items():
+        known = [
+            f"{name.upper()} {number_text(figures[name])}{unit}"
+            for name, unit in (("psnr", " dB"), ("ssim", ""))
+            if figures.get(name) is not None
+        ]
+        rows.append((f"held out {camera}", ", ".join(known)))
+    emission = report.get("emission") or {}
+    if emission.get("total") is not None:
+        unit = emission.get("total_unit", "")
+        rows.append(("total emission", f"{emission['total']:.4g} {unit}".strip()))
+    rows.append(("rays, active voxels", f"{report['rays']:,}, {report['active_voxels']:,}"))
+    rows.append(("seconds", f"{report['seconds']['total']:.3g}"))
+    return rows
+
+
+def _percent(value: float | None) -> str:
+    return "undefined" if value is None else f"{value:.2%}"
+
+
+def _warnings(report: Mapping[str, Any]) -> str:
+    """Return the warnings, folded up."""
+    lines = "".join(f"<li>{escape(line)}</li>" for line in report["warnings"])
+    if not lines:
+        return ""
+    count = len(report["warnings"])
+    words = f"{count} warning{'s' if count > 1 else ''}"
+    return f'<details><summary>{words}</summary><ul style="max-width:52em">{lines}</ul></details>'
