@@ -1,23 +1,70 @@
-"""Cameras and rigs: projection of points, rays of pixels, calibration, file formats.
+"""Cameras and rigs: projection of points, rays of pixels, calibration, checks, file formats.
+
+The nouns:
+
+- `Camera`: name, image size, camera matrix, `Distortion`, pose. OpenCV's axes; pixel centres at
+  integers. `RayTable` is a camera given as one ray for every pixel.
+- `Rig`: cameras in order: ``rig[3]``, ``rig["cam03"]``, ``rig.without("cam03")``. A notebook draws
+  it.
+- `Volume`: the voxels that a rig was made for.
+
+The verbs: `load` reads a preset, a rig.yaml or any known format, `save_rig` and
+``rigs.formats.save`` write; `ring` and `arc` make virtual rigs; `calibrate_rig` makes a rig of
+images of a target; `check_rig` says whether a rig is good enough for a volume, `compare_rigs` how
+two differ; `with_images_changed` follows cropped, turned and binned images.
+
+Examples
+--------
+A ring of cameras, where it sees the origin, and whether it is good enough for a volume:
+
+>>> import rigs
+>>> rig = rigs.ring(12, distance=500, image_size=(72, 96), footprint=0.3, pitch_degrees=10)
+>>> uv, depth, valid = rig["cam00"].project([[0, 0, 0]])
+>>> uv.round(3).tolist(), depth.round(3).tolist()
+([[35.5, 47.5]], [500.0])
+>>> check = rigs.check_rig(rig, rigs.Volume((24, 40, 24), 0.5))
+>>> check.assessment
+'good'
+
+Go on with ``help(rigs.Rig)``, ``help(rigs.calibrate_rig)`` and the page "Your cameras" of the
+documentation.
 
 Names are loaded on first use, so that ``import rigs`` is fast.
 """
 
+from difflib import get_close_matches
+from importlib.util import find_spec
+from typing import Any
+
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
+_load, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=["formats"],
+    submodules=["calibrate", "formats"],
     submod_attrs={
+        "calibrate": ["calibrate_rig"],
         "camera": ["Camera", "look_at"],
         "camera_protocol": ["CameraLike"],
+        "changes": ["ImageChange", "as_ray_tables", "with_cameras", "with_images_changed"],
         "check": ["Coverage", "check_rig", "compare_rigs", "ray_distances", "ray_miss"],
-        "files": ["load_rig", "preset", "preset_names", "save_rig"],
+        "files": ["load_rig", "load_world", "preset", "preset_names", "save_rig"],
         "geometry": ["box_points", "image_motion", "nearest_point", "point_in_view"],
         "layouts": ["arc", "ring"],
         "lens": ["Distortion"],
+        "loading": ["load"],
         "optics": ["Optics"],
         "ray_table": ["RayTable"],
         "rig": ["Rig", "Volume"],
     },
 )
+
+
+def __getattr__(name: str) -> Any:
+    """Load a name on first use; say which one may be meant where there is none."""
+    if name in __all__:
+        return _load(name)
+    if not name.startswith("_") and find_spec(f"{__name__}.{name}"):
+        raise AttributeError(f"{__name__}.{name} is not loaded yet: import {__name__}.{name}")
+    close = get_close_matches(name, __all__, 1)
+    meant = f"did you mean {close[0]}? " if close else ""
+    raise AttributeError(f"{__name__} has no {name!r}: {meant}help({__name__}) says what there is")

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from rigs.camera_protocol import CameraLike
 from rigs.geometry.rays import nearest_point
 
-WIDTH, HEIGHT, MARGIN = 300, 220, 16
+WIDTH, HEIGHT, MARGIN = 300, 220, 26
 """Of a drawing, pixels: two beside each other fit into a notebook's cell."""
 
 MOST_NAMES = 12
-"""Cameras whose names stand beside them; of more they would lie over each other."""
+"""Cameras whose names stand beside them, from above; of more they lie over each other."""
 
 _SYMBOL = 0.13  # length of a camera's symbol, in distances to the middle
 _VOLUME = "#e2582f"
@@ -90,9 +90,11 @@ def drawing(cameras: Sequence[CameraLike], corners: NDArray | None) -> str:
         symbols = _symbols(cameras, sides, _SYMBOL * distance)
         drawn = [] if corners is None else [_volume(place(corners[:, [across, upright]] * signs))]
         for camera, symbol in zip(cameras, symbols, strict=True):
-            drawn.append(_camera(camera.name, place(symbol[:, [across, upright]] * signs),
-                                 len(cameras) <= MOST_NAMES))  # fmt: skip
-        label = f"{words}: {'xyz'[across]} to the right, {'-' if signs[1] < 0 else ''}{'xyz'[upright]} up"
+            is_named = upright != up and len(cameras) <= MOST_NAMES
+            at = place(symbol[:, [across, upright]] * signs)
+            drawn.append(_camera(camera.name, at, is_named))
+        upwards = f"{'-' if signs[1] < 0 else ''}{'xyz'[upright]}"
+        label = f"{words}: {'xyz'[across]} to the right, {upwards} up"
         parts.append(
             f'<figure style="display:inline-block;margin:0 12px 0 0"><svg width="{WIDTH}" '
             f'height="{HEIGHT}" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}" '
@@ -130,7 +132,9 @@ def _symbols(
     symbols = []
     for camera in cameras:
         width, height = camera.image_size
-        ends = np.array([[0, height / 2], [width, height / 2], [width / 2, 0], [width / 2, height]])
+        ends = np.array(
+            [[0, height / 2], [width, height / 2], [width / 2, 0], [width / 2, height]]
+        )
         _, directions = camera.rays(ends[list(sides)] - 0.5)
         directions = np.where(np.isfinite(directions), directions, camera.R[2])
         symbols.append(np.vstack([camera.position, camera.position + length * directions]))
@@ -140,10 +144,9 @@ def _symbols(
 def _camera(name: str, at: NDArray, named: bool) -> str:
     """Return a camera as a wedge that opens to where it looks; its name shows when pointed at."""
     corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in at)
-    (x, y), away = at[0], at[0] - at[1:].mean(axis=0)
-    away = away / max(float(np.linalg.norm(away)), 1e-9) * 9
+    x, y = at[0]
     text = (
-        f'<text x="{x + away[0]:.1f}" y="{y + away[1] + 3:.1f}" font-size="9" '
+        f'<text x="{min(max(x, MARGIN), WIDTH - MARGIN):.1f}" y="{y - 6:.1f}" font-size="9" '
         f'text-anchor="middle" fill="currentColor" opacity=".8">{escape(name)}</text>'
     )
     return (

@@ -247,7 +247,8 @@ class Rig(Sequence[CameraLike]):
             middle = corners.mean(axis=0)
             away = [float(np.linalg.norm(one.position - middle)) for one in self.cameras]
             if away:
-                rows.append(("distance", f"{min(away):.5g} to {max(away):.5g} {unit}"))
+                ends = dict.fromkeys(f"{each:.5g}" for each in (min(away), max(away)))
+                rows.append(("distance", f"{' to '.join(ends)} {unit}"))
             rows.append(("voxels", f"{times(volume.shape)} of {times(volume.spacing)} {unit}"))
         rows.append(("status", some(sorted({one.status for one in self.cameras})) or "none"))
         if self.scene is not None:

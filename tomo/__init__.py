@@ -1,30 +1,87 @@
-"""Camera-based 3-D emission tomography: trace, project, reconstruct.
+"""Camera-based 3-D emission tomography: from images to the emission in every voxel.
+
+The nouns:
+
+- `VoxelGrid`: where the voxels are: shape, spacing, centre.
+- `Scan`: the images of a rig's cameras (`rigs.Rig`), of one moment or a film. `load_scan` reads a
+  folder, `scan_of_images` images beside a rig, `Scan.from_arrays` takes arrays, and `simulate`
+  makes one of a known emission (`phantoms`).
+- `Options`: everything that can be asked of a reconstruction; ``help(tomo.Options)`` is its
+  reference.
+- `Reconstruction`: what `reconstruct` returns: ``volume``, ``answer``, ``report()``,
+  ``save(folder)``, ``to_xarray()``. A notebook shows it.
+- `SeriesStore`: the volumes of a film, by `reconstruct_series`; `export_series` writes them for
+  other programs.
+- `tomo.draw`: ``visualize_rig``, ``visualize_volume``, ``visualize_check``, ``visualize_film``.
+
+For own methods: `Rays`, `trace` and `Segments`, the operators (`Projector`, `LinearSystem`) and
+`tomo.solvers`.
+
+Examples
+--------
+A flame, its images, and the volume that they give back:
+
+>>> import phantoms, rigs, tomo
+>>> grid = tomo.VoxelGrid(shape=(8, 16, 8), spacing=1.0)
+>>> rig = rigs.ring(6, distance=500, image_size=(24, 36), footprint=0.6, pitch_degrees=10)
+>>> flame = phantoms.create("jet", extent=grid.extent)
+>>> scan = tomo.simulate(rig, flame, grid)
+>>> result = tomo.reconstruct(scan, options=tomo.Options(method="mlem", iterations=30))
+>>> result.volume.shape
+(8, 16, 8)
+>>> bool(result.report()["relative_residual"] < 0.2)
+True
+
+``progress=True`` shows a bar in a terminal and in a notebook; by default nothing is printed.
+
+Go on with ``help(rigs)`` for cameras and calibration, ``help(phantoms)`` for known emissions, and
+the page "From Python" of the documentation, which has each command beside its lines of Python.
 
 Names are loaded on first use, so that ``import tomo`` costs nothing that is not needed.
 """
 
+from difflib import get_close_matches
+from importlib.util import find_spec
+from typing import Any
+
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
+_load, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submodules=[
         "draw",
+        "export",
         "io",
         "metrics",
+        "operators",
         "radiometry",
         "report",
+        "series",
         "simulation",
         "solvers",
         "wernet",
     ],
     submod_attrs={
+        "export": ["export_series"],
         "grid": ["ActiveVoxels", "VoxelGrid"],
         "operators": ["LinearSystem", "Projector", "GaussianBasis", "dot_test"],
         "pipeline": ["Options", "Reconstruction", "reconstruct"],
         "rays": ["Rays"],
         "scan": ["Corrections", "Frame", "Scan", "load_scan", "save_scan", "scan_of_images"],
+        "series": ["SeriesStore", "reconstruct_series"],
         "simulation": ["simulate"],
         "solvers": ["Iteration", "Solution"],
         "trace": ["Segments", "trace"],
     },
 )
+
+
+def __getattr__(name: str) -> Any:
+    """Load a name on first use; say which one may be meant where there is none."""
+    if name in __all__:
+        return _load(name)
+    if not name.startswith("_") and find_spec(f"{__name__}.{name}"):
+        raise AttributeError(f"{__name__}.{name} is not loaded yet: import {__name__}.{name}")
+    close = get_close_matches(name, __all__, 1)
+    meant = f"did you mean {close[0]}? " if close else ""
+    raise AttributeError(f"{__name__} has no {name!r}: {meant}help({__name__}) says what there is")

@@ -7,5 +7,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "atomic": ["atomic_path", "remove_leftovers", "whole_folder"],
         "rig_yaml": ["load_rig", "preset", "preset_names", "save_rig"],
+        "world_file": ["load_world"],
     },
 )

@@ -171,21 +171,16 @@ def load_rig_or_preset(text: str) -> Rig:
 
 def load_rig_and_grid(text: str) -> tuple[Rig, VoxelGrid | None]:
     """Return such a rig, and the grid that the scan or the rig itself names, or None."""
-    from rigs import formats, preset, preset_names
+    from rigs import load, preset_names
     from tomo.grid import grid_of_rig
 
     path, grid = Path(text), None
-    files = [path / name for name in ("transforms.json", "rig.yaml") if (path / name).is_file()]
-    if text in preset_names():
-        rig = preset(text)
-    elif (path.is_file() and path.name == "scan.yaml") or (path / "scan.yaml").is_file():
+    is_scan = (path.is_file() and path.name == "scan.yaml") or (path / "scan.yaml").is_file()
+    if is_scan and text not in preset_names():
         from tomo import load_scan
 
         scan = load_scan(path)
         rig, grid = scan.rig, scan.grid
-    elif path.exists():
-        rig = formats.load(files[0] if files else path)
     else:
-        known = ", ".join(preset_names())
-        raise FileNotFoundError(f"{text}: no such rig file, and no preset; presets are {known}")
+        rig = load(text)
     return rig, grid or grid_of_rig(rig)

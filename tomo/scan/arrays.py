@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,8 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from rigs import Rig
 from tomo.scan.write import check_cameras
 
+if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
 
-def stacks_of(rig: Rig, images: Mapping[str, ArrayLike], field: str) -> dict[str, NDArray]:
+
+def stacks_of(
+    rig: Rig, images: Mapping[str, ArrayLike] | DataArray | Dataset, field: str
+) -> dict[str, NDArray]:
     """Return each camera's image or images as ``(frames, h, w)``; ``field`` names them in errors.
 
     Raises
@@ -20,6 +26,8 @@ def stacks_of(rig: Rig, images: Mapping[str, ArrayLike], field: str) -> dict[str
         If a camera is unknown, an image is not of its camera's size, or cameras have different
         numbers of frames.
     """
+    if hasattr(images, "dims") and not isinstance(images, Mapping):
+        images = _of_each_camera(cast("DataArray", images), field)
     check_cameras(field, "", images, rig)
     stacks = {name: _stack(field, name, rig, image) for name, image in images.items()}
     counts = {name: len(stack) for name, stack in stacks.items()}
@@ -27,6 +35,21 @@ def stacks_of(rig: Rig, images: Mapping[str, ArrayLike], field: str) -> dict[str
         found = ", ".join(f"{name} {count}" for name, count in counts.items())
         raise ValueError(f"{field}: frames: found {found}, expected as many of every camera")
     return stacks
+
+
+def _of_each_camera(array: DataArray, field: str) -> dict[str, NDArray]:
+    """Return the images of each camera of a DataArray along ``camera``."""
+    if "camera" not in array.dims or "camera" not in array.coords:
+        found = ", ".join(map(str, array.dims)) or "none"
+        raise ValueError(
+            f"{field}: found the dimensions {found}, expected camera, with the cameras' names as "
+            "its coordinate, and row and column"
+        )
+    order = [name for name in ("frame", "row", "column") if name in array.dims]
+    if set(array.dims) == {"camera", *order}:
+        array = array.transpose("camera", *order)
+    names = [str(name) for name in array.coords["camera"].values]
+    return dict(zip(names, np.moveaxis(array.values, array.dims.index("camera"), 0), strict=True))
 
 
 def _stack(field: str, camera: str, rig: Rig, images: ArrayLike) -> NDArray:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._compute.higher import higher
 from tomo.grid import VoxelGrid
 from tomo.io import VolumeFilm, read_volume_with_unit
+from tomo.io.data_array import xarray_or_pip_line
 from tomo.io.volume_film import SUFFIX
 from tomo.scan.arrays import all_of_area, area_means, stacks_of
 from tomo.scan.corrections import Corrections, holds_integers
@@ -25,6 +26,8 @@ from tomo.scan.write import save_scan
 
 if TYPE_CHECKING:
     from os import PathLike
+
+    from xarray import DataArray, Dataset
 
     from rigs import CameraLike, Rig
 
@@ -99,7 +102,7 @@ class Scan:
     def from_arrays(
         cls,
         rig: Rig,
-        images: Mapping[str, ArrayLike],
+        images: Mapping[str, ArrayLike] | DataArray | Dataset,
         grid: VoxelGrid | None = None,
         *,
         masks: Mapping[str, ArrayLike] | None = None,
@@ -113,10 +116,11 @@ class Scan:
         Parameters
         ----------
         rig : Rig
-        images : mapping
+        images : mapping, Dataset or DataArray
             Camera name to an image ``(h, w)``, or to several ``(frames, h, w)``: floating point,
             or uint8 or uint16, which are divided by their full scale. Frames are called
-            ``frame_000``, ``frame_001`` ...
+            ``frame_000``, ``frame_001`` ... A Dataset has a variable a camera, a DataArray the
+            dimension ``camera`` with their names.
         grid : VoxelGrid, optional
         masks : mapping, optional
             Camera name to ``(h, w)``, non-zero where a pixel is usable.
@@ -156,6 +160,29 @@ class Scan:
                 raise ValueError(f"camera {name}: channel: found grey arrays, expected bayer too")
         how = {"effects": effects, "radiometry": radiometry}
         return cls(rig, frames, corrections, grid, truth, **how)
+
+    def to_xarray(self, frame: str | None = None) -> DataArray:
+        """Return the corrected images of a frame, ``(camera, row, column)``; NaN is not usable.
+
+        Raises
+        ------
+        ValueError
+            As `read` raises, if the cameras' images differ in size, or xarray is not installed.
+        """
+        sizes = {camera.image_size for camera in self.rig}
+        if len(sizes) > 1:
+            found = ", ".join(f"{width} x {height}" for width, height in sorted(sizes))
+            raise ValueError(
+                f"{self._where}images: found sizes {found}, expected one for an array of all: "
+                "take some cameras by only(...)"
+            )
+        images, masks = self.read(frame)
+        values = np.where(np.array(masks), np.array(images), np.float32(np.nan))
+        coordinates = {"camera": list(self.rig.names)}
+        about = {"frame": self.frame(frame).name}
+        return xarray_or_pip_line().DataArray(
+            values, coordinates, ("camera", "row", "column"), "image", about
+        )
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: thumbnails of the first frame, and a table."""
