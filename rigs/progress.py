@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import ProgressColumn
+    from rich.progress import ProgressColumn, TaskID
 
 Progress = Callable[[int, int, str], None]
 """Called with what is done, its total and the step: ``progress(3, 33, "cam03")``."""
@@ -128,20 +128,26 @@ def _bar(name: str) -> Iterator[Progress]:
         TextColumn("{task.fields[step]}"),
     )
     with Bars(*columns, console=stderr(), speed_estimate_period=60) as bars:
-        lines: dict[str, int] = {}
+        waiting = bars.add_task(name, total=None, step="", staged=False)
+        lines: dict[str, TaskID] = {}
+
+        def end_last() -> None:
+            for last in [*lines.values()][-1:]:
+                bars.update(last, completed=1, total=1, step="")
+                bars.stop_task(last)
 
         def show(done: int, total: int, step: str = "") -> None:
             stage, step = stage_of(step)
             if (line := stage or name) not in lines:
-                if lines:
-                    last = [*lines.values()][-1]
-                    bars.update(last, completed=1, total=1, step="")
-                    bars.stop_task(last)
+                end_last()
+                if not lines:  # the first line takes the place of the one that waits for it
+                    bars.remove_task(waiting)
                 lines[line] = bars.add_task(line, total=None, step="", staged=bool(stage))
             bars.update(lines[line], completed=done, total=total or None, step=step)
 
-        show(0, 0)
         yield show
+        if name not in lines:
+            end_last()
 
 
 def _pace() -> ProgressColumn:

@@ -1,0 +1,99 @@
+"""Progress: silent, a callable, or a bar in a terminal and in a notebook."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+import rigs.progress
+from rigs.progress import FRAMES, clock, progress_of, stage_of, staged
+
+
+def shown(monkeypatch, name, calls, **how):
+    """Return what a bar shows of some calls."""
+    file = io.StringIO()
+    console = Console(file=file, width=120, **how)
+    monkeypatch.setattr(rigs.progress, "stderr", lambda: console)
+    with progress_of(True, name) as tell:
+        for call in calls:
+            tell(*call)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("silent", [None, False])
+def test_it_is_silent_by_default(silent, capsys):
+    with progress_of(silent, "trace") as tell:
+        assert tell is None
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_callable_is_called():
+    steps = []
+    with progress_of(lambda *step: steps.append(step), "trace") as tell:
+        tell(1, 3, "cam00")
+    assert steps == [(1, 3, "cam00")]
+
+
+def test_what_is_neither_is_refused():
+    with (
+        pytest.raises(ValueError, match="progress: found 'yes', expected True, None"),
+        progress_of("yes", "trace"),
+    ):
+        pass
+
+
+def test_a_bar_has_its_name_the_part_done_and_the_step(monkeypatch):
+    text = shown(monkeypatch, "trace", [(1, 4, "cam00")])
+    (line,) = text.strip().splitlines()
+    assert line.startswith("trace")
+    assert "25 %" in line
+    assert line.rstrip().endswith("cam00")
+
+
+def test_stages_have_lines_of_their_own_before_the_frames(monkeypatch):
+    calls = [(0, 0, "plan: tracing"), (1, 5, "plan: tracing: cam01"), (3, 3, "frame 2")]
+    first, second = shown(monkeypatch, FRAMES, calls).strip().splitlines()
+    assert first.startswith("tracing")
+    assert second.startswith("frames")
+    assert "3 in 0:00" in second
+
+
+def test_a_bar_goes_to_stderr(capsys):
+    rigs.progress.stderr.cache_clear()
+    with progress_of(True, "trace") as tell:
+        tell(1, 2, "")
+    rigs.progress.stderr.cache_clear()
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "trace" in err
+
+
+def test_a_stage_is_told_by_how_a_step_begins():
+    steps = []
+    tell = staged(lambda *step: steps.append(step))("carving")
+    tell(2, 3, "cam01")
+    assert [stage_of(step) for _, _, step in steps] == [("carving", ""), ("carving", "cam01")]
+    assert staged(None)("carving") is None
+
+
+def test_a_notebook_shows_the_bar_as_html(monkeypatch):
+    interactive = pytest.importorskip("IPython.core.interactiveshell")
+    pytest.importorskip("ipywidgets")
+    from IPython.utils.capture import capture_output
+
+    shell = interactive.InteractiveShell.instance()
+    console = Console(stderr=True, force_jupyter=True, width=100)
+    monkeypatch.setattr(rigs.progress, "stderr", lambda: console)
+    try:
+        with capture_output() as captured:
+            with progress_of(True, "trace") as tell:
+                tell(1, 4, "cam00")
+        assert captured.outputs
+        assert captured.stdout == ""
+    finally:
+        shell.clear_instance()
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(65, "1:05"), (7500, "2 h 05")])
+def test_times_in_words(seconds, words):
+    assert clock(seconds) == words

@@ -1,0 +1,46 @@
+"""What `help`, `dir` and a wrong name say of the packages."""
+
+import doctest
+
+import pytest
+
+import phantoms
+import rigs
+import tomo
+from tomo._compute.higher import HIGHER, higher
+
+PACKAGES = (phantoms, rigs, tomo)
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.__name__)
+def test_the_example_of_the_docstring_holds(package):
+    found = doctest.testmod(package)
+    assert found.attempted >= 4
+    assert found.failed == 0
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.__name__)
+def test_dir_shows_the_public_names_alone(package):
+    assert sorted(dir(package)) == sorted(package.__all__)
+    assert not [name for name in dir(package) if name.startswith("_")]
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.__name__)
+def test_the_docstring_names_most_of_what_there_is(package):
+    named = [name for name in package.__all__ if name in package.__doc__]
+    assert len(named) >= 0.5 * len(package.__all__)
+
+
+def test_a_wrong_name_is_answered_with_the_right_one():
+    with pytest.raises(AttributeError, match=r"tomo has no 'reconstuct': did you mean reconstr"):
+        tomo.reconstuct  # noqa: B018
+    with pytest.raises(AttributeError, match=r"phantoms has no 'zzz': help\(phantoms\) says"):
+        phantoms.zzz  # noqa: B018
+    with pytest.raises(AttributeError, match=r"rigs.fuzz is not loaded yet|rigs has no 'fuzz'"):
+        rigs.fuzz  # noqa: B018
+    assert not hasattr(tomo, "__wrapped__")
+
+
+@pytest.mark.parametrize("name", HIGHER)
+def test_methods_find_what_they_ask_of_higher_floors(name):
+    assert callable(higher(name))
