@@ -85,9 +85,8 @@ def test_a_notebook_shows_the_bar_as_html(monkeypatch):
     console = Console(stderr=True, force_jupyter=True, width=100)
     monkeypatch.setattr(rigs.progress, "stderr", lambda: console)
     try:
-        with capture_output() as captured:
-            with progress_of(True, "trace") as tell:
-                tell(1, 4, "cam00")
+        with capture_output() as captured, progress_of(True, "trace") as tell:
+            tell(1, 4, "cam00")
         assert captured.outputs
         assert captured.stdout == ""
     finally:
