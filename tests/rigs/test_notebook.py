@@ -7,8 +7,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from rigs import Rig, Volume, look_at, preset, ring
+from rigs import Rig, Volume, as_ray_tables, look_at, preset, ring
 from rigs.notebook import HEIGHT, WIDTH, drawing, facts, framed, upward
+from rigs.scene import Glass, Scene, Window
 
 BOX = Volume((4, 10, 4), 1.0)
 RIG = ring(4, distance=100.0, image_size=(30, 40), footprint=0.5, volume=BOX)
@@ -63,7 +64,18 @@ def test_the_upward_axis_follows_the_images():
     assert upward(RIG.transformed(np.diag([1.0, -1.0, -1.0]), [0, 0, 0])) == (1, -1)
 
 
-@pytest.mark.parametrize("rig", [Rig(()), RIG[:1], Rig(RIG.cameras), preset("paper33_pitch")])
+@pytest.mark.parametrize(
+    "rig",
+    [
+        Rig(()),
+        RIG[:1],
+        Rig(RIG.cameras),
+        preset("paper33_pitch"),
+        as_ray_tables(RIG[:2]),
+        RIG.through(Scene([Window("pane", (0, 0, 40), (0, 0, 1), 5, Glass("quartz"), size=30)])),
+    ],
+    ids=["none", "one", "no volume", "33", "ray tables", "window"],
+)
 def test_any_rig_is_small_html_that_loads_nothing(rig):
     html = rig._repr_html_()
     assert len(html) < 30_000

@@ -102,9 +102,13 @@ def check_rig(
             check = with_offered_center(check, loaded, voxels)
         need, effort, why = _effort(loaded, voxels, time)
         heading = Path(rig).stem
+        pictures = None
+        if images is not None:
+            from tomo.draw.rig.thumbnails import load_thumbnails
+
+            pictures = load_thumbnails(loaded, images, pattern=pattern, note=say)
         for path in out:
-            shown = images if path.suffix.lower() == ".html" else None
-            visualize_check(path, check, images=shown, pattern=pattern, title=heading, note=say)
+            visualize_check(path, check, images=pictures, title=heading)
     if not json:
         from rich.console import Console
 

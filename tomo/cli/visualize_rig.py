@@ -92,20 +92,22 @@ def visualize_rig(
         loaded, own = _load(rig)
         shown, voxels = _volume(loaded, own, volume, grid, spacing, center)
         difference = _difference(loaded, compare, voxels, align)
+        pictures = None
+        if images is not None:
+            from tomo.draw.rig.thumbnails import load_thumbnails
+
+            pictures = load_thumbnails(loaded, images, frame, pattern, note=say)
         for path in out:
             draw(
                 path,
                 loaded,
                 voxels,
                 volume=shown,
-                images=images,
-                frame=frame,
-                pattern=pattern,
+                images=pictures,
                 other=difference,
                 names=(Path(rig).stem, Path(compare or "").stem),
                 coverage=coverage,
                 title=title if title is not None else Path(rig).stem,
-                note=say,
             )
     if difference is not None:
         _say_difference(difference, loaded.length_unit)

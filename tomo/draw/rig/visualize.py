@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from tomo.draw.volume.given import GivenVolume
     from tomo.scan import Scan
 
+    Images = Scan | str | os.PathLike | Mapping[str, NDArray]
+
 NAMES = ("the rig", "the other")
 
 
@@ -40,7 +42,7 @@ def visualize_rig(
     grid: VoxelGrid | None = None,
     *,
     volume: GivenVolume | None = None,
-    images: Scan | str | os.PathLike | None = None,
+    images: Images | None = None,
     frame: str | None = None,
     pattern: str | None = None,
     other: Rig | RigDifference | None = None,
@@ -60,8 +62,9 @@ def visualize_rig(
         The volume's, else the rig's own when None.
     volume : Reconstruction, DataArray, (nx, ny, nz) array or path-like, optional
         Shown in its place.
-    images : Scan or path-like, optional
-        A scan, or a folder of images, which .html and .glb show.
+    images : Scan, path-like or mapping, optional
+        A scan, a folder of images, or camera to picture ``(rows, columns)`` uint8, which .html
+        and .glb show.
     frame, pattern : str, optional
         See `tomo.draw.rig.thumbnails.load_thumbnails`.
     other : Rig or RigDifference, optional
@@ -122,7 +125,7 @@ def visualize_check(
     path: str | os.PathLike,
     check: RigCheck,
     *,
-    images: Scan | str | os.PathLike | None = None,
+    images: Images | None = None,
     pattern: str | None = None,
     title: str = "",
     note: Callable[[str], None] | None = None,
@@ -171,7 +174,7 @@ def visualize_check(
 
 def _pictures(
     rig: Rig,
-    images: Scan | str | os.PathLike | None,
+    images: Images | None,
     frame: str | None,
     pattern: str | None,
     note: Callable[[str], None] | None,
@@ -179,6 +182,8 @@ def _pictures(
     """Return thumbnails by camera; none without images."""
     if images is None:
         return {}
+    if isinstance(images, Mapping):
+        return dict(images)
     from tomo.draw.rig.thumbnails import load_thumbnails
 
     return load_thumbnails(rig, images, frame, pattern, note=note)
