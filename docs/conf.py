@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parent
-BUILD = DOCS.parent / "out/docs"
 sys.path[:0] = [str(DOCS), str(DOCS.parent)]
 
 from _site.examples import forget_files  # noqa: E402
+from _site.stage import BUILD  # noqa: E402
 from sphinx_gallery.sorting import ExplicitOrder  # noqa: E402
 
 project = "flametomo"
@@ -38,6 +38,7 @@ myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 4
 default_role = "py:obj"  # `name` in a docstring is a link where the name is one
 highlight_language = "none"
+smartquotes_action = "qe"  # no dashes: --frame is an option
 nitpicky = True
 # names of other projects are out of reach without a network
 nitpick_ignore_regex = [("py:.*", r"(?!tomo\.|rigs\.|phantoms\.).*")]

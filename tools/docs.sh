@@ -15,6 +15,9 @@ export PYTHONPATH="$root/docs"
 say "== run the examples and write the site; a warning is an error"
 .venv/bin/python -m sphinx -b html -q -W --keep-going -c docs -d out/docs/doctrees out/docs/source out/site
 
+say "== the examples took"
+.venv/bin/python -m _site.examples
+
 say "== check links, anchors and pictures, and open the main pages in a browser"
 TOMO_SITE="$root/out/site" .venv/bin/python -m pytest -n 0 tests/tomo/test_site.py
 

@@ -22,15 +22,24 @@ three; each package below them has the names of one subject.
 
 
 def public_modules() -> list[str]:
-    """Return the names of the packages with public names, roots first, then by the alphabet."""
+    """Return the names of the modules with public names, roots first, then by the alphabet."""
     found = list(ROOTS)
     for root in ROOTS:
         package = importlib.import_module(root)
         for module in pkgutil.iter_modules(package.__path__, f"{root}."):
-            private = module.name.rpartition(".")[2].startswith("_")
-            if not private and getattr(importlib.import_module(module.name), "__all__", None):
-                found.append(module.name)
+            name = module.name.rpartition(".")[2]
+            if not name.startswith("_") and (module.ispkg or name in package.__all__):
+                found += [module.name] * bool(public_names(module.name))
     return found
+
+
+def public_names(module: str) -> list[str]:
+    """Return the names that a module lists in `__all__`, or defines without an underscore."""
+    values = vars(found := importlib.import_module(module))
+    if names := getattr(found, "__all__", None):
+        return sorted(names, key=str.lower)
+    names = [name for name in values if not name.startswith("_")]
+    return [name for name in names if getattr(values[name], "__module__", "") == module]
 
 
 def pages() -> dict[str, str]:
@@ -39,7 +48,7 @@ def pages() -> dict[str, str]:
     homes, own = {}, {}
     for module in modules:
         own[module] = []
-        for name in sorted(importlib.import_module(module).__all__, key=str.lower):
+        for name in public_names(module):
             value = getattr(importlib.import_module(module), name)
             if isinstance(value, ModuleType):
                 continue

@@ -8,9 +8,10 @@ from sphinx.transforms.post_transforms import SphinxPostTransform
 
 PAGE = "reference/glossary"
 # Terms that pages also use as everyday words: a link would mislead.
-EVERYDAY = frozenset(
-    {"Background", "Chunk", "Fold", "Frame", "Grid", "Path", "Resolution", "Scan", "Scene", "View"}
-)
+EVERYDAY = frozenset({
+    "background", "chunk", "fold", "frame", "grid", "offset", "path", "resolution", "scan", "scene",
+    "view",
+})  # fmt: skip
 NOT_IN = (nodes.reference, nodes.title, nodes.literal, nodes.term, nodes.rubric, nodes.table)
 
 
@@ -20,13 +21,18 @@ def terms_of(glossary: nodes.document) -> dict[str, tuple[str, str]]:
     for section in glossary.findall(nodes.section):
         title = section.next_node(nodes.title).astext()
         paragraph = section.next_node(nodes.paragraph)
-        if title in EVERYDAY or paragraph is None or section.parent is glossary:
+        if paragraph is None or section.parent is glossary:
             continue
         meaning = re.split(r"(?<=[.]) ", paragraph.astext().replace("\n", " "))[0]
-        for term in re.split(r", | and |[()]", title):
-            if term.strip():
-                found[term.strip().lower()] = (section["ids"][0], meaning)
+        for term in terms_in(title):
+            found[term] = (section["ids"][0], meaning)
     return found
+
+
+def terms_in(title: str) -> list[str]:
+    """Return the terms of a heading such as ``Stored matrix, on the fly``, in lower case."""
+    terms = (part.strip().lower() for part in re.split(r", | and |[()]", title))
+    return [term for term in terms if term and term not in EVERYDAY]
 
 
 class LinkTerms(SphinxPostTransform):
@@ -40,7 +46,7 @@ class LinkTerms(SphinxPostTransform):
             return
         terms = terms_of(self.env.get_doctree(PAGE))
         words = "|".join(sorted(map(re.escape, terms), key=len, reverse=True))
-        pattern = re.compile(rf"\b({words})(s|es)?\b", re.IGNORECASE)
+        pattern = re.compile(rf"\b({words})(s|es)?\b(?![-.]\w)", re.IGNORECASE)
         for text in list(self.document.findall(nodes.Text)):
             if terms and _is_prose(text):
                 self.link(text, terms, pattern)
@@ -49,6 +55,9 @@ class LinkTerms(SphinxPostTransform):
         """Replace the terms in one text that the page has not used before."""
         parts, done = [], 0
         for match in pattern.finditer(text):
+            before = text[: match.start()].rstrip()
+            if match[0].istitle() and before and before[-1] not in ".:?":
+                continue  # a proper name: Phantom cameras
             anchor, meaning = terms.pop(match[1].lower(), (None, None))
             if anchor:
                 parts += [nodes.Text(text[done : match.start()]), self.reference(match[0], anchor)]
