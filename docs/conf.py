@@ -64,7 +64,7 @@ EXAMPLES = (
     # films
     "film_to_zarr",
     # optics
-    "window_and_occluder", "quartz_window", "occluder_from_cad", "mirror_view", "depth_of_field",
+    "quartz_window", "occluder_from_cad", "mirror_view", "depth_of_field",
     "two_colour_temperature",
     # extending
     "custom_solver", "custom_prior",

@@ -1,12 +1,17 @@
 """The site that tools/docs.sh built, named by TOMO_SITE: links, and pages in a browser."""
 
 import os
+import re
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
+
+import phantoms
+import rigs
+import tomo
 
 SITE = Path(os.environ.get("TOMO_SITE", "no site"))
 pytestmark = pytest.mark.skipif(not SITE.is_dir(), reason="sh tools/docs.sh runs these")
@@ -90,6 +95,31 @@ def test_nothing_is_fetched_from_elsewhere():
 def test_pictures_are_described():
     assert not {path.name: page(path).unnamed_images for path in pages()
                 if page(path).unnamed_images}  # fmt: skip
+
+
+@pytest.mark.parametrize("package", [tomo, rigs, phantoms], ids=lambda package: package.__name__)
+def test_every_public_name_is_described(package):
+    described = set().union(*(page(path).anchors for path in (SITE / "api").glob("*.html")))
+    for name in package.__all__:
+        assert f"{package.__name__}.{name}" in described | {f"module-{package.__name__}.{name}"}
+
+
+def test_formulas_and_terms_are_more_than_text():
+    text = (SITE / "theory/calibration.html").read_text("utf-8")
+    assert text.count("<math") > 20
+    assert "$" not in re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
+    terms = re.findall(r'<a class="term[^>]*href="([^"]*)" title="', text)
+    assert len(terms) > 5
+    assert len(terms) == len(set(terms))  # the first use alone
+
+
+def test_examples_show_the_picture_before_the_code():
+    examples = sorted((SITE.parent / "docs/examples").glob("*.py"))
+    assert examples
+    for example in examples:
+        text = (SITE / "gallery" / f"{example.stem}.html").read_text("utf-8")
+        picture, code = text.find("sphx_glr_"), text.find('<div class="highlight-Python')
+        assert 0 < picture < code, example.name
 
 
 @pytest.mark.parametrize("width", WIDTHS)
