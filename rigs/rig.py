@@ -243,8 +243,8 @@ class Rig(Sequence[CameraLike]):
         rows: list[tuple[str, object]] = [("names", some(self.names) or "none")]
         sizes = sorted({camera.image_size for camera in self.cameras})
         rows.append(("images", some([f"{times(size)} pixels" for size in sizes]) or "none"))
-        if corners is not None:
-            middle = corners.mean(axis=0)
+        if volume is not None:
+            middle = np.array(volume.center)
             away = [float(np.linalg.norm(one.position - middle)) for one in self.cameras]
             if away:
                 ends = dict.fromkeys(f"{each:.5g}" for each in (min(away), max(away)))

@@ -162,6 +162,6 @@ class RigCheck:
         }
 
 
-def _finite(value: float) -> float | None:
+def _finite(value: Any) -> float | None:
     """Return a number as JSON holds it: None for NaN and infinity."""
     return value if math.isfinite(value) else None

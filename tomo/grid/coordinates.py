@@ -62,12 +62,15 @@ def _even_steps(
     values = np.sort(values.astype(np.float64)) if values[0] > values[-1] else values
     values = values.astype(np.float64)
     count = len(values)
-    if count == 1 and step is None:
+    if count > 1:
+        found = float(values[-1] - values[0]) / (count - 1)
+    elif step is not None:
+        found = step
+    else:
         raise ValueError(
             f"coordinates: {name}: found {values[0]:g} alone, expected two or more, or the edge "
             "lengths of a voxel in attrs['spacing']"
         )
-    found = step if count == 1 else (values[-1] - values[0]) / (count - 1)
     slack = UNEVEN * abs(found) + 4 * rough * np.abs(values).max()
     misses = np.abs(values - (values[0] + found * np.arange(count)))
     if not (found > 0 and misses.max() <= slack):  # NaN is none of both
@@ -78,7 +81,7 @@ def _even_steps(
     if step is not None and abs(step - found) * count <= slack:
         found = step
     at = float(values[0] + (count - 1) / 2 * found)
-    return float(found), middle if middle is not None and abs(middle - at) <= slack else at
+    return found, middle if middle is not None and abs(middle - at) <= slack else at
 
 
 def _noted(own: Mapping[str, Any], number: int) -> tuple[float | None, float | None]:

@@ -5,8 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "data_array": ["data_array", "volume_of_data_array"],
         "volume_film": ["VolumeFilm"],
         "volumes": ["read_volume", "read_volume_with_unit", "write_volume"],
+        "xarray_volumes": ["data_array", "volume_of_data_array"],
     },
 )

@@ -140,8 +140,8 @@ class Reconstruction:
     @property
     def standard_deviation(self) -> NDArray[np.float32] | None:
         """What noise leaves in every voxel; None where single voxels' are not known."""
-        known = self.uncertainty is not None and self.uncertainty.mapped
-        return self.uncertainty.standard_deviation if known else None
+        found = self.uncertainty
+        return found.standard_deviation if found is not None and found.mapped else None
 
     def to_xarray(self) -> DataArray:
         """Return the volume with coordinates and units, as an `xarray.DataArray`.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,10 +26,10 @@ def stacks_of(
         If a camera is unknown, an image is not of its camera's size, or cameras have different
         numbers of frames.
     """
-    if hasattr(images, "dims") and not isinstance(images, Mapping):
-        images = _of_each_camera(cast("DataArray", images), field)
-    check_cameras(field, "", images, rig)
-    stacks = {name: _stack(field, name, rig, image) for name, image in images.items()}
+    each = images if isinstance(images, Mapping) else _of_each_camera(images, field)
+    own = {str(name): image for name, image in each.items()}
+    check_cameras(field, "", own, rig)
+    stacks = {name: _stack(field, name, rig, image) for name, image in own.items()}
     counts = {name: len(stack) for name, stack in stacks.items()}
     if len(set(counts.values())) > 1:
         found = ", ".join(f"{name} {count}" for name, count in counts.items())
@@ -39,8 +39,8 @@ def stacks_of(
 
 def _of_each_camera(array: DataArray, field: str) -> dict[str, NDArray]:
     """Return the images of each camera of a DataArray along ``camera``."""
-    if "camera" not in array.dims or "camera" not in array.coords:
-        found = ", ".join(map(str, array.dims)) or "none"
+    if "camera" not in getattr(array, "dims", ()) or "camera" not in array.coords:
+        found = ", ".join(map(str, getattr(array, "dims", ()))) or "none"
         raise ValueError(
             f"{field}: found the dimensions {found}, expected camera, with the cameras' names as "
             "its coordinate, and row and column"

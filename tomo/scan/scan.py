@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._compute.higher import higher
 from tomo.grid import VoxelGrid
 from tomo.io import VolumeFilm, read_volume_with_unit
-from tomo.io.data_array import xarray_or_pip_line
 from tomo.io.volume_film import SUFFIX
+from tomo.io.xarray_volumes import xarray_or_pip_line
 from tomo.scan.arrays import all_of_area, area_means, stacks_of
 from tomo.scan.corrections import Corrections, holds_integers
 from tomo.scan.films import FilmFrame

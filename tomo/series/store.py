@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rigs.files import atomic_path
 from tomo.grid import VoxelGrid
-from tomo.io.data_array import xarray_or_pip_line
+from tomo.io.xarray_volumes import xarray_or_pip_line
 from tomo.radiometry.units import unit_of_total
 from tomo.series.frames import BLOCK
 from tomo.series.solving import FrameResult

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, cast
 
 from phantoms import Field, SampledField
 from tomo.grid import VoxelGrid, grid_of_rig
-from tomo.io.data_array import volume_of_data_array
+from tomo.io.xarray_volumes import volume_of_data_array
 
 if TYPE_CHECKING:
     from xarray import DataArray

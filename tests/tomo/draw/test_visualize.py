@@ -73,7 +73,7 @@ def test_another_rig_and_images_are_drawn(tmp_path):
         (lambda path: visualize_rig(path / "rig.png", rigs.Rig(())), "cameras: found none"),
         (lambda path: visualize_rig(path / "a.glb", RIG, volume=data_array(DATA, GRID, "m")),
          "volume: length unit: found 'm', expected 'mm'"),
-        (lambda path: visualize_film(path / "film.png", path), "suffix: found '.png' with a store"),
+        (lambda path: visualize_film(path / "a.png", path), "suffix: found '.png' with a store"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_drawn_is_said_in_one_line(draw, words, tmp_path):

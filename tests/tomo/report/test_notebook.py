@@ -45,14 +45,8 @@ def test_nothing_is_loaded_and_names_are_escaped(found):
 
 
 def test_a_verdict_leads_where_there_is_one(found, monkeypatch):
-    report = found.report() | {
-        "verdict": {
-            "level": "red",
-            "sentence": "Red, do not use: <it>.",
-            "reasons": [],
-            "next": [],
-        }
-    }
+    verdict = {"level": "red", "sentence": "Red, do not use: <it>.", "reasons": [], "next": []}
+    report = found.report() | {"verdict": verdict}
     monkeypatch.setattr(type(found), "report", lambda _: report)
     html = found._repr_html_()
     assert "Red, do not use: &lt;it&gt;." in html

@@ -107,7 +107,6 @@ def volume_of_data_array(array: DataArray) -> tuple[NDArray, VoxelGrid, str, str
         )
     (length_unit,) = units
     check_length_unit(length_unit)
-    backwards = [name for name in AXES if name in descending(array)]
-    data = np.asarray(array.transpose(*AXES).values)
-    data = np.flip(data, [AXES.index(name) for name in backwards]) if backwards else data
+    backwards = tuple(AXES.index(name) for name in descending(array))
+    data = np.flip(np.asarray(array.transpose(*AXES).values), backwards)
     return data, grid, length_unit, str(array.attrs.get("units", ""))
