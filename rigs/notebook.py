@@ -145,8 +145,9 @@ def _camera(name: str, at: NDArray, named: bool) -> str:
     """Return a camera as a wedge that opens to where it looks; its name shows when pointed at."""
     corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in at)
     x, y = at[0]
+    beside = y - 6 if at[1:, 1].mean() >= y else y + 12  # where the symbol does not open
     text = (
-        f'<text x="{min(max(x, MARGIN), WIDTH - MARGIN):.1f}" y="{y - 6:.1f}" font-size="9" '
+        f'<text x="{min(max(x, MARGIN), WIDTH - MARGIN):.1f}" y="{beside:.1f}" font-size="9" '
         f'text-anchor="middle" fill="currentColor" opacity=".8">{escape(name)}</text>'
     )
     return (
