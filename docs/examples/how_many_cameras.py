@@ -15,19 +15,19 @@ import phantoms
 import rigs
 import tomo
 
+FLAMES = (("jet", 0, "#1b6fb0"), ("turbulent", 3, "#c8511b"))
 COUNTS = (3, 4, 5, 6, 8, 12, 16, 24)
 grid = tomo.VoxelGrid(shape=(24, 24, 24), spacing=1.0)  # mm
+fine = grid.refined(2)
 quick = tomo.Options(method="curvature", uncertainty=0, screen=False, align=False)
 
 figure = plt.figure(figsize=(10, 6), layout="constrained")
 curves, slices = figure.subfigures(1, 2, width_ratios=[3, 2])
 axes = curves.subplots()
 pictures = slices.subplots(3, 2)
-for column, (name, seed, colour) in enumerate(
-    (("jet", 0, "#1b6fb0"), ("turbulent", 3, "#c8511b"))
-):
+for column, (name, seed, colour) in enumerate(FLAMES):
     flame = phantoms.create(name, extent=grid.extent, seed=seed)
-    errors = []
+    flame, errors = phantoms.SampledField(phantoms.sample(flame, fine, 2), fine), []
     for count in COUNTS:
         # over a half circle: a camera opposite another one adds little
         rig = rigs.ring(count, 180 / count, distance=400, image_size=(48, 40), footprint=0.7)
