@@ -32,10 +32,8 @@ figure, (before, after) = plt.subplots(1, 2, figsize=(11, 5.4), layout="constrai
 for path, colour, marker in (("sparse", "#1b6fb0", "o"), ("transforms.json", "#c8511b", "x")):
     rig = rigs.formats.load(path)
     rays = [camera.rays(uv) for camera, uv in zip(rig, clicks, strict=True)]
-    origins, directions = np.stack(rays, axis=2)  # (marks, cameras, 3): they meet at the marks
-    points = np.stack(
-        [rigs.nearest_point(*one)[0] for one in zip(origins, directions, strict=True)]
-    )
+    through = np.stack(rays, axis=2).swapaxes(0, 1)  # (marks, origins and directions, cameras, 3)
+    points = np.stack([rigs.nearest_point(*one)[0] for one in through])  # where rays meet
     R, t, scale = motion_between(points, marks, rescale=True)
     lab = rig.with_lengths_scaled(scale).transformed(R, t)
     off = [np.linalg.norm(c.position - true[c.name].position) for c in lab]
@@ -50,6 +48,6 @@ for axes, places in ((before, points), (after, marks)):
 before.set(title="as in the files: some axes, some unit", xlabel="x (unit)", ylabel="z (unit)")
 after.set(title="by four marks: the lab's axes, in mm", xlabel="x (mm)", ylabel="z (mm)")
 plt.setp((before, after), aspect="equal")
-after.legend()
+figure.legend(*after.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 figure.suptitle(f"Four clicked marks place every camera within {max(off):.1f} mm", weight="bold")
 plt.show()

@@ -38,10 +38,10 @@ for row in csv.DictReader(TABLE.splitlines(), skipinitialspace=True):
 flame = rigs.Volume(shape=(50, 80, 50), spacing=1.0, center=(0, 10, 0))
 rig = rigs.Rig(tuple(cameras), length_unit="mm", world_frame="nozzle, y up", volume=flame)
 rigs.save_rig(rig, "rig.yaml")  # what every command reads
-for camera, pixel in zip(rig, rig.footprint(flame.center), strict=True):
-    uv, _, _ = camera.project(flame.corners())
-    seen = "the whole volume" if camera.inside(uv).all() else "a part of the volume"
-    print(f"{camera.name}: {pixel:.3f} mm a pixel at the flame, sees {seen}")
+pixels = rig.footprint(flame.center)
+cut = [one.name for one in rig if not one.inside(one.project(flame.corners())[0]).all()]
+print(f"a pixel is {pixels.min():.3f} to {pixels.max():.3f} mm wide at the flame")
+print(f"cameras that see a part of the volume only: {', '.join(cut) or 'none'}")
 
 write_rig("rig.png", rig, title="Does every camera stand and look where you think it does?")
 plt.figure(figsize=(11, 6)).add_axes((0, 0, 1, 1), frameon=False, xticks=[], yticks=[])

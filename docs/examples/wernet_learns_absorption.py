@@ -40,12 +40,12 @@ for panel, colour, name in zip(panels, ("k", "#1b6fb0", "#c8511b"), volumes, str
     panel.imshow(volumes[name][:, :, 7].T, "inferno", **how)
     panel.set(title=name, xlabel="x (mm)", ylabel="y (mm)")
     profile.plot(grid.axes()[1], volumes[name][5, :, 7], color=colour, label=name)
-profile.set(title="profile at x = -1.5 mm", xlabel="y (mm)", ylabel="emission")
+profile.set(title="profile at x = -1.5 mm", xlabel="y (mm)", ylabel="emission", ylim=(0, 1.15))
 profile.legend(fontsize=8)
 learned = result.report()["learned"]["profiles"]["upstream emission"]
 weights.plot(learned["centre"], learned["truth"], "k", label="truth")
 weights.plot(learned["centre"], learned["weight"], "o", color=colour, label="learned")
-weights.set(title="light that gets out", xlabel="emission in its way (pixels, RMS)")
+weights.set(title="light that gets out", xlabel="emission in its way")
 weights.legend()
 title = "Segment lengths: {segment lengths:.0%} error; learned weights, same images: {WERNet:.0%}"
 figure.suptitle(title.format(**errors), weight="bold")
