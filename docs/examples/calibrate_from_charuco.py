@@ -2,11 +2,11 @@
 Calibration from images of a ChArUco board
 ==========================================
 
-*I moved a ChArUco board through the volume. How well are my cameras now known, in millimetres?*
+I moved a ChArUco board through the volume. How well are my cameras now known, in millimetres?
 Detection and calibration are one call each. Residuals in pixels say little of a rig; the ray-miss
 does: how far rays that should meet pass each other in the volume. The calibration predicts it, and
-here, where the images are drawn from a known rig, the truth confirms the prediction. Such images
-are cleaner than real ones: expect tens of micrometres from yours.
+here, where the images are drawn from a known rig, the truth confirms the prediction. Expect more
+from real images: boards bend, and real lenses are not exactly polynomials.
 
 :doc:`/guide/your_cameras` has the command, and rules for good images.
 """

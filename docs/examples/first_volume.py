@@ -2,7 +2,7 @@
 From images to a first volume
 =============================
 
-*How good is the volume that a dozen cameras give, and how would I know without the truth?* Eleven
+How good is the volume that a dozen cameras give, and how would I know without the truth? Eleven
 cameras make the volume, and the twelfth is held out: the volume predicts its image. On real
 images, where no truth is known, this is the best check there is.
 

@@ -2,7 +2,7 @@
 How many cameras do I need?
 ===========================
 
-*Will six cameras do, or must I buy twelve?* It depends on the flame: a smooth jet is good with
+Will six cameras do, or must I buy twelve? It depends on the flame: a smooth jet is good with
 four, a wrinkled one keeps gaining up to about twelve. Run this with your own grid, pixels and
 noise before you order: the curve is flat where these limit the volume, and no longer the views.
 

@@ -2,7 +2,7 @@
 Import from COLMAP or nerfstudio, and set the scale
 ===================================================
 
-*I have poses from COLMAP or nerfstudio. Where is my nozzle in them, and how long is a millimetre?*
+I have poses from COLMAP or nerfstudio. Where is my nozzle in them, and how long is a millimetre?
 Such files know neither: their world has its own axes and its own unit. Four marks whose places are
 known, clicked in the images, give both. The picture shows the cameras before and after.
 

@@ -2,7 +2,7 @@
 Noise, and the choice of a prior
 ================================
 
-*My images are noisy. How strongly should the volume be smoothed, and which method do I take?* Too
+My images are noisy. How strongly should the volume be smoothed, and which method do I take? Too
 many iterations, or too weak a prior, turn photon noise into grain; too few, or too strong a prior,
 blur the flame. The default chooses by predicting pixels that it left out. Here it is the best from
 30 photons to 10 000, without having seen the truth.

@@ -2,7 +2,7 @@
 A rig from a table of positions
 ===============================
 
-*I measured where my cameras stand and know their lenses. How do I make a rig of that?* A row of a
+I measured where my cameras stand and know their lenses. How do I make a rig of that? A row of a
 table becomes a camera: where it stands, the point that it looks at, focal length and pixel pitch.
 The picture shows whether the cameras stand and look where you think they do.
 
