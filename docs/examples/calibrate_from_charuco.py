@@ -24,8 +24,7 @@ paper, corner = board.drawing(3)  # three pixels a mm
 to_board = np.array([[1 / 3, 0, corner[0]], [0, 1 / 3, corner[1]], [0, 0, 1]])
 finer = np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])  # drawn with 2 x 2 points a pixel
 
-random = np.random.default_rng(2)
-images = {camera.name: {} for camera in true}
+random, images = np.random.default_rng(2), {camera.name: {} for camera in true}
 for moment in range(12):  # your board, held in twelve poses before real cameras
     R = np.diag([1, -1, -1]) @ cv2.Rodrigues(random.uniform(-0.4, 0.4, 3))[0]
     t = random.uniform(-25, 25, 3) - R @ [81, 63, 0]
@@ -43,15 +42,19 @@ found = calibrate(observed, target=board, world=world, volume=rigs.Volume((40, 4
 truth = rigs.compare_rigs(true, found.rig, found.quality.points)
 print(found.assessment)
 
-figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13, 4.7), layout="constrained")
-left.imshow(images["cam00"]["000"], "gray")
+figure, axes = plt.subplot_mosaic("AAB;AAC", figsize=(11, 6.5), layout="constrained")
+picture, cloud, miss = axes.values()
+picture.imshow(images["cam00"]["000"], "gray")
 shown = observed.uv[(observed.camera == 0) & (observed.frame == 0)]
-left.plot(*shown.T, "o", color="tab:orange", mfc="none")
-left.set(title="corners found in one of 36 images", xlabel="column (pixel)", ylabel="row (pixel)")
-middle.plot(*found.residuals.T, ".", ms=3)
-middle.set(title="their residuals", xlabel="to the right (pixel)", ylabel="down (pixel)", aspect=1)
-right.plot(true.names, found.quality.camera_ray_miss, "o", ms=10, label="predicted")
-right.plot(true.names, [one.ray_miss for one in truth.cameras], "kx", ms=10, label="in truth")
-right.set(title="how far rays miss each other", ylabel="ray-miss (mm)", ylim=(0, None))
-right.legend()
+picture.plot(*shown.T, "o", color="tab:orange", mfc="none")
+picture.set(
+    title="corners found in one of 36 images", xlabel="column (pixel)", ylabel="row (pixel)"
+)
+cloud.plot(*found.residuals.T, ".", ms=3)
+cloud.set(title="their residuals", xlabel="to the right (pixel)", ylabel="down (pixel)", aspect=1)
+miss.plot(true.names, 1000 * found.quality.camera_ray_miss, "o", ms=10, label="predicted")
+actual = [1000 * one.ray_miss for one in truth.cameras]
+miss.plot(true.names, actual, "kx", ms=10, label="in truth")
+miss.set(title="how far rays miss each other", ylabel="ray-miss (µm)", ylim=(0, None))
+miss.legend()
 plt.show()

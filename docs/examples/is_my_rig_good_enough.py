@@ -4,7 +4,7 @@ Is my rig good enough?
 
 Eight cameras on one side of the flame, or all around: does it matter? Ask before you measure:
 the check says which details a rig measures in every direction. A layer that no camera sees edge-on
-is not measured, however many cameras there are. The reconstructions beside it show what that means.
+is not measured, however many cameras there are. The volumes beside it show what that means.
 
 :doc:`/guide/your_cameras` has the command ``check-rig``, :doc:`/theory/uncertainty` the formula.
 """

@@ -32,20 +32,21 @@ for name, method in (("segment lengths", "curvature"), ("WERNet", "wernet")):
     volumes[name], errors[name] = result.volume, result.report()["quality"]["nrmse"]
     print(f"{name}: error {errors[name]:.0%} (NRMSE)")
 
-figure, axes = plt.subplots(1, 5, figsize=(14, 4.6), layout="constrained")
+layout = {"layout": "constrained", "height_ratios": [3, 2]}
+figure, axes = plt.subplot_mosaic("AABBCC;DDDEEE", figsize=(9, 8), **layout)
 (x0, y0, _), (x1, y1, _) = grid.lower, grid.upper
 how = {"extent": (x0, x1, y0, y1), "origin": "lower", "vmin": 0, "vmax": scan.truth.max()}
-*panels, profile, weights = axes
+*panels, profile, weights = axes.values()
 for panel, colour, name in zip(panels, ("k", "#1b6fb0", "#c8511b"), volumes, strict=True):
     panel.imshow(volumes[name][:, :, 7].T, "inferno", **how)
     panel.set(title=name, xlabel="x (mm)", ylabel="y (mm)")
     profile.plot(grid.axes()[1], volumes[name][5, :, 7], color=colour, label=name)
-profile.set(title="profile at x = -1.5 mm", xlabel="y (mm)", ylabel="emission", ylim=(0, 1.15))
-profile.legend(fontsize=8)
+profile.set(title="profile at x = -1.5 mm", xlabel="y (mm)", ylabel="emission")
+profile.legend()
 learned = result.report()["learned"]["profiles"]["upstream emission"]
 weights.plot(learned["centre"], learned["truth"], "k", label="truth")
 weights.plot(learned["centre"], learned["weight"], "o", color=colour, label="learned")
-weights.set(title="light that gets out", xlabel="emission in its way")
+weights.set(title="light that gets out (relative)", xlabel="emission in its way")
 weights.legend()
 title = "Segment lengths: {segment lengths:.0%} error; learned weights, same images: {WERNet:.0%}"
 figure.suptitle(title.format(**errors), weight="bold")
