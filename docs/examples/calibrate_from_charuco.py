@@ -43,13 +43,11 @@ truth = rigs.compare_rigs(true, found.rig, found.quality.points)
 print(found.assessment)
 
 figure, axes = plt.subplot_mosaic("AAB;AAC", figsize=(11, 6.5), layout="constrained")
-picture, cloud, miss = axes.values()
-picture.imshow(images["cam00"]["000"], "gray")
+photo, cloud, miss = axes.values()
+photo.imshow(images["cam00"]["000"], "gray")
 shown = observed.uv[(observed.camera == 0) & (observed.frame == 0)]
-picture.plot(*shown.T, "o", color="tab:orange", mfc="none")
-picture.set(
-    title="corners found in one of 36 images", xlabel="column (pixel)", ylabel="row (pixel)"
-)
+photo.plot(*shown.T, "o", color="tab:orange", mfc="none")
+photo.set(title="corners found in one of 36 images", xlabel="column (pixel)", ylabel="row (pixel)")
 cloud.plot(*found.residuals.T, ".", ms=3)
 cloud.set(title="their residuals", xlabel="to the right (pixel)", ylabel="down (pixel)", aspect=1)
 miss.plot(true.names, 1000 * found.quality.camera_ray_miss, "o", ms=10, label="predicted")
