@@ -5,8 +5,8 @@ WERNet learns absorption that nobody wrote down
 My gas absorbs its own light, and I do not know how strongly. Can the images tell? Segment
 lengths say that all light arrives. Where it does not, the volume comes out dim, most where the
 flame is brightest. WERNet learns weights in place of segment lengths from the same images, and
-keeps them only where they predict pixels that it left out better. It needs a flame without
-symmetry: light that is missing all around an axis leaves images that a dimmer flame would give.
+keeps them only where they predict pixels that it left out better. A nearly axisymmetric flame can
+hide its absorption: a dimmer flame gives nearly the same images.
 
 :doc:`/theory/wernet` says how, :doc:`/results/mismatch` for which effects it pays.
 """
