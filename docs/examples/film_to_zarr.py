@@ -37,7 +37,6 @@ movie = export_series(store, "flame.mp4", "mp4")  # needs the package av
 
 data = xarray.open_zarr("flame.zarr", consolidated=False)
 truth = xarray.open_zarr("film/truth.zarr", consolidated=False).emission
-layers = {name: cube.sum(["x", "z"]) for name, cube in (("found", data.emission), ("true", truth))}
 error = abs(data.total_emission / truth.sum(["x", "y", "z"]) - 1).max()
 print(f"{movie}: {movie.stat().st_size / 1e3:.0f} kB; total emission within {float(error):.1%}")
 
@@ -50,9 +49,9 @@ for ax, frame in zip(axes, data.emission.max("z")[8:], strict=False):
 axes[0].set_ylabel("y (mm)")
 ax = below.subplots()
 for height, colour in ((-12.5, "C0"), (-2.5, "C1")):
-    for name, style in (("found", "o-"), ("true", "k--")):
-        curve = layers[name].sel(y=height)
-        ax.plot(1e3 * data.time, curve, style, color=colour if name == "found" else "k", label=f"{name}, y = {height} mm")
+    found, true = (cube.sum(["x", "z"]).sel(y=height) for cube in (data.emission, truth))
+    ax.plot(1e3 * data.time, found, "o-", color=colour, label=f"found, y = {height} mm")
+    ax.plot(1e3 * data.time, true, "k--", label="true")
 ax.set(title="pulses of the flow travel up", xlabel="time (ms)", ylabel="emission of a layer (mm$^2$)")
 ax.legend(ncols=2)
 plt.show()
