@@ -2,7 +2,7 @@
 Two views on one camera
 =======================
 
-We own too few cameras: can a mirror make two of one? It can. The left half of this camera's image
+We own too few cameras: can a mirror make two of one? It can. The right half of this camera's image
 looks by a mirror at the flame's side. With the mirror in the rig's scene, each pixel follows its own
 way, by the mirror or directly, and the camera counts as two views.
 
@@ -40,13 +40,13 @@ for name, seen in (("without mirror", rig), ("with mirror", rig.through(Scene([m
     images.append((name, scan.images()[0]))
 volumes["truth"] = scan.truth
 
-figure, axes = plt.subplot_mosaic("aaabbb;ccddee", figsize=(9, 6.5), layout="constrained")
+figure, axes = plt.subplot_mosaic("aaabbb;ccddee", figsize=(10, 5.5), layout="tight")
 for key, (name, image) in zip("ab", images, strict=True):
     axes[key].imshow(image, "gray")
-    axes[key].set(title=f"its image {name.split(':')[0]}", xlabel="column", ylabel="row")
+    axes[key].set(title=f"image {name.split(':')[0]}", xlabel="column", ylabel="row")
 for key, (name, volume) in zip("cde", volumes.items(), strict=True):
-    cut, box = volume[:, 12].T, (-8, 8, -8, 8)
-    drawn = axes[key].imshow(cut, "inferno", extent=box, origin="lower", vmin=0, vmax=scan.truth.max())
+    cut = volume[:, 12].T  # seen from above
+    drawn = axes[key].imshow(cut, "inferno", extent=(-8, 8, -8, 8), origin="lower", vmin=0, vmax=1)
     axes[key].set(title=name, xlabel="x (mm)", ylabel="z (mm)")
 figure.colorbar(drawn, ax=axes["e"], label="emission")
 plt.show()
