@@ -2,13 +2,13 @@
 Abel inversion or tomography?
 =============================
 
-Our burner is round and we own one camera: is Abel inversion enough? If the flame is round it is, and
-needs one image where tomography needs several. A flame that burns brighter on the far side makes the
-very same image, and Abel inversion returns the same round flame: nothing in the image can warn of
-it. Eight cameras see the difference.
+Our burner is round and we own one camera: is Abel inversion enough? If the flame is round it is,
+and needs one image where tomography needs several. A flame that burns brighter on the far side
+makes the very same image, and Abel inversion returns the same round flame: nothing in the image
+can warn of it. Eight cameras see the difference.
 
-Abel inversion is that of `PyAbel <https://pyabel.readthedocs.io>`_, which expects parallel rays, so
-these cameras stand far away. One camera without symmetry leaves the depth open, see
+Abel inversion is that of `PyAbel <https://pyabel.readthedocs.io>`_, which expects parallel rays,
+so these cameras stand far away. One camera without symmetry leaves the depth open, see
 :doc:`/guide/limits`.
 """
 

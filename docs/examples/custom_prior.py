@@ -2,15 +2,15 @@
 Your own prior
 ==============
 
-You know something of your flame that three cameras cannot see: where it cannot burn, how it decays,
-which parts are alike. How does the solver learn of it? A prior is a small class with two functions,
-``D x`` and its transpose ``D^T p``. Solvers of the package then minimise
-``||b - A x||^2 + strength m ||D x||^2``.
+You know something of your flame that three cameras cannot see: where it cannot burn, how it
+decays, which parts are alike. How does the solver learn of it? A prior is a small class with two
+functions, ``D x`` and its transpose ``D^T p``. Solvers of the package then minimise ``||b - A
+x||^2 + strength m ||D x||^2``.
 
-The burner here has four equal nozzles, and ``D x`` is the difference between the volume and itself
-turned by a quarter. Symmetry is not forced: one nozzle burns brighter, and the images still show it.
-:doc:`/develop/adding_a_prior` has the scale ``m``, and priors that have a proximal map in place of
-``D``.
+The burner here has four equal nozzles, and ``D x`` is the difference between the volume and
+itself turned by a quarter. Symmetry is not forced: one nozzle burns brighter, and the images
+still show it. :doc:`/develop/adding_a_prior` has the scale ``m``, and priors that have a
+proximal map in place of ``D``.
 """
 
 import matplotlib.pyplot as plt

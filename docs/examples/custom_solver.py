@@ -2,14 +2,15 @@
 Your own solver in twenty lines
 ===============================
 
-You have an idea for an iteration. How do you try it on real camera geometry? The cameras and voxels
-are a linear operator: ``A @ x`` makes images of a volume, ``A.T @ y`` sends images back, exactly
-transposed, in parallel and without a matrix where that does not fit. Everything else is NumPy.
+You have an idea for an iteration. How do you try it on real camera geometry? The cameras and
+voxels are a linear operator: ``A @ x`` makes images of a volume, ``A.T @ y`` sends images back,
+exactly transposed, in parallel and without a matrix where that does not fit. Everything else is
+NumPy.
 
-Here Nesterov's accelerated gradient descent with the bound ``x >= 0`` takes nine lines, and keeps up
-with solvers of the package. Errors rise again after some iterations: every solver then fits the
-noise, which is why the default chooses when to stop. :doc:`/develop/adding_a_solver` makes
-such a function a method of the command line.
+Here Nesterov's accelerated gradient descent with the bound ``x >= 0`` takes nine lines, and
+keeps up with solvers of the package. Errors rise again after some iterations: every solver then
+fits the noise, which is why the default chooses when to stop. :doc:`/develop/adding_a_solver`
+makes such a function a method of the command line.
 """
 
 import matplotlib.pyplot as plt

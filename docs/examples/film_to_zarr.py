@@ -3,9 +3,9 @@ A film, from cameras to a movie
 ===============================
 
 Our cameras are fast and the flame moves: how do we get from hundreds of frames to a movie and to
-curves over time? One call reconstructs a film into a Zarr store, a chunk a frame; it goes on where a
-run was ended, and its memory does not grow with the film. xarray reads the store like any data set,
-and one more call writes an mp4.
+curves over time? One call reconstructs a film into a Zarr store, a chunk a frame; it goes on
+where a run was ended, and its memory does not grow with the film. xarray reads the store like
+any data set, and one more call writes an mp4.
 
 Frames of one film share one plan: bad pixels, gains, smoothness and how much neighbouring frames
 count are settled once. :doc:`/guide/films` has the commands for the same, and how films of real
@@ -52,6 +52,8 @@ for height, colour in ((-12.5, "C0"), (-2.5, "C1")):
     found, true = (cube.sum(["x", "z"]).sel(y=height) for cube in (data.emission, truth))
     ax.plot(1e3 * data.time, found, "o-", color=colour, label=f"found, y = {height} mm")
     ax.plot(1e3 * data.time, true, "k--", label="true")
-ax.set(title="pulses of the flow travel up", xlabel="time (ms)", ylabel="emission of a layer (mm$^2$)")
+ax.set(
+    title="pulses of the flow travel up", xlabel="time (ms)", ylabel="emission of a layer (mm$^2$)"
+)
 ax.legend(ncols=2)
 plt.show()

@@ -2,14 +2,14 @@
 Gains and backgrounds
 =====================
 
-Our cameras were never calibrated against each other, and light of the room is in every image. Does
-that spoil the volume? Ignored, it does. Fitted, it does not: every view of a flame records the same
-total light, and pixels beside the flame record the background alone, so the images themselves tell
-both.
+Our cameras were never calibrated against each other, and light of the room is in every image.
+Does that spoil the volume? Ignored, it does. Fitted, it does not: every view of a flame records
+the same total light, and pixels beside the flame record the background alone, so the images
+themselves tell both.
 
 Without ``fit_gain`` the default decides by itself whether to fit them. One factor common to all
-cameras stays unknown without a source of known radiance, see :doc:`/theory/radiometry`. The lines
-for ``scan.yaml`` that store the corrections are in :doc:`/guide/your_images`.
+cameras stays unknown without a source of known radiance, see :doc:`/theory/radiometry`. The
+lines for ``scan.yaml`` that store the corrections are in :doc:`/guide/your_images`.
 """
 
 import matplotlib.pyplot as plt
@@ -25,13 +25,12 @@ flame = phantoms.create("jet", extent=grid.extent, seed=4)
 rig = rigs.ring(12, 29, distance=500, image_size=(48, 72), footprint=0.6, pitch_degrees=8)
 
 # gains differ by 15 %; each camera has a background, of up to 5 % of the brightest pixel
-spread = Effects(gain_spread=0.15)
 how = {"supersample": 2, "refine": 2, "noise": 0.01, "seed": 1}
-dark_room = tomo.simulate(rig, flame, grid, effects=spread, **how)
+dark_room = tomo.simulate(rig, flame, grid, effects=Effects(gain_spread=0.15), **how)
 brightest = max(image.max() for image in dark_room.images())
 background = np.random.default_rng(2).uniform(0, 0.05, len(rig)) * brightest
-images = [i + light for i, light in zip(dark_room.images(), background, strict=True)]
-images = dict(zip(rig.names, images, strict=True))
+images = zip(rig.names, dark_room.images(), background, strict=True)
+images = {name: image + light for name, image, light in images}
 scan = tomo.Scan.from_arrays(rig, images, grid, truth=dark_room.truth)
 
 volumes, titles = [scan.truth], ["truth"]
@@ -44,7 +43,9 @@ for name, fit in (("ignored", False), ("fitted", True)):
 true = np.array(list(dark_room.effects["gains"].values()))
 gain, offset = (np.array(list(result.gains[key].values())) for key in ("gain", "offset"))
 true *= np.exp(np.log(gain / true).mean())  # the factor common to all is not in the images
-print(f"{titles[1]}, {titles[2]}; gains within {np.abs(gain / true - 1).max():.1%} of the true ones")
+print(
+    f"{titles[1]}, {titles[2]}; gains within {np.abs(gain / true - 1).max():.1%} of the true ones"
+)
 
 figure, axes = plt.subplot_mosaic("aabbcc;dddeee", figsize=(9, 7.5), layout="constrained")
 for key, volume, title in zip("abc", volumes, titles, strict=True):
@@ -53,8 +54,8 @@ for key, volume, title in zip("abc", volumes, titles, strict=True):
     axes[key].set(title=title, xlabel="x (mm)", ylabel="y (mm)")
     figure.colorbar(drawn, ax=axes[key], label="emission" if key == "c" else "")
 for key, marks in (("d", (true, gain)), ("e", (background, offset))):
-    for values, style, label in zip(marks, ("ks", "C1x"), ("true", "found"), strict=True):
-        axes[key].plot(values, style, fillstyle="none", markersize=8, label=label)
+    axes[key].plot(marks[0], "ks", fillstyle="none", markersize=8, label="true")
+    axes[key].plot(marks[1], "C1x", markersize=8, label="found")
 axes["d"].set(title="gains", xlabel="camera", ylabel="gain")
 axes["e"].set(title="backgrounds", xlabel="camera", ylabel="pixel value")
 axes["d"].legend()

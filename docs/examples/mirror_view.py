@@ -2,9 +2,9 @@
 Two views on one camera
 =======================
 
-We own too few cameras: can a mirror make two of one? It can. The right half of this camera's image
-looks by a mirror at the flame's side. With the mirror in the rig's scene, each pixel follows its own
-way, by the mirror or directly, and the camera counts as two views.
+We own too few cameras: can a mirror make two of one? It can. The right half of this camera's
+image looks by a mirror at the flame's side. With the mirror in the rig's scene, each pixel
+follows its own way, by the mirror or directly, and the camera counts as two views.
 
 :doc:`/theory/optics` says how, and :doc:`/reference/rig_yaml` how a mirror is written down. The
 mirror's place comes from your design, or from boards that are seen by it.

@@ -2,12 +2,13 @@
 Hardware in front of the flame
 ==============================
 
-A holder hides part of the flame from some of our cameras. Do we have to mask the images by hand? Put
-the holder's CAD file into the rig's scene: pixels that look at hardware drop out, also where a
-voxel is hidden from one camera only. Taken for dark flame, the same pixels carve the volume away.
+A holder hides part of the flame from some of our cameras. Do we have to mask the images by hand?
+Put the holder's CAD file into the rig's scene: pixels that look at hardware drop out, also where
+a voxel is hidden from one camera only. Taken for dark flame, the same pixels carve the volume
+away.
 
-:doc:`/reference/rig_yaml` lists the files of meshes that are read, and :doc:`/theory/optics` says
-how rays end at them.
+:doc:`/reference/rig_yaml` lists the files of meshes that are read, and :doc:`/theory/optics`
+says how rays end at them.
 """
 
 from dataclasses import replace

@@ -3,9 +3,9 @@ A flame behind windows
 ======================
 
 Our burner stands in a chamber, and every camera looks through a thick pane of quartz that is not
-square to it. Do the windows matter? A pane shifts the line of sight sideways, here by one and a half
-voxels. Cameras that were calibrated without the windows no longer meet in one point behind them.
-Named in the rig's scene, the windows do no harm.
+square to it. Do the windows matter? A pane shifts the line of sight sideways, here by one and a
+half voxels. Cameras that were calibrated without the windows no longer meet in one point behind
+them. Named in the rig's scene, the windows do no harm.
 
 :doc:`/theory/optics` says how light is followed, and :doc:`/reference/rig_yaml` how windows are
 written into ``rig.yaml``.

@@ -2,13 +2,13 @@
 Where can the volume be trusted?
 ================================
 
-No truth is known in a laboratory: which parts of the volume are sure, and which are guessed? Every
-voxel gets the half-width of an interval that holds the truth in nine of ten voxels. It comes from
-the images alone: from leaving cameras out, from solving once more, and from what the volume leaves
-unexplained.
+No truth is known in a laboratory: which parts of the volume are sure, and which are guessed?
+Every voxel gets the half-width of an interval that holds the truth in nine of ten voxels. It
+comes from the images alone: from leaving cameras out, from solving once more, and from what the
+volume leaves unexplained.
 
-This flame is simulated, so that intervals and errors can be compared. The half-widths show where the
-errors are, not their signs. :doc:`/theory/uncertainty` has the formulas, and
+This flame is simulated, so that intervals and errors can be compared. The half-widths show where
+the errors are, not their signs. :doc:`/theory/uncertainty` has the formulas, and
 :doc:`/guide/reading_the_report` says what the report makes of them.
 """
 
