@@ -24,28 +24,26 @@ grid = tomo.VoxelGrid(shape=(16, 32, 16), spacing=1.0)  # mm
 flame = phantoms.create("jet", extent=grid.extent, seed=4)
 rig = rigs.ring(12, 29, distance=500, image_size=(48, 72), footprint=0.6, pitch_degrees=8)
 
-# gains differ by 15 %; each camera has a background, of up to 5 % of the brightest pixel
+# gains differ by 15 %, backgrounds are up to 5 % of the brightest pixel
 how = {"supersample": 2, "refine": 2, "noise": 0.01, "seed": 1}
 dark_room = tomo.simulate(rig, flame, grid, effects=Effects(gain_spread=0.15), **how)
-brightest = max(image.max() for image in dark_room.images())
-background = np.random.default_rng(2).uniform(0, 0.05, len(rig)) * brightest
+background = np.random.default_rng(2).uniform(0, 0.05, len(rig)) * np.max(dark_room.images())
 images = zip(rig.names, dark_room.images(), background, strict=True)
 images = {name: image + light for name, image, light in images}
 scan = tomo.Scan.from_arrays(rig, images, grid, truth=dark_room.truth)
 
 volumes, titles = [scan.truth], ["truth"]
+plain = {"screen": False, "align": False, "learn": False, "uncertainty": 0}
 for name, fit in (("ignored", False), ("fitted", True)):
-    options = tomo.Options(fit_gain=fit, screen=False, align=False, learn=False, uncertainty=0)
-    result = tomo.reconstruct(scan, options=options)
+    result = tomo.reconstruct(scan, options=tomo.Options(fit_gain=fit, **plain))
     volumes.append(result.volume)
     titles.append(f"{name}: error {result.report()['quality']['nrmse']:.0%}")
 
 true = np.array(list(dark_room.effects["gains"].values()))
 gain, offset = (np.array(list(result.gains[key].values())) for key in ("gain", "offset"))
 true *= np.exp(np.log(gain / true).mean())  # the factor common to all is not in the images
-print(
-    f"{titles[1]}, {titles[2]}; gains within {np.abs(gain / true - 1).max():.1%} of the true ones"
-)
+worst = np.abs(gain / true - 1).max()
+print(f"{titles[1]}, {titles[2]}; gains within {worst:.1%}")
 
 figure, axes = plt.subplot_mosaic("aabbcc;dddeee", figsize=(9, 7.5), layout="constrained")
 for key, volume, title in zip("abc", volumes, titles, strict=True):
