@@ -41,7 +41,8 @@ how, wavelengths, results = {"supersample": 2, "refine": 2, "noise": 0.02}, (550
 for seed, nm in enumerate(wavelengths):
     counts = tomo.simulate(rig, partial(soot, nm), grid, seed=seed, **how)
     results.append(tomo.reconstruct(replace(counts, radiometry=radiometry), options=options))
-volumes, deviations = zip(*((r.volume, r.uncertainty.standard_deviation) for r in results))
+volumes = [result.volume for result in results]
+deviations = [result.uncertainty.standard_deviation for result in results]
 found, sigma = temperature_of_volumes(*volumes, wavelengths, deviations=deviations, faint=0.2)
 sigma = np.where(np.isfinite(found), sigma, np.nan)  # NaN: too faint for a temperature
 true = temperature(grid.centers())
@@ -57,5 +58,5 @@ x, middle = grid.axes()[0], (slice(2, 14), 14, 8)
 axes[2].plot(x[2:14], true[middle], "k--", label="truth")
 axes[2].errorbar(x[2:14], found[middle], 2 * sigma[middle], fmt="C1o", label="found, 2 deviations")
 axes[2].set(title="through the middle", xlabel="x (mm)", ylabel="temperature (K)")
-axes[2].legend()
+axes[2].legend(loc="upper center")
 plt.show()
