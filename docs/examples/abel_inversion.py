@@ -46,8 +46,8 @@ for name, side, keys, below in (("round", 0, "abcd", "i"), ("one-sided", 0.4, "e
     found = {
         "truth": scan.truth[:, 6],
         "Abel, 1 camera": np.interp(np.hypot(x, z), 0.25 * np.arange(33), profile),
-        "tomography, 1": tomo.reconstruct(alone, options=options).volume[:, 6],
-        "tomography, 8": tomo.reconstruct(scan, options=options).volume[:, 6],
+        "ours, 1 camera": tomo.reconstruct(alone, options=options).volume[:, 6],
+        "ours, 8 cameras": tomo.reconstruct(scan, options=options).volume[:, 6],
     }
     for key, (title, cut) in zip(keys, found.items(), strict=True):
         axes[key].imshow(cut.T, "inferno", extent=(-8, 8, -8, 8), origin="lower", vmin=0, vmax=1.4)
