@@ -109,7 +109,7 @@ def _joseph(voxels: int, views: int, repeats: int, rows: list[Row]) -> list[Row]
     kind = itk.Image[itk.F, 3]
     geometry = rtk.ThreeDCircularProjectionGeometry.New()
     for view in range(views):
-        geometry.AddProjection(DISTANCE, DISTANCE, STEP_DEGREES * view)
+        geometry.AddProjection(DISTANCE, 2 * DISTANCE, STEP_DEGREES * view)  # behind the volume
     pixels = 3 * voxels
 
     def image(values: np.ndarray, pitch: tuple[float, float, float]) -> Any:
@@ -119,7 +119,7 @@ def _joseph(voxels: int, views: int, repeats: int, rows: list[Row]) -> list[Row]
         return made
 
     cube = np.random.default_rng(0).random((voxels,) * 3, np.float32)
-    spacing, pitch = (EDGE / voxels,) * 3, (1.5 * EDGE / pixels, 1.5 * EDGE / pixels, 1.0)
+    spacing, pitch = (EDGE / voxels,) * 3, (3 * EDGE / pixels, 3 * EDGE / pixels, 1.0)
     blank = np.zeros((views, pixels, pixels), np.float32)
 
     def run(name: str, first: Any, second: Any) -> None:
