@@ -84,6 +84,8 @@ class ResolvedWavelength:
             "nine_tenths": self.nine_tenths,
             "worst": self.worst,
             "worst_direction": self.worst_direction.tolist(),
+            "worst_direction_in_words": direction_words(self.worst_direction),
+            "of_length": self.of_length,
         }
 
 

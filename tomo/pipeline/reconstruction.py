@@ -16,6 +16,7 @@ from tomo.io import data_array
 from tomo.pipeline.answer import Answer, answer_of
 from tomo.pipeline.options import NOT_A_NUMBER, Options
 from tomo.pipeline.report_json import report_of
+from tomo.pipeline.verdict import Verdict, judge
 from tomo.pipeline.view import View
 from tomo.solvers import Solution
 
@@ -126,6 +127,11 @@ class Reconstruction:
     def answer(self) -> Answer:
         """Whether the volume explains the images, and the likely causes where it does not."""
         return answer_of(self)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """How far to trust the volume: ``level`` (green, amber, red), ``reasons``, ``next``."""
+        return judge(self.report())
 
     @property
     def value_unit(self) -> str:

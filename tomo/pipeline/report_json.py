@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tomo.pipeline.answer import verdict_of
+from tomo.pipeline.verdict import judge
 from tomo.radiometry.units import unit_of_total
 from tomo.uncertainty.summaries import total
 
@@ -83,7 +84,8 @@ def report_of(outcome: Any) -> dict[str, Any]:
         "settings": outcome.options.to_mapping(),
         "solver": dict(found.settings),
     }
-    return plain(report)
+    figures = plain(report)
+    return {"answer": figures["answer"], "verdict": judge(figures).report(), **figures}
 
 
 def _emission(outcome: Any) -> dict[str, Any]:

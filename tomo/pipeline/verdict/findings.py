@@ -1,0 +1,224 @@
+"""What speaks for or against a volume, found in the figures of ``report.json``.
+
+Each finder takes the figures and yields the values of a rule's words, one mapping for each time
+that the rule applies. It adds no figure of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from tomo.hull.margins import CARVED_AWAY
+from tomo.pipeline.answer import UNKNOWN_VERDICT
+from tomo.screening.single_camera import FEWEST_VIEWS
+from tomo.uncertainty.intervals import NORMAL
+from tomo.uncertainty.warnings import BARELY_SEEN, NOISY
+
+Facts = Mapping[str, Any]
+
+
+def _part(report: Facts, *keys: str) -> Any:
+    """Return what stands at a path of keys; an empty mapping where nothing does."""
+    for key in keys:
+        report = report.get(key) or {}
+    return report
+
+
+def answers(verdict: str, report: Facts) -> Iterator[Facts]:
+    """Yield what is unexplained, where the answer has this verdict."""
+    answer = _part(report, "answer")
+    if answer.get("verdict") == verdict:
+        yield {
+            "most": _percent(answer.get("beyond_noise") or 0),
+            "all": _percent(answer.get("beyond_noise_of_all") or 0),
+            "views": len(_used(report)),
+        }
+
+
+def cameras(kind: str, report: Facts) -> Iterator[Facts]:
+    """Yield cameras that the others contradict: ``mended``, ``kept`` or ``held out``."""
+    for name, found in _part(report, "screening", "cameras").items():
+        held_out = _part(report, "views", name).get("held_out", False)
+        if kind != ("held out" if held_out else "mended" if found.get("done") else "kept"):
+            continue
+        causes = found.get("causes") or [{"words": "no cause found", "needs": "Check it"}]
+        done = found.get("done") or "it still takes part"
+        done = done[:1].lower() + done[1:]
+        first = causes[0]
+        yield {"camera": name, "cause": first["words"], "needs": first["needs"], "done": done}
+
+
+def displaced(report: Facts) -> Iterator[Facts]:
+    """Yield the camera that lies farthest from where the others predict it, if they disagree."""
+    found = _part(report, "alignment", "displacement")
+    if found.get("disagrees"):
+        camera = _largest(found["pixels"])
+        yield {"camera": camera, "pixels": found["pixels"][camera]}
+
+
+def shifted(report: Facts) -> Iterator[Facts]:
+    """Yield how far images were moved to agree, if they were."""
+    found = _part(report, "alignment")
+    if found.get("accepted"):
+        yield {"pixels": max((x * x + y * y) ** 0.5 for x, y in found["shifts"].values())}
+
+
+def refined(report: Facts) -> Iterator[Facts]:
+    """Yield how many cameras were refined from the images, if they were."""
+    found = _part(report, "refinement")
+    if found.get("accepted"):
+        yield {"count": len(found["cameras"])}
+
+
+def outside(low: float, high: float, report: Facts) -> Iterator[Facts]:
+    """Yield the camera with most light from outside the grid, where that is within bounds."""
+    known, lit = _part(report, "screening"), _part(report, "screening", "background")
+    parts = {n: v for n, v in _part(known, "light_outside_grid").items() if n not in lit}
+    camera = _largest(parts)
+    if camera is not None and low < parts[camera] <= high:
+        yield {"camera": camera, "share": f"{parts[camera]:.0%}"}
+
+
+def levels(key: str, report: Facts) -> Iterator[Facts]:
+    """Yield the camera with the largest of the screening's levels, such as ``background``."""
+    levels = _part(report, "screening", key)
+    if levels:
+        camera = _largest(levels)
+        yield {"camera": camera, "level": levels[camera], "count": len(levels)}
+
+
+def absorption(report: Facts) -> Iterator[Facts]:
+    """Yield how much light was found absorbed, where that was corrected."""
+    found = _part(report, "explanation", "absorption")
+    if found:
+        yield {"lost": f"{found['light_lost']:.0%}"}
+
+
+def learned(report: Facts) -> Iterator[Facts]:
+    """Yield what was learned in place of segment lengths, if anything was."""
+    found = _part(report, "learning")
+    if found.get("taken"):
+        yield {"found": " and ".join(found.get("found") or ["an effect without a name"])}
+
+
+def carved(report: Facts) -> Iterator[Facts]:
+    """Yield the light that no voxel was kept for, if it is much."""
+    lost = _part(report, "carving").get("light_carved_away") or 0.0
+    if lost > CARVED_AWAY:
+        yield {"lost": f"{lost:.1%}"}
+
+
+def unmeasured(low: float, high: float, report: Facts) -> Iterator[Facts]:
+    """Yield the direction that views measure least, where that is within bounds."""
+    found = _part(report, "uncertainty", "voxels", "resolved_wavelength")
+    if found and low <= _or_infinite(found["of_length"]) < high:
+        yield {"views": len(_used(report)), "direction": found["worst_direction_in_words"]}
+
+
+def few(report: Facts) -> Iterator[Facts]:
+    """Yield the number of views where it is too small to find a wrong camera."""
+    views = len(_used(report))
+    if 0 < views < FEWEST_VIEWS:
+        yield {"views": views, "fewest": FEWEST_VIEWS}
+
+
+def barely_seen(report: Facts) -> Iterator[Facts]:
+    """Yield the fraction of the emitting voxels that no two views see, if it is large."""
+    views = _part(report, "uncertainty", "voxels", "emitting_by_views")
+    barely = sum(n for k, n in views.items() if int(k) < 2) / max(sum(views.values()), 1)
+    if barely > BARELY_SEEN:
+        yield {"share": f"{barely:.0%}"}
+
+
+def uncertain(low: float, high: float, report: Facts) -> Iterator[Facts]:
+    """Yield the error to expect of a voxel, where that is within bounds."""
+    error = expected_error(report)
+    if error is not None and low < error <= high:
+        yield {"error": _percent(error)}
+
+
+def expected_error(report: Facts) -> float | None:
+    """Return the error to expect, root mean square over that of the emission; None: unknown.
+
+    It is the 90 % interval's half-width over 1.645, as of a normal distribution.
+    """
+    half = _part(report, "uncertainty", "intervals", "voxels").get("relative")
+    return None if half is None else half / NORMAL
+
+
+def noisy(report: Facts) -> Iterator[Facts]:
+    """Yield the voxels' standard deviation by noise, if it is large."""
+    deviation = _part(report, "uncertainty", "standard_deviation").get("relative") or 0.0
+    if deviation > NOISY:
+        yield {"deviation": f"{deviation:.0%}"}
+
+
+def not_predicted(low: float, high: float, report: Facts) -> Iterator[Facts]:
+    """Yield the held-out camera that is predicted worst, where that is within bounds."""
+    missed = {name: one["beyond_noise"] for name, one in _held_out(report).items()}
+    camera = _largest(missed)
+    if camera is not None and low < missed[camera] <= high:
+        yield {"camera": camera, "missed": _percent(missed[camera])}
+
+
+def unproved(report: Facts) -> Iterator[Facts]:
+    """Yield where neither intervals nor a held-out camera say how far off voxels are."""
+    known = _part(report, "answer").get("verdict") != UNKNOWN_VERDICT
+    if known and expected_error(report) is None and not _held_out(report):
+        yield {}
+
+
+def error(report: Facts) -> Iterator[Facts]:
+    """Yield the error to expect of a voxel, where it is known."""
+    error = expected_error(report)
+    if error is not None:
+        yield {"error": _percent(error)}
+
+
+def views(report: Facts) -> Iterator[Facts]:
+    """Yield the median number of views of the voxels that emit."""
+    if _part(report, "uncertainty", "voxels").get("median_views"):
+        yield {"views": f"{report['uncertainty']['voxels']['median_views']:g}"}
+
+
+def predicted(report: Facts) -> Iterator[Facts]:
+    """Yield every held-out camera."""
+    for name, one in _held_out(report).items():
+        yield {"camera": name, "missed": _percent(one["beyond_noise"])}
+
+
+def without_check(report: Facts) -> Iterator[Facts]:
+    """Yield a camera that could be held out, where none was."""
+    if not _held_out(report) and _used(report):
+        yield {"camera": next(iter(_used(report)))}
+
+
+def always(report: Facts) -> Iterator[Facts]:
+    """Yield once."""
+    yield {}
+
+
+def _used(report: Facts) -> dict[str, Facts]:
+    """Return the views that took part."""
+    views = _part(report, "views").items()
+    return {k: v for k, v in views if not (v.get("held_out") or v.get("excluded"))}
+
+
+def _held_out(report: Facts) -> dict[str, Facts]:
+    """Return the held-out views with light."""
+    views = _part(report, "views").items()
+    return {k: v for k, v in views if v.get("held_out") and v.get("beyond_noise") is not None}
+
+
+def _largest(values: Mapping[str, float]) -> str | None:
+    return max(values, key=values.__getitem__, default=None)
+
+
+def _or_infinite(value: float | None) -> float:
+    return float("inf") if value is None else value
+
+
+def _percent(fraction: float) -> str:
+    """Return a fraction in per cent, to two digits or a tenth."""
+    return f"{fraction:.0%}" if fraction >= 0.0995 else f"{fraction:.1%}"

@@ -1,0 +1,274 @@
+"""The rules of the verdict: one row a finding, with its level, its words and the next step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+
+from rigs.check.resolved_wavelength import AS_LARGE
+from tomo.pipeline.answer import EXPLAINED, HARMFUL, NOT_EXPLAINED, PARTLY, UNKNOWN_VERDICT
+from tomo.pipeline.verdict import findings
+from tomo.pipeline.verdict.findings import Facts
+from tomo.pipeline.verdict.value import AMBER, GREEN, LEVELS, RED, Verdict
+from tomo.screening.screening import OUTSIDE
+from tomo.uncertainty.warnings import NOISY, UNEXPLAINED
+
+Finder = Callable[[Facts], Iterator[Facts]]
+"""From ``report.json`` to the values of a rule's words, one mapping for each time it applies."""
+
+MANY = float("inf")
+
+TWO_VIEWS = 1.4
+"""Wavelength that views leave unmeasured, relative to the emission's extent, from which they are
+no more than two at right angles, which reach 1.41. Three evenly spread views reach 1.0."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One finding: when it applies, what it makes of the volume, and in which words.
+
+    Attributes
+    ----------
+    level : str
+    find : callable
+        See `Finder`.
+    reason, step : str
+        With fields that ``find`` fills. No step where it is empty.
+    """
+
+    level: str
+    find: Finder = field(repr=False)
+    reason: str
+    step: str = ""
+
+
+def judge(report: Facts) -> Verdict:
+    """Return how far the volume of a ``report.json`` can be trusted.
+
+    Examples
+    --------
+    >>> judge({"answer": {"verdict": "not known"}}).level
+    'red'
+    """
+    found = [(rule, values) for rule in RULES for values in rule.find(report)]
+    if not found:
+        for_it = [(rule, values) for rule in FOR_IT for values in rule.find(report)]
+        return Verdict(GREEN, _reasons(for_it), _steps(for_it))
+    graver = sorted(found, key=lambda one: -LEVELS.index(one[0].level))
+    return Verdict(graver[0][0].level, _reasons(graver), _steps(found))
+
+
+def _reasons(found: list[tuple[Rule, Facts]]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(rule.reason.format(**values) for rule, values in found))
+
+
+def _steps(found: list[tuple[Rule, Facts]]) -> tuple[str, ...]:
+    steps = (rule.step.format(**values) for rule, values in found)
+    return tuple(dict.fromkeys(step for step in steps if step))
+
+
+RULES: tuple[Rule, ...] = (
+    Rule(
+        RED,
+        partial(findings.answers, UNKNOWN_VERDICT),
+        "no image has light to compare the volume with",
+        "Check the exposure, the dark level, and that the images belong to these cameras",
+    ),
+    Rule(
+        RED,
+        partial(findings.cameras, "kept"),
+        "camera {camera} contradicts the others ({cause}), and {done}",
+        "Camera {camera}: {needs}",
+    ),
+    Rule(
+        AMBER,
+        partial(findings.cameras, "mended"),
+        "camera {camera} contradicts the others ({cause}): {done}",
+        "Camera {camera}: {needs}",
+    ),
+    Rule(
+        AMBER,
+        partial(findings.cameras, "held out"),
+        "the held-out camera {camera} contradicts the others ({cause}): it checks nothing",
+        "Camera {camera}: {needs}",
+    ),
+    Rule(
+        RED,
+        findings.displaced,
+        "cameras do not look where the rig says: the image of {camera} lies {pixels:.1f} pixels "
+        "from where the others predict it",
+        "Calibrate the cameras again, or run with --refine-cameras all",
+    ),
+    Rule(
+        AMBER,
+        findings.shifted,
+        "the images were moved by up to {pixels:.1f} pixels to agree with each other",
+        "Calibrate the cameras again, or go on with refined_rig.yaml, the rig as it was found",
+    ),
+    Rule(
+        AMBER,
+        findings.refined,
+        "the positions of {count} camera(s) were corrected from the images",
+        "Use refined_rig.yaml, the corrected rig, for further frames",
+    ),
+    Rule(
+        RED,
+        partial(findings.outside, HARMFUL, MANY),
+        "the grid cuts the flame: {share} of camera {camera}'s light comes from outside it",
+        "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light",
+    ),
+    Rule(
+        AMBER,
+        partial(findings.outside, OUTSIDE, HARMFUL),
+        "{share} of camera {camera}'s light comes from outside the grid",
+        "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light",
+    ),
+    Rule(
+        AMBER,
+        partial(findings.levels, "background"),
+        "{count} camera(s) have light everywhere in the image, {camera} most ({level:.3g})",
+        "Subtract the background: add it to the dark level in scan.yaml (corrections: dark)",
+    ),
+    Rule(
+        AMBER,
+        partial(findings.levels, "below_zero"),
+        "too much was subtracted as dark in {count} camera(s), {camera} most ({level:.3g})",
+        "Check the dark frames, or lower the dark level in scan.yaml (corrections: dark)",
+    ),
+    Rule(
+        AMBER,
+        partial(findings.levels, "saturated"),
+        "{count} camera(s) are overexposed: their brightest pixels were left out",
+        "Expose camera {camera} shorter",
+    ),
+    Rule(
+        AMBER,
+        findings.absorption,
+        "the gas seems to swallow {lost} of the light; that was fitted, not measured",
+        "If the gas is transparent, run with --no-fit-absorption; else measure its absorption",
+    ),
+    Rule(
+        AMBER,
+        findings.learned,
+        "an effect that nobody wrote down was learned from the images: {found}",
+        "Compare with a run without it (--no-learn)",
+    ),
+    Rule(
+        AMBER,
+        findings.carved,
+        "{lost} of the light meets no voxel that was kept",
+        "Keep all voxels (--no-skip)",
+    ),
+    Rule(
+        RED,
+        partial(findings.answers, NOT_EXPLAINED),
+        "the volume does not explain its images: up to {most} of an image is neither volume nor "
+        "noise",
+        "Try smaller voxels (--spacing), and check that the flame did not move between the "
+        "cameras' exposures",
+    ),
+    Rule(
+        AMBER,
+        partial(findings.answers, PARTLY),
+        "the volume explains its images in part: up to {most} of an image is neither volume nor "
+        "noise",
+        "Try smaller voxels (--spacing), and check that the flame did not move between the "
+        "cameras' exposures",
+    ),
+    Rule(
+        RED,
+        partial(findings.not_predicted, UNEXPLAINED, MANY),
+        "the held-out camera {camera} is not predicted: {missed} of its image is wrong beyond "
+        "noise",
+        "Check camera {camera}, and add cameras between the others",
+    ),
+    Rule(
+        AMBER,
+        partial(findings.not_predicted, HARMFUL, UNEXPLAINED),
+        "the held-out camera {camera} is predicted in part: {missed} of its image is wrong beyond "
+        "noise",
+        "Add cameras, or check the calibration of camera {camera}",
+    ),
+    Rule(
+        RED,
+        partial(findings.unmeasured, TWO_VIEWS, MANY),
+        "{views} camera(s) from here are too few for a volume: nothing fixes its shape along "
+        "{direction}",
+        "Add cameras that look across {direction}: four evenly spread ones are the least",
+    ),
+    Rule(
+        AMBER,
+        partial(findings.unmeasured, AS_LARGE, TWO_VIEWS),
+        "few directions: the shape along {direction} is a guess",
+        "Add a camera that looks across {direction}: four evenly spread ones are the least",
+    ),
+    Rule(
+        RED,
+        partial(findings.uncertain, NOISY, MANY),
+        "a voxel is off by about {error} of the emission",
+        "Add cameras, or average over frames",
+    ),
+    Rule(
+        AMBER,
+        partial(findings.uncertain, HARMFUL, NOISY),
+        "a voxel is off by about {error} of the emission",
+        "Trust sums and means over regions more than single voxels; more cameras narrow this",
+    ),
+    Rule(
+        RED,
+        findings.noisy,
+        "noise hides the volume: it moves voxels by {deviation} of the emission",
+        "Average over frames or regions, expose longer, or use fewer voxels",
+    ),
+    Rule(
+        AMBER,
+        findings.barely_seen,
+        "fewer than two cameras see {share} of the voxels that emit",
+        "Do not use those voxels, or move the grid to where the cameras look",
+    ),
+    Rule(
+        AMBER,
+        findings.few,
+        "with {views} camera(s) a wrong one cannot be found: that takes {fewest}",
+        "Add cameras, or check the calibration with check-rig and a calibration target",
+    ),
+    Rule(
+        AMBER,
+        findings.unproved,
+        "how far off voxels are was not measured",
+        "Reconstruct one frame with --uncertainty auto, or hold a camera out (--hold-out NAME)",
+    ),
+)
+"""What keeps a volume from being green. Their order is that of the steps: mend first what makes
+other things seem wrong."""
+
+FOR_IT: tuple[Rule, ...] = (
+    Rule(
+        GREEN,
+        partial(findings.answers, EXPLAINED),
+        "the volume explains the images of all {views} cameras up to their noise",
+    ),
+    Rule(GREEN, findings.views, "about {views} cameras see each voxel that emits"),
+    Rule(GREEN, findings.error, "a voxel is off by about {error} of the emission"),
+    Rule(
+        GREEN,
+        findings.predicted,
+        "camera {camera}, which was held out, is predicted: {missed} of its image is wrong beyond "
+        "noise",
+    ),
+    Rule(
+        GREEN,
+        findings.without_check,
+        "nothing that was tested is wrong",
+        "Check it once with an image that it never saw: run again with --hold-out {camera}",
+    ),
+    Rule(
+        GREEN,
+        findings.always,
+        "no camera contradicts the others",
+        "Use volume.vti (ParaView), volume.nrrd (3D Slicer) or volume.npz (Python), with "
+        "half_width.* as error bars",
+    ),
+)
+"""What is said of a green volume."""
