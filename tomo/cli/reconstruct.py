@@ -197,7 +197,7 @@ def _load(scan: Path | None, rig: Path | None, images: Path | None, pattern: str
 
 
 def _summary(report: dict, out: Path) -> str:
-    """Return a line on each of: the fit, the error, held-out cameras, the page to open."""
+    """Return a line on each of: the fit, the error, held-out cameras, the verdict, the page."""
     lines = [
         f"{report['method']}: relative residual {_number(report['relative_residual'])}, "
         f"{report['rays']:,} rays, {report['segments']:,} segments, "
@@ -208,7 +208,7 @@ def _summary(report: dict, out: Path) -> str:
     for camera, figures in report["held_out"].items():
         shown = {name: value for name, value in figures.items() if name != "data_range"}
         lines.append(f"held out {camera}: {_figures(shown)}")
-    lines.append(f"open {out / 'report.html'}")
+    lines += [report["verdict"]["sentence"], f"open {out / 'report.html'}"]
     return "\n".join(lines)
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-LONGEST_DETAIL = 1200
-"""Characters; what is longer, values of dozens of cameras, is left to report.json."""
+LONGEST_DETAIL = 300
+"""Characters; what is longer, values of many cameras, is left to report.json."""
 
 
 def without_nulls(values: Mapping) -> dict:

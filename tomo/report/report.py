@@ -9,24 +9,25 @@ from collections.abc import Mapping, Sequence
 from rigs.files import atomic_path
 from tomo.draw.page import embedded, render
 from tomo.metrics import cosine_distance, nrmse
-from tomo.pipeline.answer import MOST_TIMES, VERDICTS, verdict_of
+from tomo.pipeline.answer import HARMFUL, NEGLIGIBLE, VERDICTS, verdict_of
 from tomo.pipeline.view import View
 from tomo.report.content import Results
 from tomo.report.facts import detail_tables, number_text, without_nulls
+from tomo.report.glossary import with_glossary
 from tomo.report.pictures import Picture, draw
-from tomo.report.uncertainty_tables import condition_section
+from tomo.report.uncertainty_tables import coverage_table, trust_figures
+from tomo.report.words import as_sentence, verdict_part
 
 _TITLES = {
     "rig": "Cameras and volume",
     "views": "Measured and re-projected images",
-    "slices": "Reconstructed volume",
-    "convergence": "Convergence",
-    "difference": "Comparison of volumes",
-    "intervals": "90 % interval of every voxel",
-    "condition": "Standard deviation of every voxel",
+    "slices": "The volume",
+    "convergence": "How the iterations went",
+    "difference": "Volumes beside each other",
+    "intervals": "Where it is uncertain",
+    "condition": "What noise does to every voxel",
     "learned": "Weights learned in place of segment lengths",
 }
-
 
 SHOWN_VIEWS = 6
 """Rows of the table of views that stand open; the others, better explained, are folded up."""
@@ -38,7 +39,7 @@ def write_report(
     results: Results,
     pictures: Sequence[Picture] | None = None,
 ) -> None:
-    """Write the page.
+    """Write the page: the volume, the verdict and the next steps first, then the figures.
 
     Parameters
     ----------
@@ -53,121 +54,156 @@ def write_report(
     """
     report = without_nulls(report)
     pictures = draw(results) if pictures is None else pictures
-    shown = {
-        picture.name: {
-            "title": _TITLES.get(picture.name, picture.name),
-            "data": embedded(picture.png),
-            "caption": picture.caption,
-            "alt": picture.alt,
-        }
-        for picture in pictures
-    }
+    shown = dict.fromkeys(_TITLES)
+    for one in pictures:
+        title = _TITLES.get(one.name, one.name)
+        data = embedded(one.png)
+        shown[one.name] = {"title": title, "data": data, "caption": one.caption, "alt": one.alt}
     text = render(
         "report.html",
-        method=str(report.get("method", results.method)),
-        answer=_answer(report),
-        headline=_headline(report),
-        warnings=list(report.get("warnings") or ()),
+        title=_title(report),
+        about=_about(report, results),
+        verdict=verdict_part(report.get("verdict")),
+        warnings=[as_sentence(line) for line in report.get("warnings") or ()],
+        answer=(report.get("answer") or {}).get("sentence"),
         pictures=shown,
-        views=_view_rows(report, results),
-        shown_views=SHOWN_VIEWS,
+        against_truth=_against_truth(report),
         comparisons=_comparison_rows(results),
-        condition=condition_section(report.get("uncertainty"), results.rig.length_unit),
+        held_out=_held_out(report),
+        trust=trust_figures(report, results.rig.length_unit),
+        coverage=coverage_table(report.get("uncertainty")),
+        views=_views(report, results),
+        shown_views=SHOWN_VIEWS,
         refinement=_refinement(report, results.rig.length_unit),
+        run=_run(report),
         details=detail_tables(report),
     )
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(with_glossary(text), encoding="utf-8")
 
 
-def _headline(report: Mapping) -> list[tuple[str, str, str]]:
-    """Return the page's first figures: (value, name, what it means)."""
+def _title(report: Mapping) -> str:
+    frame = (report.get("scan") or {}).get("frame")
+    return f"Reconstruction of {frame}" if frame else "Reconstruction"
+
+
+def _about(report: Mapping, results: Results) -> str:
+    """Return the line below the title: what was made of what, and how large it is."""
+    grid, unit = results.grid, results.rig.length_unit
+    size, voxels = (" x ".join(f"{n:.4g}" for n in values) for values in (grid.extent, grid.shape))
+    used = sum(view.takes_part for view in results.views) or len(results.rig)
+    return (
+        f"Emission in {size} {unit} ({voxels} voxels) from {used} camera"
+        f"{'s' if used != 1 else ''}, method {report.get('method', results.method)}."
+    )
+
+
+Rows = list[tuple[str, str, str]]
+"""Figures: value, name, and what they mean."""
+
+
+def _against_truth(report: Mapping) -> Rows:
     quality = report.get("quality") or {}
-    seconds = report.get("seconds") or {}
-    held_out = report.get("held_out") or {}
     rows = []
-    if "cosine_distance" in quality:
-        value = number_text(quality["cosine_distance"])
-        rows.append((value, "cosine distance", "from the truth; 0 is equal up to brightness"))
     if "nrmse" in quality:
-        rows.append(
-            (number_text(quality["nrmse"]), "NRMSE", "root mean square error over the truth's")
-        )
-    for key, name, unit in (("psnr", "held-out PSNR", " dB"), ("ssim", "held-out SSIM", "")):
-        values = [figures[key] for figures in held_out.values() if key in figures]
-        if values:
-            text = number_text(sum(values) / len(values)) + unit
-            rows.append((text, name, f"mean of {len(values)} view(s) never used"))
+        words = "Root mean square of the error over that of the true volume. Good: below 0.1."
+        rows.append((number_text(quality["nrmse"]), "error (NRMSE)", words))
+    if "cosine_distance" in quality:
+        words = "Difference in shape alone: 0 is equal up to brightness. Good: below 0.01."
+        rows.append((number_text(quality["cosine_distance"]), "cosine distance", words))
+    if "total_ratio" in quality:
+        words = "All light of the volume over that of the true one. Good: 1."
+        rows.append((number_text(quality["total_ratio"], 4), "total over the true total", words))
+    return rows
+
+
+def _held_out(report: Mapping) -> Rows:
+    rows, views = [], report.get("views") or {}
+    for name, figures in (report.get("held_out") or {}).items():
+        missed = views.get(name, {}).get("beyond_noise")
+        if missed is not None:
+            words = (
+                f"The part of its image that the volume predicts wrongly. Good: up to "
+                f"{HARMFUL:.0%}; with few cameras more."
+            )
+            rows.append((f"{missed:.1%}", f"{name}: wrong beyond noise", words))
+        if "psnr" in figures:
+            words = "Error of the prediction in decibels. 30 is good, 40 very good."
+            rows.append((f"{number_text(figures['psnr'])} dB", f"{name}: PSNR", words))
+        if "ssim" in figures:
+            words = "Likeness in structure, 1 at the most; noise in the image lowers it."
+            rows.append((number_text(figures["ssim"]), f"{name}: SSIM", words))
+    return rows
+
+
+def _run(report: Mapping) -> Rows:
+    """Return the figures of the computation itself."""
+    seconds, rows = report.get("seconds") or {}, []
+    if "method" in report:
+        rows.append((str(report["method"]), "method", as_sentence(report.get("stop_reason", ""))))
     if "relative_residual" in report:
-        value = f"{report['relative_residual']:.2%}"
-        rows.append((value, "relative residual", "of the re-projected images"))
-    emission = report.get("emission") or {}
+        words = "Of all images, not reproduced, noise included. Good: near the images' noise."
+        rows.append((f"{report['relative_residual']:.2%}", "relative residual", words))
+    if "total" in seconds:
+        solve = f"{seconds['solve']:.3g} s of it to solve." if "solve" in seconds else ""
+        rows.append((f"{seconds['total']:.3g} s", "time", solve))
     for key, name, words in (
-        ("total", "total emission", "the integral of the volume"),
-        ("power", "power", "into all directions: 4 pi times the total"),
-    ):
-        if "power" in emission:  # of absolute volumes
-            rows.append((f"{emission[key]:.4g} {emission[f'{key}_unit']}", name, words))
-    for key, name in (("solve", "to solve"), ("total", "in total")):
-        if key in seconds:
-            rows.append((f"{seconds[key]:.3g} s", name, "wall time"))
-    for key, name, words in (
-        ("rays", "rays", "lines of sight used"),
-        ("segments", "segments", "pieces of rays inside voxels"),
-        ("voxels", "voxels", "in the grid"),
-        ("active_voxels", "active voxels", "that can be non-zero"),
+        ("rays", "lines of sight", "One or more through each pixel that was used."),
+        ("segments", "segments", "Parts of lines of sight inside voxels: the size of the system."),
+        ("voxels", "voxels", "In the grid."),
+        ("active_voxels", "active voxels", "Not proved empty by dark pixels: those solved for."),
     ):
         if key in report:
             rows.append((number_text(report[key]), name, words))
     if report.get("peak_memory_mb"):
-        rows.append((f"{report['peak_memory_mb']:,.0f} MB", "peak memory", "of the process"))
+        rows.append((f"{report['peak_memory_mb']:,.0f} MB", "peak memory", ""))
     return rows
 
 
-def _answer(report: Mapping) -> dict[str, str] | None:
-    """Return the first sentence of the page and the verdict that colours it."""
-    found = report.get("answer")
-    if not found:
-        return None
-    return {"sentence": found["sentence"], "verdict": found["verdict"].replace(" ", "-")}
-
-
-def _view_rows(report: Mapping, results: Results) -> list[dict]:
-    """Return one row a view: those that took no part, then the least explained ones first."""
-    held_out, listed = report.get("held_out") or {}, report.get("views") or {}
-    rows = []
-    for view in sorted(results.views, key=_order):
-        figures = {**listed.get(view.name, {}), **held_out.get(view.name, {})}
+def _views(report: Mapping, results: Results) -> dict:
+    """Return the table of views: those that took no part, then the least explained ones first."""
+    listed, columns = report.get("views") or {}, _columns(report)
+    rows, marked = [], []
+    for number, view in enumerate(sorted(results.views, key=_order)):
+        figures = listed.get(view.name, {})
         residual = figures.get("relative_residual", view.relative_residual)
         lit = math.isfinite(residual)
-        rows.append(
-            {
-                "name": view.name,
-                "held_out": view.held_out,
-                "excluded": view.excluded,
-                "relative_residual": f"{residual:.2%}" if lit else "dark",
-                "noise": f"{view.relative_noise:.2%}" if lit else "",
-                "ratio": _times(view.residual_over_noise) if lit else "",
-                "beyond": f"{view.beyond_noise:.1%}" if lit else "",
-                "verdict": verdict_of(view) if view.takes_part else "",
-                "bar": residual if lit else 0.0,
-                "gain": f"{figures['gain']:.3f}" if "gain" in figures else "",
-                **{k: number_text(figures[k]) if k in figures else "" for k in ("psnr", "ssim")},
-            }
-        )
-    longest = max((row["bar"] for row in rows), default=0.0) or 1.0
-    return [{**row, "bar": 100 * row["bar"] / longest} for row in rows]
+        role = "held out" if view.held_out else "excluded" if view.excluded else ""
+        values = {
+            "not reproduced": f"{residual:.2%}" if lit else "dark",
+            "noise": f"{view.relative_noise:.2%}" if lit else "",
+            "beyond noise": f"{view.beyond_noise:.1%}" if lit else "",
+            "image": role or verdict_of(view),
+            "gain": f"{figures['gain']:.3f}" if "gain" in figures else "",
+        }
+        name = f"{view.name} ({role})" if role else view.name
+        rows.append([name, *(values[column] for column, _ in columns)])
+        if role:
+            marked.append(number)
+    titles = ("Camera", *(column for column, _ in columns))
+    return {"titles": titles, "rows": rows, "marked": marked, "columns": columns}
+
+
+def _columns(report: Mapping) -> list[tuple[str, str]]:
+    """Return the columns of the table of views, and what they mean."""
+    columns = [
+        ("not reproduced", "the part of the image that the volume does not reproduce, noise "
+         "included (relative residual)"),
+        ("noise", "the part that is noise; the first figure cannot fall below it"),
+        ("beyond noise", f"what is left of the first without noise and without details finer than "
+         f"a voxel: explained up to {NEGLIGIBLE:.0%}, not explained above {HARMFUL:.0%}"),
+        ("image", "the same in words"),
+    ]  # fmt: skip
+    if any("gain" in one for one in (report.get("views") or {}).values()):
+        words = "brightness of the image over that of the volume's; the cameras should agree"
+        columns.append(("gain", words))
+    return columns
 
 
 def _order(view: View) -> tuple[bool, int, float]:
     """Return the place of a view in the table: what took no part, then by what is unexplained."""
     beyond = view.beyond_noise if math.isfinite(view.beyond_noise) else 0.0
     return view.takes_part, -VERDICTS.index(verdict_of(view)), -beyond
-
-
-def _times(ratio: float) -> str:
-    """Return residual over noise as text; clean images have a ratio that says nothing."""
-    return f"{ratio:.1f}" if ratio <= MOST_TIMES else f"above {MOST_TIMES:.0f}"
 
 
 def _comparison_rows(results: Results) -> list[tuple[str, str, str]]:
@@ -192,9 +228,10 @@ def _refinement(report: Mapping, length_unit: str) -> dict | None:
     kept = "Used" if found["accepted"] else "Not used"
     words = (
         f"{kept}: {found['reason']} (relative error of rays that took no part). Positions and "
-        "turns are along and about each camera's own axes right, down and forward."
+        "turns are along and about each camera's own axes right, down and forward; trusted to: "
+        "how far the rig file may be off, moved: how far the image moved, both in pixels."
     )
-    titles = ("Camera", "prior (px)", "moved (px)", f"position ({length_unit})")
+    titles = ("Camera", "trusted to (px)", "moved (px)", f"position ({length_unit})")
     rows = [
         (
             name,

@@ -1,4 +1,4 @@
-"""The uncertainty section of the report as words and tables, from report.json's figures."""
+"""How far off a volume can be, as figures with their meaning; from report.json."""
 
 from __future__ import annotations
 
@@ -6,103 +6,153 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tomo.pipeline.answer import HARMFUL
+from tomo.pipeline.verdict import expected_error
+
 _VIEW_BINS = ((0, 0), (1, 1), (2, 2), (3, 4), (5, 8), (9, 16), (17, 32), (33, math.inf))
 
+Rows = list[tuple[str, str, str]]
+"""Figures: value, name, and what they mean."""
 
-def condition_section(condition: Mapping | None, length_unit: str) -> dict[str, Any] | None:
-    """Return the uncertainty section of the page: warnings, words and a table.
+
+def trust_figures(report: Mapping, length_unit: str) -> Rows:
+    """Return the figures of the uncertainty and of the emission, without what is not known.
 
     Parameters
     ----------
-    condition : mapping or None
-        ``condition`` of the report, without what is None.
+    report : mapping
+        The contents of report.json, without what is None.
     length_unit : str
     """
-    if not condition:
-        return None
-    voxels = condition["voxels"]
-    warnings = list(condition.get("warnings") or ())
-    views = _by_views(voxels)
-    return {
-        "warnings": warnings,
-        "words": [
-            *_of_views(voxels),
-            *_of_images(condition.get("images") or {}),
-            *_of_intervals(condition.get("intervals"), length_unit),
-            *_of_deviations(condition.get("standard_deviation")),
-            *_of_resolution(condition.get("resolution"), length_unit),
-        ],
-        "tables": [{"titles": ("Views", "voxels that may emit", "voxels that do"), "rows": views}],
-    }
-
-
-def _of_views(voxels: Mapping) -> list[str]:
-    if "median_views" not in voxels:
-        return ["No voxel emits."]
-    words = voxels["resolved_wavelength"]["in_words"]
+    condition = report.get("uncertainty") or {}
+    unit = (report.get("emission") or {}).get("unit", "")
     return [
-        f"{voxels['emitting']:,} voxels emit (above a hundredth of the brightest). The typical "
-        f"one is seen by {voxels['median_views']:g} views. {words[:1].upper()}{words[1:]}."
+        *_of_intervals(report, condition.get("intervals"), unit, length_unit),
+        *_of_total(report, condition.get("intervals")),
+        *_of_details(condition.get("voxels") or {}, length_unit),
+        *_of_resolution(condition.get("resolution"), length_unit),
+        *_of_noise(condition.get("standard_deviation")),
     ]
 
 
-def _of_images(images: Mapping) -> list[str]:
-    if "residual" not in images:
+def _of_intervals(report: Mapping, found: Mapping | None, unit: str, length: str) -> Rows:
+    error = expected_error(report)
+    if not found or error is None:
         return []
-    words = f"Images: {images['residual']:.1%} of them is not explained by the volume"
-    if "noise" in images:
-        words += f"; their noise is {images['noise']:.1%}"
-    return [words + "."]
-
-
-def _of_intervals(found: Mapping | None, length_unit: str) -> list[str]:
-    if not found or "relative" not in found["voxels"]:
-        return []
-    voxels, total = found["voxels"], found["total"]
-    share = total["half_width"] / total["value"] if total["value"] > 0 else math.inf
+    voxels = found["voxels"]
     widest = max(half for axis in found["edges"]["half_width"] for half in axis)
+    noise, structure = voxels["relative_noise"], voxels["relative_structure"]
+    rules = (
+        "Noise rules: longer exposures and more frames help."
+        if noise > structure
+        else "The latter rules: more exposure does not help, more or better placed cameras do."
+    )
     return [
-        f"{found['level']:.0%} intervals: ± {voxels['relative']:.1%} of the emission (root mean "
-        f"squares over the voxels that emit), {voxels['relative_noise']:.1%} by noise and "
-        f"{voxels['relative_structure']:.1%} by structure: missing views, smoothing, cameras "
-        f"that disagree. ± {voxels['median_half_width']:.3g} in the middle. "
-        f"Total: {total['value']:.4g} {total.get('unit', '')}".strip()
-        + f" ± {share:.1%}. Edges of the emission: "
-        f"± {widest:.2g} {length_unit} at most. They come from new noise, "
-        f"from {found['camera_groups']} solves without a group of cameras each, "
-        "from a second pass, and from what the images leave unexplained."
+        (
+            f"{error:.1%}",
+            "error to expect of a voxel",
+            f"Of a typical voxel that emits. Good: below {HARMFUL:.0%}.",
+        ),
+        (
+            f"± {voxels['relative']:.1%}",
+            "90 % interval of a voxel",
+            "The true value lies within it in nine of ten voxels that emit; in the middle one "
+            f"it is ± {voxels['median_half_width']:.3g} {unit}.".replace(" .", ".")
+            + f" Noise makes ± {noise:.1%}, missing views, smoothing and cameras that disagree "
+            f"± {structure:.1%}. {rules}",
+        ),
+        (
+            f"± {widest:.2g} {length}",
+            "edges of the emission",
+            "Where it begins and ends along x, y and z is known so well, or better.",
+        ),
     ]
 
 
-def _of_deviations(found: Mapping | None) -> list[str]:
-    if not found or "relative" not in found:
-        return ["Standard deviation: not asked for (--uncertainty 30 finds it)."]
-    words = (
-        f"Standard deviation: {found['relative']:.1%} of the emission (root mean squares over the "
-        f"voxels that emit), {found['median']:.3g} in the middle, {found['largest']:.3g} at most; "
-        f"{found['share_above_half']:.0%} of the emitting voxels deviate by more than half of "
-        f"their value. By {found['repeats']} {found['method']}."
-    )
-    if not found["mapped"]:
-        words += " Too few for single voxels: --uncertainty 30 maps them."
-    else:
-        words += f" Each voxel's is known to {found['scatter']:.0%}."
-    return [words]
+def _of_total(report: Mapping, found: Mapping | None) -> Rows:
+    emission, rows = report.get("emission") or {}, []
+    spread = (found or {}).get("total") or {}
+    for key, name, words in (
+        ("total", "total emission", "All light of the volume: its sum times the voxels' size."),
+        ("power", "power", "Into all directions: 4 pi times the total."),
+    ):
+        if key in emission:
+            value = f"{emission[key]:.4g} {_short(emission[f'{key}_unit'])}".strip()
+            if spread.get("value", 0) > 0:
+                value += f" ± {spread['half_width'] / spread['value']:.1%}"
+            rows.append((value, name, words))
+    return rows
 
 
-def _of_resolution(found: Mapping | None, length_unit: str) -> list[str]:
+def _short(unit: str) -> str:
+    """Return a unit of a total with powers of the length put together.
+
+    >>> _short("full scales per mm mm^3")
+    'full scales mm^2'
+    """
+    value, _, length = unit.rpartition(" per ")
+    own, _, cubed = length.partition(" ")
+    return f"{value} {own}^2" if value and cubed == f"{own}^3" else unit
+
+
+def _of_details(voxels: Mapping, length: str) -> Rows:
+    found = voxels.get("resolved_wavelength")
+    if not found or "nine_tenths" not in found:
+        return []
+    return [
+        (
+            f"{found['half']:.2g} to {found['nine_tenths']:.2g} {length}",
+            "finest details that the cameras measure",
+            "Half of all details are measured down to the first size, 90 % down to the second, "
+            f"flat layers across {found['worst_direction_in_words']} only down to "
+            f"{found['worst']:.2g} {length}. Anything finer in the picture comes from smoothness, "
+            "not from the images. Good: smaller than the structures that you look for.",
+        ),
+        (
+            f"{voxels['median_views']:g}",
+            "cameras see a typical voxel that emits",
+            "Four evenly spread ones are the least for a shape in three dimensions; cameras that "
+            "face each other count once.",
+        ),
+    ]
+
+
+def _of_resolution(found: Mapping | None, length: str) -> Rows:
     if not found:
         return []
-    voxels, lengths = (
-        " x ".join(f"{width:.2g}" for width in found[key]) for key in ("voxels", "length")
+    lengths, voxels = (
+        " x ".join(f"{width:.2g}" for width in found[key]) for key in ("length", "voxels")
     )
-    worst = " x ".join(f"{width:.2g}" for width in found["widest_tenth_voxels"])
     return [
-        f"Resolution along x, y, z: {voxels} voxels, {lengths} {length_unit} (medians of "
-        f"{found['spots']} spots; {worst} voxels or more at the widest tenth, "
-        f"{found['at_most_voxels']} stands for all above). It is the {found['method']}. What "
-        "noise hides is not in it."
+        (
+            f"{lengths} {length}",
+            "resolution along x, y, z",
+            f"A bright point comes out so wide: {voxels} voxels (full width at half of the "
+            f"maximum, median of {found['spots']} points). Good: one or two voxels.",
+        )
     ]
+
+
+def _of_noise(found: Mapping | None) -> Rows:
+    if not found or "relative" not in found:
+        return [("not measured", "noise in a voxel", "--uncertainty 30 measures it.")]
+    mapped = "" if found["mapped"] else " --uncertainty 30 draws it for every voxel."
+    return [
+        (
+            f"{found['relative']:.1%}",
+            "noise in a voxel",
+            "Standard deviation of a typical voxel that emits, by noise alone; from "
+            f"{found['repeats']} repeats with new noise. It is part of the interval.{mapped}",
+        )
+    ]
+
+
+def coverage_table(condition: Mapping | None) -> dict[str, Any] | None:
+    """Return how many voxels are seen by how many views; None where it is not known."""
+    if not condition:
+        return None
+    rows = _by_views(condition["voxels"])
+    return {"titles": ("Views", "voxels that may emit", "voxels that do"), "rows": rows}
 
 
 def _by_views(voxels: Mapping) -> list[tuple[str, str, str]]:

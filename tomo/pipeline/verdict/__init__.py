@@ -5,7 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "value": ["Verdict", "LEVELS", "GREEN", "AMBER", "RED"],
-        "rules": ["judge"],
+        "value": ["Verdict", "LEVELS", "GREEN", "AMBER", "RED", "MEANS"],
+        "findings": ["expected_error"],
+        "rules": ["judge", "worst_of"],
     },
 )

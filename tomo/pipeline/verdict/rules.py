@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -66,6 +66,11 @@ def _reasons(found: list[tuple[Rule, Facts]]) -> tuple[str, ...]:
 def _steps(found: list[tuple[Rule, Facts]]) -> tuple[str, ...]:
     steps = (rule.step.format(**values) for rule, values in found)
     return tuple(dict.fromkeys(step for step in steps if step))
+
+
+def worst_of(verdicts: Sequence[Verdict]) -> str:
+    """Return the gravest level of some verdicts; green of none."""
+    return max((one.level for one in verdicts), key=LEVELS.index, default=GREEN)
 
 
 RULES: tuple[Rule, ...] = (
